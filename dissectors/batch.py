@@ -1,0 +1,81 @@
+"""The shapes that data has between a capture and the tracker: columns over one buffer.
+
+No packet is ever an object: a batch is a set of numpy columns of equal length, and a packet is a row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+U64 = npt.NDArray[np.uint64]
+Bool = npt.NDArray[np.bool_]
+
+
+class LinkType(IntEnum):
+    """Link types as numbered in capture files (https://www.tcpdump.org/linktypes.html)."""
+
+    NULL = 0
+    ETHERNET = 1
+    RAW = 101
+    LOOP = 108
+    LINUX_SLL = 113
+    CAN_SOCKETCAN = 227
+    IPV4 = 228
+    IPV6 = 229
+    LINUX_SLL2 = 276
+
+
+@dataclass(frozen=True, slots=True)
+class PacketBatch:
+    """Some packets of a capture, in the order of the capture.
+
+    ``data`` is a flat uint8 buffer (a mapped file, a receive buffer). Row *i* is the packet whose captured
+    bytes are ``data[offset[i] : offset[i] + captured[i]]``; ``original[i]`` is its length on the wire, which
+    may be larger (snap length). ``ts_ns`` are int64 nanoseconds since 1970-01-01 UTC, not necessarily rising.
+    ``link`` holds the link type of each row as uint16, usually one broadcast value.
+    Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
+    """
+
+    data: U8
+    offset: I64
+    captured: I32
+    original: I64
+    ts_ns: I64
+    link: U16
+
+    def __len__(self) -> int:
+        return len(self.offset)
+
+    def __getitem__(self, rows: slice) -> PacketBatch:
+        """Return the packets of a slice, over the same buffer."""
+        return PacketBatch(
+            self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows]
+        )
+
+    def packet(self, row: int) -> bytes:
+        """Return a copy of the captured bytes of one packet."""
+        start = int(self.offset[row])
+        return self.data[start : start + int(self.captured[row])].tobytes()
+
+    @staticmethod
+    def link_column(link: int, count: int) -> U16:
+        """Return one link type as a column of ``count`` rows that takes no memory."""
+        return np.broadcast_to(np.uint16(link), (count,))
+
+    @property
+    def single_link(self) -> int | None:
+        """The link type that all rows share, or None where the batch is mixed or empty."""
+        if not len(self.link):
+            return None
+        first = int(self.link[0])
+        if self.link.strides == (0,) or bool((self.link == first).all()):
+            return first
+        return None

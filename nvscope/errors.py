@@ -1,0 +1,64 @@
+"""Errors that a person can act on, and the exit code each of them ends the program with.
+
+::
+
+    NvscopeError                     what, where (file, offset, line), what to do next
+    ├── UsageError              2    the command line asks for something that cannot be done
+    │   └── ConfigurationError  2    a project file, scenario or definition says something unusable
+    ├── UnreadableInput         4    a file that is no capture, or not of the kind it should be
+    └── CaptureError            5    interface, socket or permission
+
+Bytes from the wire never raise one of these: what is wrong with them is a value (``dissectors.netvar.Fault``).
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """What the program's exit status means."""
+
+    GOOD = 0
+    ASSERTION_FAILED = 1
+    USAGE = 2
+    DATA_LOSS = 3
+    UNREADABLE = 4
+    CAPTURE = 5
+    BUG = 70
+    INTERRUPTED = 130
+
+
+class NvscopeError(Exception):
+    """Base of all errors of nvscope.
+
+    ``what`` happened, ``where`` (file, offset, line; may be empty), and what to do ``next_step`` (may be empty).
+    """
+
+    exit_code = ExitCode.BUG
+
+    def __init__(self, what: str, *, where: str = "", next_step: str = "") -> None:
+        super().__init__(what)
+        self.what = what
+        self.where = where
+        self.next_step = next_step
+
+    def __str__(self) -> str:
+        head = f"{self.where}: {self.what}" if self.where else self.what
+        return f"{head}\n  {self.next_step}" if self.next_step else head
+
+
+class UsageError(NvscopeError):
+    exit_code = ExitCode.USAGE
+
+
+class ConfigurationError(UsageError):
+    pass
+
+
+class UnreadableInput(NvscopeError):
+    exit_code = ExitCode.UNREADABLE
+
+
+class CaptureError(NvscopeError):
+    exit_code = ExitCode.CAPTURE
