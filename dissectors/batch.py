@@ -13,10 +13,15 @@ import numpy.typing as npt
 
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
+U32 = npt.NDArray[np.uint32]
 I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 U64 = npt.NDArray[np.uint64]
 Bool = npt.NDArray[np.bool_]
+
+
+MARGIN_BYTES = 64
+PAD_BYTES = 128
 
 
 class LinkType(IntEnum):
@@ -40,6 +45,7 @@ class PacketBatch:
     ``data`` is a flat uint8 buffer (a mapped file, a receive buffer). Row *i* is the packet whose captured
     bytes are ``data[offset[i] : offset[i] + captured[i]]``; ``original[i]`` is its length on the wire, which
     may be larger (snap length). ``ts_ns`` are int64 nanoseconds since 1970-01-01 UTC, not necessarily rising.
+    From every row's offset at least ``PAD_BYTES`` bytes of ``data`` can be read, be they of the packet or not.
     ``link`` holds the link type of each row as uint16, usually one broadcast value.
     Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
     """
@@ -59,6 +65,22 @@ class PacketBatch:
         return PacketBatch(
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows]
         )
+
+    def with_margin(self) -> PacketBatch:
+        """Return the batch over a buffer with at least ``MARGIN_BYTES`` bytes behind the end of every packet.
+
+        Headers are gathered whole before it is known whether they were captured whole; the margin keeps that inside
+        the buffer. Only a batch that reaches its buffer's end is copied.
+        """
+        if not len(self):
+            return self
+        stop = int((self.offset + self.captured).max())
+        if stop + MARGIN_BYTES <= len(self.data):
+            return self
+        start = int(self.offset.min())
+        data = np.zeros(stop - start + MARGIN_BYTES, np.uint8)
+        data[: stop - start] = self.data[start:stop]
+        return PacketBatch(data, self.offset - start, self.captured, self.original, self.ts_ns, self.link)
 
     def packet(self, row: int) -> bytes:
         """Return a copy of the captured bytes of one packet."""

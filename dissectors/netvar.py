@@ -1,4 +1,6 @@
-"""3S-0 telegrams: the header table, the services and the flags (``spec``: Network Functionality in CoDeSys V2.3, 2.4.1).
+"""3S-0 telegrams: the header table, the services and the flags.
+
+Source: Network Functionality in CoDeSys V2.3, document version 1.7, section 2.4.1.
 
 ::
 
@@ -10,9 +12,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
+import numpy.typing as npt
+
+from dissectors.batch import I64, U8, U32, Bool, PacketBatch
 from dissectors.layout import Bit, Field, Layout
+from dissectors.link import DatagramBatch, Peeled, peel
 
 PORT = 1202
 IDENTITY = 0x33532D00  # b"\x00-S3" read as a little-endian number
@@ -63,3 +71,116 @@ HEADER = Layout(
         Field("checksum", "u1", "Checksum", "opaque signature of the definition", base="hex"),
     ),
 )  # fmt: skip
+
+KNOWN_SERVICE = np.isin(np.arange(102), [service.value for service in Service])
+"""Mask over ID, whose last entry stands for everything above."""
+
+LEAST_CAPTURED_BYTES = HEADER.offset_of("items")
+"""A payload is told to be a telegram, and of which list, from its first 12 bytes."""
+
+
+class Fault(IntEnum):
+    """What is wrong with a telegram; the first that applies, in this order."""
+
+    NONE = 0
+    HEADER_CUT = 1  # fewer than 20 bytes captured of a longer payload: nothing behind SubIndex is known
+    SHORT = 2  # payload shorter than the header
+    LENGTH = 3  # Length is not the payload's
+    BYTE_SWAPPED = 4  # Length is the payload's once its bytes are swapped
+    SERVICE = 5  # ID is none of the known ones
+
+
+@dataclass(frozen=True, slots=True)
+class TelegramBatch:
+    """The telegrams of a packet batch, in its order.
+
+    ``data`` is the buffer that ``datagram.payload`` points into. ``header`` is a structured array of ``HEADER.dtype``;
+    where ``fault`` is HEADER_CUT or SHORT, fields behind SubIndex hold no bytes of the telegram. ``fault`` is uint8
+    (``Fault``). All columns have shape (n,); ``ts_ns`` is int64. A telegram is *truncated* where fewer bytes were
+    captured than its payload has.
+    """
+
+    data: U8
+    datagram: DatagramBatch
+    ts_ns: I64
+    header: npt.NDArray[np.void]
+    fault: U8
+
+    def __len__(self) -> int:
+        return len(self.fault)
+
+    @property
+    def truncated(self) -> Bool:
+        return self.datagram.captured_bytes < self.datagram.payload_bytes
+
+    def take(self, rows: I64 | Bool) -> TelegramBatch:
+        """Return the telegrams at the given positions or where the mask is set."""
+        return TelegramBatch(self.data, self.datagram.take(rows), self.ts_ns[rows], self.header[rows], self.fault[rows])
+
+    def payload(self, position: int) -> bytes:
+        """Return a copy of the captured bytes of one telegram, header included."""
+        start = int(self.datagram.payload[position])
+        return self.data[start : start + int(self.datagram.captured_bytes[position])].tobytes()
+
+
+@dataclass(frozen=True, slots=True)
+class Dissection:
+    """A packet batch taken apart: its telegrams, and what else lay in it.
+
+    ``quoted`` are the telegrams that ICMP messages quote as not delivered; how much of them was quoted varies, at least
+    up to Index (``quoted.datagram.captured_bytes`` tells).
+    """
+
+    telegrams: TelegramBatch
+    quoted: TelegramBatch
+    peeled: Peeled
+
+
+def dissect(packets: PacketBatch) -> Dissection:
+    """Find and read every telegram of a packet batch, on any port, by its identity.
+
+    Total: wrong bytes are telegrams with a fault, or no telegrams; nothing raises.
+    """
+    packets = packets.with_margin()
+    peeled = peel(packets)
+    return Dissection(
+        _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES),
+        _telegrams(packets, peeled.quoted, HEADER.offset_of("subindex")),
+        peeled,
+    )
+
+
+def _telegrams(packets: PacketBatch, datagram: DatagramBatch, least_bytes: int) -> TelegramBatch:
+    header = HEADER.gather(packets.data, datagram.payload)
+    identity = header["identity"]
+    mine = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
+    mine &= datagram.captured_bytes >= least_bytes
+    if not mine.all():
+        datagram, header = datagram.take(mine), header[mine]
+    ts_ns = packets.ts_ns if len(datagram) == len(packets) else packets.ts_ns[datagram.row]
+    return TelegramBatch(packets.data, datagram, ts_ns, header, _faults(datagram, header))
+
+
+def _faults(datagram: DatagramBatch, header: npt.NDArray[np.void]) -> U8:
+    fault = np.zeros(len(header), np.uint8)
+    service: U32 = header["id"]
+    good = header["length"] == datagram.payload_bytes
+    good &= datagram.captured_bytes >= HEADER.size_bytes
+    good &= KNOWN_SERVICE[np.minimum(service, len(KNOWN_SERVICE) - 1)]
+    bad = np.flatnonzero(~good)
+    if len(bad):
+        payload_bytes, captured_bytes = datagram.payload_bytes[bad], datagram.captured_bytes[bad]
+        length = header["length"][bad]
+        fault[bad] = np.select(
+            [
+                (captured_bytes < HEADER.size_bytes) & (captured_bytes < payload_bytes),
+                payload_bytes < HEADER.size_bytes,
+                length.byteswap() == payload_bytes,
+                length != payload_bytes,
+            ],
+            [Fault.HEADER_CUT, Fault.SHORT, Fault.BYTE_SWAPPED, Fault.LENGTH],
+            Fault.SERVICE,
+        )
+        palindrome = (fault[bad] == Fault.BYTE_SWAPPED) & (length == payload_bytes)
+        fault[bad[palindrome]] = Fault.SERVICE
+    return fault

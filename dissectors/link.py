@@ -1,0 +1,428 @@
+"""Link, network and transport layers, peeled column-wise down to the UDP payloads.
+
+Each layer is a table (``Layout``); a step gathers that table at the offsets that the step before has found and keeps
+the rows that go on. Rows that do not are not lost: what is no UDP datagram here is one of the capture's other frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from dissectors.batch import I64, U8, U16, U32, U64, Bool, LinkType, PacketBatch
+from dissectors.layout import Field, Layout
+
+ETHERNET = Layout(
+    "eth",
+    (
+        Field("group", "u1", "First byte of the destination", "bit 0 set: broadcast or multicast", base="hex"),
+        Field("destination_rest", "V5", "Rest of the destination", "the other five bytes"),
+        Field("source", "V6", "Source", "hardware address of the sender"),
+        Field("type", ">u2", "EtherType", "protocol inside", base="hex"),
+    ),
+)
+VLAN = Layout(
+    "vlan",
+    (
+        Field("tci", ">u2", "Tag control", "priority and VLAN number", base="hex"),
+        Field("type", ">u2", "EtherType", "protocol inside", base="hex"),
+    ),
+)
+SLL = Layout(
+    "sll",
+    (
+        Field("packet_type", ">u2", "Packet type", "1 broadcast, 2 multicast"),
+        Field("address", "V12", "Address", "hardware type, length and address of the sender"),
+        Field("type", ">u2", "Protocol", "protocol inside", base="hex"),
+    ),
+)
+SLL2 = Layout(
+    "sll2",
+    (
+        Field("type", ">u2", "Protocol", "protocol inside", base="hex"),
+        Field("interface", "V8", "Interface", "reserved, interface index, hardware type"),
+        Field("packet_type", "u1", "Packet type", "1 broadcast, 2 multicast"),
+        Field("address", "V9", "Address", "length and hardware address of the sender"),
+    ),
+)
+NULL = Layout("null", (Field("family", "<u4", "Family", "address family in the byte order of the capturing host"),))
+IPV4 = Layout(
+    "ip",
+    (
+        Field("version_ihl", "u1", "Version, header length", "header length in words of 4 bytes", base="hex"),
+        Field("tos", "u1", "Type of service", "priority", base="hex"),
+        Field("total_length", ">u2", "Total length", "header and data in bytes; 0 where hardware fills it in"),
+        Field("id", ">u2", "Identification", "number shared by the fragments of a datagram", base="hex"),
+        Field("fragment", ">u2", "Fragment", "flags and offset", base="hex"),
+        Field("ttl", "u1", "Time to live", "remaining hops"),
+        Field("protocol", "u1", "Protocol", "protocol inside"),
+        Field("checksum", ">u2", "Header checksum", "of the IP header", base="hex"),
+        Field("source", ">u4", "Source", "address of the sender"),
+        Field("destination", ">u4", "Destination", "address of the receiver"),
+    ),
+)
+IPV6 = Layout(
+    "ipv6",
+    (
+        Field("version", "u1", "Version", "upper four bits: 6", base="hex"),
+        Field("flow", "V3", "Flow label", "traffic class and flow label"),
+        Field("payload_length", ">u2", "Payload length", "bytes after this header"),
+        Field("next", "u1", "Next header", "protocol or extension inside"),
+        Field("hop_limit", "u1", "Hop limit", "remaining hops"),
+        Field("source_hi", ">u8", "Source", "upper half", base="hex"),
+        Field("source_lo", ">u8", "Source", "lower half", base="hex"),
+        Field("destination_hi", ">u8", "Destination", "upper half", base="hex"),
+        Field("destination_lo", ">u8", "Destination", "lower half", base="hex"),
+    ),
+)
+UDP = Layout(
+    "udp",
+    (
+        Field("source_port", ">u2", "Source port", "port of the sender"),
+        Field("destination_port", ">u2", "Destination port", "port of the receiver"),
+        Field("length", ">u2", "Length", "UDP header and payload in bytes"),
+        Field("checksum", ">u2", "Checksum", "of the datagram; 0 none", base="hex"),
+    ),
+)
+EXTENSION = Layout(
+    "ipv6.extension",
+    (
+        Field("next", "u1", "Next header", "protocol or extension inside"),
+        Field("length", "u1", "Length", "in units of 8 bytes less one (authentication: of 4 bytes less two)"),
+        Field("fragment", ">u2", "Fragment", "offset and more-fragments bit of a fragment header", base="hex"),
+    ),
+)
+
+TYPE_IPV4, TYPE_IPV6 = 0x0800, 0x86DD
+VLAN_TYPES = (0x8100, 0x88A8, 0x9100)
+FAMILIES_IPV6 = (24, 28, 30)  # NetBSD and OpenBSD, FreeBSD, Darwin
+PROTOCOL_ICMP, PROTOCOL_UDP, PROTOCOL_ICMPV6 = 1, 17, 58
+HOP_BY_HOP, ROUTING, FRAGMENT, AUTHENTICATION, DESTINATION_OPTIONS = 0, 43, 44, 51, 60
+UNREACHABLE_ICMP, UNREACHABLE_ICMPV6 = 3, 1
+ICMP_HEADER_BYTES = 8
+MAPPED_IPV4 = np.uint64(0xFFFF_0000_0000)
+"""IPv4 addresses stand in the lower half of an address as ::ffff:a.b.c.d (RFC 4291, 2.5.5.2)."""
+
+MAX_VLAN_TAGS = 8
+MAX_EXTENSIONS = 16
+GROUP_UNKNOWN = 2
+"""Value of the group column where no link layer tells whether a frame was a broadcast."""
+
+
+@dataclass(frozen=True, slots=True)
+class DatagramBatch:
+    """UDP datagrams of a packet batch, in its order.
+
+    ``row`` is the row of the packet; ``payload`` the absolute offset of the UDP payload in the batch's buffer, int64.
+    ``payload_bytes`` is the length that the UDP header tells, ``captured_bytes`` how much of it was captured.
+    Addresses are two uint64 halves each, IPv4 mapped (``MAPPED_IPV4``); ports uint16; ``broadcast`` bool.
+    All columns have shape (n,).
+    """
+
+    row: I64
+    payload: I64
+    payload_bytes: I64
+    captured_bytes: I64
+    source_hi: U64
+    source_lo: U64
+    destination_hi: U64
+    destination_lo: U64
+    source_port: U16
+    destination_port: U16
+    broadcast: Bool
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def take(self, rows: I64 | Bool) -> Self:
+        """Return the datagrams at the given positions or where the mask is set."""
+        return type(self)(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: list[Self]) -> Self:
+        """Return several batches of one buffer as one, in the order of the packets."""
+        if len(parts) == 1:
+            return parts[0]
+        whole = cls(*(np.concatenate([getattr(part, c.name) for part in parts]) for c in fields(cls)))
+        return whole.take(np.argsort(whole.row, kind="stable"))
+
+
+@dataclass(frozen=True, slots=True)
+class Peeled:
+    """What lies under the link layers of a packet batch.
+
+    ``udp`` are the whole (not fragmented) UDP datagrams, ``quoted`` those that an ICMP destination-unreachable quotes
+    (``row`` is the row of the ICMP message). ``fragments`` counts IP fragments; ``unsupported`` is a mask over the
+    batch, set where the link type is one that nothing here reads, or None where there is no such frame.
+    """
+
+    udp: DatagramBatch
+    quoted: DatagramBatch
+    fragments: int
+    unsupported: Bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Network:
+    """Rows at the start of an IP header: absolute offsets of the header and of the end of what was captured."""
+
+    row: I64
+    at: I64
+    end: I64
+    group: U8
+
+    def take(self, rows: I64 | Bool) -> _Network:
+        return _Network(self.row[rows], self.at[rows], self.end[rows], self.group[rows])
+
+
+@dataclass(frozen=True, slots=True)
+class _Transport:
+    """Rows at the start of a transport header, with what the IP header said."""
+
+    network: _Network
+    protocol: U8
+    source_hi: U64
+    source_lo: U64
+    destination_hi: U64
+    destination_lo: U64
+    is_ipv4: bool
+
+    def take(self, rows: I64 | Bool) -> _Transport:
+        return _Transport(
+            self.network.take(rows), self.protocol[rows], self.source_hi[rows], self.source_lo[rows],
+            self.destination_hi[rows], self.destination_lo[rows], self.is_ipv4,
+        )  # fmt: skip
+
+
+def peel(batch: PacketBatch) -> Peeled:
+    """Find the UDP datagrams of a packet batch, and those that its ICMP messages quote.
+
+    Total: no bytes raise. A datagram whose header was not captured whole, or contradicts itself, is left out.
+    """
+    link = batch.single_link
+    links = [link] if link is not None else sorted({int(value) for value in np.unique(batch.link)})
+    udp: list[DatagramBatch] = []
+    quoted: list[DatagramBatch] = []
+    fragments = 0
+    unsupported: Bool | None = None
+    for link in links:
+        rows = np.arange(len(batch)) if len(links) == 1 else np.flatnonzero(batch.link == link)
+        for is_ipv4, network in _network_layers(batch, link, rows):
+            transport, fragment_count = (_ipv4 if is_ipv4 else _ipv6)(batch.data, network)
+            fragments += fragment_count
+            _peel_transport(batch.data, transport, udp, quoted)
+        if link not in _LINK_READERS:
+            unsupported = np.zeros(len(batch), np.bool_) if unsupported is None else unsupported
+            unsupported[rows] = True
+    return Peeled(DatagramBatch.joined(udp or [_NONE]), DatagramBatch.joined(quoted or [_NONE]), fragments, unsupported)
+
+
+def _network_layers(batch: PacketBatch, link: int, rows: I64) -> list[tuple[bool, _Network]]:
+    """Return the IPv4 and the IPv6 headers of the rows of one link type, where there are any."""
+    reader = _LINK_READERS.get(link)
+    if reader is None or not len(rows):
+        return []
+    at = batch.offset[rows] if len(rows) != len(batch) else batch.offset
+    captured = batch.captured[rows] if len(rows) != len(batch) else batch.captured
+    return reader(batch.data, _Network(rows, at, at + captured, np.empty(0, np.uint8)))
+
+
+def _ethernet(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    head = ETHERNET.gather(data, frame.at)
+    return _by_ethertype(data, frame, head["type"].astype(np.uint16), head["group"] & np.uint8(1), ETHERNET.size_bytes)
+
+
+def _sll(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    head = SLL.gather(data, frame.at)
+    group = ((head["packet_type"] == 1) | (head["packet_type"] == 2)).astype(np.uint8)
+    return _by_ethertype(data, frame, head["type"].astype(np.uint16), group, SLL.size_bytes)
+
+
+def _sll2(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    head = SLL2.gather(data, frame.at)
+    group = ((head["packet_type"] == 1) | (head["packet_type"] == 2)).astype(np.uint8)
+    return _by_ethertype(data, frame, head["type"].astype(np.uint16), group, SLL2.size_bytes)
+
+
+def _null(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    family = NULL.gather(data, frame.at)["family"].astype(np.uint32)
+    return _by_family(frame, np.where(family > 0xFFFF, family.byteswap(), family))
+
+
+def _loop(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    return _by_family(frame, NULL.gather(data, frame.at)["family"].astype(np.uint32).byteswap())
+
+
+def _by_family(frame: _Network, family: U32) -> list[tuple[bool, _Network]]:
+    inside = _without_link(frame, NULL.size_bytes)
+    return [(True, inside.take(family == 2)), (False, inside.take(np.isin(family, FAMILIES_IPV6)))]
+
+
+def _raw(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    version = data[frame.at] >> 4
+    inside = _without_link(frame, 0)
+    return [(True, inside.take(version == 4)), (False, inside.take(version == 6))]
+
+
+def _raw_ipv4(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    return [(True, _without_link(frame, 0))]
+
+
+def _raw_ipv6(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    return [(False, _without_link(frame, 0))]
+
+
+def _without_link(frame: _Network, head_bytes: int) -> _Network:
+    group = np.full(len(frame.row), GROUP_UNKNOWN, np.uint8)
+    return _Network(frame.row, frame.at + head_bytes, frame.end, group)
+
+
+_LINK_READERS: dict[int, Callable[[U8, _Network], list[tuple[bool, _Network]]]] = {
+    LinkType.ETHERNET: _ethernet,
+    LinkType.LINUX_SLL: _sll,
+    LinkType.LINUX_SLL2: _sll2,
+    LinkType.NULL: _null,
+    LinkType.LOOP: _loop,
+    LinkType.RAW: _raw,
+    LinkType.IPV4: _raw_ipv4,
+    LinkType.IPV6: _raw_ipv6,
+}
+
+
+def _by_ethertype(data: U8, frame: _Network, kind: U16, group: U8, head_bytes: int) -> list[tuple[bool, _Network]]:
+    """Step over VLAN tags and part the rows into IPv4 and IPv6."""
+    inside = _Network(frame.row, frame.at + head_bytes, frame.end, group)
+    is_ipv4 = kind == TYPE_IPV4
+    if is_ipv4.all():
+        return [(True, inside)]
+    for _ in range(MAX_VLAN_TAGS):
+        tagged = np.flatnonzero(np.isin(kind, VLAN_TYPES) & (inside.at + VLAN.size_bytes <= inside.end))
+        if not len(tagged):
+            break
+        kind[tagged] = VLAN.gather(data, inside.at[tagged])["type"]
+        inside.at[tagged] += VLAN.size_bytes
+    return [(True, inside.take(kind == TYPE_IPV4)), (False, inside.take(kind == TYPE_IPV6))]
+
+
+def _keep(network: _Network, mask: Bool, *columns: I64) -> tuple[_Network, tuple[I64, ...]]:
+    """Keep the rows of a mask, without copying where it is set everywhere."""
+    if mask.all():
+        return network, columns
+    return network.take(mask), tuple(column[mask] for column in columns)
+
+
+def _ipv4(data: U8, network: _Network) -> tuple[_Transport, int]:
+    network, _ = _keep(network, network.at + IPV4.size_bytes <= network.end)
+    head = IPV4.gather(data, network.at)
+    version_ihl = head["version_ihl"]
+    fragment = (head["fragment"] & 0x3FFF) != 0
+    header_bytes = (version_ihl & 15).astype(np.int64) * 4
+    total = head["total_length"].astype(np.int64)
+    good = (version_ihl >= 0x45) & (version_ihl <= 0x4F)
+    fragments = int(np.count_nonzero(fragment & good))
+    good &= ~fragment
+    good &= (total >= header_bytes) | (total == 0)
+    if not good.all():
+        network, header_bytes, total, head = network.take(good), header_bytes[good], total[good], head[good]
+    end = np.minimum(network.end, np.where(total == 0, network.end, network.at + total))
+    inside = _Network(network.row, network.at + header_bytes, end, network.group)
+    zero = np.broadcast_to(np.uint64(0), (len(head),))
+    source = head["source"].astype(np.uint64) | MAPPED_IPV4
+    destination = head["destination"].astype(np.uint64) | MAPPED_IPV4
+    return _Transport(inside, head["protocol"], zero, source, zero, destination, True), fragments
+
+
+def _ipv6(data: U8, network: _Network) -> tuple[_Transport, int]:
+    network, _ = _keep(network, network.at + IPV6.size_bytes <= network.end)
+    head = IPV6.gather(data, network.at)
+    version_good = (head["version"] >> 4) == 6
+    if not version_good.all():
+        network, head = network.take(version_good), head[version_good]
+    length = head["payload_length"].astype(np.int64)
+    at = network.at + IPV6.size_bytes
+    end = np.minimum(network.end, np.where(length == 0, network.end, at + length))
+    protocol = head["next"].copy()
+    alive = np.ones(len(protocol), np.bool_)
+    fragments = 0
+    for _ in range(MAX_EXTENSIONS):
+        extended = np.isin(protocol, (HOP_BY_HOP, ROUTING, FRAGMENT, AUTHENTICATION, DESTINATION_OPTIONS)) & alive
+        alive &= ~extended | (at + 8 <= end)
+        rows = np.flatnonzero(extended & alive)
+        if not len(rows):
+            break
+        extension = EXTENSION.gather(data, at[rows])
+        kind = protocol[rows]
+        # A fragment header whose offset and more-fragments bit are 0 holds the whole datagram (RFC 6946).
+        fragment = (kind == FRAGMENT) & ((extension["fragment"] & 0xFFF9) != 0)
+        fragments += int(np.count_nonzero(fragment))
+        alive[rows[fragment]] = False
+        units = extension["length"].astype(np.int64)
+        size = np.where(kind == FRAGMENT, 8, np.where(kind == AUTHENTICATION, (units + 2) * 4, (units + 1) * 8))
+        at[rows] += size
+        protocol[rows] = extension["next"]
+    inside = _Network(network.row, at, end, network.group)
+    source_hi, source_lo = head["source_hi"].astype(np.uint64), head["source_lo"].astype(np.uint64)
+    to_hi, to_lo = head["destination_hi"].astype(np.uint64), head["destination_lo"].astype(np.uint64)
+    return _Transport(inside, protocol, source_hi, source_lo, to_hi, to_lo, False).take(alive), fragments
+
+
+def _peel_transport(data: U8, ip: _Transport, udp: list[DatagramBatch], quoted: list[DatagramBatch]) -> None:
+    """Sort the rows of one IP version into UDP datagrams and quoted ones."""
+    is_udp = ip.protocol == PROTOCOL_UDP
+    if is_udp.all():
+        udp.append(_udp(data, ip))
+        return
+    udp.append(_udp(data, ip.take(is_udp)))
+    icmp, unreachable = (PROTOCOL_ICMP, UNREACHABLE_ICMP) if ip.is_ipv4 else (PROTOCOL_ICMPV6, UNREACHABLE_ICMPV6)
+    message = ip.network.take(ip.protocol == icmp)
+    message = message.take(message.at + ICMP_HEADER_BYTES <= message.end)
+    message = message.take(data[message.at] == unreachable)
+    if not len(message.row):
+        return
+    quote = _Network(message.row, message.at + ICMP_HEADER_BYTES, message.end, message.group)
+    inner, _ = (_ipv4 if ip.is_ipv4 else _ipv6)(data, quote)
+    quoted.append(_udp(data, inner.take(inner.protocol == PROTOCOL_UDP)))
+
+
+def _udp(data: U8, ip: _Transport) -> DatagramBatch:
+    fits = ip.network.at + UDP.size_bytes <= ip.network.end
+    if not fits.all():
+        ip = ip.take(fits)
+    head = UDP.gather(data, ip.network.at)
+    length = head["length"].astype(np.int64)
+    whole = length >= UDP.size_bytes
+    if not whole.all():
+        ip, head, length = ip.take(whole), head[whole], length[whole]
+    payload = ip.network.at + UDP.size_bytes
+    payload_bytes = length - UDP.size_bytes
+    captured_bytes = np.minimum(ip.network.end - payload, payload_bytes)
+    return DatagramBatch(
+        ip.network.row, payload, payload_bytes, captured_bytes,
+        ip.source_hi, ip.source_lo, ip.destination_hi, ip.destination_lo,
+        head["source_port"].astype(np.uint16), head["destination_port"].astype(np.uint16), _broadcast(ip),
+    )  # fmt: skip
+
+
+def _broadcast(ip: _Transport) -> Bool:
+    """Tell which datagrams went to everybody (by the link layer's word or by the address)."""
+    told: Bool = ip.network.group == 1
+    if not ip.is_ipv4:
+        told |= (ip.destination_hi >> np.uint64(56)) == 0xFF
+    elif not told.all():
+        address = ip.destination_lo.astype(np.uint32)
+        told |= (ip.network.group == GROUP_UNKNOWN) & ((address & np.uint32(0xFF)) == 0xFF)
+        told |= (address == 0xFFFFFFFF) | ((address >> np.uint32(28)) == 0xE)
+    return told
+
+
+def _none() -> DatagramBatch:
+    empty = {"row": np.int64, "payload": np.int64, "payload_bytes": np.int64, "captured_bytes": np.int64}
+    ports = {"source_port": np.uint16, "destination_port": np.uint16, "broadcast": np.bool_}
+    types = empty | ports
+    return DatagramBatch(**{c.name: np.empty(0, types.get(c.name, np.uint64)) for c in fields(DatagramBatch)})
+
+
+_NONE = _none()

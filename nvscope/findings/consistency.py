@@ -1,0 +1,69 @@
+"""NV401 to NV404: senders that disagree with each other, or with themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from nvscope.findings.finding import Events, Facts, Finding
+from nvscope.tracker.events import FRAMES_KEPT
+from nvscope.tracker.summary import ListSummary
+from nvscope.units import count, count_of
+
+
+def judge_consistency(facts: Facts) -> Iterator[Finding]:
+    """Yield NV401 by list, NV402 to NV404 by list, sender and SubIndex."""
+    lists = {entry.number: entry for entry in facts.summary.lists}
+    for entry in facts.summary.lists:
+        if len(entry.senders) > 1:
+            yield _several_senders(facts, entry)
+    for code, sentence in _SENTENCES.items():
+        for list_number, node, subindex, events in facts.logged(code):
+            assert list_number is not None
+            assert subindex is not None
+            message = sentence(facts, lists[list_number], subindex, events)
+            yield Finding(
+                f"NV{code}", message, events.count, events.first_ns, events.last_ns, events.frames,
+                list_number, node, subindex,
+            )  # fmt: skip
+
+
+def _several_senders(facts: Facts, entry: ListSummary) -> Finding:
+    """Each sender but the first is an event, at its first data telegram."""
+    further = sorted(entry.sender_since.values())[1:]
+    names = [facts.address(node) for node in entry.senders]
+    shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    return Finding(
+        "NV401", f"{count(len(names))} nodes send this list: {shown}.", len(further),
+        further[0][1], further[-1][1], tuple(frame for frame, _ in further[:FRAMES_KEPT]), entry.number,
+    )  # fmt: skip
+
+
+def _shape(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
+    shapes = sorted({(s.items, s.length) for s in entry.streams if s.subindex == subindex})
+    last = ", ".join(f"{count_of(items, 'item')} in {length} bytes" for items, length in shapes)
+    return f"Items or Length differ from the telegram before {count_of(events.count, 'time')}; last seen: {last}."
+
+
+def _checksum(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
+    place = _place_number(facts, entry.number, subindex)
+    reference = int(facts.state.consistency.places.reference[place])
+    return (
+        f"{count_of(events.count, 'telegram')} with another checksum than 16#{reference:02X}, the first one seen: "
+        "the definitions of the list differ."
+    )
+
+
+def _flags(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
+    return (
+        f"{count_of(events.count, 'telegram')} with a checksum but without its flag, or with Flags that change as "
+        "Counter wraps: the sender writes its counter over them."
+    )
+
+
+def _place_number(facts: Facts, list_number: int, subindex: int) -> int:
+    places = facts.state.flows.places
+    match = (places.high == list_number) & (places.low == subindex)
+    return int(match.argmax())
+
+
+_SENTENCES = {402: _shape, 403: _checksum, 404: _flags}

@@ -1,0 +1,87 @@
+"""Finding: one thing that is wrong, or worth knowing, with its figures; and the facts that findings are judged from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from nvscope.capture.source import SourceInfo
+from nvscope.tracker.events import EventRows
+from nvscope.tracker.state import TrackerState, finding_parts
+from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """From where on something is worth a finding. Shares are of the nominal interval, in percent."""
+
+    late_percent: int = 250
+    jitter_percent: int = 50
+    burst_percent: int = 10
+    stopped_percent: int = 1000
+    mirrored_percent: int = 80
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A finding of the catalogue in one place; what it does not concern is None.
+
+    ``list_number`` and ``node`` are numbers of the state. ``frames`` are the first ten of its events, times those of
+    its first and last.
+    """
+
+    code: str
+    message: str
+    count: int
+    first_ns: int | None
+    last_ns: int | None
+    frames: tuple[int, ...] = ()
+    list_number: int | None = None
+    node: int | None = None
+    subindex: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Events:
+    """Events of one kind and place, as logged by the tracker."""
+
+    count: int
+    first_ns: int
+    last_ns: int
+    frames: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What findings are judged from: the state, what follows from it, the sources, the limits, and the time."""
+
+    state: TrackerState
+    summary: Summary
+    sources: Sequence[SourceInfo]
+    at_ns: int
+    limits: Limits = field(default_factory=Limits)
+
+    def address(self, node: int) -> str:
+        """Return the text of a node's address."""
+        return self.summary.addresses[node]
+
+    def streams(self) -> list[tuple[ListSummary, StreamSummary]]:
+        """Return all streams with their lists."""
+        return [(entry, stream) for entry in self.summary.lists for stream in entry.streams]
+
+    def logged(self, code: int) -> list[tuple[int | None, int | None, int | None, Events]]:
+        """Return the events of ``TrackerState.events`` with a code: list, node, SubIndex and events."""
+        log = self.state.events
+        found = []
+        for row, (high, low) in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
+            logged_code, *parts = finding_parts(high, low)
+            if logged_code == code:
+                place = [None if part < 0 else part for part in parts]
+                found.append((place[0], place[1], place[2], events_of(log.rows, row)))
+        return found
+
+
+def events_of(rows: EventRows, row: int) -> Events:
+    """Return one row of an event log."""
+    frames = tuple(frame for frame in rows.frames[row].tolist() if frame)
+    return Events(int(rows.count[row]), int(rows.first_ns[row]), int(rows.last_ns[row]), frames)

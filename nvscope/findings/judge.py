@@ -1,0 +1,47 @@
+"""judge: from what is on the wire, what should be, and a time, to findings; a pure function."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from nvscope.capture.source import SourceInfo
+from nvscope.findings.answers import judge_answers
+from nvscope.findings.capture import judge_capture
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.findings.consistency import judge_consistency
+from nvscope.findings.finding import Facts, Finding, Limits
+from nvscope.findings.header import judge_headers
+from nvscope.findings.loss import judge_loss
+from nvscope.findings.timing import judge_timing
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import Summary, summarize
+
+JUDGES = (judge_headers, judge_loss, judge_answers, judge_consistency, judge_timing, judge_capture)
+
+
+def judge(
+    state: TrackerState,
+    sources: Sequence[SourceInfo] = (),
+    *,
+    summary: Summary | None = None,
+    at_ns: int | None = None,
+    limits: Limits | None = None,
+) -> list[Finding]:
+    """Return the findings on a state: worst first, then by code, list, node and SubIndex.
+
+    ``at_ns`` is the time to judge at, by default the latest time of the capture.
+    """
+    summary = summary or summarize(state)
+    now = at_ns if at_ns is not None else summary.end_ns or 0
+    facts = Facts(state, summary, sources, now, limits or Limits())
+    found = [finding for judge_some in JUDGES for finding in judge_some(facts)]
+    ports = {entry.number: (entry.port, entry.index) for entry in summary.lists}
+
+    def order(finding: Finding) -> tuple[Any, ...]:
+        place = () if finding.list_number is None else ports[finding.list_number]
+        node = () if finding.node is None else summary.address_order[finding.node]
+        subindex = -1 if finding.subindex is None else finding.subindex
+        return -CATALOGUE[finding.code].severity, finding.code, place, node, subindex
+
+    return sorted(found, key=order)

@@ -1,0 +1,222 @@
+"""What a report for people says, in sentences: one content, of which every face makes its own form.
+
+Takes the report of schema ``nvscope.report/1``. Nothing here is escaped: text from outside passes the escape of the
+face (``view.escape``), before or after, and never reaches a reader without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from nvscope.findings.catalogue import Severity
+from nvscope import units
+from nvscope.view.table import Cell, Tone
+
+Report = Mapping[str, Any]
+Row = Mapping[str, Any]
+
+_SYMBOLS = {Severity.ERROR: "✗", Severity.WARNING: "!", Severity.NOTE: "·"}
+_TONES = {Severity.ERROR: Tone.ERROR, Severity.WARNING: Tone.WARNING, Severity.NOTE: Tone.NOTE}
+_MAX_SOURCES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """How absolute times are told: local or UTC, and relative to the start of the capture."""
+
+    start_ns: int | None
+    utc: bool
+
+    @classmethod
+    def of(cls, report: Report, *, utc: bool) -> Clock:
+        """Return the clock of a report, whose capture may be without a start."""
+        return cls(nanoseconds(report["capture"]["start_ns"]), utc)
+
+    def moment(self, time_ns: int) -> str:
+        """Return the time of day, with the date in front where it is not that of the start."""
+        day = units.date(time_ns, utc=self.utc)
+        if self.start_ns is not None and day == units.date(self.start_ns, utc=self.utc):
+            return units.clock_time(time_ns, utc=self.utc)
+        return units.absolute_time(time_ns, utc=self.utc)
+
+    def since_start(self, time_ns: int) -> str:
+        """Return the time since the start of the capture as an IEC literal."""
+        return units.iec_time(time_ns - (self.start_ns or 0))
+
+
+def nanoseconds(value: str | None) -> int | None:
+    """Return an absolute time of the report, a decimal string, as a number."""
+    return None if value is None else int(value)
+
+
+def status(severity: Severity | None) -> Cell:
+    """Return symbol and word for the worst severity found, or for none."""
+    if severity is None:
+        return Cell("✓ ok", Tone.GOOD)
+    return Cell(f"{_SYMBOLS[severity]} {severity.word}", _TONES[severity])
+
+
+def worst(findings: Iterable[Row]) -> Severity | None:
+    """Return the worst severity of some findings."""
+    return max((Severity.of(finding["severity"]) for finding in findings), default=None)
+
+
+def headline(report: Report) -> Cell:
+    """Return what matters most about the whole capture in one line."""
+    lists, findings, capture = report["lists"], report["findings"], report["capture"]
+    tone = status(worst(findings)).tone
+    if not capture["frames"]:
+        return Cell("The capture holds no frames", Tone.WARNING)
+    if not capture["telegrams"]:
+        if capture["frames"] == 1:
+            return Cell("The only frame is not a telegram of network variables", Tone.WARNING)
+        return Cell(f"None of {units.count(capture['frames'])} frames is a telegram of network variables", Tone.WARNING)
+    if not lists:
+        return Cell("No list: no telegram belongs to a network variables list", Tone.WARNING)
+    by_list = findings_by_list(findings)
+    verdicts = [worst(by_list.get(entry["key"], ())) for entry in lists]
+    parts = [
+        (verdicts.count(severity), f"with {severity.word}s" if severity else "ok")
+        for severity in (Severity.ERROR, Severity.WARNING, Severity.NOTE, None)
+        if severity in verdicts
+    ]
+    text = units.count_of(len(lists), "list")
+    if len(lists) == 1:
+        text += f", {parts[0][1]}"
+    elif len(parts) == 1:
+        text += f", all {parts[0][1]}"
+    else:
+        text += ": " + ", ".join(f"{units.count(number)} {verdict}" for number, verdict in parts)
+    beside = [finding for finding in findings if finding["list"] is None]
+    if beside:
+        text += f"; {tally(beside)} beside the lists"
+    return Cell(text, tone)
+
+
+def tally(findings: Sequence[Row]) -> str:
+    """Return how many findings of each severity there are: ``2 errors, 1 note``."""
+    severities = [Severity.of(finding["severity"]) for finding in findings]
+    return ", ".join(
+        units.count_of(severities.count(severity), severity.word)
+        for severity in sorted(Severity, reverse=True)
+        if severity in severities
+    )
+
+
+def findings_by_list(findings: Iterable[Row]) -> dict[str, list[Row]]:
+    """Return the findings of each list, by its key."""
+    found: dict[str, list[Row]] = {}
+    for finding in findings:
+        if finding["list"] is not None:
+            found.setdefault(finding["list"], []).append(finding)
+    return found
+
+
+def node_names(report: Report) -> dict[str, str]:
+    """Return the names of the nodes that have one, by address."""
+    return {node["address"]: node["name"] for entry in report["lists"] for node in entry["nodes"] if node["name"]}
+
+
+def source_facts(report: Report) -> list[tuple[str, str]]:
+    """Return path and facts (format, size) of the first sources; what is left over has no path."""
+    sources = report["capture"]["sources"]
+    told = []
+    for source in sources[:_MAX_SOURCES]:
+        facts = [source["format"], units.data_size(source["bytes"])]
+        if len(sources) > 1:
+            facts.append(units.count_of(source["frames"], "frame"))
+        told.append((source["path"], f"({', '.join(facts)})"))
+    if len(sources) > _MAX_SOURCES:
+        told.append(("", f"and {units.count_of(len(sources) - _MAX_SOURCES, 'more file')}"))
+    return told
+
+
+def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
+    """Return what the capture holds, and from when to when it goes."""
+    capture = report["capture"]
+    if not capture["frames"]:
+        return []
+    holds = (
+        f"{units.count_of(capture['frames'], 'frame')}: {units.count_of(capture['telegrams'], 'telegram')}, "
+        f"{units.count_of(capture['other_frames'], 'other')}"
+    )
+    lines = [[Cell(holds)]]
+    if capture["drops"]:
+        lines[0] += [Cell(", "), Cell(f"{units.count(capture['drops'])} dropped while capturing", Tone.WARNING)]
+    start_ns, end_ns = clock.start_ns, nanoseconds(capture["end_ns"])
+    if start_ns is not None and end_ns is not None:
+        start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)
+        lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])
+    return lines
+
+
+def advice(report: Report) -> tuple[str, ...]:
+    """Return what to check where a capture shows no list at all; nothing where it shows one."""
+    capture = report["capture"]
+    if report["lists"]:
+        return ()
+    if not capture["frames"]:
+        return (
+            "Was the right interface recorded, and is its link up?",
+            "Was there a capture filter that lets nothing pass? Record once without one.",
+            "Was the file copied before the recording was stopped?",
+        )
+    if capture["telegrams"]:
+        return (
+            "Telegrams of the Parameter Manager (services 1 to 4, 20 to 28, 100) belong to no list: "
+            "`nvscope packets` shows them.",
+            "Were the frames cut so short that the list identifier was lost? Record without a snap length (`-s 0`).",
+        )
+    return (
+        "Does the sender run, and the task its list belongs to? A list sent on change or on an event says nothing "
+        "while nothing changes.",
+        "Can the telegrams get to where you record? Broadcasts stay within their VLAN and do not pass routers; "
+        "unicast is seen only where the sender's or the reader's port is mirrored.",
+        "Was the right interface recorded, without a capture filter that leaves them out? Any port is recognized, "
+        "not only 1202.",
+        "Were the frames cut (snap length)? At least the first 12 bytes of the UDP payload are needed.",
+        "Are they encapsulated or fragmented? Findings NV904 and the other frames tell.",
+    )
+
+
+def about(
+    finding: Row, list_names: Mapping[str, str | None], node_names: Mapping[str, str]
+) -> tuple[list[str], list[str]]:
+    """Return what a finding is about: list and node with their names, and its SubIndex, as far as it has them."""
+    named = []
+    if finding["list"] is not None:
+        named.append(_named(finding["list"], list_names.get(finding["list"])))
+    if finding["node"] is not None:
+        named.append(_named(finding["node"], node_names.get(finding["node"])))
+    return named, [] if finding["subindex"] is None else [f"SubIndex {finding['subindex']}"]
+
+
+def list_names(report: Report) -> dict[str, str | None]:
+    """Return the names of the lists, by key."""
+    return {entry["key"]: entry["name"] for entry in report["lists"]}
+
+
+def evidence(finding: Row, clock: Clock) -> str:
+    """Return when a finding's events were, and in which frames."""
+    first_ns, last_ns = nanoseconds(finding["first_ns"]), nanoseconds(finding["last_ns"])
+    parts = []
+    if first_ns is not None and last_ns is not None:
+        if first_ns == last_ns:
+            parts.append(f"{clock.moment(first_ns)} ({clock.since_start(first_ns)})")
+        else:
+            parts.append(
+                f"{clock.moment(first_ns)} to {clock.moment(last_ns)} "
+                f"({clock.since_start(first_ns)} to {clock.since_start(last_ns)})"
+            )
+    frames = finding["frames"]
+    if frames:
+        more = finding["count"] - len(frames)
+        text = ("frame " if len(frames) == 1 else "frames ") + ", ".join(str(frame) for frame in frames)
+        parts.append(f"{text} and {units.count(more)} more" if more > 0 else text)
+    return "; ".join(parts)
+
+
+def _named(key: str, name: str | None) -> str:
+    return f"{key} {name}" if name else key

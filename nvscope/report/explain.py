@@ -1,0 +1,65 @@
+"""What a finding means: the catalogue, for people at a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from nvscope.errors import UsageError
+from nvscope.findings.catalogue import CATALOGUE, Kind
+from nvscope.report.ansi import paint
+from nvscope.report.content import status
+from nvscope.view.escape import visible
+from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+
+_MIN_WIDTH = 40
+_TEXT_WIDTH = 90
+
+
+def render(code: str, *, colour: bool = False, width: int = 80) -> str:
+    """Return meaning, usual causes and next steps of a kind of finding.
+
+    ``code`` may be a code, its number alone, or a name, in any case: ``NV301``, ``301``, ``no-acknowledgement``.
+    UsageError, with the nearest known ones, for anything else.
+    """
+    return paint(_lines(find(code), min(max(width, _MIN_WIDTH), _TEXT_WIDTH)), colour=colour)
+
+
+def overview(*, colour: bool = False, width: int = 80) -> str:
+    """Return a table of all kinds of findings."""
+    rows = [[status(kind.severity), Cell(kind.code, Tone.STRONG), Cell(kind.name)] for kind in CATALOGUE.values()]
+    table = align([Column("severity"), Column("code"), Column("name", shortest=8)], rows, max(width, _MIN_WIDTH))
+    return paint(table, colour=colour)
+
+
+def find(code: str) -> Kind:
+    """Return the kind that a code, its number or a name stands for."""
+    wanted = code.strip().lower()
+    for kind in CATALOGUE.values():
+        if wanted in {kind.code.lower(), kind.code[2:], kind.name}:
+            return kind
+    raise UsageError(f"no finding is called {visible(code)!s}", next_step=_nearest(wanted))
+
+
+def _nearest(wanted: str) -> str:
+    from difflib import get_close_matches  # noqa: PLC0415
+
+    words = {word: kind for kind in CATALOGUE.values() for word in (kind.code.lower(), kind.code[2:], kind.name)}
+    near = {words[word].code for word in get_close_matches(wanted, words, n=5)}
+    close = [kind for kind in CATALOGUE.values() if kind.code in near or (len(wanted) > 2 and wanted in kind.name)]
+    if not close:
+        return "`nvscope explain` without a code lists all findings"
+    return "perhaps " + ", ".join(f"{kind.code} {kind.name}" for kind in close)
+
+
+def _lines(kind: Kind, width: int) -> Iterator[Line]:
+    yield [Cell(f"{kind.code} {kind.name}", Tone.STRONG), Cell("  "), status(kind.severity)]
+    yield []
+    yield from wrap([Cell(kind.meaning)], width)
+    yield []
+    yield [Cell("Usual causes", Tone.STRONG)]
+    for cause in kind.causes:
+        yield from wrap([Cell(f"- {cause}")], width, 2, 4)
+    yield []
+    yield [Cell("What to do", Tone.STRONG)]
+    for number, step in enumerate(kind.next_steps, 1):
+        yield from wrap([Cell(f"{number}. {step}")], width, 2, 5)

@@ -1,0 +1,77 @@
+"""The report for pasting into an issue or a ticket: the same content as the text, as Markdown (GitHub's, GitLab's)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from nvscope.findings.catalogue import Severity
+from nvscope.report import columns, content
+from nvscope import units
+from nvscope.view.escape import markdown_code, markdown_safe
+
+
+def render(report: content.Report, *, utc: bool = False) -> str:
+    """Return the report as Markdown, ending with a line break; ``utc`` tells times in UTC instead of local time."""
+    return "".join(f"{line}\n" for line in _lines(report, content.Clock.of(report, utc=utc)))
+
+
+def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
+    yield f"**{markdown_safe(content.headline(report).text)}**"
+    yield ""
+    for path, facts in content.source_facts(report):
+        yield f"- {markdown_code(path)} {markdown_safe(facts)}" if path else f"- {markdown_safe(facts)}"
+    for cells in content.capture_lines(report, clock):
+        yield f"- {markdown_safe(''.join(cell.text for cell in cells))}"
+    advice = content.advice(report)
+    if advice:
+        yield ""
+        yield "### What to check"
+        yield ""
+        for step in advice:
+            yield f"- {step}"
+    if report["lists"]:
+        yield ""
+        yield from _table(*columns.overview(report))
+    if report["findings"]:
+        yield ""
+        yield f"### Findings: {content.tally(report['findings'])}"
+        yield from _findings(report, clock)
+    yield ""
+    tool = report["tool"]
+    yield f"_{markdown_safe(tool['name'])} {markdown_safe(tool['version'])}_"
+
+
+def _table(measures: Sequence[columns.Measure], rows: Sequence[content.Row]) -> Iterator[str]:
+    yield _row([measure.column.title for measure in measures])
+    yield _row(["---:" if measure.column.right else "---" for measure in measures])
+    for row in rows:
+        yield _row([_cell(measure, measure.cell(row).text) for measure in measures])
+
+
+def _cell(measure: columns.Measure, text: str) -> str:
+    if text == columns.NOTHING:
+        return text
+    return markdown_code(text) if measure.identifier else markdown_safe(text)
+
+
+def _row(texts: Sequence[str]) -> str:
+    return f"| {' | '.join(texts)} |"
+
+
+def _findings(report: content.Report, clock: content.Clock) -> Iterator[str]:
+    list_names, node_names = content.list_names(report), content.node_names(report)
+    yield ""
+    for finding in report["findings"]:
+        label = content.status(Severity.of(finding["severity"])).text
+        title = f"- **{label} {markdown_safe(finding['code'])} {markdown_safe(finding['name'])}**"
+        if finding["count"] > 1:
+            title += f", {units.count(finding['count'])} times"
+        named, part = content.about(finding, list_names, node_names)
+        about = ", ".join([markdown_code(text) for text in named] + part)
+        yield f"{title}: {about}" if about else title
+        yield f"  - {markdown_safe(finding['message'])}"
+        if finding["hint"]:
+            yield f"  - **Next:** {markdown_safe(finding['hint'])}"
+        evidence = content.evidence(finding, clock)
+        if evidence:
+            yield f"  - {evidence}"

@@ -1,0 +1,137 @@
+"""The report for people at a terminal: the verdict, the capture, the lists, then the findings, worst first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from nvscope.findings.catalogue import Severity
+from nvscope.report import columns, content
+from nvscope.report.ansi import paint
+from nvscope import units
+from nvscope.view.escape import visible
+from nvscope.view.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, display_width, wrap
+
+MIN_WIDTH = 40
+_TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
+_BODY_INDENT = 11  # below the status: the width of its longest word, and a gap
+
+
+def render(
+    report: content.Report, *, colour: bool = False, width: int = 80, utc: bool = False, details: bool = False
+) -> str:
+    """Return the report as text of at most ``width`` columns (40 or more), ending with a line break.
+
+    ``utc`` tells times in UTC instead of local time. ``details`` adds, for each list, the diagnosis structure of the
+    list and its nodes, all counters, and its streams. With and without ``colour`` the text is the same.
+    """
+    shown = _visible_report(report)
+    return paint(_lines(shown, max(width, MIN_WIDTH), content.Clock.of(shown, utc=utc), details), colour=colour)
+
+
+def _visible_report(value: Any) -> Any:
+    """Return a copy of (a part of) the report in which every text is visible: the one door that all of it passes."""
+    if isinstance(value, str):
+        return visible(value)
+    if isinstance(value, dict):
+        return {key: _visible_report(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_visible_report(item) for item in value]
+    return value
+
+
+def _lines(report: content.Report, width: int, clock: content.Clock, details: bool) -> Iterator[Line]:
+    text_width = min(width, _TEXT_WIDTH)
+    head = content.headline(report)
+    yield from wrap([Cell("● ", head.tone), Cell(head.text, Tone.STRONG)], text_width, hanging=2)
+    for path, facts in content.source_facts(report):
+        yield from wrap([Cell(f"{path} "), Cell(facts)], width, 2, 4)
+    for cells in content.capture_lines(report, clock):
+        yield from wrap(cells, text_width, 2, 4)
+    advice = content.advice(report)
+    if advice:
+        yield from _section("What to check", width)
+        for step in advice:
+            yield from wrap([Cell(f"- {step}")], text_width, 0, 2)
+    if report["lists"]:
+        yield from _section("Lists", width)
+        yield from _table(*columns.overview(report), width)
+    if report["findings"]:
+        yield from _section(f"Findings: {content.tally(report['findings'])}", width)
+        yield from _findings(report, text_width, clock)
+    if details:
+        for entry in report["lists"]:
+            yield from _details(entry, width, clock)
+    if report["findings"]:
+        yield []
+        code = report["findings"][0]["code"]
+        closing = f"nvscope explain {code} tells what a finding means and what to do."
+        yield from wrap([Cell(closing, Tone.FAINT)], text_width)
+
+
+def _section(title: str, width: int) -> list[Line]:
+    return [[], *wrap([Cell(title, Tone.STRONG)], width)]
+
+
+def _table(measures: Sequence[columns.Measure], rows: Sequence[content.Row], width: int) -> list[Line]:
+    return align([measure.column for measure in measures], [columns.cells(measures, row) for row in rows], width)
+
+
+def _findings(report: content.Report, width: int, clock: content.Clock) -> Iterator[Line]:
+    list_names, node_names = content.list_names(report), content.node_names(report)
+    for place, finding in enumerate(report["findings"]):
+        if place:
+            yield []
+        title = [Cell(f"{finding['code']} {finding['name']}", Tone.STRONG)]
+        if finding["count"] > 1:
+            title.append(Cell(f", {units.count(finding['count'])} times"))
+        status = content.status(Severity.of(finding["severity"]))
+        gap = NO_BREAK * (_BODY_INDENT - display_width(status.text))
+        yield from wrap([Cell(status.text.replace(" ", NO_BREAK) + gap, status.tone), *title], width, 0, _BODY_INDENT)
+        named, part = content.about(finding, list_names, node_names)
+        if named or part:
+            yield from wrap([Cell(", ".join(named + part))], width, _BODY_INDENT)
+        yield from wrap([Cell(finding["message"])], width, _BODY_INDENT)
+        if finding["hint"]:
+            yield from wrap([Cell("Next: ", Tone.STRONG), Cell(finding["hint"])], width, _BODY_INDENT)
+        evidence = content.evidence(finding, clock)
+        if evidence:
+            yield from wrap([Cell(evidence, Tone.FAINT)], width, _BODY_INDENT)
+
+
+def _details(entry: content.Row, width: int, clock: content.Clock) -> Iterator[Line]:
+    yield from _section(" ".join(filter(None, (entry["key"], entry["name"]))), width)
+    yield from _diagnosis(entry, width, clock)
+    for measures, rows in (columns.streams(entry), columns.intervals(entry)):
+        if rows:
+            yield []
+            yield from _table(measures, rows, width)
+    yield []
+    counted, others = columns.counter_parts(entry)
+    for label, parts in (("counted: ", counted), ("zero: ", others)):
+        if parts:
+            yield from wrap([Cell(label, Tone.FAINT), Cell(", ".join(parts))], min(width, _TEXT_WIDTH), 0, 2)
+
+
+def _diagnosis(entry: content.Row, width: int, clock: content.Clock) -> Iterator[Line]:
+    """Yield the table of the diagnosis structures, side by side as far as the width allows, then below each other."""
+    holders = [("list", entry["diag"])]
+    holders += ((" ".join(filter(None, (node["address"], node["name"]))), node["diag"]) for node in entry["nodes"])
+    block: list[tuple[str, content.Row]] = []
+    used = 0
+    for title, diag in holders:
+        rows = columns.diagnosis_rows([diag], clock)
+        label_width = max(display_width(label.text) for label, _ in rows)
+        needed = GAP + max(display_width(title), *(display_width(value.text) for _, value in rows))
+        if block and used + needed > width:
+            yield from _diagnosis_block(block, width, clock)
+            yield []
+            block = []
+        used = (used if block else label_width) + needed
+        block.append((title, diag))
+    yield from _diagnosis_block(block, width, clock)
+
+
+def _diagnosis_block(block: Sequence[tuple[str, content.Row]], width: int, clock: content.Clock) -> list[Line]:
+    header = [Column(""), *(Column(title, right=True, shortest=12) for title, _ in block)]
+    return align(header, columns.diagnosis_rows([diag for _, diag in block], clock), width)

@@ -1,0 +1,73 @@
+"""EventLog: how often something happened, when first and last, and in which frames, for every key at once."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U64
+from nvscope.tracker.columns import Columns, runs_of, stable_order
+from nvscope.tracker.keys import KeyTable
+
+FRAMES_KEPT = 10
+
+
+class EventRows(Columns):
+    """One row a key; ``frames`` holds frame numbers (from 1), 0 where there are fewer."""
+
+    count: I64
+    first_ns: I64
+    last_ns: I64
+    frames: I64
+    COLUMNS: ClassVar = {
+        "count": (np.int64(0), 1),
+        "first_ns": (np.int64(0), 1),
+        "last_ns": (np.int64(0), 1),
+        "frames": (np.int64(0), FRAMES_KEPT),
+    }
+
+
+class EventLog:
+    """Events by key (two 64-bit words), kept as counts, the first and last time, and the first ten frames."""
+
+    def __init__(self) -> None:
+        self.keys = KeyTable()
+        self.rows = EventRows()
+
+    def record(self, high: U64, low: U64, time_ns: I64, frame: I64) -> None:
+        """Add one event a row, in the order in which they happened."""
+        if not len(high):
+            return
+        number = self.keys.numbers(high, low)
+        order = stable_order(number, len(self.keys))
+        number = number[order]
+        start, stop = runs_of(number)
+        self._add(number[start], start, stop, time_ns[order], frame[order])
+
+    def record_groups(self, high: U64, low: U64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
+        """Add the events ``start[i]`` to ``stop[i]`` (at least one) of two columns to the i-th key; keys differ."""
+        if len(high):
+            self._add(self.keys.numbers(high, low), start, stop, time_ns, frame)
+
+    def _add(self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
+        rows = self.rows
+        rows.resize(len(self.keys))
+        before = rows.count[row]
+        begins = before == 0
+        rows.first_ns[row[begins]] = time_ns[start[begins]]
+        rows.last_ns[row] = time_ns[stop - 1]
+        rows.count[row] = before + stop - start
+        room = np.flatnonzero(before < FRAMES_KEPT)
+        row, start, stop, before = row[room], start[room], stop[room], before[room]
+        for place in range(FRAMES_KEPT):
+            fits = (start + place < stop) & (before + place < FRAMES_KEPT)
+            if not fits.any():
+                break
+            rows.frames[row[fits], before[fits] + place] = frame[start[fits] + place]
+
+    def copy(self) -> EventLog:
+        """Return an independent copy."""
+        twin = EventLog()
+        twin.keys, twin.rows = self.keys.copy(), self.rows.copy()
+        return twin

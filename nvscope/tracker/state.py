@@ -1,0 +1,286 @@
+"""TrackerState: everything that is known of the traffic so far, as a value made of integers.
+
+``observe`` takes packets in batches; however they are cut, the state is the same. What is derived from it (means,
+percentiles, the scope of a sender's Counter, findings) is computed when somebody asks (``nvscope.tracker.summary``).
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U8, U64, Bool, PacketBatch
+from dissectors.netvar import (
+    CHECKSUM_INVALID,
+    HEADER,
+    IDENTITY_ASCII,
+    RESERVED_FLAGS,
+    Dissection,
+    Fault,
+    Service,
+    TelegramBatch,
+    dissect,
+)
+from nvscope.tracker.acknowledgement import TIMEOUT_NS, Acknowledgement, Messages
+from nvscope.tracker.columns import Columns
+from nvscope.tracker.consistency import Consistency
+from nvscope.tracker.counters import DiagError
+from nvscope.tracker.errors import ErrorEvents, Errors
+from nvscope.tracker.events import EventLog
+from nvscope.tracker.flows import Flows, Kind, kinds
+from nvscope.tracker.loss import Loss
+from nvscope.tracker.rows import DataRows, StreamMemory
+from nvscope.tracker.timing import Timing
+
+MAX_BATCH = 1 << 16
+
+FAULT_CODES = {
+    Fault.SHORT: 101,
+    Fault.LENGTH: 102,
+    Fault.SERVICE: 103,
+    Fault.BYTE_SWAPPED: 105,
+}
+RESERVED_FLAGS_CODE, ASCII_CODE, TRUNCATED_CODE = 104, 106, 107
+NO_ACKNOWLEDGEMENT_CODE, NEGATIVE_CODE, UNEXPECTED_CODE, BOOT_UP_CODE, REJECTED_CODE = 301, 302, 303, 304, 305
+SHAPE_CODE, CHECKSUM_CODE, FLAGS_CODE = 402, 403, 404
+CLOCK_STEP_CODE = 902
+
+_REJECTED = {
+    Service.ODStateFree: DiagError.UDPSENDATA,
+    Service.ODAcknowledgement: DiagError.UDPSENDACKN,
+    Service.ODBootUpRequest: DiagError.UDPSENDBOOTUPREQUEST,
+}
+
+
+class ListColumns(Columns):
+    """One row a list: the counts that are no sums over flows."""
+
+    truncated: I64
+    missing_acknowledgements: I64
+    negative_acknowledgements: I64
+    bootup_unanswered: I64
+    send_rejected: I64
+    COLUMNS: ClassVar = {
+        name: (np.int64(0), 1)
+        for name in (
+            "truncated", "missing_acknowledgements", "negative_acknowledgements", "bootup_unanswered", "send_rejected",
+        )
+    }  # fmt: skip
+
+
+class TrackerState:
+    """What is on the wire.
+
+    ``events`` are the events that are findings as they stand, keyed by ``finding_key``. Frame numbers count from 1
+    across all that was observed. ``repeated`` counts telegrams that equal the one before them byte for byte.
+    """
+
+    def __init__(self, timeout_ns: int = TIMEOUT_NS) -> None:
+        self.frames = 0
+        self.telegrams = 0
+        self.data_telegrams = 0
+        self.repeated = 0
+        self.fragments = 0
+        self.unsupported: dict[int, int] = {}
+        self.start_ns: int | None = None
+        self.end_ns: int | None = None
+        self.last_ns: int | None = None
+        self.flows = Flows()
+        self.memory = StreamMemory()
+        self.loss = Loss()
+        self.timing = Timing()
+        self.consistency = Consistency()
+        self.acknowledgement = Acknowledgement(timeout_ns)
+        self.errors = Errors()
+        self.lists = ListColumns()
+        self.events = EventLog()
+
+    def observe(self, packets: PacketBatch) -> None:
+        """Take the packets that follow those observed so far."""
+        for start in range(0, len(packets), MAX_BATCH):
+            part = packets[start : start + MAX_BATCH]
+            self._observe(part, dissect(part))
+
+    def _observe(self, packets: PacketBatch, dissection: Dissection) -> None:
+        first_frame = self.frames + 1
+        self._observe_frames(packets, dissection, first_frame)
+        telegrams = dissection.telegrams
+        kind = kinds(telegrams)
+        frame = telegrams.datagram.row + first_frame
+        of_list = kind != Kind.PARAMETER
+        if not of_list.all():
+            self._observe_parameters(telegrams.take(~of_list), frame[~of_list])
+            telegrams, kind, frame = telegrams.take(of_list), kind[of_list], frame[of_list]
+        flow = self.flows.observe(telegrams, kind, frame)
+        errors = self._observe_quoted(dissection.quoted, first_frame)
+        self.lists.resize(len(self.flows.lists))
+        self._observe_headers(telegrams, kind, flow, frame)
+        errors += self._observe_lists(packets, telegrams, kind, flow, first_frame)
+        self.errors.observe(errors, len(self.flows.lists))
+        self.frames += len(packets)
+        self.telegrams += len(dissection.telegrams)
+
+    def _observe_frames(self, packets: PacketBatch, dissection: Dissection, first_frame: int) -> None:
+        time_ns = packets.ts_ns
+        before = np.empty_like(time_ns)
+        before[1:] = time_ns[:-1]
+        before[0] = time_ns[0] if self.last_ns is None else self.last_ns
+        back = np.flatnonzero(time_ns < before)
+        if len(back):
+            nobody = np.full(len(back), -1)
+            self._log(CLOCK_STEP_CODE, nobody, nobody, nobody, time_ns[back], back + first_frame)
+        earliest, latest = int(time_ns.min()), int(time_ns.max())
+        self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
+        self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)
+        self.last_ns = int(time_ns[-1])
+        self.fragments += dissection.peeled.fragments
+        unsupported = dissection.peeled.unsupported
+        if unsupported is not None:
+            for link, count in zip(*np.unique(packets.link[unsupported], return_counts=True), strict=True):
+                self.unsupported[int(link)] = self.unsupported.get(int(link), 0) + int(count)
+
+    def _observe_parameters(self, telegrams: TelegramBatch, frame: I64) -> None:
+        """Note what is wrong with telegrams of the Parameter Manager, which belong to no list."""
+        nobody = np.full(len(telegrams), -1)
+        node = self.flows.nodes.numbers(telegrams.datagram.source_hi, telegrams.datagram.source_lo)
+        self._log_headers(telegrams, np.zeros(len(telegrams), np.bool_), nobody, node, nobody, frame)
+
+    def _observe_headers(self, telegrams: TelegramBatch, kind: U8, flow: I64, frame: I64) -> None:
+        """Note what is wrong with headers, and count truncated telegrams."""
+        header = telegrams.header
+        reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= Kind.BOOT_UP_REQUEST)
+        odd = np.flatnonzero(
+            (telegrams.fault != Fault.NONE) | reserved | (header["identity"] == IDENTITY_ASCII) | telegrams.truncated
+        )
+        if not len(odd):
+            return
+        columns = self.flows.columns
+        lists, place, source = columns.list[flow[odd]], columns.place[flow[odd]], columns.source[flow[odd]]
+        subindex = self.flows.places.low[place].astype(np.int64)
+        part = telegrams.take(odd)
+        self._log_headers(part, reserved[odd], lists, source, subindex, frame[odd])
+        np.add.at(self.lists.truncated, lists[part.truncated], 1)
+
+    def _log_headers(
+        self, telegrams: TelegramBatch, reserved: Bool, lists: I64, node: I64, subindex: I64, frame: I64
+    ) -> None:
+        masks = [(code, telegrams.fault == fault) for fault, code in FAULT_CODES.items()]
+        masks.append((RESERVED_FLAGS_CODE, reserved))
+        masks.append((ASCII_CODE, telegrams.header["identity"] == IDENTITY_ASCII))
+        masks.append((TRUNCATED_CODE, telegrams.truncated))
+        for code, mask in masks:
+            row = np.flatnonzero(mask)
+            self._log(code, lists[row], node[row], subindex[row], telegrams.ts_ns[row], frame[row])
+
+    def _log(self, code: int, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
+        self.events.record(*finding_key(code, lists, node, subindex), time_ns, frame)
+
+    def _observe_quoted(self, quoted: TelegramBatch, first_frame: int) -> list[ErrorEvents]:
+        """Book the telegrams that ICMP messages say were not delivered."""
+        errors: list[ErrorEvents] = []
+        if not len(quoted):
+            return errors
+        service = quoted.header["id"]
+        mine = np.isin(service, [s.value for s in _REJECTED])
+        quoted, service = quoted.take(mine), service[mine]
+        datagram = quoted.datagram
+        frame = datagram.row + first_frame
+        lists = self.flows.lists.numbers(
+            datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64)
+        )
+        node = self.flows.nodes.numbers(datagram.source_hi, datagram.source_lo)
+        told = datagram.captured_bytes >= HEADER.offset_of("items")
+        subindex = np.where(told, quoted.header["subindex"].astype(np.int64), -1)
+        self._log(REJECTED_CODE, lists, node, subindex, quoted.ts_ns, frame)
+        self.lists.resize(len(self.flows.lists))
+        np.add.at(self.lists.send_rejected, lists, 1)
+        for kind, error in _REJECTED.items():
+            row = np.flatnonzero(service == kind)
+            errors.append(ErrorEvents(error, True, lists[row], node[row], quoted.ts_ns[row], frame[row]))
+        return errors
+
+    def _observe_lists(
+        self, packets: PacketBatch, telegrams: TelegramBatch, kind: U8, flow: I64, first_frame: int
+    ) -> list[ErrorEvents]:
+        data = kind == Kind.DATA
+        acknowledgements = self._messages(telegrams, kind == Kind.ACKNOWLEDGEMENT, flow)
+        requests = self._messages(telegrams, kind == Kind.BOOT_UP_REQUEST, flow)
+        if not data.all():
+            telegrams, flow = telegrams.take(data), flow[data]
+        stream = self.flows.columns.stream[flow]
+        rows = self.memory.rows(telegrams, stream, telegrams.datagram.row, self.flows)
+        errors = self._observe_answers(packets, rows, acknowledgements, requests, first_frame)
+        if len(rows):
+            self.data_telegrams += len(rows)
+            self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
+            own, node = self.loss.observe(rows, self.flows, first_frame)
+            self.timing.observe(rows, own.step, node, len(self.flows.streams), first_frame)
+            errors.append(self._observe_consistency(rows, flow, first_frame))
+        return errors
+
+    def _messages(self, telegrams: TelegramBatch, mine: Bool, flow: I64) -> Messages:
+        row = np.flatnonzero(mine)
+        flow, columns = flow[row], self.flows.columns
+        return Messages(
+            telegrams.datagram.row[row], telegrams.ts_ns[row], columns.list[flow], columns.place[flow],
+            columns.source[flow], columns.destination[flow], telegrams.header["flags"][row],
+        )  # fmt: skip
+
+    def _observe_answers(
+        self, packets: PacketBatch, rows: DataRows, acknowledgements: Messages, requests: Messages, first_frame: int
+    ) -> list[ErrorEvents]:
+        answers = self.acknowledgement.observe(rows, acknowledgements, requests, packets.ts_ns, self.flows, first_frame)
+        places = self.flows.places
+        stream, time_ns, frame = answers.missing
+        if len(stream):
+            lists, sender, subindex = self.described(stream)
+            self._log(NO_ACKNOWLEDGEMENT_CODE, lists, sender, subindex, time_ns, frame)
+            np.add.at(self.lists.missing_acknowledgements, lists, 1)
+        negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)
+        for code, row, node in (
+            (NEGATIVE_CODE, negative, answers.negative_node),
+            (UNEXPECTED_CODE, answers.unexpected, acknowledgements.source[answers.unexpected]),
+        ):
+            subindex = places.low[acknowledgements.place[row]].astype(np.int64)
+            frame = acknowledgements.packet[row] + first_frame
+            self._log(code, acknowledgements.list[row], node, subindex, acknowledgements.time_ns[row], frame)
+        np.add.at(self.lists.negative_acknowledgements, acknowledgements.list[negative], 1)
+        waits = answers.unanswered
+        if waits:
+            lists = np.array([wait.list for wait in waits])
+            subindex = places.low[np.array([wait.place for wait in waits])].astype(np.int64)
+            deadline, asked = np.array([wait.deadline_ns for wait in waits]), np.array([wait.frame for wait in waits])
+            self._log(BOOT_UP_CODE, lists, np.full(len(waits), -1), subindex, deadline, asked)
+            np.add.at(self.lists.bootup_unanswered, lists, 1)
+        return answers.errors
+
+    def _observe_consistency(self, rows: DataRows, flow: I64, first_frame: int) -> ErrorEvents:
+        """Note changes of shape, checksum and flags; ``flow`` is that of each data telegram as captured."""
+        changed, mismatch, strange = self.consistency.observe(rows, self.flows)
+        for code, place in ((SHAPE_CODE, changed), (CHECKSUM_CODE, mismatch), (FLAGS_CODE, strange)):
+            if len(place):
+                row = place[np.argsort(rows.packet[place])]
+                lists, node, subindex = self.described(rows.stream[row])
+                self._log(code, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+        np.add.at(self.flows.columns.mismatches, flow[rows.order[mismatch]], 1)
+        lists, node, _ = self.described(rows.stream[mismatch])
+        frame = rows.packet[mismatch] + first_frame
+        return ErrorEvents(DiagError.CHECKSUM, True, lists, node, rows.time_ns[mismatch], frame)
+
+    def described(self, stream: I64) -> tuple[I64, I64, I64]:
+        """Return the list number, node number and SubIndex of streams."""
+        place = self.flows.streams.high[stream].astype(np.int64)
+        node = self.flows.streams.low[stream].astype(np.int64)
+        return self.flows.places.high[place].astype(np.int64), node, self.flows.places.low[place].astype(np.int64)
+
+
+def finding_key(code: int, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
+    """Return the key of ``TrackerState.events``: numbers of list and node, and SubIndex, -1 each for none."""
+    high = (np.uint64(code) << np.uint64(32)) | (lists + 1).astype(np.uint64)
+    return high, ((node + 1).astype(np.uint64) << np.uint64(32)) | (subindex + 1).astype(np.uint64)
+
+
+def finding_parts(high: int, low: int) -> tuple[int, int, int, int]:
+    """Take a key of ``TrackerState.events`` apart: code, list, node, SubIndex, -1 each for none."""
+    return high >> 32, (high & 0xFFFFFFFF) - 1, (low >> 32) - 1, (low & 0xFFFFFFFF) - 1

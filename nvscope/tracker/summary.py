@@ -1,0 +1,350 @@
+"""What follows from a state: NetVarUDPDiagStruct of every list and node, counters, scopes, interval statistics.
+
+Everything here is computed when asked for, from integers, and changes nothing in the state.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+from nvscope.tracker import address
+from nvscope.tracker.acknowledgement import TIMEOUT_NS
+from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
+from nvscope.tracker.errors import LastError
+from nvscope.tracker.flows import Kind
+from nvscope.tracker.rows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.timing import Histogram
+
+CYCLIC_SPREAD_PERCENT = 50
+"""A stream is cyclic where its p5 and p95 are no further apart than this share of the median."""
+
+UNUSED_FROM_TELEGRAMS = 8
+CHECKSUM_FLAG = 2
+
+
+@dataclass(slots=True)
+class Diagnosis:
+    """NetVarUDPDiagStruct; times are absolute ns or None, the error a name."""
+
+    nSendCount: int = 0  # noqa: N815  # the document's name
+    tLastSend: int | None = None  # noqa: N815
+    nReceiveCount: int = 0  # noqa: N815
+    tLastReceive: int | None = None  # noqa: N815
+    nWriteCount: int = 0  # noqa: N815
+    sLastError: str = "NOERROR"  # noqa: N815
+    tLastError: int | None = None  # noqa: N815
+    nErrorCount: int = 0  # noqa: N815
+    nAcknowledges: int = 0  # noqa: N815
+
+    @property
+    def blank(self) -> bool:
+        """True where nothing was counted."""
+        return not (self.nSendCount or self.nReceiveCount or self.nWriteCount or self.nErrorCount or self.nAcknowledges)
+
+
+@dataclass(frozen=True, slots=True)
+class Intervals:
+    """Intervals of a stream in ns; None where there is none. Percentiles are within 1 %, the rest is exact."""
+
+    count: int
+    minimum: int | None = None
+    mean: int | None = None
+    maximum: int | None = None
+    deviation: int | None = None
+    p50: int | None = None
+    p95: int | None = None
+    p99: int | None = None
+    nominal: int | None = None
+
+    @property
+    def jitter_percent(self) -> float | None:
+        """How far p99 lies from p50, of the nominal interval."""
+        if not self.nominal or self.p99 is None or self.p50 is None:
+            return None
+        return 100 * (self.p99 - self.p50) / self.nominal
+
+
+@dataclass(frozen=True, slots=True)
+class StreamSummary:
+    """One stream: who sends which SubIndex, and what its counters and intervals say."""
+
+    stream: int
+    node: int
+    subindex: int
+    telegrams: int
+    first_ns: int
+    last_ns: int
+    scope: Scope
+    counter_scope: str
+    figures: dict[str, int]
+    intervals: Intervals
+    items: int
+    length: int
+    checksum: int | None
+
+
+@dataclass(slots=True)
+class ListSummary:
+    """One list: who sends and reads it, its diagnosis, its counters, and its streams."""
+
+    number: int
+    port: int
+    index: int
+    senders: list[int] = field(default_factory=list)
+    readers: list[int] = field(default_factory=list)
+    diagnosis: Diagnosis = field(default_factory=Diagnosis)
+    counters: dict[str, int] = field(default_factory=dict)
+    nodes: list[tuple[int, Diagnosis]] = field(default_factory=list)
+    streams: list[StreamSummary] = field(default_factory=list)
+    sender_since: dict[int, tuple[int, int]] = field(default_factory=dict)
+    """By sender: frame and time of its first data telegram."""
+
+    @property
+    def key(self) -> str:
+        return f"udp/{self.port}/{self.index}"
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What follows from a state; lists by port and Index, nodes by address, streams by node and SubIndex."""
+
+    lists: list[ListSummary]
+    addresses: list[str]
+    address_order: list[tuple[bool, int]]
+    scopes: dict[int, Scope]
+    start_ns: int | None
+    end_ns: int | None
+    timeout_ns: int = TIMEOUT_NS
+
+
+@dataclass(slots=True)
+class _Tally:
+    """Telegrams counted, how many of them would be written, and the last one."""
+
+    count: int = 0
+    written: int = 0
+    last: tuple[int, int | None] = (-1, None)
+
+    def add(self, count: int, written: int, last: tuple[int, int | None]) -> None:
+        self.count += count
+        self.written += written
+        self.last = max(self.last, last, key=lambda entry: entry[0])
+
+
+def summarize(state: TrackerState) -> Summary:
+    """Compute the summary of a state."""
+    flows = state.flows
+    nodes = list(zip(flows.nodes.high.tolist(), flows.nodes.low.tolist(), strict=True))
+    order = [address.order(*node) for node in nodes]
+    scopes = scopes_in_force(state)
+    lists = [
+        ListSummary(number, port, index)
+        for number, (port, index) in enumerate(zip(flows.lists.high.tolist(), flows.lists.low.tolist(), strict=True))
+    ]
+    _diagnose(state, lists, order)
+    _add_streams(state, lists, scopes, order)
+    _count(state, lists)
+    lists.sort(key=lambda entry: (entry.port, entry.index))
+    addresses = [address.text(*node) for node in nodes]
+    return Summary(lists, addresses, order, scopes, state.start_ns, state.end_ns, state.acknowledgement.timeout_ns)
+
+
+def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
+    """Return, by node with streams, the scope in which most steps of its Counter are regular."""
+    flows, loss = state.flows, state.loss
+    places, nodes = flows.streams.high.tolist(), flows.streams.low.tolist()
+    list_of_place = flows.places.high.tolist()
+    steps, regular = loss.streams.column("steps").tolist(), loss.streams.column("regular").tolist()
+    own: dict[int, list[int]] = defaultdict(lambda: [0, 0, 0])
+    lists: dict[int, set[int]] = defaultdict(set)
+    for stream, node in enumerate(nodes):
+        tally = own[node]
+        tally[0] += regular[stream]
+        tally[1] += steps[stream]
+        tally[2] += 1
+        lists[node].add(list_of_place[places[stream]])
+    scopes = {}
+    for node, (own_regular, own_steps, streams) in own.items():
+        node_steps = int(loss.nodes.steps[node])
+        best, share = Scope.STREAM, (own_regular, own_steps or 1)
+        for scope, considered, regular_steps in (
+            (Scope.NODE_TELEGRAM, streams >= 2, int(loss.nodes.regular_telegram[node])),
+            (Scope.NODE_SEND, len(lists[node]) >= 2, int(loss.nodes.regular_send[node])),
+        ):
+            candidate = (regular_steps, node_steps or 1)
+            if considered and candidate[0] * share[1] > share[0] * candidate[1]:
+                best, share = scope, candidate
+        scopes[node] = best
+    return scopes
+
+
+def _diagnose(state: TrackerState, lists: list[ListSummary], order: list[tuple[bool, int]]) -> None:
+    """Sum the flows up into the diagnosis of every list and of every node on it."""
+    columns = state.flows.columns
+    names = ("kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns")
+    table = [columns.column(name).tolist() for name in (*names, "first_frame", "first_ns")]
+    sent: dict[tuple[int, int], _Tally] = defaultdict(_Tally)
+    acknowledged: dict[tuple[int, int], int] = defaultdict(int)
+    direct: dict[tuple[int, int], _Tally] = defaultdict(_Tally)
+    broadcast: list[dict[int, _Tally]] = [defaultdict(_Tally) for _ in lists]
+    readers: list[set[int]] = [set() for _ in lists]
+    received = [_Tally() for _ in lists]
+    for kind, number, source, destination, count, mismatches, frame, time_ns, first_frame, first_ns in zip(
+        *table, strict=True
+    ):
+        if kind == Kind.HEADER_CUT:
+            continue
+        last = (frame, time_ns)
+        written = count - mismatches if kind == Kind.DATA else 0
+        if kind in (Kind.DATA, Kind.MALFORMED_DATA):
+            sent[number, source].add(count, 0, last)
+            since = lists[number].sender_since
+            since[source] = min(since.get(source, (first_frame, first_ns)), (first_frame, first_ns))
+        elif kind == Kind.ACKNOWLEDGEMENT:
+            acknowledged[number, source] += count
+        if kind in (Kind.ACKNOWLEDGEMENT, Kind.BOOT_UP_REQUEST):
+            readers[number].add(source)
+        received[number].add(count, written, last)
+        if destination < 0:
+            broadcast[number][source].add(count, written, last)
+        elif destination != source:
+            direct[number, destination].add(count, written, last)
+    errors = state.errors
+    members = {
+        (number, node): member
+        for member, (number, node) in enumerate(
+            zip(errors.members.high.tolist(), errors.members.low.tolist(), strict=True)
+        )
+    }
+    for entry in lists:
+        number = entry.number
+        named = {node for at, node in [*sent, *acknowledged, *direct, *members] if at == number}
+        heard: dict[int, _Tally] = {}
+        for node in named | readers[number]:
+            heard[node] = _heard(direct.get((number, node)), broadcast[number], node, node in readers[number])
+        for node in sorted(heard, key=order.__getitem__):
+            tally, own = heard[node], sent.get((number, node), _Tally())
+            diagnosis = Diagnosis(
+                own.count, own.last[1], tally.count, tally.last[1], tally.written,
+                nAcknowledges=acknowledged.get((number, node), 0),
+            )  # fmt: skip
+            _add_errors(diagnosis, errors.of_member, members.get((number, node)))
+            if not diagnosis.blank:
+                entry.nodes.append((node, diagnosis))
+        total = _Tally()
+        entry.senders = sorted((node for at, node in sent if at == number), key=order.__getitem__)
+        for node in entry.senders:
+            own = sent[number, node]
+            total.add(own.count, 0, own.last)
+        entry.readers = sorted(readers[number], key=order.__getitem__)
+        everything = received[number]
+        entry.diagnosis = Diagnosis(
+            total.count, total.last[1], everything.count, everything.last[1], everything.written,
+            nAcknowledges=sum(count for (at, _), count in acknowledged.items() if at == number),
+        )  # fmt: skip
+        _add_errors(entry.diagnosis, errors.of_list, number)
+
+
+def _heard(direct: _Tally | None, broadcast: dict[int, _Tally], node: int, reads: bool) -> _Tally:
+    """Return what was delivered to a node: unicast, and to a reader the broadcasts of others."""
+    tally = _Tally()
+    if direct:
+        tally.add(direct.count, direct.written, direct.last)
+    if reads:
+        for source, sent in broadcast.items():
+            if source != node:
+                tally.add(sent.count, sent.written, sent.last)
+    return tally
+
+
+def _add_errors(diagnosis: Diagnosis, table: LastError, row: int | None) -> None:
+    if row is None or row >= len(table) or not table.count[row]:
+        return
+    diagnosis.nErrorCount = int(table.count[row])
+    diagnosis.sLastError = ERROR_ORDER[int(table.error[row])].name
+    diagnosis.tLastError = int(table.time_ns[row])
+
+
+def _add_streams(
+    state: TrackerState, lists: list[ListSummary], scopes: dict[int, Scope], order: list[tuple[bool, int]]
+) -> None:
+    flows, memory, loss = state.flows, state.memory.columns, state.loss.streams
+    histograms = state.timing.histograms()
+    telegrams = memory.column("telegrams").tolist()
+    for stream, (place, node) in enumerate(zip(flows.streams.high.tolist(), flows.streams.low.tolist(), strict=True)):
+        scope = scopes[node]
+        counting = bool(loss.counting[stream])
+        unused = not counting and telegrams[stream] >= UNUSED_FROM_TELEGRAMS
+        signature = int(memory.signature[stream])
+        flags = signature >> int(FLAGS_SHIFT) & 0xFF
+        summary = StreamSummary(
+            stream=stream,
+            node=node,
+            subindex=int(flows.places.low[place]),
+            telegrams=telegrams[stream],
+            first_ns=int(memory.first_ns[stream]),
+            last_ns=int(memory.last_ns[stream]),
+            scope=scope,
+            counter_scope=SCOPE_UNUSED if unused else SCOPE_NAMES[scope],
+            figures=_figures(state, stream, scope) if counting else dict.fromkeys(FIGURES, 0),
+            intervals=_intervals(state, stream, histograms.of(stream)),
+            items=signature & 0xFFFF,
+            length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
+            checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_FLAG else None,
+        )
+        lists[int(flows.places.high[place])].streams.append(summary)
+    for entry in lists:
+        entry.streams.sort(key=lambda stream: (order[stream.node], stream.subindex))
+
+
+def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
+    loss = state.loss.streams
+    walk = min(scope, Scope.NODE_TELEGRAM)
+    return {name: int(getattr(loss, name)[stream, scope if name == "duplicates" else walk]) for name in FIGURES}
+
+
+def _intervals(state: TrackerState, stream: int, histogram: Histogram) -> Intervals:
+    timing = state.timing
+    count = int(timing.columns.count[stream])
+    if count <= 0:
+        return Intervals(0)
+    p5, p50, p95, p99 = (histogram.percentile_ns(percent) for percent in (5, 50, 95, 99))
+    assert p5 is not None
+    assert p50 is not None
+    assert p95 is not None
+    cyclic = p50 > 0 and 100 * (p95 - p5) <= CYCLIC_SPREAD_PERCENT * p50
+    return Intervals(
+        count, histogram.least_ns, timing.mean_ns(stream), histogram.most_ns, timing.deviation_ns(stream),
+        p50, p95, p99, p50 if cyclic else None,
+    )  # fmt: skip
+
+
+def _count(state: TrackerState, lists: list[ListSummary]) -> None:
+    columns = state.flows.columns
+    malformed: dict[int, int] = defaultdict(int)
+    requests: dict[int, int] = defaultdict(int)
+    mismatches: dict[int, int] = defaultdict(int)
+    names = ("kind", "list", "count", "mismatches")
+    for kind, number, count, mismatched in zip(*(columns.column(name).tolist() for name in names), strict=True):
+        if kind in (Kind.MALFORMED_DATA, Kind.MALFORMED_OTHER):
+            malformed[number] += count
+        elif kind == Kind.BOOT_UP_REQUEST:
+            requests[number] += count
+        mismatches[number] += mismatched
+    table = state.lists
+    for entry in lists:
+        number, streams = entry.number, entry.streams
+        figures = {name: sum(stream.figures[name] for stream in streams) for name in FIGURES}
+        figures["longest_gap"] = max((stream.figures["longest_gap"] for stream in streams), default=0)
+        entry.counters = figures | {
+            "malformed": malformed[number],
+            "truncated": int(table.truncated[number]),
+            "missing_acknowledgements": int(table.missing_acknowledgements[number]),
+            "negative_acknowledgements": int(table.negative_acknowledgements[number]),
+            "checksum_mismatches": mismatches[number],
+            "bootup_requests": requests[number],
+            "bootup_unanswered": int(table.bootup_unanswered[number]),
+            "send_rejected": int(table.send_rejected[number]),
+        }

@@ -1,0 +1,285 @@
+"""Intervals between the telegrams of each stream: sums, extremes and a logarithmic histogram, all in integers.
+
+An interval's bucket is the upper part of its binary floating-point number: 64 buckets for each doubling, so that the
+middle of a bucket is within 0.8 % of all that is in it. Nearly all intervals of a stream lie near one value; these have
+a dense row of counters each, two doublings wide around the median of the stream's first intervals. The others are kept
+as events, with time and frames, which is also what late telegrams and bursts are told by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isqrt
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U8, Bool
+from nvscope.tracker.columns import Columns, runs_of
+from nvscope.tracker.events import EventLog
+from nvscope.tracker.rows import DataRows
+from nvscope.tracker.sequence import Step
+
+LEARNED_INTERVALS = 8
+"""So many intervals of a stream tell where its dense buckets lie."""
+
+_MANTISSA_BITS = 6
+_SHIFT = 52 - _MANTISSA_BITS
+_BIAS = 1023 << _MANTISSA_BITS
+_OCTAVE = 1 << _MANTISSA_BITS
+DENSE_BUCKETS = 2 * _OCTAVE
+_BUCKET_OFFSET = 1 << 20
+_LIMB_BITS = 23
+_LIMB = (1 << _LIMB_BITS) - 1
+_LARGE_NS = 1 << (2 * _LIMB_BITS)
+
+LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
+"""Bits of an unusual interval's key: its last telegram came after a gap, by the stream's counters or the node's."""
+
+
+class IntervalColumns(Columns):
+    """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares."""
+
+    last_ns: I64
+    count: I64
+    total_ns: I64
+    least_ns: I64
+    most_ns: I64
+    squares: I64
+    learned: I64
+    first_bucket: I64
+    dense: I64
+    COLUMNS: ClassVar = {
+        "last_ns": (np.int64(0), 1),
+        "count": (np.int64(-1), 1),  # of intervals; -1 before the first telegram
+        "total_ns": (np.int64(0), 1),
+        "least_ns": (np.iinfo(np.int64).max * np.int64(1), 1),
+        "most_ns": (np.iinfo(np.int64).min * np.int64(1), 1),
+        "squares": (np.int64(0), 3),
+        "learned": (np.int64(0), LEARNED_INTERVALS),
+        "first_bucket": (np.int64(0), 1),
+        "dense": (np.int64(0), DENSE_BUCKETS),
+    }
+
+
+class Timing:
+    """The intervals of all streams.
+
+    ``unusual`` holds the intervals outside of the dense buckets, keyed by (stream, bucket << 2 | loss bits).
+    """
+
+    def __init__(self) -> None:
+        self.columns = IntervalColumns()
+        self.unusual = EventLog()
+        self.large_squares: dict[int, int] = {}
+
+    def observe(self, rows: DataRows, own: U8, node: U8, streams: int, first_frame: int) -> None:
+        """Take the intervals of a batch; ``own`` and ``node`` are the steps of the rows in both walks."""
+        columns = self.columns
+        columns.resize(streams)
+        skipped = (own == Step.LATE) | (own == Step.OVERTAKEN)
+        if rows.repeated is not None:
+            skipped |= (own == Step.SAME) & rows.repeated
+        kept = np.flatnonzero(~skipped) if skipped.any() else None
+        time_ns = rows.time_ns if kept is None else rows.time_ns[kept]
+        stream = rows.stream if kept is None else rows.stream[kept]
+        start, stop = (rows.start, rows.stop) if kept is None else runs_of(stream)
+        run = stream[start]
+        interval = np.empty_like(time_ns)
+        interval[1:] = time_ns[1:] - time_ns[:-1]
+        interval[start] = time_ns[start] - columns.last_ns[run]
+        fresh = columns.count[run] < 0
+        columns.last_ns[run] = time_ns[stop - 1]
+        if fresh.any():
+            columns.count[run[fresh]] = 0
+            real = np.ones(len(interval), np.bool_)
+            real[start[fresh]] = False
+            kept = np.flatnonzero(real) if kept is None else kept[real]
+            interval, stream = interval[real], stream[real]
+            start, stop = runs_of(stream)
+            run = stream[start]
+        if len(interval):
+            self._add(interval, stream, start, stop, run)
+            self._sort_in(rows, kept, interval, stream, start, run, own, node, first_frame)
+
+    def _add(self, interval: I64, stream: I64, start: I64, stop: I64, run: I64) -> None:
+        columns = self.columns
+        columns.total_ns[run] += np.add.reduceat(interval, start)
+        columns.least_ns[run] = np.minimum(columns.least_ns[run], np.minimum.reduceat(interval, start))
+        columns.most_ns[run] = np.maximum(columns.most_ns[run], np.maximum.reduceat(interval, start))
+        size = np.abs(interval)
+        large = np.flatnonzero(size >= _LARGE_NS)
+        if len(large):
+            for place in large.tolist():
+                number = int(stream[place])
+                self.large_squares[number] = self.large_squares.get(number, 0) + int(interval[place]) ** 2
+            size[large] = 0
+        high, low = size >> _LIMB_BITS, size & _LIMB
+        squares = columns.squares[run]
+        lowest = squares[:, 0] + np.add.reduceat(low * low, start)
+        middle = squares[:, 1].astype(np.uint64) + (lowest >> _LIMB_BITS).astype(np.uint64)
+        middle += np.uint64(2) * np.add.reduceat(high * low, start).astype(np.uint64)
+        squares[:, 0] = lowest & _LIMB
+        squares[:, 1] = (middle & np.uint64(_LIMB)).astype(np.int64)
+        squares[:, 2] += np.add.reduceat(high * high, start) + (middle >> np.uint64(_LIMB_BITS)).astype(np.int64)
+        columns.squares[run] = squares
+
+    def _sort_in(
+        self, rows: DataRows, kept: I64 | None, interval: I64, stream: I64, start: I64, run: I64, own: U8, node: U8,
+        first_frame: int,
+    ) -> None:  # fmt: skip
+        """Put intervals into the buckets."""
+        columns = self.columns
+        before = columns.count[run]
+        length = np.diff(np.append(start, len(interval)))
+        columns.count[run] += length
+        young = before < LEARNED_INTERVALS
+        unusual: Bool = np.zeros(0, np.bool_)
+        if young.any():
+            unusual = self._learn(interval, start, length, run, before, young)
+        bucket = bucket_of(interval)
+        dense = bucket - np.repeat(columns.first_bucket[run], length)
+        outside = dense.view(np.uint64) >= DENSE_BUCKETS
+        if len(unusual):
+            outside |= unusual
+        if not outside.any():
+            np.add.at(columns.dense.ravel(), stream * DENSE_BUCKETS + dense, 1)
+            return
+        inside = ~outside
+        np.add.at(columns.dense.ravel(), stream[inside] * DENSE_BUCKETS + dense[inside], 1)
+        place = np.flatnonzero(outside)
+        row = place if kept is None else kept[place]
+        key = (bucket[place] + _BUCKET_OFFSET) << 2
+        key |= (own[row] == Step.GAP) * LOSS_OF_STREAM | (node[row] == Step.GAP) * LOSS_OF_NODE
+        order = np.argsort(rows.packet[row], kind="stable")  # as they happened, so that new keys come in that order
+        row, key, place = row[order], key[order], place[order]
+        self.unusual.record(
+            stream[place].astype(np.uint64), key.astype(np.uint64), rows.time_ns[row], rows.packet[row] + first_frame
+        )
+
+    def _learn(self, interval: I64, start: I64, length: I64, run: I64, before: I64, young: Bool) -> Bool:
+        """Take the first intervals of young streams, place their dense buckets, and return which rows these are."""
+        columns = self.columns
+        learned = np.zeros(len(interval), np.bool_)
+        for place in np.flatnonzero(young).tolist():
+            number, known, first = int(run[place]), int(before[place]), int(start[place])
+            taken = min(LEARNED_INTERVALS - known, int(length[place]))
+            columns.learned[number, known : known + taken] = interval[first : first + taken]
+            learned[first : first + taken] = True
+            if known + taken == LEARNED_INTERVALS:
+                median = np.sort(columns.learned[number])[LEARNED_INTERVALS // 2 : LEARNED_INTERVALS // 2 + 1]
+                columns.first_bucket[number] = bucket_of(np.maximum(median, 1))[0] - _OCTAVE
+        return learned
+
+    def histograms(self) -> Histograms:
+        """Return the histograms of all streams, as they are now."""
+        return Histograms(self)
+
+    def mean_ns(self, stream: int) -> int | None:
+        """Return the mean interval, rounded half to even; None without intervals."""
+        count = int(self.columns.count[stream])
+        return _divided(int(self.columns.total_ns[stream]), count) if count > 0 else None
+
+    def deviation_ns(self, stream: int) -> int | None:
+        """Return the standard deviation of all intervals (of the population), rounded half to even."""
+        columns = self.columns
+        count = int(columns.count[stream])
+        if count <= 0:
+            return None
+        low, middle, high = columns.squares[stream].tolist()
+        squares = low + (middle << _LIMB_BITS) + (high << (2 * _LIMB_BITS)) + self.large_squares.get(stream, 0)
+        # variance · count² = count · Σx² − (Σx)²; the root of a rational is rounded by comparing squares.
+        scaled = count * squares - int(columns.total_ns[stream]) ** 2
+        root = isqrt(scaled // (count * count))
+        twice = (2 * root + 1) * count
+        if 4 * scaled > twice * twice or (4 * scaled == twice * twice and root % 2):
+            root += 1
+        return root
+
+    def copy(self) -> Timing:
+        """Return an independent copy."""
+        twin = Timing()
+        twin.columns, twin.unusual = self.columns.copy(), self.unusual.copy()
+        twin.large_squares = dict(self.large_squares)
+        return twin
+
+
+class Histograms:
+    """A look at the histograms of a ``Timing``, with the unusual intervals found by stream."""
+
+    def __init__(self, timing: Timing) -> None:
+        self._columns = timing.columns
+        self._rows = timing.unusual.rows
+        stream = timing.unusual.keys.high.astype(np.int64)
+        self._order = np.argsort(stream, kind="stable")
+        self._stream = stream[self._order]
+        self._key = timing.unusual.keys.low.astype(np.int64)[self._order]
+
+    def unusual(self, stream: int) -> tuple[I64, I64, I64]:
+        """Return the unusual intervals of a stream: bucket, loss bits, and their rows in ``Timing.unusual``."""
+        begin, end = np.searchsorted(self._stream, (stream, stream + 1))
+        key = self._key[begin:end]
+        return (key >> 2) - _BUCKET_OFFSET, key & 3, self._order[begin:end]
+
+    def of(self, stream: int) -> Histogram:
+        """Return the histogram of one stream."""
+        dense = self._columns.dense[stream]
+        inside = np.flatnonzero(dense)
+        bucket, _, row = self.unusual(stream)
+        everything = np.concatenate([inside + self._columns.first_bucket[stream], bucket])
+        count = np.concatenate([dense[inside], self._rows.count[row]])
+        unique, place = np.unique(everything, return_inverse=True)
+        merged = np.zeros(len(unique), np.int64)
+        np.add.at(merged, place, count)
+        extremes = int(self._columns.least_ns[stream]), int(self._columns.most_ns[stream])
+        return Histogram(unique, merged, *extremes)
+
+
+@dataclass(frozen=True, slots=True)
+class Histogram:
+    """Counted intervals of one stream by bucket, rising; and the exact extremes."""
+
+    bucket: I64
+    count: I64
+    least_ns: int
+    most_ns: int
+
+    def percentile_ns(self, percent: int) -> int | None:
+        """Return the middle of the bucket of the nearest-rank percentile, within the extremes; None if empty."""
+        total = int(self.count.sum())
+        if not total:
+            return None
+        rank = max(-(-percent * total // 100), 1)
+        place = int(np.searchsorted(np.cumsum(self.count), rank))
+        low, high = bucket_bounds(self.bucket[place : place + 1])
+        return min(max((int(low[0]) + int(high[0])) // 2, self.least_ns), self.most_ns)
+
+
+def bucket_of(interval: I64) -> I64:
+    """Return the bucket of each interval; 0 and negative ones have the buckets from -1 down."""
+    bucket = (interval.astype(np.float64).view(np.int64) >> _SHIFT) - _BIAS
+    odd = np.flatnonzero(interval <= 0)
+    if len(odd):
+        size = np.maximum(-interval[odd], 1).astype(np.float64)
+        bucket[odd] = np.where(interval[odd] == 0, -1, -2 - ((size.view(np.int64) >> _SHIFT) - _BIAS))
+    return bucket
+
+
+def bucket_bounds(bucket: I64) -> tuple[I64, I64]:
+    """Return the least and the most interval, in ns, that each bucket holds."""
+    number = np.where(bucket >= 0, bucket, np.maximum(-2 - bucket, 0))
+    edge = ((number + _BIAS) << _SHIFT).view(np.float64)
+    next_edge = ((number + 1 + _BIAS) << _SHIFT).view(np.float64)
+    low = np.ceil(edge).astype(np.int64)
+    high = np.ceil(next_edge).astype(np.int64) - 1
+    zero, negative = bucket == -1, bucket < -1
+    return (
+        np.where(zero, 0, np.where(negative, -high, low)),
+        np.where(zero, 0, np.where(negative, -low, high)),
+    )
+
+
+def _divided(numerator: int, denominator: int) -> int:
+    """Divide integers, rounding half to even."""
+    quotient, rest = divmod(numerator, denominator)
+    return quotient + (2 * rest > denominator or (2 * rest == denominator and quotient % 2))

@@ -1,0 +1,122 @@
+"""Quantities as people read them: durations, times, counts, bytes, shares. Integer arithmetic, no locale.
+
+Halves are rounded to even. A regular space separates thousands; ``view.table.wrap`` keeps such a number on one line.
+"""
+
+from __future__ import annotations
+
+import time
+
+_MS_NS = 1_000_000
+_S_NS = 1_000_000_000
+_SMALL_UNITS = ((1_000, "µs"), (_MS_NS, "ms"), (_S_NS, "s"))
+_PAIRED_UNITS = ((1, "min", "s", 60, 60), (60, "h", "min", 60, 24), (3_600, "d", "h", 24, None))
+
+
+def count(number: int) -> str:
+    """Return ``1 234 567`` for 1234567."""
+    return f"{number:,}".replace(",", " ")
+
+
+def count_of(number: int, noun: str, plural: str = "") -> str:
+    """Return ``1 frame`` or ``1 234 frames``; ``plural`` where the noun does not simply take an s."""
+    return f"{count(number)} {noun if number == 1 else plural or noun + 's'}"
+
+
+def data_size(size_bytes: int) -> str:
+    """Return ``512 B``, ``1.2 kB``, ``177.3 MB``: decimal multiples."""
+    if size_bytes < 1_000:
+        return f"{size_bytes} B"
+    divisor = 1_000
+    for unit in ("kB", "MB", "GB"):
+        tenths = divide(size_bytes * 10, divisor)
+        if tenths < 10_000:
+            return f"{_with_tenth(tenths)} {unit}"
+        divisor *= 1_000
+    return f"{_with_tenth(divide(size_bytes * 10, divisor))} TB"
+
+
+def percent(numerator: int, denominator: int) -> str:
+    """Return the share as ``0.3 %``, ``12 %``; from 10 % on without a decimal, and ``<0.1 %`` for little but not none.
+
+    A denominator of zero or less has no share: ``-``.
+    """
+    if denominator <= 0:
+        return "-"
+    permille = divide(numerator * 1_000, denominator)
+    if permille == 0 and numerator > 0:
+        return "<0.1 %"
+    if abs(permille) < 100:
+        return f"{_with_tenth(permille)} %"
+    return f"{count(divide(numerator * 100, denominator))} %"
+
+
+def duration(duration_ns: int) -> str:
+    """Return ``850 ns``, ``12.3 ms``, ``1.0 s``, ``2 min 03 s``, ``5 h 07 min`` or ``3 d 04 h``."""
+    if duration_ns < 0:
+        return f"-{duration(-duration_ns)}"
+    if duration_ns < 1_000:
+        return f"{duration_ns} ns"
+    for unit_ns, unit in _SMALL_UNITS:
+        tenths = divide(duration_ns * 10, unit_ns)
+        if tenths < (600 if unit == "s" else 10_000):
+            return f"{_with_tenth(tenths)} {unit}"
+    for part_s, unit, part, per_unit, limit in _PAIRED_UNITS:
+        whole, rest = divmod(divide(duration_ns, part_s * _S_NS), per_unit)
+        if limit is None or whole < limit:
+            return f"{count(whole)} {unit} {rest:02} {part}"
+    raise AssertionError("days have no limit")
+
+
+def iec_time(duration_ns: int) -> str:
+    """Return an IEC 61131-3 TIME literal such as ``T#1m2s345ms``, whole milliseconds, the rest cut off."""
+    sign = "-" if duration_ns < 0 else ""
+    rest_ms = abs(duration_ns) // _MS_NS
+    parts: list[str] = []
+    for unit_ms, unit in ((86_400_000, "d"), (3_600_000, "h"), (60_000, "m"), (1_000, "s"), (1, "ms")):
+        number, rest_ms = divmod(rest_ms, unit_ms)
+        if number:
+            parts.append(f"{number}{unit}")
+    return f"T#{sign}{''.join(parts)}" if parts else "T#0ms"
+
+
+def clock_time(time_ns: int, *, utc: bool, digits: int = 3) -> str:
+    """Return the time of day of an absolute time: ``14:03:07.123``; ``digits`` of the second, 0 to 9, are cut off."""
+    part = _calendar(time_ns, utc)
+    fraction = f".{time_ns % _S_NS:09}"[: digits + 1] if digits else ""
+    return f"{part.tm_hour:02}:{part.tm_min:02}:{part.tm_sec:02}{fraction}"
+
+
+def date(time_ns: int, *, utc: bool) -> str:
+    """Return the day of an absolute time: ``2024-05-02``."""
+    part = _calendar(time_ns, utc)
+    return f"{part.tm_year:04}-{part.tm_mon:02}-{part.tm_mday:02}"
+
+
+def zone(time_ns: int, *, utc: bool) -> str:
+    """Return what local time differs from UTC at an absolute time: ``+02:00``, or ``Z`` where UTC is shown."""
+    if utc:
+        return "Z"
+    minutes = _calendar(time_ns, utc).tm_gmtoff // 60
+    return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02}:{abs(minutes) % 60:02}"
+
+
+def absolute_time(time_ns: int, *, utc: bool, digits: int = 3) -> str:
+    """Return date and time of day: ``2024-05-02 14:03:07.123``."""
+    return f"{date(time_ns, utc=utc)} {clock_time(time_ns, utc=utc, digits=digits)}"
+
+
+def divide(numerator: int, denominator: int) -> int:
+    """Return the quotient rounded to the nearest integer, halves to even; the denominator is positive."""
+    quotient, rest = divmod(numerator, denominator)
+    return quotient + (2 * rest > denominator or (2 * rest == denominator and quotient % 2 == 1))
+
+
+def _with_tenth(tenths: int) -> str:
+    sign = "-" if tenths < 0 else ""
+    return f"{sign}{count(abs(tenths) // 10)}.{abs(tenths) % 10}"
+
+
+def _calendar(time_ns: int, utc: bool) -> time.struct_time:
+    seconds = time_ns // _S_NS
+    return time.gmtime(seconds) if utc else time.localtime(seconds)

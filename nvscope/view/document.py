@@ -1,0 +1,119 @@
+"""The report as data: schema ``nvscope.report/1``, which every face shows and ``--json`` prints.
+
+Absolute times are decimal strings of nanoseconds, since JavaScript cannot hold them as numbers; durations are integers;
+what is absent is None. The same state gives the same document.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+from nvscope.capture.source import SourceInfo
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.findings.finding import Finding
+from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import Diagnosis, Intervals, ListSummary, StreamSummary, Summary
+
+SCHEMA = "nvscope.report/1"
+
+
+def report_document(
+    state: TrackerState, summary: Summary, findings: Sequence[Finding], sources: Sequence[SourceInfo]
+) -> dict[str, Any]:
+    """Return the document of a state, what was summarized and judged from it, and where it was read from."""
+    keys = {entry.number: entry.key for entry in summary.lists}
+    return {
+        "schema": SCHEMA,
+        "tool": {"name": "nvscope", "version": version("nvscope")},
+        "capture": {
+            "sources": [
+                {"path": info.path, "format": info.format, "bytes": info.bytes, "frames": info.frames}
+                for info in sources
+            ],
+            "frames": state.frames,
+            "telegrams": state.telegrams,
+            "other_frames": state.frames - state.telegrams,
+            "drops": sum(info.drops for info in sources),
+            "start_ns": _time(state.start_ns),
+            "end_ns": _time(state.end_ns),
+        },
+        "lists": [_list(entry, summary) for entry in summary.lists],
+        "findings": [_finding(finding, keys, summary) for finding in findings],
+    }
+
+
+def _time(time_ns: int | None) -> str | None:
+    return None if time_ns is None else str(time_ns)
+
+
+def _list(entry: ListSummary, summary: Summary) -> dict[str, Any]:
+    address = summary.addresses
+    return {
+        "key": entry.key,
+        "transport": "udp",
+        "port": entry.port,
+        "id": entry.index,
+        "name": None,
+        "senders": [address[node] for node in entry.senders],
+        "readers": [address[node] for node in entry.readers],
+        "diag": _diagnosis(entry.diagnosis),
+        "counters": {counter.name: entry.counters[counter.name] for counter in LIST_COUNTERS},
+        "nodes": [
+            {"address": address[node], "name": None, "diag": _diagnosis(diagnosis)} for node, diagnosis in entry.nodes
+        ],
+        "streams": [_stream(stream, summary) for stream in entry.streams],
+    }
+
+
+def _diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
+    values = {component.name: getattr(diagnosis, component.name) for component in DIAGNOSIS}
+    return values | {c.name: _time(values[c.name]) for c in DIAGNOSIS if c.unit == "ns"}
+
+
+def _stream(stream: StreamSummary, summary: Summary) -> dict[str, Any]:
+    return {
+        "node": summary.addresses[stream.node],
+        "subindex": stream.subindex,
+        "telegrams": stream.telegrams,
+        "counter_scope": stream.counter_scope,
+        **{name: stream.figures[name] for name in STREAM_FIGURES},
+        "interval_ns": _intervals(stream.intervals),
+        "items": stream.items,
+        "length": stream.length,
+        "checksum": stream.checksum,
+    }
+
+
+def _intervals(intervals: Intervals) -> dict[str, int | None]:
+    return {
+        "count": intervals.count,
+        "min": intervals.minimum,
+        "mean": intervals.mean,
+        "max": intervals.maximum,
+        "stddev": intervals.deviation,
+        "p50": intervals.p50,
+        "p95": intervals.p95,
+        "p99": intervals.p99,
+        "nominal": intervals.nominal,
+    }
+
+
+def _finding(finding: Finding, keys: dict[int, str], summary: Summary) -> dict[str, Any]:
+    kind = CATALOGUE[finding.code]
+    return {
+        "code": finding.code,
+        "name": kind.name,
+        "severity": kind.severity.word,
+        "list": None if finding.list_number is None else keys[finding.list_number],
+        "node": None if finding.node is None else summary.addresses[finding.node],
+        "subindex": finding.subindex,
+        "count": finding.count,
+        "first_ns": _time(finding.first_ns),
+        "last_ns": _time(finding.last_ns),
+        "frames": list(finding.frames),
+        "message": finding.message,
+        "hint": kind.next_steps[0],
+    }

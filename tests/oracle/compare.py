@@ -1,0 +1,131 @@
+"""What differs between a reference report and a report of the product, as readable lines.
+
+Everything that is counted must match exactly. Percentiles come from a histogram in the product and may be a little
+off; what follows from them is compared where it does not hang on that little.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .reference import SEVERITIES
+
+PERCENTILES = ("p50", "p95", "p99", "nominal")
+PERCENTILE_ERROR = 0.02
+
+IGNORED = {"tool", "schema", "sources", "name", "message", "hint"}
+
+LOOSE: dict[str, tuple[str, ...]] = {
+    "NV205": ("first_ns", "last_ns", "frames"),
+    "NV206": ("first_ns", "last_ns", "frames"),
+    "NV504": ("first_ns", "last_ns", "frames"),
+}
+"""Parts of a finding that the rules leave open: an absence has no telegram of its own."""
+
+Key = tuple[Any, ...]
+
+
+def differences(expected: dict[str, Any], actual: dict[str, Any]) -> list[str]:
+    """Return a line for every value of the reference report that the actual one lacks or has otherwise.
+
+    The actual report may have findings with codes that the reference does not know; any other surplus is a line.
+    """
+    found = compare_values("capture", expected["capture"], actual.get("capture"))
+    found += compare_rows("lists", expected["lists"], actual.get("lists"), ("key",))
+    found += compare_findings(expected, actual)
+    return found
+
+
+def compare_values(path: str, expected: Any, actual: Any) -> list[str]:
+    if isinstance(expected, dict) and isinstance(actual, dict):
+        if path.endswith(".interval_ns"):
+            return compare_intervals(path, expected, actual)
+        found = []
+        for key in {**expected, **actual}:
+            if key in IGNORED or key.startswith("_"):
+                continue
+            where = f"{path}.{key}"
+            if key not in actual:
+                found.append(f"{where}: missing")
+            elif key not in expected:
+                found.append(f"{where}: surplus")
+            elif key == "streams":
+                found += compare_rows(where, expected[key], actual[key], ("node", "subindex"))
+            elif key == "nodes":
+                found += compare_rows(where, expected[key], actual[key], ("address",))
+            else:
+                found += compare_values(where, expected[key], actual[key])
+        return found
+    if type(expected) is not type(actual) or expected != actual:
+        return [f"{path}: expected {expected!r}, got {actual!r}"]
+    return []
+
+
+def compare_rows(path: str, expected: Any, actual: Any, names: tuple[str, ...]) -> list[str]:
+    """Compare two lists of dicts that are identified by the values of ``names``, their order included."""
+    if not isinstance(actual, list):
+        return [f"{path}: expected a list, got {actual!r}"]
+    rows = {tuple(row[name] for name in names): row for row in expected}
+    others = {tuple(row.get(name) for name in names): row for row in actual}
+    found = [f"{path}[{shown(key)}]: missing" for key in rows if key not in others]
+    found += [f"{path}[{shown(key)}]: surplus" for key in others if key not in rows]
+    if len(others) != len(actual):
+        found.append(f"{path}: a row occurs twice")
+    common = [key for key in rows if key in others]
+    if common != [key for key in others if key in rows]:
+        found.append(f"{path}: order is {[shown(key) for key in others]}, expected {[shown(key) for key in rows]}")
+    for key in common:
+        found += compare_values(f"{path}[{shown(key)}]", rows[key], others[key])
+    return found
+
+
+def shown(key: Key) -> str:
+    return " ".join("-" if part is None else str(part) for part in key)
+
+
+def compare_intervals(path: str, expected: dict[str, Any], actual: dict[str, Any]) -> list[str]:
+    found = []
+    for name, value in expected.items():
+        if name.startswith("_"):
+            continue
+        where = f"{path}.{name}"
+        if name not in actual:
+            found.append(f"{where}: missing")
+        elif name not in PERCENTILES or value is None or actual[name] is None:
+            if name == "nominal" and expected["_nominal_uncertain"]:
+                continue
+            found += compare_values(where, value, actual[name])
+        elif not close(value, actual[name]):
+            found.append(f"{where}: expected about {value}, got {actual[name]}")
+    found += [f"{path}.{name}: surplus" for name in actual if name not in expected]
+    return found
+
+
+def close(expected: int, actual: Any) -> bool:
+    if not isinstance(actual, int):
+        return False
+    return abs(expected - actual) <= max(1, abs(expected) * PERCENTILE_ERROR)
+
+
+def finding_key(finding: dict[str, Any]) -> Key:
+    return finding["code"], finding["list"], finding["node"], finding["subindex"]
+
+
+def compare_findings(expected: dict[str, Any], actual: dict[str, Any]) -> list[str]:
+    """Compare the findings whose codes the reference knows."""
+    uncertain = {tuple(key) for key in expected["_uncertain"]}
+
+    def certain(findings: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        known = []
+        for finding in findings:
+            if finding["code"] in SEVERITIES and finding_key(finding) not in uncertain:
+                loose = LOOSE.get(finding["code"], ())
+                known.append({name: value for name, value in finding.items() if name not in loose})
+        return known
+
+    return compare_rows(
+        "findings",
+        certain(expected["findings"]),
+        certain(actual.get("findings", [])),
+        ("code", "list", "node", "subindex"),
+    )

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import pytest
+
+from nvscope.errors import ExitCode, UsageError
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.report import explain
+from nvscope.view.table import display_width
+
+
+@pytest.mark.parametrize("code", ["NV206", "NV301", "NV905"])
+def test_golden(code: str, golden: Callable[[str, str], None]) -> None:
+    golden(f"explain-{code}.txt", explain.render(code))
+
+
+def test_golden_of_the_overview(golden: Callable[[str, str], None]) -> None:
+    golden("explain.txt", explain.overview())
+
+
+@pytest.mark.parametrize("code", CATALOGUE)
+def test_everything_of_the_catalogue_is_told_within_the_width(code: str) -> None:
+    kind = CATALOGUE[code]
+    for width in (40, 80, 200):
+        shown = explain.render(code, width=width)
+        assert max(display_width(line) for line in shown.splitlines()) <= width
+        told = " ".join(shown.split())
+        for text in (kind.code, kind.name, kind.severity.word, kind.meaning, *kind.causes, *kind.next_steps):
+            assert text in told
+        assert re.sub(r"\x1b\[[0-9;]+m", "", explain.render(code, width=width, colour=True)) == shown
+
+
+@pytest.mark.parametrize("code", ["NV301", "nv301", "301", " Nv301 ", "no-acknowledgement", "No-Acknowledgement"])
+def test_a_code_may_be_written_in_many_ways(code: str) -> None:
+    assert explain.render(code) == explain.render("NV301")
+
+
+@pytest.mark.parametrize(
+    ("code", "nearest"),
+    [("NV310", "NV301"), ("no-acknowledgment", "NV301"), ("ack", "NV302"), ("jiter", "NV502"), ("NV999", "NV90")],
+)
+def test_an_unknown_code_is_answered_with_the_nearest(code: str, nearest: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        explain.render(code)
+    assert caught.value.exit_code == ExitCode.USAGE
+    assert nearest in caught.value.next_step
+    assert code in caught.value.what
+
+
+def test_a_hostile_code_does_not_reach_the_terminal_raw() -> None:
+    with pytest.raises(UsageError) as caught:
+        explain.render("\x1b[2J\u202e")
+    assert str(caught.value).replace("\n", "").isprintable()
+
+
+def test_every_kind_is_in_the_overview() -> None:
+    rows = [line.split() for line in explain.overview(width=60).splitlines()[1:]]
+    assert [(code, name) for _, _, code, name in rows] == [(kind.code, kind.name) for kind in CATALOGUE.values()]

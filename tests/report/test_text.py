@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nvscope.report import text
+from nvscope.view.table import display_width
+
+from .examples import CLEAN, EXAMPLES, HOSTILE, MS, TROUBLED, at, diag, interval, report, stream, udp_list
+
+GOLDEN = [
+    ("clean", 80, False),
+    ("clean", 100, True),
+    ("troubled", 80, False),
+    ("troubled", 120, False),
+    ("troubled", 120, True),
+    ("no-telegrams", 80, False),
+    ("no-frames", 80, False),
+    ("only-parameters", 80, False),
+    ("hostile", 80, True),
+]
+
+
+@pytest.mark.parametrize(("example", "width", "details"), GOLDEN)
+def test_golden(example: str, width: int, details: bool, golden: Callable[[str, str], None]) -> None:
+    shown = text.render(EXAMPLES[example], width=width, utc=True, details=details)
+    golden(f"{example}.{width}{'.details' if details else ''}.txt", shown)
+
+
+@pytest.mark.parametrize("details", [False, True])
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_no_line_is_wider_than_the_terminal(example: str, details: bool) -> None:
+    for width in range(40, 200):
+        shown = text.render(EXAMPLES[example], width=width, utc=True, details=details)
+        assert max(display_width(line) for line in shown.splitlines()) <= width
+        assert all(line == line.rstrip() for line in shown.splitlines())
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_colour_changes_no_character(example: str) -> None:
+    for width in (40, 80, 120):
+        plain = text.render(EXAMPLES[example], width=width, utc=True, details=True)
+        coloured = text.render(EXAMPLES[example], colour=True, width=width, utc=True, details=True)
+        assert re.sub(r"\x1b\[[0-9;]+m", "", coloured) == plain
+        assert "\x1b[" in coloured
+
+
+def test_colour_is_not_needed_to_tell_what_is_bad() -> None:
+    shown = text.render(TROUBLED, utc=True)
+    rows = [line.split()[:3] for line in shown.splitlines() if "udp/1" in line[:22]]
+    assert [row[1] for row in rows[:4]] == ["error", "warning", "ok", "note"]
+
+
+OWN_WORDS = {"severity", "list", "start_ns", "end_ns", "first_ns", "last_ns", "tLastSend", "tLastReceive", "tLastError"}
+
+
+def poisoned(value: Any, poison: str, key: str = "") -> Any:
+    """Return a copy of a report with every text replaced that comes from outside, or might."""
+    if isinstance(value, dict):
+        return {name: poisoned(item, poison, name) for name, item in value.items()}
+    if isinstance(value, list):
+        return [poisoned(item, poison, key) for item in value]
+    return poison if isinstance(value, str) and key not in OWN_WORDS else value
+
+
+@given(st.text(st.characters(), max_size=40), st.sampled_from([TROUBLED, HOSTILE]), st.integers(40, 130))
+def test_whatever_the_texts_hold_the_terminal_gets_printable_lines(poison: str, report: Any, width: int) -> None:
+    shown = text.render(poisoned(report, poison), width=width, utc=True, details=True)
+    assert shown.endswith("\n")
+    assert all(line.isprintable() for line in shown.split("\n"))
+    assert max(display_width(line) for line in shown.split("\n")) <= width
+
+
+def test_nothing_heavy_is_needed_to_show_a_report() -> None:
+    program = "import sys, nvscope.report.text; print({'rich', 'numpy', 'scapy'} & sys.modules.keys())"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout == b"set()\n"
+
+
+def test_rendering_leaves_the_report_alone() -> None:
+    before = repr(HOSTILE)
+    text.render(HOSTILE, details=True)
+    assert repr(HOSTILE) == before
+
+
+def test_every_finding_is_shown_in_the_order_given_with_its_sentences() -> None:
+    shown = " ".join(text.render(TROUBLED, width=100, utc=True).split())
+    places = [shown.index(f"{finding['code']} {finding['name']}") for finding in TROUBLED["findings"]]
+    assert places == sorted(places)
+    for finding in TROUBLED["findings"]:
+        assert finding["message"] in shown
+        assert f"Next: {finding['hint']}" in shown
+        for frame in finding["frames"]:
+            assert str(frame) in shown
+
+
+@pytest.mark.parametrize(
+    ("example", "first_line"),
+    [
+        ("clean", "● 2 lists, all ok"),
+        ("troubled", "● 4 lists: 1 with errors, 1 with warnings, 1 with notes, 1 ok; 1 warning beside the lists"),
+        ("no-telegrams", "● None of 412 frames is a telegram of network variables"),
+        ("no-frames", "● The capture holds no frames"),
+        ("only-parameters", "● No list: no telegram belongs to a network variables list"),
+        ("hostile", "● 1 list, with errors"),
+    ],
+)
+def test_the_first_line_is_the_verdict(example: str, first_line: str) -> None:
+    assert text.render(EXAMPLES[example], width=100).splitlines()[0] == first_line
+
+
+def test_times_are_local_unless_utc_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "Europe/Berlin")
+    time.tzset()
+    try:
+        assert "from 2024-05-02 14:03:07.123 to 14:05:07.123 +02:00" in text.render(CLEAN)
+        assert "from 2024-05-02 12:03:07.123 to 12:05:07.123 Z" in text.render(CLEAN, utc=True)
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+
+
+def lines_of(row: dict[str, Any], width: int = 100) -> list[str]:
+    capture = {"frames": 9, "telegrams": 9, "start_ns": at(0), "end_ns": at(0)}
+    return text.render(report(capture, [row], []), width=width, utc=True, details=True).splitlines()
+
+
+def test_counters_are_shown_at_full_width_with_what_the_controller_shows() -> None:
+    row = udp_list(1202, 1, diag=diag(nSendCount=2**32 + 5, nErrorCount=65_535, nAcknowledges=65_536))
+    lines = lines_of(row)
+    wrapped = lines.index("nSendCount     4 294 967 301")
+    assert lines[wrapped + 1] == "  as UDINT                 5"
+    errors = lines.index("nErrorCount           65 535")
+    assert lines[errors + 1] == "nAcknowledges         65 536"
+    assert lines[errors + 2] == "  as UINT                  0"
+
+
+def test_the_interval_of_a_list_with_different_streams_is_a_range() -> None:
+    def cyclic(nominal_ns: int, p99_ns: int) -> dict[str, Any]:
+        return interval(9, 1, 1, 1, 1, nominal_ns, nominal_ns, p99_ns, nominal=nominal_ns)
+
+    near = [stream("10.0.0.1", sub, 10, cyclic(50 * MS + sub, 51 * MS)) for sub in (0, 1)]
+    far = [stream("10.0.0.1", 2, 10, cyclic(100 * MS, 150 * MS))]
+    assert "  50.0 ms" in lines_of(udp_list(1, 1, streams=near, senders=["10.0.0.1"]))[6]
+    apart = lines_of(udp_list(1, 1, streams=near + far, senders=["10.0.0.1"]))[6]
+    assert "  50.0 ms … 100.0 ms" in apart
+    assert "  50 %" in apart
