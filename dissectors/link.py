@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, U64, Bool, LinkType, PacketBatch
-from dissectors.layout import Field, Layout
+from dissectors.layout import Field, Layout, take_rows
 
 ETHERNET = Layout(
     "eth",
@@ -114,7 +114,7 @@ GROUP_UNKNOWN = 2
 
 @dataclass(frozen=True, slots=True)
 class DatagramBatch:
-    """UDP datagrams of a packet batch, in its order.
+    """UDP datagrams of a packet batch, in its order; also those that hold telegrams only (``dissectors.netvar``).
 
     ``row`` is the row of the packet; ``payload`` the absolute offset of the UDP payload in the batch's buffer, int64.
     ``payload_bytes`` is the length that the UDP header tells, ``captured_bytes`` how much of it was captured.
@@ -197,27 +197,33 @@ class _Transport:
         )  # fmt: skip
 
 
-def peel(batch: PacketBatch) -> Peeled:
-    """Find the UDP datagrams of a packet batch, and those that its ICMP messages quote.
+def peel(batch: PacketBatch, rows: I64 | None = None) -> Peeled:
+    """Find the UDP datagrams of a packet batch, or of some of its rows (rising), and those that ICMP messages quote.
 
     Total: no bytes raise. A datagram whose header was not captured whole, or contradicts itself, is left out.
     """
-    link = batch.single_link
-    links = [link] if link is not None else sorted({int(value) for value in np.unique(batch.link)})
+    everything = np.arange(len(batch)) if rows is None else rows
+    kinds = batch.link[everything]
+    links = np.unique(kinds).tolist() if batch.single_link is None else [batch.single_link] * (len(everything) > 0)
     udp: list[DatagramBatch] = []
     quoted: list[DatagramBatch] = []
     fragments = 0
     unsupported: Bool | None = None
     for link in links:
-        rows = np.arange(len(batch)) if len(links) == 1 else np.flatnonzero(batch.link == link)
-        for is_ipv4, network in _network_layers(batch, link, rows):
+        mine = everything if len(links) == 1 else everything[kinds == link]
+        for is_ipv4, network in _network_layers(batch, link, mine):
             transport, fragment_count = (_ipv4 if is_ipv4 else _ipv6)(batch.data, network)
             fragments += fragment_count
             _peel_transport(batch.data, transport, udp, quoted)
         if link not in _LINK_READERS:
             unsupported = np.zeros(len(batch), np.bool_) if unsupported is None else unsupported
-            unsupported[rows] = True
-    return Peeled(DatagramBatch.joined(udp or [_NONE]), DatagramBatch.joined(quoted or [_NONE]), fragments, unsupported)
+            unsupported[mine] = True
+    return Peeled(
+        DatagramBatch.joined(udp or [NO_DATAGRAMS]),
+        DatagramBatch.joined(quoted or [NO_DATAGRAMS]),
+        fragments,
+        unsupported,
+    )
 
 
 def _network_layers(batch: PacketBatch, link: int, rows: I64) -> list[tuple[bool, _Network]]:
@@ -225,8 +231,9 @@ def _network_layers(batch: PacketBatch, link: int, rows: I64) -> list[tuple[bool
     reader = _LINK_READERS.get(link)
     if reader is None or not len(rows):
         return []
-    at = batch.offset[rows] if len(rows) != len(batch) else batch.offset
-    captured = batch.captured[rows] if len(rows) != len(batch) else batch.captured
+    at, captured = batch.offset, batch.captured
+    if len(rows) != len(batch):
+        at, captured = at[rows], captured[rows]
     return reader(batch.data, _Network(rows, at, at + captured, np.empty(0, np.uint8)))
 
 
@@ -326,7 +333,8 @@ def _ipv4(data: U8, network: _Network) -> tuple[_Transport, int]:
     good &= ~fragment
     good &= (total >= header_bytes) | (total == 0)
     if not good.all():
-        network, header_bytes, total, head = network.take(good), header_bytes[good], total[good], head[good]
+        head = take_rows(head, good)
+        network, header_bytes, total = network.take(good), header_bytes[good], total[good]
     end = np.minimum(network.end, np.where(total == 0, network.end, network.at + total))
     inside = _Network(network.row, network.at + header_bytes, end, network.group)
     zero = np.broadcast_to(np.uint64(0), (len(head),))
@@ -340,7 +348,7 @@ def _ipv6(data: U8, network: _Network) -> tuple[_Transport, int]:
     head = IPV6.gather(data, network.at)
     version_good = (head["version"] >> 4) == 6
     if not version_good.all():
-        network, head = network.take(version_good), head[version_good]
+        network, head = network.take(version_good), take_rows(head, version_good)
     length = head["payload_length"].astype(np.int64)
     at = network.at + IPV6.size_bytes
     end = np.minimum(network.end, np.where(length == 0, network.end, at + length))
@@ -395,7 +403,7 @@ def _udp(data: U8, ip: _Transport) -> DatagramBatch:
     length = head["length"].astype(np.int64)
     whole = length >= UDP.size_bytes
     if not whole.all():
-        ip, head, length = ip.take(whole), head[whole], length[whole]
+        ip, head, length = ip.take(whole), take_rows(head, whole), length[whole]
     payload = ip.network.at + UDP.size_bytes
     payload_bytes = length - UDP.size_bytes
     captured_bytes = np.minimum(ip.network.end - payload, payload_bytes)
@@ -408,12 +416,23 @@ def _udp(data: U8, ip: _Transport) -> DatagramBatch:
 
 def _broadcast(ip: _Transport) -> Bool:
     """Tell which datagrams went to everybody (by the link layer's word or by the address)."""
+    if ip.is_ipv4:
+        return broadcast_ipv4(ip.network.group, ip.destination_lo)
     told: Bool = ip.network.group == 1
-    if not ip.is_ipv4:
-        told |= (ip.destination_hi >> np.uint64(56)) == 0xFF
-    elif not told.all():
-        address = ip.destination_lo.astype(np.uint32)
-        told |= (ip.network.group == GROUP_UNKNOWN) & ((address & np.uint32(0xFF)) == 0xFF)
+    told |= (ip.destination_hi >> np.uint64(56)) == 0xFF
+    return told
+
+
+def broadcast_ipv4(group: U8, destination: U64) -> Bool:
+    """Tell which IPv4 datagrams went to everybody.
+
+    ``group`` is 1 where the link layer says so, and ``GROUP_UNKNOWN`` where there is none to ask; ``destination`` holds
+    addresses in its lower 32 bits.
+    """
+    told: Bool = group == 1
+    if not told.all():
+        address = destination.astype(np.uint32)
+        told |= (group == GROUP_UNKNOWN) & ((address & np.uint32(0xFF)) == 0xFF)
         told |= (address == 0xFFFFFFFF) | ((address >> np.uint32(28)) == 0xE)
     return told
 
@@ -425,4 +444,4 @@ def _none() -> DatagramBatch:
     return DatagramBatch(**{c.name: np.empty(0, types.get(c.name, np.uint64)) for c in fields(DatagramBatch)})
 
 
-_NONE = _none()
+NO_DATAGRAMS = _none()

@@ -18,9 +18,21 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from dissectors.batch import I64, U8, U32, Bool, PacketBatch
-from dissectors.layout import Bit, Field, Layout
-from dissectors.link import DatagramBatch, Peeled, peel
+from dissectors.batch import I64, U8, U32, Bool, LinkType, PacketBatch
+from dissectors.layout import Bit, Field, Layout, gather_bytes, take_rows
+from dissectors.link import (
+    ETHERNET,
+    IPV4,
+    MAPPED_IPV4,
+    NO_DATAGRAMS,
+    PROTOCOL_UDP,
+    TYPE_IPV4,
+    UDP,
+    DatagramBatch,
+    Peeled,
+    broadcast_ipv4,
+    peel,
+)
 
 PORT = 1202
 IDENTITY = 0x33532D00  # b"\x00-S3" read as a little-endian number
@@ -115,7 +127,8 @@ class TelegramBatch:
 
     def take(self, rows: I64 | Bool) -> TelegramBatch:
         """Return the telegrams at the given positions or where the mask is set."""
-        return TelegramBatch(self.data, self.datagram.take(rows), self.ts_ns[rows], self.header[rows], self.fault[rows])
+        header = take_rows(self.header, rows)
+        return TelegramBatch(self.data, self.datagram.take(rows), self.ts_ns[rows], header, self.fault[rows])
 
     def payload(self, position: int) -> bytes:
         """Return a copy of the captured bytes of one telegram, header included."""
@@ -142,11 +155,67 @@ def dissect(packets: PacketBatch) -> Dissection:
     Total: wrong bytes are telegrams with a fault, or no telegrams; nothing raises.
     """
     packets = packets.with_margin()
-    peeled = peel(packets)
-    return Dissection(
-        _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES),
-        _telegrams(packets, peeled.quoted, HEADER.offset_of("subindex")),
-        peeled,
+    plain, rest = _plain_telegrams(packets)
+    if rest is not None and not len(rest):
+        return Dissection(plain, _telegrams(packets, NO_DATAGRAMS, 0), Peeled(NO_DATAGRAMS, NO_DATAGRAMS, 0, None))
+    peeled = peel(packets, rest)
+    telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES)
+    quoted = _telegrams(packets, peeled.quoted, HEADER.offset_of("subindex"))
+    return Dissection(_joined(plain, telegrams), quoted, peeled)
+
+
+PLAIN = np.dtype([(layout.name, layout.dtype) for layout in (ETHERNET, IPV4, UDP, HEADER)])
+"""The headers of nearly all telegrams: Ethernet without tag, IPv4 without options, UDP, 3S-0."""
+
+
+def _plain_telegrams(packets: PacketBatch) -> tuple[TelegramBatch, I64 | None]:
+    """Read the telegrams of the plain shape with one copy each; return them and the rows of all other packets.
+
+    A short cut through ``peel`` that leaves out nothing but generality; None stands for all rows.
+    """
+    if packets.single_link != LinkType.ETHERNET:
+        return _telegrams(packets, NO_DATAGRAMS, 0), None
+    payload_at = PLAIN.itemsize - HEADER.size_bytes
+    head = gather_bytes(packets.data, packets.offset, PLAIN.itemsize).view(PLAIN)
+    identity, ip, udp = head["nv"]["identity"], head["ip"], head["udp"]
+    plain = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
+    plain &= head["eth"]["type"] == TYPE_IPV4
+    plain &= (ip["version_ihl"] == 0x45) & (ip["protocol"] == PROTOCOL_UDP) & ((ip["fragment"] & 0x3FFF) == 0)
+    plain &= packets.captured >= payload_at + LEAST_CAPTURED_BYTES
+    udp_length = udp["length"].astype(np.int64)
+    plain &= ip["total_length"] == udp_length + IPV4.size_bytes
+    plain &= udp_length >= UDP.size_bytes + LEAST_CAPTURED_BYTES
+    rows = np.flatnonzero(plain)
+    offset, captured, ts_ns = packets.offset, packets.captured, packets.ts_ns
+    if len(rows) != len(packets):
+        head, udp_length = take_rows(head, rows), udp_length[rows]
+        offset, captured, ts_ns = offset[rows], captured[rows], ts_ns[rows]
+    eth, ip, udp, header = (head[layout.name] for layout in (ETHERNET, IPV4, UDP, HEADER))
+    payload_bytes = udp_length - UDP.size_bytes
+    source, destination = ip["source"].astype(np.uint64), ip["destination"].astype(np.uint64)
+    zero = np.broadcast_to(np.uint64(0), (len(rows),))
+    datagram = DatagramBatch(
+        rows, offset + payload_at, payload_bytes, np.minimum(captured - payload_at, payload_bytes),
+        zero, source | MAPPED_IPV4, zero, destination | MAPPED_IPV4,
+        udp["source_port"].astype(np.uint16), udp["destination_port"].astype(np.uint16),
+        broadcast_ipv4(eth["group"] & np.uint8(1), destination),
+    )  # fmt: skip
+    telegrams = TelegramBatch(packets.data, datagram, ts_ns, header, _faults(datagram, header))
+    return telegrams, np.flatnonzero(~plain)
+
+
+def _joined(first: TelegramBatch, second: TelegramBatch) -> TelegramBatch:
+    """Return the telegrams of two batches over one buffer in the order of their packets."""
+    if not len(first) or not len(second):
+        return first if len(first) else second
+    row = np.concatenate([first.datagram.row, second.datagram.row])
+    order = np.argsort(row, kind="stable")
+    return TelegramBatch(
+        first.data,
+        DatagramBatch.joined([first.datagram, second.datagram]),
+        np.concatenate([first.ts_ns, second.ts_ns])[order],
+        take_rows(np.concatenate([first.header, second.header]), order),
+        np.concatenate([first.fault, second.fault])[order],
     )
 
 
@@ -156,7 +225,7 @@ def _telegrams(packets: PacketBatch, datagram: DatagramBatch, least_bytes: int) 
     mine = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
     mine &= datagram.captured_bytes >= least_bytes
     if not mine.all():
-        datagram, header = datagram.take(mine), header[mine]
+        datagram, header = datagram.take(mine), take_rows(header, mine)
     ts_ns = packets.ts_ns if len(datagram) == len(packets) else packets.ts_ns[datagram.row]
     return TelegramBatch(packets.data, datagram, ts_ns, header, _faults(datagram, header))
 

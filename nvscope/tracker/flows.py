@@ -13,7 +13,7 @@ import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool
 from dissectors.link import MAPPED_IPV4
-from dissectors.netvar import Fault, Service, TelegramBatch
+from dissectors.netvar import KNOWN_SERVICE, Fault, Service, TelegramBatch
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.keys import KeyTable
 
@@ -31,7 +31,10 @@ class Kind(IntEnum):
 
 
 LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
-PARAMETER_SERVICES = np.array([service for service in Service if service not in LIST_SERVICES], np.uint32)
+IS_PARAMETER = KNOWN_SERVICE.copy()
+"""Mask over ID, as ``KNOWN_SERVICE``: the services of the Parameter Manager."""
+
+IS_PARAMETER[list(LIST_SERVICES)] = False
 
 _SOURCE_IPV6, _DESTINATION_IPV6, _BROADCAST = (np.uint64(1) << np.uint64(bit) for bit in (52, 53, 54))
 _LOW_HALF = np.uint64(0xFFFFFFFF)
@@ -71,7 +74,7 @@ def kinds(telegrams: TelegramBatch) -> U8:
         is_data = service == Service.ODStateFree
         kind[special] = np.select(
             [
-                np.isin(service, PARAMETER_SERVICES),
+                IS_PARAMETER[np.minimum(service, len(IS_PARAMETER) - 1)],
                 fault == Fault.HEADER_CUT,
                 (fault != Fault.NONE) & is_data,
                 fault != Fault.NONE,

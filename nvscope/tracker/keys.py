@@ -70,11 +70,7 @@ class KeyTable:
         return mixed.view(np.int64)
 
     def _append(self, high: U64, low: U64) -> None:
-        keys = np.empty((len(high), 2), np.uint64)
-        keys[:, 0], keys[:, 1] = high, low
-        flat = keys.view(np.dtype([("high", np.uint64), ("low", np.uint64)])).ravel()
-        _, first = np.unique(flat, return_index=True)
-        first.sort()
+        first = self._first_appearances(high, low)
         start, self._count = self._count, self._count + len(first)
         if self._count > len(self._high):
             room = max(self._count, 2 * len(self._high))
@@ -86,6 +82,23 @@ class KeyTable:
             self._slots = np.full(1 << self._bits, _EMPTY, np.int64)
             start = 0
         self._place(np.arange(start, self._count))
+
+    def _first_appearances(self, high: U64, low: U64) -> I64:
+        """Return where each different key stands first, rising.
+
+        Equal keys go from slot to slot together. In each round the first row of every slot wins it, for its key.
+        """
+        scratch = np.empty(len(self._slots), np.int64)
+        place = self._places(high, low)
+        rows = np.arange(len(high))
+        winners = []
+        while len(rows):
+            scratch[place[::-1]] = rows[::-1]
+            winner = scratch[place]
+            winners.append(rows[winner == rows])
+            beaten = (high[winner] != high[rows]) | (low[winner] != low[rows])
+            rows, place = rows[beaten], (place[beaten] + 1) & (len(self._slots) - 1)
+        return np.sort(np.concatenate(winners))
 
     def _place(self, numbers: I64) -> None:
         """Put numbers into free slots; where several want the same one, one wins and the others move on."""

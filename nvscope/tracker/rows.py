@@ -50,8 +50,9 @@ class StreamColumns(Columns):
 class DataRows:
     """Well-formed data telegrams, by stream, within a stream as captured.
 
-    ``order`` holds their positions among the batch's data telegrams as captured. ``stream`` is the stream of each row;
-    ``start`` and ``stop`` bound the runs of one stream, which is ``run_stream``. ``repeated`` is None where no row is.
+    ``order`` holds their positions among the batch's data telegrams as captured, ``packet`` their rows in the packet
+    batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound the runs of one stream, which is
+    ``run_stream``. ``repeated`` is None where no row is.
     """
 
     order: I64
@@ -99,10 +100,10 @@ class StreamMemory:
         self.columns = StreamColumns()
         self.payload: dict[int, bytes] = {}
 
-    def rows(self, telegrams: TelegramBatch, stream: I64, packet: I64, flows: Flows) -> DataRows:
-        """Lay out well-formed data telegrams by stream, and remember the last one of each.
+    def rows(self, telegrams: TelegramBatch, which: I64, stream: I64, flows: Flows) -> DataRows:
+        """Lay out well-formed data telegrams, those at ``which``, by stream, and remember the last one of each.
 
-        ``stream`` and ``packet`` (row in the packet batch) have one entry a telegram.
+        ``stream`` has one entry for each of these.
         """
         columns = self.columns
         columns.resize(len(flows.streams))
@@ -110,22 +111,24 @@ class StreamMemory:
         ordered = stream[order]
         start, stop = runs_of(ordered)
         run = ordered[start]
-        signature = _signature(telegrams)[order]
+        position = order if len(which) == len(telegrams) else which[order]
+        signature = _signature(telegrams)[position]
         fresh = columns.telegrams[run] == 0
         before = np.empty_like(signature)
         before[1:] = signature[:-1]
         before[start] = columns.signature[run]
-        repeated = self._repeated(telegrams, order, start, run, fresh, signature, before)
-        time_ns = telegrams.ts_ns[order]
+        repeated = self._repeated(telegrams, position, start, run, fresh, signature, before)
+        time_ns = telegrams.ts_ns[position]
+        packet = telegrams.datagram.row[position]
         columns.first_ns[run[fresh]] = time_ns[start[fresh]]
         columns.last_ns[run] = time_ns[stop - 1]
         columns.telegrams[run] += stop - start
         columns.signature[run] = signature[stop - 1]
-        self._remember(telegrams, order[stop - 1], run)
-        return DataRows(order, ordered, start, stop, run, signature, before, time_ns, packet[order], fresh, repeated)
+        self._remember(telegrams, position[stop - 1], run)
+        return DataRows(order, ordered, start, stop, run, signature, before, time_ns, packet, fresh, repeated)
 
     def _repeated(
-        self, telegrams: TelegramBatch, order: I64, start: I64, run: I64, fresh: Bool, signature: U64, before: U64
+        self, telegrams: TelegramBatch, position: I64, start: I64, run: I64, fresh: Bool, signature: U64, before: U64
     ) -> Bool | None:
         """Tell which rows equal the one before in their stream, byte for byte as far as both were captured."""
         candidate = signature == before
@@ -135,12 +138,12 @@ class StreamMemory:
         first = np.flatnonzero(candidate[start])
         for place in first.tolist():
             row, stream = int(start[place]), int(run[place])
-            same = not fresh[place] and telegrams.payload(int(order[row])) == self.payload[stream]
+            same = not fresh[place] and telegrams.payload(int(position[row])) == self.payload[stream]
             candidate[row] = same
-        begins = np.zeros(len(order), np.bool_)
+        begins = np.zeros(len(position), np.bool_)
         begins[start] = True
         inner = np.flatnonzero(candidate & ~begins)
-        now, previous = order[inner], order[inner - 1]
+        now, previous = position[inner], position[inner - 1]
         alike = length[now] == length[previous]
         candidate[inner[~alike]] = False
         inner, now, previous = inner[alike], now[alike], previous[alike]

@@ -39,6 +39,11 @@ class Step(IntEnum):
     GAP = 6
 
 
+# Plain integers: the loop below takes a third of the time with them.
+_NONE, _REGULAR, _SAME, _OVERTAKEN, _LATE, _RESTART, _GAP = (int(step) for step in Step)
+_MOVING = (_REGULAR, _GAP, _RESTART)
+
+
 @dataclass(slots=True)
 class Steps:
     """The steps of some sequences laid end to end.
@@ -56,43 +61,41 @@ class Steps:
     irregular: I64
 
 
-def walk_one(counters: list[int], current: int | None, missing: int) -> tuple[list[Step], list[int], int, int]:
+def walk_one(counters: list[int], current: int | None, missing: int) -> tuple[list[int], list[int], int, int]:
     """Walk one sequence; return its steps, distances, and the current counter and missing word after them.
 
     ``current`` is None where the sequence begins with these counters, of which there must be at least one.
     """
-    steps: list[Step] = []
+    steps: list[int] = []
     distances: list[int] = []
     for counter in counters:
         if current is None:
             current = counter
-            steps.append(Step.NONE)
+            steps.append(_NONE)
             distances.append(0)
             continue
         distance = (counter - current) & 0xFFFF
         behind = 65536 - distance
         if distance == 1 or (counter == 0 and current in EARLY_WRAPS):
-            step = Step.REGULAR
+            step = _REGULAR
+            missing = missing << distance & _MASK if distance <= WINDOW else 0
         elif distance == 0:
-            step = Step.SAME
+            step = _SAME
         elif behind <= WINDOW and missing >> (behind - 1) & 1:
-            step = Step.OVERTAKEN
+            step = _OVERTAKEN
             missing &= ~(1 << (behind - 1))
         elif counter <= 1 and current < 65534:
-            step = Step.RESTART
+            step = _RESTART
         elif distance < 32768:
-            step = Step.GAP
-        elif distance >= LATE_FROM:
-            step = Step.LATE
-        else:
-            step = Step.RESTART
-        if step == Step.GAP:
+            step = _GAP
             missing = (missing << distance | ((1 << (distance - 1)) - 1)) & _MASK if distance <= WINDOW else _MASK
-        elif step == Step.REGULAR:
-            missing = missing << distance & _MASK if distance <= WINDOW else 0
-        elif step == Step.RESTART:
+        elif distance >= LATE_FROM:
+            step = _LATE
+        else:
+            step = _RESTART
+        if step == _RESTART:
             missing = 0
-        if step not in (Step.SAME, Step.OVERTAKEN, Step.LATE):
+        if step in _MOVING:
             current = counter
         steps.append(step)
         distances.append(distance)

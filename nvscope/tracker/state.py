@@ -203,13 +203,11 @@ class TrackerState:
     def _observe_lists(
         self, packets: PacketBatch, telegrams: TelegramBatch, kind: U8, flow: I64, first_frame: int
     ) -> list[ErrorEvents]:
-        data = kind == Kind.DATA
         acknowledgements = self._messages(telegrams, kind == Kind.ACKNOWLEDGEMENT, flow)
         requests = self._messages(telegrams, kind == Kind.BOOT_UP_REQUEST, flow)
-        if not data.all():
-            telegrams, flow = telegrams.take(data), flow[data]
-        stream = self.flows.columns.stream[flow]
-        rows = self.memory.rows(telegrams, stream, telegrams.datagram.row, self.flows)
+        data = np.flatnonzero(kind == Kind.DATA)
+        flow = flow if len(data) == len(flow) else flow[data]
+        rows = self.memory.rows(telegrams, data, self.flows.columns.stream[flow], self.flows)
         errors = self._observe_answers(packets, rows, acknowledgements, requests, first_frame)
         if len(rows):
             self.data_telegrams += len(rows)
