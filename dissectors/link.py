@@ -103,8 +103,11 @@ PROTOCOL_ICMP, PROTOCOL_UDP, PROTOCOL_ICMPV6 = 1, 17, 58
 HOP_BY_HOP, ROUTING, FRAGMENT, AUTHENTICATION, DESTINATION_OPTIONS = 0, 43, 44, 51, 60
 UNREACHABLE_ICMP, UNREACHABLE_ICMPV6 = 3, 1
 ICMP_HEADER_BYTES = 8
-MAPPED_IPV4 = np.uint64(0xFFFF_0000_0000)
-"""IPv4 addresses stand in the lower half of an address as ::ffff:a.b.c.d (RFC 4291, 2.5.5.2)."""
+IPV4_HIGH, IPV4_LOW = np.uint64(0xFFFF_FFFF_FFFF_FFFF), np.uint64(0xFFFF_FFFF_0000_0000)
+"""The halves of an address that holds an IPv4 one in its last 32 bits: a multicast range that IPv6 does not assign.
+
+Not ::ffff:a.b.c.d, so that an IPv6 packet with such an address stays apart from the IPv4 node.
+"""
 
 MAX_VLAN_TAGS = 8
 MAX_EXTENSIONS = 16
@@ -118,7 +121,7 @@ class DatagramBatch:
 
     ``row`` is the row of the packet; ``payload`` the absolute offset of the UDP payload in the batch's buffer, int64.
     ``payload_bytes`` is the length that the UDP header tells, ``captured_bytes`` how much of it was captured.
-    Addresses are two uint64 halves each, IPv4 mapped (``MAPPED_IPV4``); ports uint16; ``broadcast`` bool.
+    Addresses are two uint64 halves each, IPv4 ones as in ``IPV4_HIGH``; ports uint16; ``broadcast`` bool.
     All columns have shape (n,).
     """
 
@@ -337,10 +340,10 @@ def _ipv4(data: U8, network: _Network) -> tuple[_Transport, int]:
         network, header_bytes, total = network.take(good), header_bytes[good], total[good]
     end = np.minimum(network.end, np.where(total == 0, network.end, network.at + total))
     inside = _Network(network.row, network.at + header_bytes, end, network.group)
-    zero = np.broadcast_to(np.uint64(0), (len(head),))
-    source = head["source"].astype(np.uint64) | MAPPED_IPV4
-    destination = head["destination"].astype(np.uint64) | MAPPED_IPV4
-    return _Transport(inside, head["protocol"], zero, source, zero, destination, True), fragments
+    high = np.broadcast_to(IPV4_HIGH, (len(head),))
+    source = head["source"].astype(np.uint64) | IPV4_LOW
+    destination = head["destination"].astype(np.uint64) | IPV4_LOW
+    return _Transport(inside, head["protocol"], high, source, high, destination, True), fragments
 
 
 def _ipv6(data: U8, network: _Network) -> tuple[_Transport, int]:

@@ -23,7 +23,8 @@ from dissectors.layout import Bit, Field, Layout, gather_bytes, take_rows
 from dissectors.link import (
     ETHERNET,
     IPV4,
-    MAPPED_IPV4,
+    IPV4_HIGH,
+    IPV4_LOW,
     NO_DATAGRAMS,
     PROTOCOL_UDP,
     TYPE_IPV4,
@@ -91,6 +92,10 @@ LEAST_CAPTURED_BYTES = HEADER.offset_of("items")
 """A payload is told to be a telegram, and of which list, from its first 12 bytes."""
 
 
+LEAST_QUOTED_BYTES = HEADER.offset_of("subindex")
+"""A telegram that an ICMP message quotes tells its list from so many bytes."""
+
+
 class Fault(IntEnum):
     """What is wrong with a telegram; the first that applies, in this order."""
 
@@ -149,18 +154,41 @@ class Dissection:
     peeled: Peeled
 
 
-def dissect(packets: PacketBatch) -> Dissection:
-    """Find and read every telegram of a packet batch, on any port, by its identity.
+@dataclass(frozen=True, slots=True)
+class PortRules:
+    """UDP ports, either side's, of which it was decided by hand what is on them.
+
+    What goes over a port of ``telegrams`` is read as telegrams whatever its identity; what goes over one of ``others``
+    never is. Everything else is told by identity.
+    """
+
+    telegrams: tuple[int, ...] = ()
+    others: tuple[int, ...] = ()
+
+    def decide(self, datagram: DatagramBatch, by_identity: Bool) -> Bool:
+        """Return which datagrams are telegrams, given which have the identity of one."""
+        source, destination = datagram.source_port, datagram.destination_port
+        chosen = np.isin(source, self.telegrams) | np.isin(destination, self.telegrams)
+        excluded = np.isin(source, self.others) | np.isin(destination, self.others)
+        return (by_identity | chosen) & ~excluded
+
+
+def dissect(packets: PacketBatch, ports: PortRules | None = None) -> Dissection:
+    """Find and read every telegram of a packet batch: on any port, by its identity, unless ``ports`` has it otherwise.
 
     Total: wrong bytes are telegrams with a fault, or no telegrams; nothing raises.
     """
     packets = packets.with_margin()
+    if ports:
+        peeled = peel(packets)
+        telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES, ports)
+        return Dissection(telegrams, _telegrams(packets, peeled.quoted, LEAST_QUOTED_BYTES, ports), peeled)
     plain, rest = _plain_telegrams(packets)
     if rest is not None and not len(rest):
         return Dissection(plain, _telegrams(packets, NO_DATAGRAMS, 0), Peeled(NO_DATAGRAMS, NO_DATAGRAMS, 0, None))
     peeled = peel(packets, rest)
     telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES)
-    quoted = _telegrams(packets, peeled.quoted, HEADER.offset_of("subindex"))
+    quoted = _telegrams(packets, peeled.quoted, LEAST_QUOTED_BYTES)
     return Dissection(_joined(plain, telegrams), quoted, peeled)
 
 
@@ -193,10 +221,10 @@ def _plain_telegrams(packets: PacketBatch) -> tuple[TelegramBatch, I64 | None]:
     eth, ip, udp, header = (head[layout.name] for layout in (ETHERNET, IPV4, UDP, HEADER))
     payload_bytes = udp_length - UDP.size_bytes
     source, destination = ip["source"].astype(np.uint64), ip["destination"].astype(np.uint64)
-    zero = np.broadcast_to(np.uint64(0), (len(rows),))
+    high = np.broadcast_to(IPV4_HIGH, (len(rows),))
     datagram = DatagramBatch(
         rows, offset + payload_at, payload_bytes, np.minimum(captured - payload_at, payload_bytes),
-        zero, source | MAPPED_IPV4, zero, destination | MAPPED_IPV4,
+        high, source | IPV4_LOW, high, destination | IPV4_LOW,
         udp["source_port"].astype(np.uint16), udp["destination_port"].astype(np.uint16),
         broadcast_ipv4(eth["group"] & np.uint8(1), destination),
     )  # fmt: skip
@@ -219,10 +247,14 @@ def _joined(first: TelegramBatch, second: TelegramBatch) -> TelegramBatch:
     )
 
 
-def _telegrams(packets: PacketBatch, datagram: DatagramBatch, least_bytes: int) -> TelegramBatch:
+def _telegrams(
+    packets: PacketBatch, datagram: DatagramBatch, least_bytes: int, ports: PortRules | None = None
+) -> TelegramBatch:
     header = HEADER.gather(packets.data, datagram.payload)
     identity = header["identity"]
     mine = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
+    if ports:
+        mine = ports.decide(datagram, mine)
     mine &= datagram.captured_bytes >= least_bytes
     if not mine.all():
         datagram, header = datagram.take(mine), take_rows(header, mine)

@@ -1,0 +1,1 @@
+"""Analyzer and diagnostics for CODESYS network variables."""

@@ -12,11 +12,11 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.tracker.summary import ListSummary, StreamSummary
 from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM, Histograms, bucket_bounds
-from nvscope.units import count_of, divide, duration, percent
+from nvscope.units import count, count_of, divide, duration, percent
 
 
 def judge_timing(facts: Facts) -> Iterator[Finding]:
-    """Yield NV501 to NV504 for each stream that is sent at a nominal interval."""
+    """Yield NV501 to NV504 for each stream, and NV505 for each sender and list, sent at a nominal interval."""
     histograms = facts.state.timing.histograms()
     for entry, stream in facts.streams():
         if not stream.intervals.nominal:
@@ -25,6 +25,8 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
         yield from _jitter(facts, entry, stream)
         yield from _burst(facts, histograms, entry, stream)
         yield from _stopped(facts, entry, stream)
+    for entry in facts.summary.lists:
+        yield from _torn(facts, entry)
 
 
 def _late(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
@@ -92,6 +94,34 @@ def _stopped(facts: Facts, entry: ListSummary, stream: StreamSummary) -> Iterato
         "NV504", message, 1, stream.last_ns, stream.last_ns, (_last_frame(facts, stream),),
         entry.number, stream.node, stream.subindex,
     )  # fmt: skip
+
+
+def _torn(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
+    """Compare the sizes of cycles with the number of SubIndexes, for packed lists over several of these."""
+    cycles = facts.state.cycles
+    for node in entry.senders:
+        own = [stream for stream in entry.streams if stream.node == node]
+        if len(own) < 2 or not all(s.intervals.nominal for s in own) or not any(s.items > 1 for s in own):
+            continue
+        pair = int(cycles.pairs.find(np.array([entry.number], np.uint64), np.array([node], np.uint64))[0])
+        rows = np.flatnonzero(cycles.events.keys.high == pair)
+        sizes = cycles.events.keys.low[rows].astype(np.int64)
+        counts = cycles.events.rows.count[rows]
+        torn = rows[sizes < len(own)]
+        if not len(torn):
+            continue
+        log = cycles.events.rows
+        events, every = int(log.count[torn].sum()), int(counts.sum())
+        frames = np.unique(log.frames[torn])
+        skew = duration(int(cycles.columns.skew_ns[pair]))
+        message = (
+            f"{count(events)} of {count_of(every, 'cycle')} ({percent(events, every)}) came without all "
+            f"{len(own)} SubIndexes; telegrams of one cycle are up to {skew} apart."
+        )
+        yield Finding(
+            "NV505", message, events, int(log.first_ns[torn].min()), int(log.last_ns[torn].max()),
+            tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), entry.number, node,
+        )  # fmt: skip
 
 
 def _last_frame(facts: Facts, stream: StreamSummary) -> int:

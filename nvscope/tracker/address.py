@@ -1,17 +1,17 @@
-"""Addresses as two 64-bit halves, IPv4 mapped into the lower one, and back to what a person reads."""
+"""Addresses as two 64-bit halves, as the dissectors give them, and back to what a person reads."""
 
 from __future__ import annotations
 
 from ipaddress import IPv4Address, IPv6Address
 
-from dissectors.link import MAPPED_IPV4
+from dissectors.link import IPV4_HIGH, IPV4_LOW
 
-_MAPPED = int(MAPPED_IPV4)
+_HIGH, _LOW = int(IPV4_HIGH), int(IPV4_LOW)
 
 
 def is_ipv4(high: int, low: int) -> bool:
     """Tell whether an address is an IPv4 one."""
-    return high == 0 and low >> 32 == _MAPPED >> 32
+    return high == _HIGH and low & _LOW == _LOW
 
 
 def text(high: int, low: int) -> str:

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool
-from dissectors.link import MAPPED_IPV4
+from dissectors.link import IPV4_HIGH, IPV4_LOW
 from dissectors.netvar import KNOWN_SERVICE, Fault, Service, TelegramBatch
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.keys import KeyTable
@@ -135,7 +135,7 @@ class Flows:
         """Return 32 bits that stand for each address, and the bits that set those of IPv6 apart, None without any."""
         if high.strides == (0,) or not len(high):
             return low, None
-        is_ipv6 = np.flatnonzero((high != 0) | (low & ~_LOW_HALF != MAPPED_IPV4))
+        is_ipv6 = np.flatnonzero((high != IPV4_HIGH) | (low & IPV4_LOW != IPV4_LOW))
         if not len(is_ipv6):
             return low, None
         short, flags = low.copy(), np.zeros_like(low)
@@ -146,10 +146,10 @@ class Flows:
     def _address(self, short: U64, is_ipv6: Bool) -> tuple[U64, U64]:
         node = np.where(is_ipv6, short, np.uint64(0)).astype(np.int64)
         if not is_ipv6.any():
-            return np.zeros_like(short), short | MAPPED_IPV4
+            return np.full_like(short, IPV4_HIGH), short | IPV4_LOW
         return (
-            np.where(is_ipv6, self.nodes.high[node], np.uint64(0)),
-            np.where(is_ipv6, self.nodes.low[node], short | MAPPED_IPV4),
+            np.where(is_ipv6, self.nodes.high[node], IPV4_HIGH),
+            np.where(is_ipv6, self.nodes.low[node], short | IPV4_LOW),
         )
 
     def _describe(self, known: int) -> None:

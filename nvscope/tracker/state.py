@@ -18,6 +18,7 @@ from dissectors.netvar import (
     RESERVED_FLAGS,
     Dissection,
     Fault,
+    PortRules,
     Service,
     TelegramBatch,
     dissect,
@@ -26,6 +27,7 @@ from nvscope.tracker.acknowledgement import TIMEOUT_NS, Acknowledgement, Message
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.counters import DiagError
+from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows, Kind, kinds
@@ -76,7 +78,8 @@ class TrackerState:
     across all that was observed. ``repeated`` counts telegrams that equal the one before them byte for byte.
     """
 
-    def __init__(self, timeout_ns: int = TIMEOUT_NS) -> None:
+    def __init__(self, timeout_ns: int = TIMEOUT_NS, ports: PortRules | None = None) -> None:
+        self.ports = ports
         self.frames = 0
         self.telegrams = 0
         self.data_telegrams = 0
@@ -90,6 +93,7 @@ class TrackerState:
         self.memory = StreamMemory()
         self.loss = Loss()
         self.timing = Timing()
+        self.cycles = Cycles()
         self.consistency = Consistency()
         self.acknowledgement = Acknowledgement(timeout_ns)
         self.errors = Errors()
@@ -100,7 +104,7 @@ class TrackerState:
         """Take the packets that follow those observed so far."""
         for start in range(0, len(packets), MAX_BATCH):
             part = packets[start : start + MAX_BATCH]
-            self._observe(part, dissect(part))
+            self._observe(part, dissect(part, self.ports))
 
     def _observe(self, packets: PacketBatch, dissection: Dissection) -> None:
         first_frame = self.frames + 1
@@ -213,7 +217,8 @@ class TrackerState:
             self.data_telegrams += len(rows)
             self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
             own, node = self.loss.observe(rows, self.flows, first_frame)
-            self.timing.observe(rows, own.step, node, len(self.flows.streams), first_frame)
+            usual = self.timing.observe(rows, own.step, node, len(self.flows.streams), first_frame)
+            self.cycles.observe(rows, rows.counter, usual, self.timing.columns.usual_ns, self.flows, first_frame)
             errors.append(self._observe_consistency(rows, flow, first_frame))
         return errors
 

@@ -38,7 +38,10 @@ LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 
 
 class IntervalColumns(Columns):
-    """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares."""
+    """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares.
+
+    ``usual_ns`` is the median of the first intervals, 0 before these are known.
+    """
 
     last_ns: I64
     count: I64
@@ -47,6 +50,7 @@ class IntervalColumns(Columns):
     most_ns: I64
     squares: I64
     learned: I64
+    usual_ns: I64
     first_bucket: I64
     dense: I64
     COLUMNS: ClassVar = {
@@ -57,6 +61,7 @@ class IntervalColumns(Columns):
         "most_ns": (np.iinfo(np.int64).min * np.int64(1), 1),
         "squares": (np.int64(0), 3),
         "learned": (np.int64(0), LEARNED_INTERVALS),
+        "usual_ns": (np.int64(0), 1),
         "first_bucket": (np.int64(0), 1),
         "dense": (np.int64(0), DENSE_BUCKETS),
     }
@@ -73,8 +78,11 @@ class Timing:
         self.unusual = EventLog()
         self.large_squares: dict[int, int] = {}
 
-    def observe(self, rows: DataRows, own: U8, node: U8, streams: int, first_frame: int) -> None:
-        """Take the intervals of a batch; ``own`` and ``node`` are the steps of the rows in both walks."""
+    def observe(self, rows: DataRows, own: U8, node: U8, streams: int, first_frame: int) -> Bool:
+        """Take the intervals of a batch; ``own`` and ``node`` are the steps of the rows in both walks.
+
+        Returns the rows that end an interval of a stream whose usual one was known before.
+        """
         columns = self.columns
         columns.resize(streams)
         skipped = (own == Step.LATE) | (own == Step.OVERTAKEN)
@@ -98,9 +106,12 @@ class Timing:
             interval, stream = interval[real], stream[real]
             start, stop = runs_of(stream)
             run = stream[start]
+        usual = np.zeros(len(rows), np.bool_)
         if len(interval):
             self._add(interval, stream, start, stop, run)
-            self._sort_in(rows, kept, interval, stream, start, run, own, node, first_frame)
+            learned = self._sort_in(rows, kept, interval, stream, start, run, own, node, first_frame)
+            usual[slice(None) if kept is None else kept] = True if learned is None else ~learned
+        return usual
 
     def _add(self, interval: I64, stream: I64, start: I64, stop: I64, run: I64) -> None:
         columns = self.columns
@@ -127,24 +138,22 @@ class Timing:
     def _sort_in(
         self, rows: DataRows, kept: I64 | None, interval: I64, stream: I64, start: I64, run: I64, own: U8, node: U8,
         first_frame: int,
-    ) -> None:  # fmt: skip
-        """Put intervals into the buckets."""
+    ) -> Bool | None:  # fmt: skip
+        """Put intervals into the buckets; return which of them were learned from, None where none was."""
         columns = self.columns
         before = columns.count[run]
         length = np.diff(np.append(start, len(interval)))
         columns.count[run] += length
         young = before < LEARNED_INTERVALS
-        unusual: Bool = np.zeros(0, np.bool_)
-        if young.any():
-            unusual = self._learn(interval, start, length, run, before, young)
+        learned = self._learn(interval, start, length, run, before, young) if young.any() else None
         bucket = bucket_of(interval)
         dense = bucket - np.repeat(columns.first_bucket[run], length)
         outside = dense.view(np.uint64) >= DENSE_BUCKETS
-        if len(unusual):
-            outside |= unusual
+        if learned is not None:
+            outside |= learned
         if not outside.any():
             np.add.at(columns.dense.ravel(), stream * DENSE_BUCKETS + dense, 1)
-            return
+            return learned
         inside = ~outside
         np.add.at(columns.dense.ravel(), stream[inside] * DENSE_BUCKETS + dense[inside], 1)
         place = np.flatnonzero(outside)
@@ -156,6 +165,7 @@ class Timing:
         self.unusual.record(
             stream[place].astype(np.uint64), key.astype(np.uint64), rows.time_ns[row], rows.packet[row] + first_frame
         )
+        return learned
 
     def _learn(self, interval: I64, start: I64, length: I64, run: I64, before: I64, young: Bool) -> Bool:
         """Take the first intervals of young streams, place their dense buckets, and return which rows these are."""
@@ -168,6 +178,7 @@ class Timing:
             learned[first : first + taken] = True
             if known + taken == LEARNED_INTERVALS:
                 median = np.sort(columns.learned[number])[LEARNED_INTERVALS // 2 : LEARNED_INTERVALS // 2 + 1]
+                columns.usual_ns[number] = max(int(median[0]), 1)
                 columns.first_bucket[number] = bucket_of(np.maximum(median, 1))[0] - _OCTAVE
         return learned
 

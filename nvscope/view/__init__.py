@@ -1,0 +1,1 @@
+"""What faces show, as data and text: no colour, no terminal."""

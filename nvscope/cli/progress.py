@@ -1,0 +1,60 @@
+"""A progress bar on stderr, for what takes longer than a second."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+_SILENT_S = 1.0
+
+
+class Positioned(Protocol):
+    """Something that knows how far it has been read; the size is None where it has no end to be seen."""
+
+    @property
+    def size_bytes(self) -> int | None: ...
+
+    @property
+    def position_bytes(self) -> int: ...
+
+
+class ProgressBar:
+    """Shows how far a source has been read, on a terminal only; call it after each batch."""
+
+    def __init__(self, source: Positioned, *, quiet: bool = False) -> None:
+        self._source = source
+        self._wanted = not quiet and sys.stderr.isatty()
+        self._start = time.monotonic()
+        self._bar: Progress | None = None
+        self._task: Any = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __call__(self) -> None:
+        if not self._wanted or time.monotonic() - self._start < _SILENT_S:
+            return
+        if self._bar is None:
+            self._open()
+        assert self._bar is not None
+        self._bar.update(self._task, completed=self._source.position_bytes, total=self._source.size_bytes)
+
+    def _open(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
+
+        columns = (BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
+        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._task = self._bar.add_task("", total=self._source.size_bytes)
+        self._bar.start()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()

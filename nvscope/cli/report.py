@@ -1,0 +1,69 @@
+"""``nvscope report``: lists, counters and findings of captures."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from nvscope.cli.sources import DecodeOption, ReadOption, SourcesArgument, chosen, port_rules, tell_of_losses
+from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.errors import ExitCode, UsageError
+
+
+def report(
+    sources: SourcesArgument = None,
+    read: ReadOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON (nvscope.report/1).")] = False,
+    as_markdown: Annotated[bool, typer.Option("--md", help="Print the report as Markdown.")] = False,
+    details: Annotated[
+        bool, typer.Option("-v", "--details", help="Show the diagnosis structure and the streams of every list.")
+    ] = False,
+    decode: DecodeOption = None,
+    timeout: Annotated[
+        str, typer.Option("--ack-timeout", metavar="DURATION", help="How long an answer may take.")
+    ] = "1s",
+    utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
+    colour: ColourOption = "auto",
+) -> None:
+    """Report the lists of a capture: who sends them, what was lost or not answered, and what to check next.
+
+    Exits with 3 where a capture could not be read to its end.
+    """
+    paths = chosen(sources, read)
+    ports = port_rules(decode)
+    if as_json and as_markdown:
+        raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
+
+    from nvscope.capture.open import open_source
+    from nvscope.cli.progress import ProgressBar
+    from nvscope.engine import track
+    from nvscope.findings.judge import judge
+    from nvscope.plc.duration import parse_duration
+    from nvscope.tracker.summary import summarize
+    from nvscope.view.document import report_document
+
+    source = open_source(paths, batch_packets=1 << 16)
+    with ProgressBar(source, quiet=quiet) as progress:
+        state = track(source, ports=ports, timeout_ns=parse_duration(timeout), progress=progress)
+    summary = summarize(state)
+    document = report_document(state, summary, judge(state, source.infos, summary=summary), source.infos)
+    shown = colour_wanted(colour)
+    if as_json:
+        from nvscope.report import json
+
+        text = json.render(document)
+    elif as_markdown:
+        from nvscope.report import markdown
+
+        text = markdown.render(document, utc=utc)
+    else:
+        from nvscope.report import text as face
+
+        text = face.render(document, colour=shown, width=width(), utc=utc, details=details)
+    typer.echo(text, nl=not text.endswith("\n"), color=shown)
+    if state.fragments:
+        typer.echo(f"nvscope: {state.fragments} IP fragments were counted but not put together.", err=True)
+    if tell_of_losses(source.infos):
+        raise typer.Exit(ExitCode.DATA_LOSS)

@@ -1,0 +1,74 @@
+"""The options by which every verb is told what to read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nvscope.errors import UsageError
+
+if TYPE_CHECKING:
+    from dissectors.netvar import PortRules
+    from nvscope.capture.source import SourceInfo
+
+SourcesArgument = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="SOURCE...", help="Capture files, directories of them, or - for stdin.", show_default=False),
+]
+ReadOption = Annotated[
+    list[str] | None, typer.Option("-r", metavar="SOURCE", help="The same as an argument.", show_default=False)
+]
+DecodeOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-d",
+        metavar="udp.port==PORT,WHAT",
+        help="Decide what is on a UDP port: nvl (telegrams, whatever their identity) or data (no telegrams).",
+        show_default=False,
+    ),
+]
+
+_DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*")
+_MAX_PORT = 65535
+
+
+def chosen(sources: Sequence[str] | None, read: Sequence[str] | None) -> list[str]:
+    """Return all sources that were named; UsageError if there are none."""
+    named = [*(read or ()), *(sources or ())]
+    if not named:
+        raise UsageError("no source is given", next_step="name a capture file, or - to read one from stdin")
+    return named
+
+
+def port_rules(options: Sequence[str] | None) -> PortRules | None:
+    """Return what the -d options say, None without any; UsageError where one cannot be understood."""
+    if not options:
+        return None
+    from dissectors.netvar import PortRules
+
+    ports: dict[str, list[int]] = {"nvl": [], "data": []}
+    for option in options:
+        match = _DECODE_AS.fullmatch(option)
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
+        if not match or match[3] not in ports or not 0 <= first <= last <= _MAX_PORT:
+            raise UsageError(
+                f"-d {option}: expected udp.port==PORT,nvl or udp.port==PORT,data",
+                next_step="for example -d udp.port==1300,nvl, or a range: -d udp.port==1300-1310,data",
+            )
+        ports[match[3]] += range(first, last + 1)
+    return PortRules(tuple(ports["nvl"]), tuple(ports["data"]))
+
+
+def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:
+    """Say on stderr which files could not be read to their end; tell whether there were any."""
+    from nvscope.view.escape import visible
+
+    cut = [info for info in infos if info.truncation]
+    for info in cut:
+        assert info.truncation
+        place = f"{visible(info.path)}, offset {info.truncation.offset}"
+        typer.echo(f"nvscope: {place}: {visible(info.truncation.message)}", err=True)
+    return bool(cut)

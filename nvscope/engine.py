@@ -1,0 +1,29 @@
+"""The one loop: batches from a source go through the tracker, whether they come from a file, a wire or elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dissectors.netvar import PortRules
+from nvscope.capture.source import Source
+from nvscope.tracker.acknowledgement import TIMEOUT_NS
+from nvscope.tracker.state import TrackerState
+
+
+def track(
+    source: Source,
+    *,
+    ports: PortRules | None = None,
+    timeout_ns: int = TIMEOUT_NS,
+    progress: Callable[[], None] | None = None,
+) -> TrackerState:
+    """Run a source to its end and return what it showed.
+
+    ``ports`` decides by hand which UDP payloads are telegrams; ``progress`` is called after each batch.
+    """
+    state = TrackerState(timeout_ns, ports)
+    for batch in source:
+        state.observe(batch)
+        if progress:
+            progress()
+    return state

@@ -1,0 +1,168 @@
+"""Cycles: which telegrams of a list over several SubIndexes were sent together, and how many of them came.
+
+Telegrams of one sender and list belong to one cycle where they carry the same Counter, or follow each other within half
+an interval with rising SubIndexes (for senders that count otherwise). A cycle is counted when the next one begins.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U16, Bool
+from nvscope.tracker.columns import Columns, runs_of, stable_order
+from nvscope.tracker.events import EventLog
+from nvscope.tracker.flows import Flows
+from nvscope.tracker.keys import KeyTable
+from nvscope.tracker.rows import DataRows
+
+NEVER = np.iinfo(np.int64).max
+
+
+class PairColumns(Columns):
+    """One row a sender and list: the telegram before, and the open cycle.
+
+    ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle.
+    ``skew_ns`` is the longest time between the first and the last telegram of a cycle.
+    """
+
+    streams: I64
+    active_from: I64
+    counter: U16
+    subindex: I64
+    last_ns: I64
+    size: I64
+    begin_ns: I64
+    begin_frame: I64
+    skew_ns: I64
+    COLUMNS: ClassVar = {
+        "streams": (np.int64(0), 1),
+        "active_from": (np.int64(NEVER), 1),
+        "counter": (np.uint16(0), 1),
+        "subindex": (np.int64(0), 1),
+        "last_ns": (np.int64(0), 1),
+        "size": (np.int64(0), 1),
+        "begin_ns": (np.int64(0), 1),
+        "begin_frame": (np.int64(0), 1),
+        "skew_ns": (np.int64(0), 1),
+    }
+
+
+class StreamPairs(Columns):
+    """One row a stream: its pair."""
+
+    pair: I64
+    COLUMNS: ClassVar = {"pair": (np.int64(0), 1)}
+
+
+class Cycles:
+    """The cycles of all senders' lists over several SubIndexes; ``events`` is keyed by (pair, telegrams in it)."""
+
+    def __init__(self) -> None:
+        self.pairs = KeyTable()
+        self.columns = PairColumns()
+        self.streams = StreamPairs()
+        self.events = EventLog()
+
+    def observe(
+        self, rows: DataRows, counter: U16, usual: Bool, interval_ns: I64, flows: Flows, first_frame: int
+    ) -> None:
+        """Take a batch; ``usual`` are the rows of streams whose interval is known, ``interval_ns`` theirs by stream."""
+        self._number(rows, flows, first_frame)
+        columns = self.columns
+        if not (columns.column("streams") > 1).any():
+            return
+        run_pair = self.streams.pair[rows.run_stream]
+        length = rows.stop - rows.start
+        taken = np.repeat(columns.streams[run_pair] > 1, length) & usual
+        taken &= rows.packet + first_frame >= np.repeat(columns.active_from[run_pair], length)
+        row = np.flatnonzero(taken)
+        if not len(row):
+            return
+        row = row[np.argsort(rows.packet[row], kind="stable")]
+        pair = self.streams.pair[rows.stream[row]]
+        order = stable_order(pair, len(self.pairs))
+        row, pair = row[order], pair[order]
+        start, stop = runs_of(pair)
+        place = flows.streams.high[rows.stream[row]].astype(np.int64)
+        subindex = flows.places.low[place].astype(np.int64)
+        half_ns = interval_ns[rows.stream[row]] // 2
+        self._cut(pair, start, stop, subindex, counter[row], rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
+
+    def _number(self, rows: DataRows, flows: Flows, first_frame: int) -> None:
+        """Number the pairs of new streams, and note from when on a pair has several."""
+        known = len(self.streams)
+        if len(flows.streams) == known:
+            return
+        new = np.arange(known, len(flows.streams))
+        place = flows.streams.high[new].astype(np.int64)
+        self.streams.resize(len(flows.streams))
+        self.streams.pair[new] = self.pairs.numbers(flows.places.high[place], flows.streams.low[new])
+        columns = self.columns
+        columns.resize(len(self.pairs))
+        # New streams are numbered in the order of their first telegrams.
+        first = rows.packet[rows.start[np.searchsorted(rows.run_stream, new)]] + first_frame
+        for stream, frame in zip(new.tolist(), first.tolist(), strict=True):
+            pair = self.streams.pair[stream]
+            columns.streams[pair] += 1
+            if columns.streams[pair] == 2:
+                columns.active_from[pair] = frame
+
+    def _cut(
+        self, pair: I64, start: I64, stop: I64, subindex: I64, counter: U16, time_ns: I64, half_ns: I64, frame: I64
+    ) -> None:
+        """Cut the telegrams of each pair into cycles, and count those that are over."""
+        columns = self.columns
+        run = pair[start]
+        before_counter, before_subindex, before_ns = (np.empty_like(column) for column in (counter, subindex, time_ns))
+        for before, column, kept in (
+            (before_counter, counter, columns.counter),
+            (before_subindex, subindex, columns.subindex),
+            (before_ns, time_ns, columns.last_ns),
+        ):
+            before[1:] = column[:-1]
+            before[start] = kept[run]
+        rises = subindex > before_subindex
+        close = time_ns - before_ns <= half_ns
+        same = np.where(counter == before_counter, rises | (close & (subindex != before_subindex)), rises & close)
+        begins = ~same
+        # A cycle that is open from before goes on in front of the first one that begins here.
+        first_of_pair = columns.size[run] == 0
+        begins[start[first_of_pair]] = True
+        begin = np.flatnonzero(begins)
+        goes_on = ~begins[start]
+        # Sizes and ends of all pieces: one a beginning, and one a run that goes on.
+        piece_start = np.union1d(begin, start)
+        piece_stop = np.append(piece_start[1:], len(pair))
+        piece_pair = pair[piece_start]
+        size = piece_stop - piece_start
+        begin_ns, begin_frame = time_ns[piece_start], frame[piece_start]
+        carried = np.searchsorted(piece_start, start[goes_on])
+        size[carried] += columns.size[run[goes_on]]
+        begin_ns[carried] = columns.begin_ns[run[goes_on]]
+        begin_frame[carried] = columns.begin_frame[run[goes_on]]
+        last_piece = np.append(piece_pair[1:] != piece_pair[:-1], True)
+        skew = time_ns[piece_stop - 1] - begin_ns
+        # What was open before a run that does not go on is over with the run's first telegram.
+        closed = np.flatnonzero(~goes_on & ~first_of_pair)
+        over = np.flatnonzero(~last_piece)
+        over_pair = np.concatenate([run[closed], piece_pair[over]])
+        over_size = np.concatenate([columns.size[run[closed]], size[over]])
+        over_ns = np.concatenate([columns.begin_ns[run[closed]], begin_ns[over]])
+        over_frame = np.concatenate([columns.begin_frame[run[closed]], begin_frame[over]])
+        over_skew = np.concatenate([columns.last_ns[run[closed]] - columns.begin_ns[run[closed]], skew[over]])
+        self.events.record(over_pair.astype(np.uint64), over_size.astype(np.uint64), over_ns, over_frame)
+        np.maximum.at(columns.skew_ns, over_pair, over_skew)
+        open_piece = np.flatnonzero(last_piece)
+        columns.size[run], columns.begin_ns[run] = size[open_piece], begin_ns[open_piece]
+        columns.begin_frame[run] = begin_frame[open_piece]
+        columns.counter[run], columns.subindex[run] = counter[stop - 1], subindex[stop - 1]
+        columns.last_ns[run] = time_ns[stop - 1]
+
+    def copy(self) -> Cycles:
+        """Return an independent copy."""
+        twin = Cycles()
+        for name, table in vars(self).items():
+            setattr(twin, name, table.copy())
+        return twin
