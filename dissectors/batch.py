@@ -7,17 +7,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-U32 = npt.NDArray[np.uint32]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-U64 = npt.NDArray[np.uint64]
-Bool = npt.NDArray[np.bool_]
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    U8 = npt.NDArray[np.uint8]
+    U16 = npt.NDArray[np.uint16]
+    U32 = npt.NDArray[np.uint32]
+    I32 = npt.NDArray[np.int32]
+    I64 = npt.NDArray[np.int64]
+    U64 = npt.NDArray[np.uint64]
+    Bool = npt.NDArray[np.bool_]
+    Records = npt.NDArray[np.void]
+else:  # importing numpy.typing takes longer than reading a small capture
+    U8 = U16 = U32 = I32 = I64 = U64 = Bool = Records = np.ndarray
 
 
 MARGIN_BYTES = 64

@@ -12,9 +12,8 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from dissectors.batch import I64, U8
+from dissectors.batch import I64, U8, Bool, Records
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +83,14 @@ class Layout:
         """Return where a field starts, in bytes from the start of the layout."""
         return int(self.dtype.fields[name][1])  # type: ignore[index]  # a structured dtype always has fields
 
-    def gather(self, data: U8, offsets: I64) -> npt.NDArray[np.void]:
+    def gather(self, data: U8, offsets: I64) -> Records:
         """Read the layout at every offset at once, as a structured array of shape (n,).
 
         The caller answers for ``offset + size_bytes <= len(data)``; one byte copy per row is made.
         """
         return gather_bytes(data, offsets, self.size_bytes).view(self.dtype)
 
-    def pack(self, **columns: Any) -> npt.NDArray[np.void]:
+    def pack(self, **columns: Any) -> Records:
         """Build a structured array from columns or scalars (broadcast); ``.tobytes()`` gives the wire's bytes.
 
         Fields that are not named take their default. Raises KeyError for a name that the layout lacks.
@@ -106,12 +105,12 @@ class Layout:
         return packed
 
 
-def take_rows(rows: npt.NDArray[np.void], which: npt.NDArray[np.int64 | np.bool_]) -> npt.NDArray[np.void]:
+def take_rows(rows: Records, which: I64 | Bool) -> Records:
     """Return some rows of a structured array; numpy alone would copy them field by field, which is much slower."""
     return rows.view(np.dtype((np.void, rows.itemsize)))[which].view(rows.dtype)
 
 
-def gather_bytes(data: U8, offsets: I64, size_bytes: int) -> npt.NDArray[np.void]:
+def gather_bytes(data: U8, offsets: I64, size_bytes: int) -> Records:
     """Copy ``size_bytes`` bytes at every offset, as a void array of shape (n,).
 
     The buffer is looked at as overlapping records one byte apart, so that one indexing call copies them all.

@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 
-from dissectors.batch import I64, U8, U32, Bool, LinkType, PacketBatch
+from dissectors.batch import I64, U8, U32, Bool, LinkType, PacketBatch, Records
 from dissectors.layout import Bit, Field, Layout, gather_bytes, take_rows
 from dissectors.link import (
     ETHERNET,
@@ -120,7 +119,7 @@ class TelegramBatch:
     data: U8
     datagram: DatagramBatch
     ts_ns: I64
-    header: npt.NDArray[np.void]
+    header: Records
     fault: U8
 
     def __len__(self) -> int:
@@ -262,7 +261,7 @@ def _telegrams(
     return TelegramBatch(packets.data, datagram, ts_ns, header, _faults(datagram, header))
 
 
-def _faults(datagram: DatagramBatch, header: npt.NDArray[np.void]) -> U8:
+def _faults(datagram: DatagramBatch, header: Records) -> U8:
     fault = np.zeros(len(header), np.uint8)
     service: U32 = header["id"]
     good = header["length"] == datagram.payload_bytes

@@ -8,6 +8,7 @@ from typing import NoReturn
 
 import typer
 
+from nvscope import __version__
 from nvscope.cli.explain import explain
 from nvscope.cli.packets import packets
 from nvscope.cli.report import report
@@ -28,9 +29,7 @@ for verb in (report, packets, explain, simulate):
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"nvscope {version('nvscope')}")
+        typer.echo(f"nvscope {__version__}")
         raise typer.Exit
 
 

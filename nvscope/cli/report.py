@@ -6,7 +6,15 @@ from typing import Annotated
 
 import typer
 
-from nvscope.cli.sources import DecodeOption, ReadOption, SourcesArgument, chosen, port_rules, tell_of_losses
+from nvscope.cli.sources import (
+    DecodeOption,
+    ReadOption,
+    SourcesArgument,
+    chosen,
+    duration_ns,
+    port_rules,
+    tell_of_losses,
+)
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
 
@@ -33,6 +41,7 @@ def report(
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
+    timeout_ns = duration_ns("--ack-timeout", timeout)
     if as_json and as_markdown:
         raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
 
@@ -40,13 +49,12 @@ def report(
     from nvscope.cli.progress import ProgressBar
     from nvscope.engine import track
     from nvscope.findings.judge import judge
-    from nvscope.plc.duration import parse_duration
     from nvscope.tracker.summary import summarize
     from nvscope.view.document import report_document
 
     source = open_source(paths, batch_packets=1 << 16)
     with ProgressBar(source, quiet=quiet) as progress:
-        state = track(source, ports=ports, timeout_ns=parse_duration(timeout), progress=progress)
+        state = track(source, ports=ports, timeout_ns=timeout_ns, progress=progress)
     summary = summarize(state)
     document = report_document(state, summary, judge(state, source.infos, summary=summary), source.infos)
     shown = colour_wanted(colour)

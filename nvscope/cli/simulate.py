@@ -61,4 +61,4 @@ def simulate(
         raise UsageError(
             error.strerror or str(error), where=str(path), next_step="name another file with --truth"
         ) from error
-    typer.echo(f"{write}: {told['frames']} frames; the truth about them: {path}", err=True)
+    typer.echo(f"{write}: {told['capture']['frames']} frames; the truth about them: {path}", err=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.duration import parse_duration
 from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
@@ -60,6 +61,17 @@ def port_rules(options: Sequence[str] | None) -> PortRules | None:
             )
         ports[match[3]] += range(first, last + 1)
     return PortRules(tuple(ports["nvl"]), tuple(ports["data"]))
+
+
+def duration_ns(option: str, text: str) -> int:
+    """Return the duration that an option gives; UsageError where it is none, or not more than 0."""
+    try:
+        duration = parse_duration(text)
+    except ValueError as error:
+        raise UsageError(f"{option}: {error}", next_step="write it as 50ms, 2.5s or T#1m30s") from None
+    if duration <= 0:
+        raise UsageError(f"{option} {text}: must be more than 0")
+    return duration
 
 
 def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from nvscope.findings.finding import Events, Facts, Finding
 from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.tracker.summary import ListSummary
@@ -45,7 +47,8 @@ def _shape(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> s
 
 
 def _checksum(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
-    place = _place_number(facts, entry.number, subindex)
+    places = facts.state.flows.places
+    place = int(places.find(np.array([entry.number], np.uint64), np.array([subindex], np.uint64))[0])
     reference = int(facts.state.consistency.places.reference[place])
     return (
         f"{count_of(events.count, 'telegram')} with another checksum than 16#{reference:02X}, the first one seen: "
@@ -58,12 +61,6 @@ def _flags(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> s
         f"{count_of(events.count, 'telegram')} with a checksum but without its flag, or with Flags that change as "
         "Counter wraps: the sender writes its counter over them."
     )
-
-
-def _place_number(facts: Facts, list_number: int, subindex: int) -> int:
-    places = facts.state.flows.places
-    match = (places.high == list_number) & (places.low == subindex)
-    return int(match.argmax())
 
 
 _SENTENCES = {402: _shape, 403: _checksum, 404: _flags}

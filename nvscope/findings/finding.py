@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from nvscope.capture.source import SourceInfo
 from nvscope.tracker.events import EventRows
@@ -61,6 +63,25 @@ class Facts:
     at_ns: int
     limits: Limits = field(default_factory=Limits)
 
+    @cached_property
+    def frames_of_stream(self) -> dict[int, tuple[int, int]]:
+        """The first and the last frame of each stream."""
+        columns = self.state.flows.columns
+        frames: dict[int, tuple[int, int]] = {}
+        for stream, first, last in zip(
+            *(columns.column(name).tolist() for name in ("stream", "first_frame", "last_frame")), strict=True
+        ):
+            known = frames.get(stream, (first, last))
+            frames[stream] = min(first, known[0]), max(last, known[1])
+        return frames
+
+    @cached_property
+    def _events_by_code(self) -> dict[int, list[int]]:
+        log, rows = self.state.events, defaultdict(list)
+        for row, high in enumerate(log.keys.high.tolist()):
+            rows[finding_parts(high, 0)[0]].append(row)
+        return rows
+
     def address(self, node: int) -> str:
         """Return the text of a node's address."""
         return self.summary.addresses[node]
@@ -73,11 +94,10 @@ class Facts:
         """Return the events of ``TrackerState.events`` with a code: list, node, SubIndex and events."""
         log = self.state.events
         found = []
-        for row, (high, low) in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
-            logged_code, *parts = finding_parts(high, low)
-            if logged_code == code:
-                place = [None if part < 0 else part for part in parts]
-                found.append((place[0], place[1], place[2], events_of(log.rows, row)))
+        for row in self._events_by_code.get(code, ()):
+            parts = finding_parts(int(log.keys.high[row]), int(log.keys.low[row]))[1:]
+            place = [None if part < 0 else part for part in parts]
+            found.append((place[0], place[1], place[2], events_of(log.rows, row)))
         return found
 
 

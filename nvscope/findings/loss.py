@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 
 from nvscope.findings.finding import Events, Facts, Finding, events_of
@@ -100,27 +101,25 @@ def _unused_sentence(stream: StreamSummary) -> str:
 
 
 def _unused(facts: Facts, stream: StreamSummary) -> Events:
-    return Events(1, stream.first_ns, stream.last_ns, _first_frame(facts, stream.stream))
-
-
-def _first_frame(facts: Facts, stream: int) -> tuple[int, ...]:
-    columns = facts.state.flows.columns
-    frames = columns.column("first_frame")[columns.column("stream") == stream]
-    return (int(frames.min()),)
+    return Events(1, stream.first_ns, stream.last_ns, (facts.frames_of_stream[stream.stream][0],))
 
 
 def _scopes(facts: Facts) -> Iterator[Finding]:
     """Yield NV206 for the nodes whose Counter does not count by stream."""
     state = facts.state
+    of_node = defaultdict(list)
+    for _, stream in facts.streams():
+        of_node[stream.node].append(stream)
     for node, scope in facts.summary.scopes.items():
         if scope == Scope.STREAM:
             continue
         steps = int(state.loss.nodes.steps[node])
         sends = scope == Scope.NODE_SEND
         regular = int((state.loss.nodes.regular_send if sends else state.loss.nodes.regular_telegram)[node])
-        own = [stream for _, stream in facts.streams() if stream.node == node]
-        first = min(own, key=lambda stream: _first_frame(facts, stream.stream))
+        own = of_node[node]
+        first = min(own, key=lambda stream: facts.frames_of_stream[stream.stream])
         what = "its sends" if sends else "all its telegrams"
         message = f"One Counter for {what}: {count(regular)} of {count(steps)} steps fit ({percent(regular, steps)})."
         last_ns = max(stream.last_ns for stream in own)
-        yield Finding("NV206", message, 1, first.first_ns, last_ns, _first_frame(facts, first.stream), node=node)
+        frame = facts.frames_of_stream[first.stream][0]
+        yield Finding("NV206", message, 1, first.first_ns, last_ns, (frame,), node=node)

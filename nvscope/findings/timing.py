@@ -91,7 +91,7 @@ def _stopped(facts: Facts, entry: ListSummary, stream: StreamSummary) -> Iterato
         return
     message = f"Silent for the last {duration(silent_ns)}; nominal is {duration(nominal)}."
     yield Finding(
-        "NV504", message, 1, stream.last_ns, stream.last_ns, (_last_frame(facts, stream),),
+        "NV504", message, 1, stream.last_ns, stream.last_ns, facts.frames_of_stream[stream.stream][1:],
         entry.number, stream.node, stream.subindex,
     )  # fmt: skip
 
@@ -122,8 +122,3 @@ def _torn(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
             "NV505", message, events, int(log.first_ns[torn].min()), int(log.last_ns[torn].max()),
             tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), entry.number, node,
         )  # fmt: skip
-
-
-def _last_frame(facts: Facts, stream: StreamSummary) -> int:
-    columns = facts.state.flows.columns
-    return int(columns.column("last_frame")[columns.column("stream") == stream.stream].max())

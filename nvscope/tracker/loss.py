@@ -57,11 +57,15 @@ class StreamSequences(Columns):
 
 
 class NodeSequences(Columns):
-    """One row a node: the sequence of all its telegrams. ``last_stream`` is that of its last telegram, -1 before."""
+    """One row a node: the sequence of all its telegrams, and the gaps in it.
+
+    ``last_stream`` is that of its last telegram, -1 before.
+    """
 
     current: U16
     missing: U64
     last_stream: I64
+    gaps: I64
     steps: I64
     regular_telegram: I64
     regular_send: I64
@@ -69,6 +73,7 @@ class NodeSequences(Columns):
         "current": (np.uint16(0), 1),
         "missing": (np.uint64(0), 1),
         "last_stream": (np.int64(-1), 1),
+        "gaps": (np.int64(0), 1),
         "steps": (np.int64(0), 1),
         "regular_telegram": (np.int64(0), 1),
         "regular_send": (np.int64(0), 1),
@@ -83,20 +88,23 @@ class Loss:
         self.nodes = NodeSequences()
         self.events = EventLog()
 
-    def observe(self, rows: DataRows, flows: Flows, first_frame: int) -> tuple[Steps, U8]:
-        """Walk the counters of a batch; return the streams' own steps and, row by row, those of the nodes."""
+    def observe(self, rows: DataRows, flows: Flows, first_frame: int) -> tuple[U8, I64]:
+        """Walk the counters of a batch.
+
+        Returns, row by row, the streams' own steps, and how many gaps the node's counters have had up to there.
+        """
         self.streams.resize(len(flows.streams))
         self.nodes.resize(len(flows.nodes))
         frame = rows.packet + first_frame
         counter = rows.counter
         own = self._walk_streams(rows, counter)
-        step, distance, sent_together = self._walk_nodes(rows, counter, flows)
+        step, distance, sent_together, node_gaps = self._walk_nodes(rows, counter, flows)
         self._book(rows, frame, own.step, own.distance, Scope.STREAM)
         self._book(rows, frame, step, distance, Scope.NODE_TELEGRAM)
         self._book_duplicates(rows, frame, own.step, None, Scope.STREAM)
         self._book_duplicates(rows, frame, step, None, Scope.NODE_TELEGRAM)
         self._book_duplicates(rows, frame, step, sent_together, Scope.NODE_SEND)
-        return own, step
+        return own.step, node_gaps
 
     def _walk_streams(self, rows: DataRows, counter: U16) -> Steps:
         streams, run = self.streams, rows.run_stream
@@ -118,11 +126,11 @@ class Loss:
         streams.regular[run] += length - irregular
         return steps
 
-    def _walk_nodes(self, rows: DataRows, counter: U16, flows: Flows) -> tuple[U8, U16, Bool | None]:
+    def _walk_nodes(self, rows: DataRows, counter: U16, flows: Flows) -> tuple[U8, U16, Bool | None, I64]:
         """Walk the nodes' sequences.
 
-        Returns, by rows, step and distance, and where a telegram with the node's current counter belongs to the same
-        send as the node's telegram before (same list, another SubIndex); None where none does.
+        Returns, by rows, step and distance, where a telegram with the node's current counter belongs to the same send
+        as the node's telegram before (same list, another SubIndex; None where none does), and the node's gaps so far.
         """
         node_of_stream = flows.streams.low.astype(np.int64)
         stream = rows.as_captured(rows.stream)
@@ -150,11 +158,15 @@ class Loss:
         sends = np.add.reduceat(together, start, dtype=np.int64)
         nodes.regular_send[run] += stop - start - irregular + sends
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
+        gaps = np.cumsum(steps.step == Step.GAP, dtype=np.int64)
+        gaps += np.repeat(nodes.gaps[run] - np.where(start > 0, gaps[start - 1], 0), stop - start)
+        nodes.gaps[run] = gaps[stop - 1]
         nodes.last_stream[run] = stream[stop - 1]
         return (
             _moved(steps.step, order, rows.order),
             _moved(steps.distance, order, rows.order),
             _moved(together, order, rows.order) if len(same) else None,
+            _moved(gaps, order, rows.order),
         )
 
     def _book(self, rows: DataRows, frame: I64, step: U8, distance: U16, scope: Scope) -> None:

@@ -216,8 +216,8 @@ class TrackerState:
         if len(rows):
             self.data_telegrams += len(rows)
             self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
-            own, node = self.loss.observe(rows, self.flows, first_frame)
-            usual = self.timing.observe(rows, own.step, node, len(self.flows.streams), first_frame)
+            own, node_gaps = self.loss.observe(rows, self.flows, first_frame)
+            usual = self.timing.observe(rows, own, node_gaps, len(self.flows.streams), first_frame)
             self.cycles.observe(rows, rows.counter, usual, self.timing.columns.usual_ns, self.flows, first_frame)
             errors.append(self._observe_consistency(rows, flow, first_frame))
         return errors

@@ -180,80 +180,93 @@ def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     return scopes
 
 
+@dataclass(slots=True)
+class _Traffic:
+    """What went over one list, by node: sent, acknowledged, received by unicast, and broadcast."""
+
+    received: _Tally = field(default_factory=_Tally)
+    sent: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
+    direct: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
+    broadcast: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
+    acknowledged: dict[int, int] = field(default_factory=lambda: defaultdict(int))
+    readers: set[int] = field(default_factory=set)
+    errors: dict[int, int] = field(default_factory=dict)
+    """By node: its row in the table of errors."""
+
+    def nodes(self) -> set[int]:
+        """Return all nodes that may have counted something."""
+        return {*self.sent, *self.direct, *self.acknowledged, *self.readers, *self.errors}
+
+
 def _diagnose(state: TrackerState, lists: list[ListSummary], order: list[tuple[bool, int]]) -> None:
     """Sum the flows up into the diagnosis of every list and of every node on it."""
+    traffic = _sum_up(state, lists)
+    errors = state.errors
+    for member, (number, node) in enumerate(
+        zip(errors.members.high.tolist(), errors.members.low.tolist(), strict=True)
+    ):
+        traffic[number].errors[node] = member
+    for entry, seen in zip(lists, traffic, strict=True):
+        for node in sorted(seen.nodes(), key=order.__getitem__):
+            own, heard = seen.sent.get(node, _Tally()), _heard(seen, node)
+            diagnosis = Diagnosis(
+                own.count, own.last[1], heard.count, heard.last[1], heard.written,
+                nAcknowledges=seen.acknowledged.get(node, 0),
+            )  # fmt: skip
+            _add_errors(diagnosis, errors.of_member, seen.errors.get(node))
+            if not diagnosis.blank:
+                entry.nodes.append((node, diagnosis))
+        entry.senders = sorted(seen.sent, key=order.__getitem__)
+        entry.readers = sorted(seen.readers, key=order.__getitem__)
+        total = _Tally()
+        for own in seen.sent.values():
+            total.add(own.count, 0, own.last)
+        everything = seen.received
+        entry.diagnosis = Diagnosis(
+            total.count, total.last[1], everything.count, everything.last[1], everything.written,
+            nAcknowledges=sum(seen.acknowledged.values()),
+        )  # fmt: skip
+        _add_errors(entry.diagnosis, errors.of_list, entry.number)
+
+
+def _sum_up(state: TrackerState, lists: list[ListSummary]) -> list[_Traffic]:
+    """Return the traffic of each list, and note in ``lists`` since when each sender sends it."""
     columns = state.flows.columns
     names = ("kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns")
     table = [columns.column(name).tolist() for name in (*names, "first_frame", "first_ns")]
-    sent: dict[tuple[int, int], _Tally] = defaultdict(_Tally)
-    acknowledged: dict[tuple[int, int], int] = defaultdict(int)
-    direct: dict[tuple[int, int], _Tally] = defaultdict(_Tally)
-    broadcast: list[dict[int, _Tally]] = [defaultdict(_Tally) for _ in lists]
-    readers: list[set[int]] = [set() for _ in lists]
-    received = [_Tally() for _ in lists]
+    traffic = [_Traffic() for _ in lists]
     for kind, number, source, destination, count, mismatches, frame, time_ns, first_frame, first_ns in zip(
         *table, strict=True
     ):
         if kind == Kind.HEADER_CUT:
             continue
+        seen = traffic[number]
         last = (frame, time_ns)
         written = count - mismatches if kind == Kind.DATA else 0
         if kind in (Kind.DATA, Kind.MALFORMED_DATA):
-            sent[number, source].add(count, 0, last)
+            seen.sent[source].add(count, 0, last)
             since = lists[number].sender_since
             since[source] = min(since.get(source, (first_frame, first_ns)), (first_frame, first_ns))
         elif kind == Kind.ACKNOWLEDGEMENT:
-            acknowledged[number, source] += count
+            seen.acknowledged[source] += count
         if kind in (Kind.ACKNOWLEDGEMENT, Kind.BOOT_UP_REQUEST):
-            readers[number].add(source)
-        received[number].add(count, written, last)
+            seen.readers.add(source)
+        seen.received.add(count, written, last)
         if destination < 0:
-            broadcast[number][source].add(count, written, last)
+            seen.broadcast[source].add(count, written, last)
         elif destination != source:
-            direct[number, destination].add(count, written, last)
-    errors = state.errors
-    members = {
-        (number, node): member
-        for member, (number, node) in enumerate(
-            zip(errors.members.high.tolist(), errors.members.low.tolist(), strict=True)
-        )
-    }
-    for entry in lists:
-        number = entry.number
-        named = {node for at, node in [*sent, *acknowledged, *direct, *members] if at == number}
-        heard: dict[int, _Tally] = {}
-        for node in named | readers[number]:
-            heard[node] = _heard(direct.get((number, node)), broadcast[number], node, node in readers[number])
-        for node in sorted(heard, key=order.__getitem__):
-            tally, own = heard[node], sent.get((number, node), _Tally())
-            diagnosis = Diagnosis(
-                own.count, own.last[1], tally.count, tally.last[1], tally.written,
-                nAcknowledges=acknowledged.get((number, node), 0),
-            )  # fmt: skip
-            _add_errors(diagnosis, errors.of_member, members.get((number, node)))
-            if not diagnosis.blank:
-                entry.nodes.append((node, diagnosis))
-        total = _Tally()
-        entry.senders = sorted((node for at, node in sent if at == number), key=order.__getitem__)
-        for node in entry.senders:
-            own = sent[number, node]
-            total.add(own.count, 0, own.last)
-        entry.readers = sorted(readers[number], key=order.__getitem__)
-        everything = received[number]
-        entry.diagnosis = Diagnosis(
-            total.count, total.last[1], everything.count, everything.last[1], everything.written,
-            nAcknowledges=sum(count for (at, _), count in acknowledged.items() if at == number),
-        )  # fmt: skip
-        _add_errors(entry.diagnosis, errors.of_list, number)
+            seen.direct[destination].add(count, written, last)
+    return traffic
 
 
-def _heard(direct: _Tally | None, broadcast: dict[int, _Tally], node: int, reads: bool) -> _Tally:
+def _heard(seen: _Traffic, node: int) -> _Tally:
     """Return what was delivered to a node: unicast, and to a reader the broadcasts of others."""
     tally = _Tally()
-    if direct:
+    if node in seen.direct:
+        direct = seen.direct[node]
         tally.add(direct.count, direct.written, direct.last)
-    if reads:
-        for source, sent in broadcast.items():
+    if node in seen.readers:
+        for source, sent in seen.broadcast.items():
             if source != node:
                 tally.add(sent.count, sent.written, sent.last)
     return tally

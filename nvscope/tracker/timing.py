@@ -34,7 +34,7 @@ _LIMB = (1 << _LIMB_BITS) - 1
 _LARGE_NS = 1 << (2 * _LIMB_BITS)
 
 LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
-"""Bits of an unusual interval's key: its last telegram came after a gap, by the stream's counters or the node's."""
+"""Bits of an unusual interval's key: there was a gap in it, by the stream's counters or by the node's."""
 
 
 class IntervalColumns(Columns):
@@ -44,6 +44,7 @@ class IntervalColumns(Columns):
     """
 
     last_ns: I64
+    node_gaps: I64
     count: I64
     total_ns: I64
     least_ns: I64
@@ -55,6 +56,7 @@ class IntervalColumns(Columns):
     dense: I64
     COLUMNS: ClassVar = {
         "last_ns": (np.int64(0), 1),
+        "node_gaps": (np.int64(0), 1),  # of the node's sequence, at the last telegram
         "count": (np.int64(-1), 1),  # of intervals; -1 before the first telegram
         "total_ns": (np.int64(0), 1),
         "least_ns": (np.iinfo(np.int64).max * np.int64(1), 1),
@@ -78,8 +80,8 @@ class Timing:
         self.unusual = EventLog()
         self.large_squares: dict[int, int] = {}
 
-    def observe(self, rows: DataRows, own: U8, node: U8, streams: int, first_frame: int) -> Bool:
-        """Take the intervals of a batch; ``own`` and ``node`` are the steps of the rows in both walks.
+    def observe(self, rows: DataRows, own: U8, node_gaps: I64, streams: int, first_frame: int) -> Bool:
+        """Take the intervals of a batch; ``own`` are the streams' steps, ``node_gaps`` the nodes' gaps so far, by row.
 
         Returns the rows that end an interval of a stream whose usual one was known before.
         """
@@ -98,18 +100,25 @@ class Timing:
         interval[start] = time_ns[start] - columns.last_ns[run]
         fresh = columns.count[run] < 0
         columns.last_ns[run] = time_ns[stop - 1]
+        gaps = node_gaps if kept is None else node_gaps[kept]
+        gaps_before = np.empty_like(gaps)
+        gaps_before[1:] = gaps[:-1]
+        gaps_before[start] = columns.node_gaps[run]
+        columns.node_gaps[run] = gaps[stop - 1]
+        loss = (own if kept is None else own[kept]) == Step.GAP
+        loss = loss * np.uint8(LOSS_OF_STREAM) | (gaps != gaps_before) * np.uint8(LOSS_OF_NODE)
         if fresh.any():
             columns.count[run[fresh]] = 0
             real = np.ones(len(interval), np.bool_)
             real[start[fresh]] = False
             kept = np.flatnonzero(real) if kept is None else kept[real]
-            interval, stream = interval[real], stream[real]
+            interval, stream, loss = interval[real], stream[real], loss[real]
             start, stop = runs_of(stream)
             run = stream[start]
         usual = np.zeros(len(rows), np.bool_)
         if len(interval):
             self._add(interval, stream, start, stop, run)
-            learned = self._sort_in(rows, kept, interval, stream, start, run, own, node, first_frame)
+            learned = self._sort_in(rows, kept, interval, stream, start, run, loss, first_frame)
             usual[slice(None) if kept is None else kept] = True if learned is None else ~learned
         return usual
 
@@ -136,7 +145,7 @@ class Timing:
         columns.squares[run] = squares
 
     def _sort_in(
-        self, rows: DataRows, kept: I64 | None, interval: I64, stream: I64, start: I64, run: I64, own: U8, node: U8,
+        self, rows: DataRows, kept: I64 | None, interval: I64, stream: I64, start: I64, run: I64, loss: U8,
         first_frame: int,
     ) -> Bool | None:  # fmt: skip
         """Put intervals into the buckets; return which of them were learned from, None where none was."""
@@ -158,8 +167,7 @@ class Timing:
         np.add.at(columns.dense.ravel(), stream[inside] * DENSE_BUCKETS + dense[inside], 1)
         place = np.flatnonzero(outside)
         row = place if kept is None else kept[place]
-        key = (bucket[place] + _BUCKET_OFFSET) << 2
-        key |= (own[row] == Step.GAP) * LOSS_OF_STREAM | (node[row] == Step.GAP) * LOSS_OF_NODE
+        key = (bucket[place] + _BUCKET_OFFSET) << 2 | loss[place]
         order = np.argsort(rows.packet[row], kind="stable")  # as they happened, so that new keys come in that order
         row, key, place = row[order], key[order], place[order]
         self.unusual.record(

@@ -7,9 +7,9 @@ what is absent is None. The same state gives the same document.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Any
 
+from nvscope import __version__
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
@@ -27,7 +27,7 @@ def report_document(
     keys = {entry.number: entry.key for entry in summary.lists}
     return {
         "schema": SCHEMA,
-        "tool": {"name": "nvscope", "version": version("nvscope")},
+        "tool": {"name": "nvscope", "version": __version__},
         "capture": {
             "sources": [
                 {"path": info.path, "format": info.format, "bytes": info.bytes, "frames": info.frames}

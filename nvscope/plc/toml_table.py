@@ -1,0 +1,263 @@
+"""Strict reading of TOML into dataclasses: the fields of the dataclass are the only table of the keys.
+
+Each field is made by ``key`` and carries what may stand there and a sentence of help; from that come the reading, the
+messages about mistakes, and the documentation. Unknown keys, wrong types and numbers out of range are errors that name
+file and key path.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass
+from datetime import UTC, datetime
+from typing import Any, TypeVar
+
+from nvscope.duration import format_duration, parse_duration
+from nvscope.errors import ConfigurationError
+
+T = TypeVar("T")
+_MAX_ROWS = 10_000
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where in which file a value stands: ``plant.toml``, ``loss[1].telegrams``."""
+
+    path: str
+    keys: str = ""
+
+    def below(self, key: str | int) -> Place:
+        """Return the place of a key of this table, or of an entry of this array."""
+        if isinstance(key, int):
+            return Place(self.path, f"{self.keys}[{key}]")
+        return Place(self.path, f"{self.keys}.{key}" if self.keys else key)
+
+    def error(self, what: str, next_step: str = "") -> ConfigurationError:
+        """Return the error that something is wrong here."""
+        return ConfigurationError(
+            what, where=f"{self.path}: {self.keys}" if self.keys else self.path, next_step=next_step
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What may stand behind a key: its name for people, and the function that reads it or raises."""
+
+    name: str
+    read: Callable[[Any, Place], Any]
+    table: type | None = None
+
+
+def key(kind: Kind, text: str, *, default: Any = MISSING, name: str = "") -> Any:
+    """Return a dataclass field for one key; ``name`` where TOML spells it otherwise than the attribute."""
+    metadata = {"kind": kind, "help": text, "name": name}
+    return dataclasses.field(metadata=metadata) if default is MISSING else _with_default(default, metadata)
+
+
+def _with_default(default: Any, metadata: dict[str, Any]) -> Any:
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def read_table(cls: type[T], table: Any, place: Place) -> T:
+    """Return a dataclass read from a TOML table; ConfigurationError where a key is unknown, missing or wrong."""
+    if not isinstance(table, Mapping):
+        raise place.error(f"a table is expected, found {_described(table)}")
+    fields = {_toml_name(entry): entry for entry in _keys(cls)}
+    for name in table:
+        if name not in fields:
+            raise place.below(name).error(f"unknown key {name!r}", nearest(name, fields))
+    values: dict[str, Any] = {}
+    for name, entry in fields.items():
+        if name in table:
+            values[entry.name] = entry.metadata["kind"].read(table[name], place.below(name))
+        elif entry.default is MISSING:
+            raise place.error(f"the key {name!r} is missing", f"{name}: {entry.metadata['help']}")
+    return cls(**values)
+
+
+def nearest(name: str, known: Mapping[str, Any] | list[str] | tuple[str, ...]) -> str:
+    """Return a sentence that names the known word nearest to ``name``."""
+    words = sorted(known)
+    if not words:
+        return ""
+    best = max(words, key=lambda word: difflib.SequenceMatcher(None, name.lower(), word.lower()).ratio())
+    return f"The nearest known one is {best!r}; known are: {', '.join(words)}."
+
+
+def document_table(cls: type, title: str, heading: str = "##") -> str:
+    """Return the keys of a dataclass and of the tables below it, as Markdown; inherited ones by name only."""
+    lines = [f"{heading} {title}", "", (cls.__doc__ or "").strip(), ""]
+    below: list[str] = []
+    base = cls.__base__ if dataclasses.is_dataclass(cls.__base__) else None
+    inherited = [entry.name for entry in _keys(base)] if base else []
+    if base:
+        names = (f"`{_toml_name(entry)}`" for entry in _keys(base))
+        lines.append(f"- {', '.join(names)}: see {base.__name__}")
+    for entry in _keys(cls):
+        if entry.name in inherited:
+            continue
+        kind: Kind = entry.metadata["kind"]
+        name = _toml_name(entry)
+        if kind.table is not None:
+            below.append(document_table(kind.table, kind.name.format(name=name), heading))
+            lines.append(f"- `{kind.name.format(name=name)}`: {entry.metadata['help']}")
+            continue
+        default = "required" if entry.default is MISSING else f"default {_shown(entry.default, kind)}"
+        lines.append(f"- `{name}` ({kind.name}, {default}): {entry.metadata['help']}")
+    return "\n".join([*lines, "", *below])
+
+
+def _keys(cls: Any) -> list[dataclasses.Field[Any]]:
+    """Return the fields that are keys of the file; others are told by the reader."""
+    return [entry for entry in dataclasses.fields(cls) if "kind" in entry.metadata]
+
+
+def _toml_name(entry: dataclasses.Field[Any]) -> str:
+    return entry.metadata["name"] or entry.name
+
+
+def _shown(default: Any, kind: Kind) -> str:
+    if kind in {DURATION, LENGTH}:
+        return "none" if default is None else f"`{format_duration(default)}`"
+    if kind is MOMENT:
+        return f"`{datetime.fromtimestamp(default // 1_000_000_000, UTC).isoformat()}`"
+    if default in (None, (), ""):
+        return "none"
+    if isinstance(default, bool):
+        return f"`{str(default).lower()}`"
+    return f"`{default}`"
+
+
+def _described(value: Any) -> str:
+    names = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "an array"}
+    shown = "" if isinstance(value, Mapping | list) else f" ({str(value)[:40]!r})"
+    return f"{names.get(type(value), 'a table' if isinstance(value, Mapping) else 'a date or time')}{shown}"
+
+
+def _text(value: Any, place: Place) -> str:
+    if not isinstance(value, str):
+        raise place.error(f"a text is expected, found {_described(value)}")
+    if len(value) > 10_000:
+        raise place.error("the text is longer than 10 000 characters")
+    return value
+
+
+def _flag(value: Any, place: Place) -> bool:
+    if not isinstance(value, bool):
+        raise place.error(f"true or false is expected, found {_described(value)}")
+    return value
+
+
+def _duration(value: Any, place: Place) -> int:
+    if not isinstance(value, str):
+        raise place.error(
+            f"a duration is expected, found {_described(value)}", 'Write a text with a unit, such as "50ms" or "T#1s".'
+        )
+    try:
+        return parse_duration(value)
+    except ValueError as error:
+        raise place.error(str(error)) from None
+
+
+def _length(value: Any, place: Place) -> int:
+    duration_ns = _duration(value, place)
+    if duration_ns < 0:
+        raise place.error("a duration cannot be negative here")
+    return duration_ns
+
+
+def _moment(value: Any, place: Place) -> int:
+    if not isinstance(value, datetime) or value.tzinfo is None:
+        raise place.error(
+            f"a date and time with an offset is expected, found {_described(value)}",
+            "Write it without quotes, such as 2024-05-06T08:00:00Z.",
+        )
+    since = value - _EPOCH
+    moment_ns = ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1_000
+    if not 0 <= moment_ns < 4_294_967_296_000_000_000 // 2:
+        raise place.error("the time must lie between 1970 and 2038, as pcap files can hold it")
+    return moment_ns
+
+
+def integer(low: int, high: int) -> Kind:
+    """Return the kind of whole numbers from ``low`` to ``high``."""
+
+    def read(value: Any, place: Place) -> int:
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise place.error(f"a whole number is expected, found {_described(value)}")
+        if not low <= value <= high:
+            raise place.error(f"{value} is out of range: {low} to {high}")
+        return value
+
+    return Kind(f"whole number {low} to {high}", read)
+
+
+def number(low: float, high: float) -> Kind:
+    """Return the kind of numbers from ``low`` to ``high``."""
+
+    def read(value: Any, place: Place) -> float:
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            raise place.error(f"a number is expected, found {_described(value)}")
+        if not low <= value <= high:
+            raise place.error(f"{value} is out of range: {low} to {high}")
+        return float(value)
+
+    return Kind(f"number {low} to {high}", read)
+
+
+def choice(*words: str) -> Kind:
+    """Return the kind of texts that are one of ``words``."""
+
+    def read(value: Any, place: Place) -> str:
+        text = _text(value, place)
+        if text not in words:
+            raise place.error(f"{text[:60]!r} is none of the choices", nearest(text, words))
+        return text
+
+    return Kind(" or ".join(f'"{word}"' for word in words), read)
+
+
+def array(kind: Kind, *, single: bool = False) -> Kind:
+    """Return the kind of arrays of ``kind``, read as tuples; with ``single`` one value may stand without brackets."""
+
+    def read(value: Any, place: Place) -> tuple[Any, ...]:
+        if single and not isinstance(value, list):
+            return (kind.read(value, place),)
+        if not isinstance(value, list):
+            raise place.error(f"an array is expected, found {_described(value)}")
+        if len(value) > _MAX_ROWS:
+            raise place.error(f"the array has {len(value)} entries, more than {_MAX_ROWS}")
+        return tuple(kind.read(entry, place.below(index)) for index, entry in enumerate(value))
+
+    return Kind(f"{kind.name}, or an array of such" if single else f"array of {kind.name}", read)
+
+
+def mapping(kind: Kind) -> Kind:
+    """Return the kind of tables with free keys and values of ``kind``, read as dicts."""
+
+    def read(value: Any, place: Place) -> dict[str, Any]:
+        if not isinstance(value, Mapping):
+            raise place.error(f"a table is expected, found {_described(value)}")
+        return {str(name): kind.read(entry, place.below(str(name))) for name, entry in value.items()}
+
+    return Kind(f"table of {kind.name}", read)
+
+
+def tables(cls: type) -> Kind:
+    """Return the kind of arrays of tables, ``[[name]]``, read as tuples of ``cls``."""
+    return Kind("[[{name}]]", array(Kind("", lambda value, place: read_table(cls, value, place))).read, cls)
+
+
+def table_of(cls: type) -> Kind:
+    """Return the kind of a single table, ``[name]``, read as ``cls``."""
+    return Kind("[{name}]", lambda value, place: read_table(cls, value, place), cls)
+
+
+TEXT = Kind("text", _text)
+FLAG = Kind("true or false", _flag)
+DURATION = Kind("duration", _duration)
+LENGTH = Kind("duration, not negative", _length)
+MOMENT = Kind("date and time with offset", _moment)

@@ -1,0 +1,58 @@
+"""What differs between the truth about simulated traffic and a report on it, as readable lines.
+
+The truth is a part of a report: what it says must be said by the report with the same value. A null among figures and
+intervals means that nobody can know; findings that hang on such figures are left out.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+UNKNOWABLE = {
+    "lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts", "counter_scope", "count", "min", "max",
+}  # fmt: skip
+OF_COUNTERS = {"NV201", "NV202", "NV203", "NV204", "NV205", "NV206", "NV207"}
+ONLY_IN_TRUTH = {"designed", "schema", "title", "seed", "exact", "findings"}
+
+FindingKey = tuple[str, str | None, str | None, int | None]
+
+
+def differences(truth: dict[str, Any], report: dict[str, Any], codes: set[str]) -> list[str]:
+    """Return a line for each value that differs; findings are compared for ``codes``, strictly in both directions."""
+    found = compare("report", truth, report)
+    unknowable = {stream["node"] for entry in truth["lists"] for stream in entry["streams"] if stream["lost"] is None}
+    expected, actual = (
+        {
+            key: finding["count"]
+            for finding in source["findings"]
+            if (key := finding_key(finding))[0] in codes and not (key[0] in OF_COUNTERS and key[2] in unknowable)
+        }
+        for source in (truth, report)
+    )
+    for key in sorted(expected.keys() | actual.keys(), key=str):
+        if expected.get(key) != actual.get(key):
+            found.append(f"finding {key}: truth {expected.get(key)}, report {actual.get(key)}")
+    return found
+
+
+def finding_key(finding: dict[str, Any]) -> FindingKey:
+    return finding["code"], finding["list"], finding["node"], finding["subindex"]
+
+
+def compare(path: str, truth: Any, report: Any) -> list[str]:
+    if isinstance(truth, dict):
+        found = []
+        for name, value in truth.items():
+            if name in ONLY_IN_TRUTH or (value is None and name in UNKNOWABLE):
+                continue
+            if name not in report:
+                found.append(f"{path}.{name}: not in the report")
+            else:
+                found += compare(f"{path}.{name}", value, report[name])
+        return found
+    if isinstance(truth, list) and isinstance(report, list):
+        if len(truth) != len(report):
+            return [f"{path}: truth has {len(truth)} rows, report {len(report)}"]
+        pairs = enumerate(zip(truth, report, strict=True))
+        return [line for place, pair in pairs for line in compare(f"{path}[{place}]", *pair)]
+    return [] if truth == report else [f"{path}: truth {truth!r}, report {report!r}"]

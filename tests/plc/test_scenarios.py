@@ -1,0 +1,65 @@
+"""The scenarios of ``tests/scenarios``: what each one expects, strictly in both directions, is what was put into it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.plc.scenario import load_scenario
+from nvscope.tracker.counters import LIST_COUNTERS
+from tests.plc.collected import run
+
+SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
+TAME = [path for path in SCENARIOS if not load_scenario(path).wild]
+NEEDS_A_DEFINITION = {"NV405", "NV406", "NV407"}
+NEEDS_A_FILE = {"NV901", "NV903", "NV904"}
+
+
+def found(truth: dict[str, Any]) -> dict[str, set[str]]:
+    """Return the codes of findings by list, those of none under "capture"."""
+    codes: dict[str, set[str]] = {}
+    for finding in truth["findings"]:
+        codes.setdefault(finding["list"] or "capture", set()).add(finding["code"])
+    return codes
+
+
+def counted(truth: dict[str, Any]) -> dict[str, dict[str, int]]:
+    """Return the counters of each list that are not 0."""
+    counters = {
+        entry["key"]: {name: value for name, value in entry["counters"].items() if value} for entry in truth["lists"]
+    }
+    return {key: values for key, values in counters.items() if values}
+
+
+@pytest.mark.parametrize("path", TAME, ids=[path.stem for path in TAME])
+def test_a_scenario_expects_what_was_put_into_it(path: Path) -> None:
+    scenario = load_scenario(path)
+    assert scenario.expect is not None
+    assert scenario.expect.findings is not None
+    truth, _ = run(scenario)
+    assert found(truth) == {key: set(codes) for key, codes in scenario.expect.findings.items()}
+    assert counted(truth) == (scenario.expect.counters or {})
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=[path.stem for path in SCENARIOS])
+def test_a_scenario_says_what_happens(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert text.startswith("# ")
+    assert len(text.split("title =")[0]) > 60
+    assert load_scenario(path).title
+
+
+def test_every_finding_and_every_counter_occurs() -> None:
+    codes: set[str] = set()
+    counters: set[str] = set()
+    for path in TAME:
+        expect = load_scenario(path).expect
+        assert expect is not None
+        codes |= {code for entry in (expect.findings or {}).values() for code in entry}
+        counters |= {name for entry in (expect.counters or {}).values() for name in entry}
+    of_network_variables = {code for code in CATALOGUE if code[2] in "123459"}
+    assert codes == of_network_variables - NEEDS_A_DEFINITION - NEEDS_A_FILE
+    assert counters == {counter.name for counter in LIST_COUNTERS}

@@ -1,0 +1,44 @@
+"""The truth of the simulator against the rules of diagnosis, written a second time and applied to the frames."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from nvscope.plc.scenario import load_scenario, read_scenario
+from tests.oracle.reference import SEVERITIES, reference_report
+from tests.plc.collected import run
+from tests.plc.comparison import differences
+from tests.plc.random_scenario import random_scenario
+
+SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=[path.stem for path in SCENARIOS])
+def test_what_was_put_into_a_scenario_is_what_the_rules_find(path: Path) -> None:
+    truth, frames = run(load_scenario(path))
+    if truth["exact"]:
+        assert differences(truth, reference_report(frames), set(SEVERITIES)) == []
+    assert json.loads(json.dumps(truth)) == truth
+
+
+@pytest.mark.parametrize("seed", range(100, 124))
+def test_what_was_put_in_at_random_is_what_the_rules_find(seed: int) -> None:
+    truth, frames = run(read_scenario(random_scenario(seed)))
+    assert differences(truth, reference_report(frames), set(SEVERITIES)) == []
+
+
+def test_a_difference_does_not_go_unnoticed() -> None:
+    truth, frames = run(read_scenario(random_scenario(100)))
+    report = reference_report(frames[:-40])
+    found = differences(truth, report, set(SEVERITIES))
+    assert any("telegrams" in line for line in found)
+    assert any("nReceiveCount" in line for line in found)
+
+
+def test_a_loss_at_the_end_is_designed_and_cannot_be_known() -> None:
+    truth, _ = run(load_scenario(next(path for path in SCENARIOS if path.stem == "loss")))
+    assert truth["lists"][0]["designed"]["telegrams_lost"] == 6
+    assert truth["lists"][0]["counters"]["lost"] == 4

@@ -1,0 +1,39 @@
+"""The house rules that a program can check: style, types, and which floor may import which."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+CHECKS = {
+    "style": ["ruff", "check", "."],
+    "format": ["ruff", "format", "--check", "."],
+    "types": ["mypy"],
+    "floors": ["lint-imports"],
+}
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_house_rule(check: str) -> None:
+    program, *arguments = CHECKS[check]
+    found = shutil.which(program, path=str(Path(sys.executable).parent))
+    assert found, f"{program} is missing; install the project with its [test] extra"
+    done = subprocess.run([found, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_top_level_has_the_promised_entries_only() -> None:
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if tracked.returncode != 0:
+        pytest.skip("not a git checkout")
+    entries = {Path(name).parts[0] for name in tracked.stdout.splitlines()}
+    visible = {entry for entry in entries if not entry.startswith(".")}
+    assert visible == {
+        "pyproject.toml", "nvscope", "dissectors", "tests", "captures", "README.md", "LICENSE", "CHANGELOG.md",
+    }  # fmt: skip

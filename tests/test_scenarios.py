@@ -1,0 +1,79 @@
+"""Scenarios that a person can read, through the program: what the report says is what was put in, no more, no less."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.plc.scenario import load_scenario
+from nvscope.plc.simulator import simulate
+from tests.packets import document_of, tracked
+from tests.plc.collected import Collected, run
+from tests.plc.comparison import differences
+
+SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
+
+EXACT = [path for path in SCENARIOS if not load_scenario(path).wild]
+"""Where faults meet, as in wild scenarios, what they come to is not known beforehand."""
+
+UNSEEN = {
+    "NV405", "NV406", "NV407",  # need a definition
+    "NV901", "NV903", "NV904",  # of capture files, see tests/cli
+}  # fmt: skip
+
+
+def report_on(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the truth about a scenario and the report on its traffic."""
+    sink = Collected()
+    truth = simulate(load_scenario(path), sink)
+    return truth, document_of(tracked(sink.batches))
+
+
+@pytest.mark.parametrize("path", EXACT, ids=lambda path: path.stem)
+def test_report_says_what_the_scenario_expects(path: Path) -> None:
+    expected = load_scenario(path).expect
+    assert expected is not None, "a scenario has an [expect] table"
+    _, report = report_on(path)
+    if expected.findings is not None:
+        found = defaultdict(set)
+        for finding in report["findings"]:
+            found[finding["list"] or "capture"].add(finding["code"])
+        assert {key: sorted(codes) for key, codes in found.items()} == {
+            key: sorted(codes) for key, codes in expected.findings.items()
+        }
+    if expected.counters is not None:
+        counted = {
+            entry["key"]: {name: number for name, number in entry["counters"].items() if number}
+            for entry in report["lists"]
+        }
+        assert {key: counters for key, counters in counted.items() if counters} == expected.counters
+
+
+@pytest.mark.parametrize("path", EXACT, ids=lambda path: path.stem)
+def test_report_agrees_with_the_truth(path: Path) -> None:
+    truth, report = report_on(path)
+    assert truth["exact"]
+    assert differences(truth, report, set(CATALOGUE)) == []
+
+
+def test_scenarios_show_every_finding_of_the_network() -> None:
+    shown = {finding["code"] for path in SCENARIOS for finding in report_on(path)[1]["findings"]}
+    assert shown == {code for code in CATALOGUE if code[2] in "123459"} - UNSEEN
+
+
+def test_the_program_simulates_and_reports(tmp_path: Path) -> None:
+    scenario = Path(__file__).parent / "scenarios" / "loss.toml"
+    capture = tmp_path / "loss.pcapng"
+    nvscope = [sys.executable, "-m", "nvscope"]
+    subprocess.run([*nvscope, "simulate", str(scenario), "-w", str(capture)], check=True, capture_output=True)
+    truth = json.loads(Path(f"{capture}.truth.json").read_text())
+    done = subprocess.run([*nvscope, "report", "--json", str(capture)], check=True, capture_output=True)
+    assert differences(truth, json.loads(done.stdout), set(CATALOGUE)) == []
+    assert run(load_scenario(scenario))[0] == truth
