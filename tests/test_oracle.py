@@ -161,7 +161,7 @@ def counted(*counters: int) -> Wire:
         (0, set(), 65535, False, False, "duplicate", 0, 0, set()),
     ],
 )
-def test_step(  # noqa: PLR0917
+def test_step(
     h: int,
     missing: set[int],
     c: int,

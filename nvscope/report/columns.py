@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from nvscope import units
 from nvscope.report.content import Clock, Report, Row, findings_by_list, nanoseconds, node_names, status, worst
 from nvscope.tracker.counters import DIAGNOSIS
-from nvscope import units
 from nvscope.view.table import NO_BREAK, Cell, Column, Tone
 
 NOTHING = "-"

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from nvscope.findings.catalogue import Severity
 from nvscope import units
+from nvscope.findings.catalogue import Severity
 from nvscope.view.table import Cell, Tone
 
 Report = Mapping[str, Any]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from nvscope import units
 from nvscope.findings.catalogue import Severity
 from nvscope.report import columns, content
-from nvscope import units
 from nvscope.view.escape import markdown_code, markdown_safe
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from nvscope import units
 from nvscope.findings.catalogue import Severity
 from nvscope.report import columns, content
 from nvscope.report.ansi import paint
-from nvscope import units
 from nvscope.view.escape import visible
 from nvscope.view.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, display_width, wrap
 
