@@ -31,6 +31,7 @@ KEYS = {
     "capture": ({"file", "frames", "telegrams", "origin", "shows"}, {"licence", "truncated"}),
     "definition": ({"file", "origin", "shows"}, {"licence"}),
     "values": ({"file", "origin", "shows"}, {"licence"}),
+    "scenario": ({"file", "origin", "shows"}, {"licence"}),
 }
 TIMES_START_NS = 1_700_000_000_000_000_000
 MILLISECOND_NS = 1_000_000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import subprocess
 import sys
@@ -11,9 +12,11 @@ from typing import Any
 
 import pytest
 
+from nvscope.capture.open import open_sink
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.plc.scenario import load_scenario
 from nvscope.plc.simulator import simulate
+from nvscope.plc.timeline import LINKS
 from tests.packets import document_of, tracked
 from tests.plc.collected import Collected, run
 from tests.plc.comparison import differences
@@ -66,6 +69,16 @@ def test_report_agrees_with_the_truth(path: Path) -> None:
 def test_scenarios_show_every_finding_of_the_network() -> None:
     shown = {finding["code"] for path in SCENARIOS for finding in report_on(path)[1]["findings"]}
     assert shown == {code for code in CATALOGUE if code[2] in "123459"} - UNSEEN
+
+
+def test_the_sample_plant_is_what_its_scenario_makes(tmp_path: Path) -> None:
+    captures = Path(__file__).parent.parent / "captures"
+    made = tmp_path / "plant.pcapng"
+    scenario = load_scenario(captures / "plant.toml")
+    sink = open_sink(str(made), LINKS[scenario.link])
+    simulate(scenario, sink)
+    sink.close()
+    assert made.read_bytes() == gzip.decompress((captures / "plant.pcapng.gz").read_bytes())
 
 
 def test_the_program_simulates_and_reports(tmp_path: Path) -> None:

@@ -130,10 +130,11 @@ class Cycles:
         # A cycle that is open from before goes on in front of the first one that begins here.
         first_of_pair = columns.size[run] == 0
         begins[start[first_of_pair]] = True
-        begin = np.flatnonzero(begins)
         goes_on = ~begins[start]
         # Sizes and ends of all pieces: one a beginning, and one a run that goes on.
-        piece_start = np.union1d(begin, start)
+        edges = begins.copy()
+        edges[start] = True
+        piece_start = np.flatnonzero(edges)
         piece_stop = np.append(piece_start[1:], len(pair))
         piece_pair = pair[piece_start]
         size = piece_stop - piece_start

@@ -133,15 +133,16 @@ class Loss:
         as the node's telegram before (same list, another SubIndex; None where none does), and the node's gaps so far.
         """
         node_of_stream = flows.streams.low.astype(np.int64)
-        stream = rows.as_captured(rows.stream)
-        node = node_of_stream[stream]
-        order = stable_order(node, len(flows.nodes))
-        node, stream = node[order], stream[order]
+        row_of = np.empty_like(rows.order)  # by position as captured
+        row_of[rows.order] = np.arange(len(rows))
+        node = node_of_stream[rows.stream]
+        row = row_of[stable_order(rows.as_captured(node), len(flows.nodes))]
+        node, stream = node[row], rows.stream[row]
         start, stop = runs_of(node)
         run = node[start]
         nodes = self.nodes
         fresh = nodes.last_stream[run] < 0
-        steps = walk(rows.as_captured(counter)[order], start, nodes.current[run], nodes.missing[run], fresh)
+        steps = walk(counter[row], start, nodes.current[run], nodes.missing[run], fresh)
         same = np.flatnonzero(steps.step == Step.SAME)
         together = np.zeros(len(node), np.bool_)
         if len(same):
@@ -163,10 +164,10 @@ class Loss:
         nodes.gaps[run] = gaps[stop - 1]
         nodes.last_stream[run] = stream[stop - 1]
         return (
-            _moved(steps.step, order, rows.order),
-            _moved(steps.distance, order, rows.order),
-            _moved(together, order, rows.order) if len(same) else None,
-            _moved(gaps, order, rows.order),
+            _by_row(steps.step, row),
+            _by_row(steps.distance, row),
+            _by_row(together, row) if len(same) else None,
+            _by_row(gaps, row),
         )
 
     def _book(self, rows: DataRows, frame: I64, step: U8, distance: U16, scope: Scope) -> None:
@@ -228,8 +229,8 @@ def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:
     return rows.stream[place[start]], start, stop
 
 
-def _moved(column: np.ndarray, order: I64, target: I64) -> np.ndarray:
-    """Bring a column from one order of the telegrams into another."""
-    captured = np.empty_like(column)
-    captured[order] = column
-    return captured[target]
+def _by_row(column: np.ndarray, row: I64) -> np.ndarray:
+    """Return a column whose entries belong to the given rows, by row."""
+    ordered = np.empty_like(column)
+    ordered[row] = column
+    return ordered

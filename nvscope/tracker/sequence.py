@@ -25,6 +25,7 @@ _MASK = (1 << 64) - 1
 _FAR = WINDOW + 1
 _MAX_ROUNDS = 24
 _EPOCH_BITS = np.int64(34)
+_FEW = 64  # one late counter in so many is walked singly
 
 
 class Step(IntEnum):
@@ -145,8 +146,10 @@ class _Walk:
     def steps(self) -> Steps:
         """Return the steps; call once."""
         after = self.counter[self.stop - 1]
-        if (self.distance >= LATE_FROM).any():
-            after = self._settle(after)
+        late = np.flatnonzero(self.distance >= LATE_FROM)
+        if len(late):
+            few = len(late) * _FEW < len(self.counter)
+            after = self._settle_few(after, late[self.counter[late] > 1]) if few else self._settle(after)
         step = self._judge()
         advance = _ADVANCE_OF_DISTANCE[self.distance]
         advance[self.start[self.fresh]] = 0
@@ -173,6 +176,32 @@ class _Walk:
         step[self.restarted] = Step.RESTART
         step[self.start[self.fresh]] = Step.NONE
         return step
+
+    def _settle_few(self, after: U16, late: I64) -> U16:
+        """Mend ``before`` and ``distance`` behind single late counters; return the last current ones.
+
+        Does one by one what ``_settle`` does for all: the current counter stays until one comes that is not late.
+        """
+        after = after.copy()
+        resume = 0
+        for place, sequence in zip(
+            late.tolist(), (np.searchsorted(self.start, late, "right") - 1).tolist(), strict=True
+        ):
+            if place < resume:
+                continue
+            current, stop = int(self.before[place]), int(self.stop[sequence])
+            at = place
+            while at < stop:
+                counter = int(self.counter[at])
+                distance = (counter - current) & 0xFFFF
+                self.before[at], self.distance[at] = current, distance
+                if distance < LATE_FROM or counter <= 1:
+                    break
+                at += 1
+            else:
+                after[sequence] = current
+            resume = at + 1
+        return after
 
     def _settle(self, after: U16) -> U16:
         """Mend ``before`` and ``distance`` in the sequences that hold late counters; return the last current ones.

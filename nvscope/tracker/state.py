@@ -175,6 +175,8 @@ class TrackerState:
         masks.append((TRUNCATED_CODE, telegrams.truncated))
         for code, mask in masks:
             row = np.flatnonzero(mask)
+            if not len(row):
+                continue
             self._log(code, lists[row], node[row], subindex[row], telegrams.ts_ns[row], frame[row])
 
     def _log(self, code: int, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
