@@ -1,0 +1,214 @@
+"""One capture file as a source of packets, told by its content."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+
+from dissectors.batch import PacketBatch
+from nvscope.capture import pcap, pcapng
+from nvscope.capture.compressed import Decompressed, compression_of
+from nvscope.capture.pieces import FilePieces, PipePieces
+from nvscope.capture.reader import ReadingSizes, RecordReader
+from nvscope.capture.source import SourceInfo, Truncation
+from nvscope.capture.window import CHUNK_BYTES, SMALL_FILE_BYTES, MappedWindow, StreamWindow, Window
+from nvscope.errors import UnreadableInput
+
+STDIN = "-"
+
+_HEAD_BYTES = 32
+_PEEK_SIZES = ReadingSizes(batch_packets=1, stride_bytes=4096)
+_PEEK_BYTES = 64 << 10
+_SECTION_MAGIC = b"\x0a\x0d\x0d\x0a"
+_EXPECTED = "a pcap or pcapng file, plain or compressed with gzip, zstd or lz4"
+
+
+class NoCapture(UnreadableInput):
+    """A file that is empty, or whose first bytes are of no known capture format."""
+
+
+@dataclass(slots=True)
+class _Opened:
+    """A file that is being read."""
+
+    descriptor: int
+    regular: bool
+    window: Window
+    reader: RecordReader
+    pieces: FilePieces | PipePieces | None = None
+    decompressed: Decompressed | None = None
+
+    @property
+    def position(self) -> int:
+        return self.pieces.position if self.pieces else self.reader.position
+
+    def close(self) -> None:
+        self.window.close()
+        if self.descriptor > 2:
+            os.close(self.descriptor)
+
+
+class CaptureFile:
+    """The packets of one file; "-" is stdin.
+
+    The file is told by its first bytes at once, and read when iterated; a regular file can be iterated again.
+    Raises UnreadableInput where it cannot be opened or is no capture file. ``small_file_bytes`` and ``chunk_bytes`` are
+    those of MappedWindow and StreamWindow.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        *,
+        sizes: ReadingSizes | None = None,
+        small_file_bytes: int = SMALL_FILE_BYTES,
+        chunk_bytes: int = CHUNK_BYTES,
+    ) -> None:
+        self.path = path
+        self.info = SourceInfo(path, "")
+        self.size_bytes: int | None = None
+        self._sizes = sizes or ReadingSizes()
+        self._small_file_bytes = small_file_bytes
+        self._chunk_bytes = chunk_bytes
+        self._position = 0
+        opened = self._open()
+        self._opened: _Opened | None = None
+        self._batches: Iterator[PacketBatch] | None = None
+        if opened.regular:
+            # What can be opened again is not kept open: there may be more files than descriptors.
+            opened.close()
+        else:
+            self._batches = self._read(1, opened)
+
+    @property
+    def infos(self) -> list[SourceInfo]:
+        return [self.info]
+
+    @property
+    def position_bytes(self) -> int:
+        """How much of ``size_bytes`` has been read; of a compressed file the compressed bytes."""
+        return self._opened.position if self._opened else self._position
+
+    def __iter__(self) -> Iterator[PacketBatch]:
+        return self.read(1)
+
+    def first_ts_ns(self) -> int | None:
+        """Return the time of the first packet, or None where there is none."""
+        if self._batches is None:
+            few = CaptureFile(self.path, sizes=_PEEK_SIZES, small_file_bytes=0, chunk_bytes=_PEEK_BYTES)
+            first = next(iter(few), None)
+        else:
+            first = next(self._batches, None)
+            self._batches = chain([] if first is None else [first], self._batches)
+        return None if first is None else int(first.ts_ns[0])
+
+    def read(self, share: int) -> Iterator[PacketBatch]:
+        """Return the packets, read with a ``share``-th of the memory that it would take otherwise."""
+        return self._read(share) if self._batches is None else self._batches
+
+    def _read(self, share: int, opened: _Opened | None = None) -> Iterator[PacketBatch]:
+        self._opened = opened = opened or self._open(share)
+        reader, window = opened.reader, opened.window
+        try:
+            while not reader.finished:
+                for batch in reader.read(window.view(reader.position)):
+                    yield batch
+                    window.release(reader.position)
+        except OSError as error:
+            raise self._unreadable(error) from error
+        finally:
+            self._end(opened)
+
+    def _end(self, opened: _Opened) -> None:
+        self._position, self._opened = opened.position, None
+        if not opened.regular:
+            self.info.bytes = opened.position
+        failure = opened.decompressed.failure if opened.decompressed else ""
+        if failure:
+            cut = self.info.truncation
+            message = f"{failure}; frames are read up to the last whole record"
+            self.info.truncation = Truncation(cut.offset if cut else opened.reader.position, message)
+        opened.close()
+
+    def _open(self, share: int = 1) -> _Opened:
+        info = self.info
+        info.frames, info.drops, info.truncation = 0, 0, None
+        info.comments.clear()
+        try:
+            descriptor = sys.stdin.fileno() if self.path == STDIN else os.open(self.path, os.O_RDONLY | os.O_CLOEXEC)
+            try:
+                return self._tell(descriptor, share)
+            except BaseException:
+                if descriptor > 2:
+                    os.close(descriptor)
+                raise
+        except OSError as error:
+            raise self._unreadable(error) from error
+
+    def _unreadable(self, error: OSError) -> UnreadableInput:
+        return UnreadableInput(
+            error.strerror or str(error), where=self.path, next_step="check the path and the permissions"
+        )
+
+    def _tell(self, descriptor: int, share: int) -> _Opened:
+        """Find out what the file is, and get ready to read it."""
+        status = os.fstat(descriptor)
+        if stat.S_ISDIR(status.st_mode):
+            raise UnreadableInput("a directory, expected a file", where=self.path)
+        regular = stat.S_ISREG(status.st_mode) and (self.path != STDIN or not os.lseek(descriptor, 0, os.SEEK_CUR))
+        if regular:
+            self.size_bytes = self.info.bytes = status.st_size
+            head = os.pread(descriptor, _HEAD_BYTES, 0)
+            mapped = None if compression_of(head) else self._map(descriptor, status.st_size)
+            if mapped:
+                return _Opened(descriptor, regular, mapped, self._reader(head, share))
+        pieces = FilePieces(descriptor) if regular else PipePieces(descriptor)
+        head, content = _peek(iter(pieces))
+        compression = compression_of(head)
+        if not head:
+            raise NoCapture(f"empty (0 bytes), expected {_EXPECTED}", where=self.path)
+        decompressed = None
+        if compression:
+            decompressed = Decompressed(content, compression)
+            head, content = _peek(iter(decompressed))
+            if not head:
+                what = decompressed.failure or f"{compression} data with nothing in them"
+                raise NoCapture(f"{what}, expected {_EXPECTED}", where=f"{self.path}, offset 0")
+        reader = self._reader(head[:_HEAD_BYTES], share, compression)
+        chunk_bytes = max(self._chunk_bytes // share, min(256 << 10, self._chunk_bytes))
+        window = StreamWindow(content, chunk_bytes=chunk_bytes)
+        return _Opened(descriptor, regular, window, reader, pieces, decompressed)
+
+    def _map(self, descriptor: int, size: int) -> MappedWindow | None:
+        try:
+            return MappedWindow(descriptor, size, small_file_bytes=self._small_file_bytes)
+        except (OSError, ValueError):
+            # Empty, or of a kind that cannot be mapped: read like a stream.
+            return None
+
+    def _reader(self, head: bytes, share: int, compression: str = "") -> RecordReader:
+        sizes = self._sizes
+        if share > 1:
+            sizes = replace(sizes, batch_packets=max(sizes.batch_packets // share, min(1024, sizes.batch_packets)))
+        if head[:4] in pcap.MAGICS:
+            return pcap.PcapReader(head, self.info, sizes)
+        if head[:4] == _SECTION_MAGIC:
+            return pcapng.PcapngReader(head, self.info, sizes)
+        inside = f" of the {compression} data" if compression else ""
+        raise NoCapture(f"the bytes {head[:4].hex(' ')}, expected {_EXPECTED}", where=f"{self.path}, offset 0{inside}")
+
+
+def _peek(pieces: Iterator[bytes]) -> tuple[bytes, Iterator[bytes]]:
+    """Return at least ``_HEAD_BYTES`` from the begin of the pieces if there are as many, and all pieces."""
+    taken: list[bytes] = []
+    count = 0
+    for piece in pieces:
+        taken.append(piece)
+        count += len(piece)
+        if count >= _HEAD_BYTES:
+            break
+    return b"".join(taken), chain(taken, pieces)
