@@ -25,9 +25,12 @@ from dissectors.link import (
     IPV4_HIGH,
     IPV4_LOW,
     NO_DATAGRAMS,
+    PROTOCOL_ICMP,
     PROTOCOL_UDP,
     TYPE_IPV4,
+    TYPE_IPV6,
     UDP,
+    VLAN_TYPES,
     DatagramBatch,
     Peeled,
     broadcast_ipv4,
@@ -196,9 +199,10 @@ PLAIN = np.dtype([(layout.name, layout.dtype) for layout in (ETHERNET, IPV4, UDP
 
 
 def _plain_telegrams(packets: PacketBatch) -> tuple[TelegramBatch, I64 | None]:
-    """Read the telegrams of the plain shape with one copy each; return them and the rows of all other packets.
+    """Read the telegrams of the plain shape with one copy each; return them and the rows that are to be peeled.
 
-    A short cut through ``peel`` that leaves out nothing but generality; None stands for all rows.
+    A short cut through ``peel`` that leaves out nothing but generality. Not to be peeled are, besides, packets whose
+    plain headers show that nothing for us is in them. None stands for all rows.
     """
     if packets.single_link != LinkType.ETHERNET:
         return _telegrams(packets, NO_DATAGRAMS, 0), None
@@ -212,7 +216,7 @@ def _plain_telegrams(packets: PacketBatch) -> tuple[TelegramBatch, I64 | None]:
     udp_length = udp["length"].astype(np.int64)
     plain &= ip["total_length"] == udp_length + IPV4.size_bytes
     plain &= udp_length >= UDP.size_bytes + LEAST_CAPTURED_BYTES
-    rows = np.flatnonzero(plain)
+    rows, rest, everything = np.flatnonzero(plain), np.flatnonzero(~plain), head
     offset, captured, ts_ns = packets.offset, packets.captured, packets.ts_ns
     if len(rows) != len(packets):
         head, udp_length = take_rows(head, rows), udp_length[rows]
@@ -228,7 +232,21 @@ def _plain_telegrams(packets: PacketBatch) -> tuple[TelegramBatch, I64 | None]:
         broadcast_ipv4(eth["group"] & np.uint8(1), destination),
     )  # fmt: skip
     telegrams = TelegramBatch(packets.data, datagram, ts_ns, header, _faults(datagram, header))
-    return telegrams, np.flatnonzero(~plain)
+    return telegrams, rest[_may_hold_telegrams(take_rows(everything, rest))]
+
+
+def _may_hold_telegrams(head: Records) -> Bool:
+    """Tell which frames may hold a telegram, or quote one, in other than the plain shape."""
+    ethertype = head["eth"]["type"].astype(np.uint16)
+    tagged = np.zeros(len(head), np.bool_)
+    for known in (TYPE_IPV6, *VLAN_TYPES):
+        tagged |= ethertype == known
+    ip, identity = head["ip"], head["nv"]["identity"]
+    simple = (ip["version_ihl"] == 0x45) & ((ip["fragment"] & 0x3FFF) == 0)
+    told = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
+    idle = simple & (ip["protocol"] != PROTOCOL_ICMP) & ((ip["protocol"] != PROTOCOL_UDP) | ~told)
+    may: Bool = tagged | ((ethertype == TYPE_IPV4) & ~idle)
+    return may
 
 
 def _joined(first: TelegramBatch, second: TelegramBatch) -> TelegramBatch:

@@ -46,12 +46,14 @@ def report(
         raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
 
     from nvscope.capture.open import open_source
+    from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import ProgressBar
     from nvscope.engine import track
     from nvscope.findings.judge import judge
     from nvscope.tracker.summary import summarize
     from nvscope.view.document import report_document
 
+    keep_freed_memory()
     source = open_source(paths, batch_packets=1 << 16)
     with ProgressBar(source, quiet=quiet) as progress:
         state = track(source, ports=ports, timeout_ns=timeout_ns, progress=progress)

@@ -28,31 +28,69 @@ class EventRows(Columns):
     }
 
 
+_FEW = 4096
+"""Fewer events than this are collected before they are sorted in."""
+
+
 class EventLog:
-    """Events by key (two 64-bit words), kept as counts, the first and last time, and the first ten frames."""
+    """Events by key (two 64-bit words), kept as counts, the first and last time, and the first ten frames.
+
+    Few events at a time are the rule, and sorting in a few costs as much as sorting in thousands: they wait until there
+    are enough of them, or somebody looks.
+    """
 
     def __init__(self) -> None:
-        self.keys = KeyTable()
-        self.rows = EventRows()
+        self._keys = KeyTable()
+        self._rows = EventRows()
+        self._waiting: list[tuple[U64, U64, I64, I64]] = []
+        self._waiting_count = 0
+
+    @property
+    def keys(self) -> KeyTable:
+        """The keys, by row."""
+        self._sort_in()
+        return self._keys
+
+    @property
+    def rows(self) -> EventRows:
+        """What is known of each key."""
+        self._sort_in()
+        return self._rows
 
     def record(self, high: U64, low: U64, time_ns: I64, frame: I64) -> None:
         """Add one event a row, in the order in which they happened."""
         if not len(high):
             return
-        number = self.keys.numbers(high, low)
-        order = stable_order(number, len(self.keys))
+        self._waiting.append((high, low, time_ns, frame))
+        self._waiting_count += len(high)
+        if self._waiting_count >= _FEW:
+            self._sort_in()
+
+    def record_groups(self, high: U64, low: U64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
+        """Add the events ``start[i]`` to ``stop[i]`` of two columns to the i-th key; keys differ, runs touch."""
+        if not len(high):
+            return
+        if len(frame) < _FEW:
+            count = stop - start
+            self.record(np.repeat(high, count), np.repeat(low, count), time_ns, frame)
+            return
+        self._sort_in()
+        self._add(self._keys.numbers(high, low), start, stop, time_ns, frame)
+
+    def _sort_in(self) -> None:
+        if not self._waiting:
+            return
+        high, low, time_ns, frame = (np.concatenate(column) for column in zip(*self._waiting, strict=True))
+        self._waiting, self._waiting_count = [], 0
+        number = self._keys.numbers(high, low)
+        order = stable_order(number, len(self._keys))
         number = number[order]
         start, stop = runs_of(number)
         self._add(number[start], start, stop, time_ns[order], frame[order])
 
-    def record_groups(self, high: U64, low: U64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
-        """Add the events ``start[i]`` to ``stop[i]`` (at least one) of two columns to the i-th key; keys differ."""
-        if len(high):
-            self._add(self.keys.numbers(high, low), start, stop, time_ns, frame)
-
     def _add(self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
-        rows = self.rows
-        rows.resize(len(self.keys))
+        rows = self._rows
+        rows.resize(len(self._keys))
         before = rows.count[row]
         begins = before == 0
         rows.first_ns[row[begins]] = time_ns[start[begins]]
@@ -69,5 +107,5 @@ class EventLog:
     def copy(self) -> EventLog:
         """Return an independent copy."""
         twin = EventLog()
-        twin.keys, twin.rows = self.keys.copy(), self.rows.copy()
+        twin._keys, twin._rows = self.keys.copy(), self.rows.copy()
         return twin

@@ -19,6 +19,11 @@ from nvscope.tracker.flows import Flows
 from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sequence import Step, Steps, walk
 
+_LOGGED = (
+    *((step, scope) for step in (Step.GAP, Step.OVERTAKEN, Step.RESTART) for scope in list(Scope)[:2]),
+    *((Step.LATE, scope) for scope in Scope),
+)
+
 WALKS = 2
 """The stream's own sequence, and the node's."""
 
@@ -81,12 +86,12 @@ class NodeSequences(Columns):
 
 
 class Loss:
-    """The sequences of all streams and nodes, and the events of their steps (``events``, keyed by ``event_key``)."""
+    """The sequences of all streams and nodes, and the events of their steps by stream (``events_of``)."""
 
     def __init__(self) -> None:
         self.streams = StreamSequences()
         self.nodes = NodeSequences()
-        self.events = EventLog()
+        self._events = {key: EventLog() for key in _LOGGED}
 
     def observe(self, rows: DataRows, flows: Flows, first_frame: int) -> tuple[U8, I64]:
         """Walk the counters of a batch.
@@ -203,24 +208,21 @@ class Loss:
             self._log(Step.LATE, scope, stream, start, stop, rows.time_ns[place], frame[place])
 
     def _log(self, step: Step, scope: Scope, stream: I64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
-        key = np.full(len(stream), event_key(step, scope), np.uint64)
-        self.events.record_groups(key, stream.astype(np.uint64), start, stop, time_ns, frame)
+        low = stream.astype(np.uint64)
+        self._events[step, scope].record_groups(np.zeros_like(low), low, start, stop, time_ns, frame)
+
+    def events_of(self, step: Step, scope: Scope) -> EventLog:
+        """Return the events of a step in a scope, keyed by (0, stream); those of duplicates are of the step LATE."""
+        if step != Step.LATE:
+            scope = min(scope, Scope.NODE_TELEGRAM)  # both node scopes take the same steps
+        return self._events[step, scope]
 
     def copy(self) -> Loss:
         """Return an independent copy."""
         twin = Loss()
-        twin.streams, twin.nodes, twin.events = self.streams.copy(), self.nodes.copy(), self.events.copy()
+        twin.streams, twin.nodes = self.streams.copy(), self.nodes.copy()
+        twin._events = {key: log.copy() for key, log in self._events.items()}
         return twin
-
-
-def event_key(step: Step, scope: Scope) -> int:
-    """Return the first word of the key of ``Loss.events``; the second is the stream.
-
-    Duplicates are logged as LATE, and the steps of both node scopes, which are the same, as NODE_TELEGRAM.
-    """
-    if scope == Scope.NODE_SEND and step != Step.LATE:
-        scope = Scope.NODE_TELEGRAM
-    return step * len(Scope) + scope
 
 
 def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:

@@ -160,12 +160,14 @@ class Timing:
         outside = dense.view(np.uint64) >= DENSE_BUCKETS
         if learned is not None:
             outside |= learned
-        if not outside.any():
-            np.add.at(columns.dense.ravel(), stream * DENSE_BUCKETS + dense, 1)
-            return learned
-        inside = ~outside
-        np.add.at(columns.dense.ravel(), stream[inside] * DENSE_BUCKETS + dense[inside], 1)
         place = np.flatnonzero(outside)
+        counted = stream * DENSE_BUCKETS + dense
+        counted[place] = columns.dense.size - 1  # taken back below: cheaper than leaving them out
+        flat = columns.dense.ravel()
+        np.add.at(flat, counted, 1)
+        flat[-1] -= len(place)
+        if not len(place):
+            return learned
         row = place if kept is None else kept[place]
         key = (bucket[place] + _BUCKET_OFFSET) << 2 | loss[place]
         order = np.argsort(rows.packet[row], kind="stable")  # as they happened, so that new keys come in that order

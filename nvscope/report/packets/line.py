@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -25,10 +25,14 @@ first frame of the capture, d since the telegram shown before."""
 _REMARK_WIDTH = 24
 """So much of what is wrong with a telegram goes before other columns."""
 
+_RARE = 4
+_BESIDE, _INSTEAD = "beside the figures", "instead of the figures"
+
 _LEAST_ADDRESS = 9
 _ADDRESSES = ("source", "destination")
 _UNKNOWN = "?"
 _EVERYBODY = int(IPV4_HIGH)  # 255.255.255.255, and the upper half of every IPv4 address
+_ACKNOWLEDGEMENT = words.SERVICE_WORDS[Service.ODAcknowledgement].word
 _COUNTER_END = HEADER.offset_of("counter") + HEADER["counter"].size_bytes
 
 
@@ -38,6 +42,7 @@ class _Form:
 
     time_digits: int = 6
     subindex_word: bool = True
+    usual_port: bool = True
     items: bool = True
     length: bool = True
 
@@ -46,9 +51,10 @@ class _Form:
 _FORMS = (
     _Form(),
     _Form(subindex_word=False),
-    _Form(subindex_word=False, items=False),
-    _Form(subindex_word=False, items=False, time_digits=3),
-    _Form(subindex_word=False, items=False, time_digits=3, length=False),
+    _Form(subindex_word=False, usual_port=False),
+    _Form(subindex_word=False, usual_port=False, items=False),
+    _Form(subindex_word=False, usual_port=False, items=False, time_digits=3),
+    _Form(subindex_word=False, usual_port=False, items=False, time_digits=3, length=False),
 )
 
 
@@ -63,28 +69,54 @@ class _Column(NamedTuple):
 
 
 class _Tail(NamedTuple):
-    """What a line ends with: flags, and what is remarkable."""
+    """What a line ends with: flags, and what is wrong or remarkable."""
 
     flags: str
     remark: str = ""
     tone: Tone = Tone.PLAIN
 
-    def cells(self, room: int | None) -> list[Cell]:
-        """Return the tail in at most ``room`` columns; a remark is worth more than flags."""
-        flags, remark = self.flags, self.remark
-        if room is not None and remark and len(flags) + len(remark) + 1 > room:
-            flags = ""
-        parts = [Cell(flags, Tone.FAINT)] if flags else []
-        if remark:
-            parts.append(Cell(f" {remark}" if flags else remark, self.tone))
-        return parts if room is None else cut(parts, room)
+    @property
+    def text(self) -> str:
+        return f"{self.flags} {self.remark}" if self.flags and self.remark else self.flags or self.remark
+
+    def cells(self) -> list[Cell]:
+        parts = [Cell(self.flags, Tone.FAINT)] if self.flags else []
+        if self.remark:
+            parts.append(Cell(f" {self.remark}" if self.flags else self.remark, self.tone))
+        return parts
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """The columns of a piece and their widths, and what its lines end with."""
+
+    columns: list[_Column]
+    widths: list[int]
+    tails: list[_Tail | None]
+
+    @property
+    def to_service(self) -> int:
+        """How many columns there are up to the service; behind it come figures."""
+        return 1 + next(place for place, column in enumerate(self.columns) if column.name == "service")
+
+    def width(self, count: int) -> int:
+        """Return how wide the first ``count`` columns are together."""
+        gaps = sum(len(column.before) for column in self.columns[1:count])
+        return sum(self.widths[:count]) + gaps
+
+    def pattern(self) -> str:
+        """Return the columns as a format of their texts."""
+        return "".join(
+            f"{column.before if place else ''}%{'' if column.right else '-'}{width}s"
+            for place, (column, width) in enumerate(zip(self.columns, self.widths, strict=True))
+        )
 
 
 class LineWriter:
     """Makes the lines of pieces that follow each other; columns never get narrower, so that lines stay aligned.
 
     No line is wider than ``width`` (None: as wide as it takes): first columns say less or go, then addresses are
-    shortened, then lines are cut at their end.
+    shortened. What is wrong with a telegram takes the place of its figures where there is no room for both.
     """
 
     def __init__(self, moment: Moment = "r", width: int | None = None) -> None:
@@ -95,66 +127,72 @@ class LineWriter:
 
     def texts(self, rows: TelegramRows) -> Iterator[str]:
         """Yield the lines of a piece as text without a line break."""
-        columns, widths, tails = self._fitted(rows)
-        pattern = "".join(
-            f"{column.before if place else ''}%{'' if column.right else '-'}{width}s"
-            for place, (column, width) in enumerate(zip(columns, widths, strict=True))
-        )
-        room = self._room(columns, widths)
-        for row, head in enumerate(map(pattern.__mod__, zip(*(column.texts for column in columns), strict=True))):
-            tail = tails[row]
-            if tail is None:
-                yield self._clipped(head.rstrip())
+        fitted = self._fitted(rows)
+        pattern = fitted.pattern()
+        texts = zip(*(column.texts for column in fitted.columns), strict=True)
+        for row, (head, tail) in enumerate(zip(map(pattern.__mod__, texts), fitted.tails, strict=True)):
+            text = f"{head}{' ' * GAP}{tail.text}" if tail else head.rstrip()
+            if self._width is None or len(text) <= self._width:
+                yield text
             else:
-                yield self._clipped(f"{head}{' ' * GAP}{''.join(part.text for part in tail.cells(room))}".rstrip())
+                yield "".join(cell.text for cell in self._line(fitted, row))
 
     def lines(self, rows: TelegramRows) -> Iterator[Line]:
         """Yield the same lines as toned cells. An acknowledgement is faint as a whole."""
-        columns, widths, tails = self._fitted(rows)
-        room = self._room(columns, widths)
-        acknowledgement = words.SERVICE_WORDS[Service.ODAcknowledgement].word
-        services = next(column.texts for column in columns if column.name == "service")
-        for row, tail in enumerate(tails):
-            faint = services[row] == acknowledgement
-            line = []
-            for place, (column, width) in enumerate(zip(columns, widths, strict=True)):
-                text, tone = column.texts[row], column.tone
-                padded = text.rjust(width) if column.right else text.ljust(width)
-                tone = Tone.FAINT if faint else tone if isinstance(tone, Tone) else tone[row]
-                line.append(Cell(f"{column.before if place else ''}{padded}", tone))
-            if tail is not None:
-                line += [Cell(" " * GAP), *tail.cells(room)]
-            yield _without_end(line if self._width is None else cut(line, self._width))
+        fitted = self._fitted(rows)
+        for row in range(len(fitted.tails)):
+            yield self._line(fitted, row)
 
-    def _clipped(self, text: str) -> str:
-        if self._width is None or len(text) <= self._width:
-            return text
-        return text[: self._width - 1] + "…"
+    def _line(self, fitted: _Fitted, row: int) -> list[Cell]:
+        tail = fitted.tails[row]
+        count = len(fitted.columns)
+        if tail and self._width is not None:
+            if fitted.width(count) + GAP + len(tail.text) > self._width and tail.remark:
+                tail = tail._replace(flags="")
+            if fitted.width(count) + GAP + len(tail.text) > self._width and tail.remark:
+                count = fitted.to_service
+        line = []
+        for place in range(count):
+            column, width = fitted.columns[place], fitted.widths[place]
+            text, tone = column.texts[row], column.tone
+            padded = text.rjust(width) if column.right else text.ljust(width)
+            line.append(
+                Cell(f"{column.before if place else ''}{padded}", tone if isinstance(tone, Tone) else tone[row])
+            )
+        if fitted.columns[fitted.to_service - 1].texts[row] == _ACKNOWLEDGEMENT:
+            line = [Cell(cell.text, Tone.FAINT) for cell in line]
+        if tail:
+            line += [Cell(" " * GAP), *tail.cells()]
+        return _without_end(line if self._width is None else cut(line, self._width))
 
-    def _room(self, columns: Sequence[_Column], widths: Sequence[int]) -> int | None:
-        """Return how wide a tail can be, None for as wide as it likes."""
-        return None if self._width is None else max(self._width - _head_width(columns, widths) - GAP, 0)
-
-    def _fitted(self, rows: TelegramRows) -> tuple[list[_Column], list[int], list[_Tail | None]]:
-        """Return the columns in a form that fits, their widths, and the tails."""
+    def _fitted(self, rows: TelegramRows) -> _Fitted:
+        """Return the columns in the first form that fits."""
         tails = _tails(rows)
-        told = [tail for tail in tails if tail is not None]
-        flags_width = max((len(tail.flags) for tail in told), default=0)
-        remark_width = max((len(tail.remark) for tail in told), default=0)
-        self._grow("tail", max(flags_width, min(remark_width, _REMARK_WIDTH)))
+        remarks = [min(len(tail.remark), _REMARK_WIDTH) for tail in tails if tail and tail.remark]
+        self._grow(_BESIDE, max((len(tail.flags) for tail in tails if tail), default=0))
+        # What is wrong now and then may cover figures; in a capture that is full of it, they stand beside each other.
+        self._grow(_INSTEAD if _RARE * len(remarks) < len(tails) else _BESIDE, max(remarks, default=0))
         while True:
             columns = self._columns(rows, _FORMS[self._form])
             for column in columns:
                 self._grow(column.name, max(map(len, column.texts), default=0))
-            widths = [self._widths[column.name] for column in columns]
-            tail_width = self._widths["tail"]
-            total = _head_width(columns, widths) + (GAP + tail_width if tail_width else 0)
-            if self._width is None or total <= self._width:
-                return columns, widths, tails
+            fitted = _Fitted(columns, [self._widths[column.name] for column in columns], tails)
+            surplus = self._surplus(fitted)
+            if surplus <= 0:
+                return fitted
             if self._form + 1 == len(_FORMS):
-                return *_with_short_addresses(columns, widths, total - self._width), tails
+                return _with_short_addresses(fitted, surplus)
             self._form += 1
-            self._widths = {"tail": tail_width}
+            self._widths = {name: self._widths[name] for name in (_BESIDE, _INSTEAD) if name in self._widths}
+
+    def _surplus(self, fitted: _Fitted) -> int:
+        """Return by how much lines with what is beside the figures, or in their place, are too wide."""
+        if self._width is None:
+            return 0
+        beside, instead = self._widths.get(_BESIDE, 0), self._widths.get(_INSTEAD, 0)
+        with_figures = fitted.width(len(fitted.columns)) + (GAP + beside if beside else 0)
+        without_figures = fitted.width(fitted.to_service) + (GAP + instead if instead else 0)
+        return max(with_figures, without_figures) - self._width
 
     def _grow(self, name: str, width: int) -> None:
         self._widths[name] = max(self._widths.get(name, 0), width)
@@ -168,7 +206,7 @@ class LineWriter:
             _Column("number", cells.texts(FIELDS["frame.number"], rows), Tone.FAINT, right=True),
             _Column("time", _moments(rows, self._moment, form.time_digits), right=True),
             _Column("source", cells.texts(FIELDS["ip.src"], rows)),
-            _Column("destination", _destinations(rows), before=" → "),
+            _Column("destination", _destinations(rows, form.usual_port), before=" → "),
             *_places(code, header["index"].tolist(), header["subindex"].tolist(), form.subindex_word),
             _Column(
                 "service",
@@ -191,7 +229,7 @@ class LineWriter:
 
 def _places(code: list[int], index: list[int], subindex: list[int], subindex_word: bool) -> list[_Column]:
     """Return list and SubIndex, in two columns or, without the word, in one."""
-    names = ["list" if number in words.LIST_CODES else "param" for number in code]
+    names = ["param" if number in words.PARAMETER_CODES else "list" for number in code]
     if subindex_word:
         lists = [f"{name} {number}" for name, number in zip(names, index, strict=True)]
         return [
@@ -202,12 +240,9 @@ def _places(code: list[int], index: list[int], subindex: list[int], subindex_wor
     return [_Column("list", [f"{name} {number}/{sub}" for name, number, sub in triples], Tone.STRONG)]
 
 
-def _head_width(columns: Sequence[_Column], widths: Sequence[int]) -> int:
-    return sum(widths) + sum(len(column.before) for column in columns[1:])
-
-
-def _with_short_addresses(columns: list[_Column], widths: list[int], surplus: int) -> tuple[list[_Column], list[int]]:
+def _with_short_addresses(fitted: _Fitted, surplus: int) -> _Fitted:
     """Take ``surplus`` columns away from the addresses, from the wider one first, as far as they can give them."""
+    columns, widths = list(fitted.columns), list(fitted.widths)
     places = [place for place, column in enumerate(columns) if column.name in _ADDRESSES]
     for _ in range(surplus):
         widest = max(places, key=widths.__getitem__)
@@ -217,7 +252,7 @@ def _with_short_addresses(columns: list[_Column], widths: list[int], surplus: in
     for place in places:
         texts = [shorten(text, widths[place]) for text in columns[place].texts]
         columns[place] = columns[place]._replace(texts=texts)
-    return columns, widths
+    return _Fitted(columns, widths, fitted.tails)
 
 
 def _moments(rows: TelegramRows, moment: Moment, digits: int) -> list[str]:
@@ -231,19 +266,22 @@ def _moments(rows: TelegramRows, moment: Moment, digits: int) -> list[str]:
     return moments.clock(ts_ns, digits, utc=moment.startswith("u"), date=moment.endswith("d"))
 
 
-def _destinations(rows: TelegramRows) -> list[str]:
+def _destinations(rows: TelegramRows, usual_port: bool) -> list[str]:
     """Return address and port, or that a telegram goes to everybody in the network."""
     datagram = rows.telegrams.datagram
     high, low, ports = datagram.destination_hi, datagram.destination_lo, datagram.destination_port
     keys = list(zip(high.tolist(), low.tolist(), ports.tolist(), strict=True))
-    told = {key: _destination(*key) for key in set(keys)}
+    told = {key: _destination(*key, usual_port=usual_port) for key in set(keys)}
     return [told[key] for key in keys]
 
 
-def _destination(high: int, low: int, port: int) -> str:
+def _destination(high: int, low: int, port: int, *, usual_port: bool) -> str:
+    """Return where a telegram goes; the usual port goes without saying with a broadcast, or always."""
     if high == low == _EVERYBODY:
         return "broadcast" if port == PORT else f"broadcast:{port}"
     text = address.text(high, low)
+    if port == PORT and not usual_port:
+        return text
     return f"[{text}]:{port}" if ":" in text else f"{text}:{port}"
 
 

@@ -8,7 +8,7 @@ from dissectors.netvar import HEADER
 from nvscope.report.ansi import paint
 from nvscope.report.packets.hexdump import dump
 from nvscope.report.packets.line import LineWriter, Moment
-from nvscope.report.packets.tree import tree
+from nvscope.report.packets.tree import Trees
 from nvscope.view.table import Line, Tone
 from nvscope.view.telegrams import TelegramRows
 
@@ -51,11 +51,12 @@ class Text:
         return ""
 
     def _one_by_one(self, rows: TelegramRows) -> Iterator[str]:
-        heads: Iterator[Line] = iter(()) if self._trees else self._lines.lines(rows)
+        trees = Trees(rows, self._width, dumps=not self._dumps) if self._trees else None
+        heads: Iterator[Line] = iter(()) if trees else self._lines.lines(rows)
         for row in range(len(rows)):
             text: list[Line] = []
-            if self._trees:
-                text += tree(rows.single(row), self._width, dumps=not self._dumps)
+            if trees:
+                text += trees.lines(row)
                 text += [[]] * self._dumps
             else:
                 text.append(next(heads))

@@ -51,9 +51,6 @@ SERVICE_WORDS = {
 NEGATIVE = ServiceWord("ack!", Tone.ERROR)
 UNKNOWN = ServiceWord("unknown", Tone.ERROR)
 
-LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
-"""Services whose Index is a list; that of all others is one of the Parameter Manager."""
-
 _UNKNOWN_CODE = len(KNOWN_SERVICE) - 1
 _NEGATIVE_CODE = len(KNOWN_SERVICE)
 WORD_OF_CODE = (
@@ -62,7 +59,9 @@ WORD_OF_CODE = (
 )
 """Words by the codes of ``word_codes``."""
 
-LIST_CODES = frozenset((*map(int, LIST_SERVICES), _UNKNOWN_CODE, _NEGATIVE_CODE))
+_LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
+PARAMETER_CODES = frozenset(map(int, Service)) - frozenset(map(int, _LIST_SERVICES))
+"""Codes of services whose Index is not a list but one of the Parameter Manager."""
 
 _FLAGS_END = HEADER.offset_of("flags") + HEADER["flags"].size_bytes
 _CHECKSUM_END = HEADER.offset_of("checksum") + HEADER["checksum"].size_bytes
@@ -113,7 +112,7 @@ def remarks(telegrams: TelegramBatch) -> dict[int, tuple[str, Tone]]:
             texts.append(fault_sentence(Fault(int(fault[row])), int(head["id"]), int(head["length"]), payload_bytes))
             tone = Tone.ERROR
         if truncated[row]:
-            texts.append(f"cut by the capture: {captured_bytes} of {payload_bytes} bytes")
+            texts.append(f"cut: {captured_bytes} of {payload_bytes} bytes")
         if other_identity[row]:
             texts.append(f"identity {head['identity'].tobytes().hex(' ')}")
         found[row] = ", ".join(texts), tone
@@ -123,11 +122,11 @@ def remarks(telegrams: TelegramBatch) -> dict[int, tuple[str, Tone]]:
 def fault_sentence(fault: Fault, service: int, length: int, payload_bytes: int) -> str:
     """Return what a fault is, with its figures."""
     if fault is Fault.SHORT:
-        return f"too short: {payload_bytes} of {HEADER.size_bytes} header bytes"
+        return f"short: {payload_bytes} of {HEADER.size_bytes} bytes"
     if fault is Fault.LENGTH:
-        return f"Length is {length}, the payload has {payload_bytes}"
+        return f"Length {length}, payload {payload_bytes}"
     if fault is Fault.BYTE_SWAPPED:
-        return f"Length is {length}: {payload_bytes}, bytes swapped"
+        return f"Length {length}, swapped {payload_bytes}"
     if fault is Fault.SERVICE:
         return f"unknown service {service}"
     return ""

@@ -1,0 +1,283 @@
+"""The fields of a telegram: name, type, label, help, and how to read one as a column.
+
+One table for everything that names fields. Names are Wireshark's where it has the field; ``nv.*`` comes from the header
+table (``dissectors.netvar.HEADER``), a column for each of its fields and for each bit that has a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dissectors.batch import I64, U8, U64, Bool
+from dissectors.layout import Bit, Field
+from dissectors.link import IPV4_HIGH, IPV4_LOW, UDP
+from dissectors.netvar import HEADER, KNOWN_SERVICE, LEAST_CAPTURED_BYTES, Fault
+from nvscope.errors import UsageError
+from nvscope.view.telegrams import TelegramRows
+
+
+class FieldType(Enum):
+    """What kind of value a field has, and with it the shape of its column."""
+
+    UNSIGNED = "unsigned"
+    TIME = "time"
+    DURATION = "duration"
+    ADDRESS = "address"
+    BYTES = "bytes"
+    BOOL = "bool"
+    TEXT = "text"
+
+
+@dataclass(frozen=True, slots=True)
+class AddressColumn:
+    """Addresses as two uint64 halves, as the dissectors give them."""
+
+    high: U64
+    low: U64
+
+
+@dataclass(frozen=True, slots=True)
+class BytesColumn:
+    """Bytes of ``data`` from ``start`` up to ``stop``, int64."""
+
+    data: U8
+    start: I64
+    stop: I64
+
+
+@dataclass(frozen=True, slots=True)
+class TextColumn:
+    """Texts as int64 positions in a table of all that occur."""
+
+    code: I64
+    texts: tuple[str, ...]
+
+
+Numbers = npt.NDArray[Any]
+Column = Numbers | AddressColumn | BytesColumn | TextColumn
+
+
+@dataclass(frozen=True, slots=True)
+class TelegramField:
+    """One field.
+
+    ``read`` gives the column: unsigned integers of any width (UNSIGNED), int64 nanoseconds since 1970-01-01 UTC (TIME)
+    or between two moments (DURATION), bool (BOOL), or the column class of the type. ``known`` tells in which telegrams
+    the field exists, None for in all of them; where it does not, the column holds anything. ``hex_digits`` other than
+    0: people write the number in hexadecimal. ``calendar``: they write the time as a date.
+    """
+
+    name: str
+    type: FieldType
+    label: str
+    help: str
+    read: Callable[[TelegramRows], Column]
+    known: Callable[[TelegramRows], Bool | None] = lambda _: None
+    hex_digits: int = 0
+    calendar: bool = False
+
+
+def find_field(name: str) -> TelegramField:
+    """Return the field of a name, in any case; UsageError, with the nearest names, where there is none."""
+    field = FIELDS.get(name.strip().lower())
+    if field is None:
+        from nvscope.view.escape import visible  # noqa: PLC0415
+
+        raise UsageError(f"no field is called {visible(name)!s}", next_step=_nearest(name.strip().lower()))
+    return field
+
+
+def _nearest(wanted: str) -> str:
+    from difflib import get_close_matches  # noqa: PLC0415
+
+    short = {name.partition(".")[2]: name for name in FIELDS}
+    near = get_close_matches(wanted, FIELDS, n=3) + [short[part] for part in get_close_matches(wanted, short, n=3)]
+    near += [name for name in FIELDS if len(wanted) > 2 and wanted in name]
+    if near:
+        return "perhaps " + ", ".join(list(dict.fromkeys(near))[:5])
+    return "the fields are " + ", ".join(FIELDS)
+
+
+def _header_fields() -> Iterator[TelegramField]:
+    for entry in HEADER:
+        name = f"{HEADER.name}.{entry.name}"
+        known = _captured_to(HEADER.offset_of(entry.name) + entry.size_bytes)
+        yield TelegramField(
+            name, FieldType.UNSIGNED, entry.label, entry.help, _header_column(entry), known,
+            hex_digits=2 * entry.size_bytes if entry.base == "hex" else 0,
+        )  # fmt: skip
+        for bit in entry.bits:
+            help_text = f"bit {bit.position} of {entry.label}"
+            yield TelegramField(
+                f"{name}.{bit.name}", FieldType.BOOL, bit.label, help_text, _bit_column(entry, bit), known
+            )
+        if entry.name == "id":
+            yield TelegramField(
+                "nv.service", FieldType.TEXT, "Service", f"name of the service that {entry.label} stands for",
+                _service, _service_known,
+            )  # fmt: skip
+
+
+def _header_column(entry: Field) -> Callable[[TelegramRows], Numbers]:
+    return lambda rows: rows.telegrams.header[entry.name]
+
+
+def _bit_column(entry: Field, bit: Bit) -> Callable[[TelegramRows], Bool]:
+    mask = np.uint64(bit.mask)
+    return lambda rows: (rows.telegrams.header[entry.name] & mask) != 0
+
+
+def _captured_to(end: int) -> Callable[[TelegramRows], Bool | None]:
+    """Return what tells in which telegrams the first ``end`` bytes of the payload exist and were captured."""
+    if end <= LEAST_CAPTURED_BYTES:
+        return lambda _: None
+    return lambda rows: rows.telegrams.datagram.captured_bytes >= end
+
+
+_SERVICES = tuple(HEADER["id"].values.get(number, "") for number in range(len(KNOWN_SERVICE)))
+
+
+def _service_code(rows: TelegramRows) -> I64:
+    code: I64 = np.minimum(rows.telegrams.header["id"], len(KNOWN_SERVICE) - 1).astype(np.int64)
+    return code
+
+
+def _service(rows: TelegramRows) -> TextColumn:
+    return TextColumn(_service_code(rows), _SERVICES)
+
+
+def _service_known(rows: TelegramRows) -> Bool:
+    known: Bool = KNOWN_SERVICE[_service_code(rows)]
+    return known
+
+
+_FAULTS = tuple("" if fault is Fault.NONE else fault.name.lower().replace("_", "-") for fault in Fault)
+
+
+def _fault(rows: TelegramRows) -> TextColumn:
+    return TextColumn(rows.telegrams.fault.astype(np.int64), _FAULTS)
+
+
+def _has_fault(rows: TelegramRows) -> Bool:
+    has_fault: Bool = rows.telegrams.fault != Fault.NONE
+    return has_fault
+
+
+def _payload(rows: TelegramRows) -> BytesColumn:
+    return _bytes_after(rows, 0)
+
+
+def _data(rows: TelegramRows) -> BytesColumn:
+    return _bytes_after(rows, HEADER.size_bytes)
+
+
+def _bytes_after(rows: TelegramRows, begin: int) -> BytesColumn:
+    datagram = rows.telegrams.datagram
+    stop = datagram.payload + datagram.captured_bytes
+    return BytesColumn(rows.telegrams.data, np.minimum(datagram.payload + begin, stop), stop)
+
+
+def _ip_version(rows: TelegramRows) -> Numbers:
+    datagram = rows.telegrams.datagram
+    is_ipv4 = (datagram.source_hi == IPV4_HIGH) & ((datagram.source_lo & IPV4_LOW) == IPV4_LOW)
+    return np.where(is_ipv4, np.uint8(4), np.uint8(6))
+
+
+def _source(rows: TelegramRows) -> AddressColumn:
+    return AddressColumn(rows.telegrams.datagram.source_hi, rows.telegrams.datagram.source_lo)
+
+
+def _destination(rows: TelegramRows) -> AddressColumn:
+    return AddressColumn(rows.telegrams.datagram.destination_hi, rows.telegrams.datagram.destination_lo)
+
+
+_UNSIGNED, _TIME, _DURATION, _ADDRESS = FieldType.UNSIGNED, FieldType.TIME, FieldType.DURATION, FieldType.ADDRESS
+
+_TABLE = (
+    TelegramField(
+        "frame.number", _UNSIGNED, "Frame number", "place among all frames of the capture, from 1",
+        lambda rows: rows.frame_number,
+    ),
+    TelegramField(
+        "frame.time", _TIME, "Time", "when the frame was captured, ISO 8601 in UTC",
+        lambda rows: rows.telegrams.ts_ns, calendar=True,
+    ),
+    TelegramField(
+        "frame.time_epoch", _TIME, "Epoch time", "seconds since 1970-01-01 UTC; in JSON nanoseconds as a string",
+        lambda rows: rows.telegrams.ts_ns,
+    ),
+    TelegramField(
+        "frame.time_relative", _DURATION, "Time since the first frame", "seconds; in JSON nanoseconds",
+        lambda rows: rows.since_start_ns,
+    ),
+    TelegramField(
+        "frame.time_delta", _DURATION, "Time since the previous frame", "seconds; in JSON nanoseconds",
+        lambda rows: rows.since_frame_ns,
+    ),
+    TelegramField(
+        "frame.time_delta_displayed", _DURATION, "Time since the previous telegram shown",
+        "seconds; in JSON nanoseconds", lambda rows: rows.since_shown_ns,
+    ),
+    TelegramField(
+        "frame.len", _UNSIGNED, "Frame length", "bytes on the wire",
+        lambda rows: rows.packets.original[rows.telegrams.datagram.row],
+    ),
+    TelegramField(
+        "frame.cap_len", _UNSIGNED, "Captured length", "bytes of the frame that were captured",
+        lambda rows: rows.packets.captured[rows.telegrams.datagram.row],
+    ),
+    TelegramField("ip.version", _UNSIGNED, "IP version", "4 or 6", _ip_version),
+    TelegramField("ip.src", _ADDRESS, "Source address", "IPv4 or IPv6 address of the sender", _source),
+    TelegramField("ip.dst", _ADDRESS, "Destination address", "IPv4 or IPv6 address of the receiver", _destination),
+    TelegramField(
+        "udp.srcport", _UNSIGNED, UDP["source_port"].label, UDP["source_port"].help,
+        lambda rows: rows.telegrams.datagram.source_port,
+    ),
+    TelegramField(
+        "udp.dstport", _UNSIGNED, UDP["destination_port"].label, UDP["destination_port"].help,
+        lambda rows: rows.telegrams.datagram.destination_port,
+    ),
+    TelegramField(
+        "udp.length", _UNSIGNED, "UDP length", UDP["length"].help,
+        lambda rows: rows.telegrams.datagram.payload_bytes + UDP.size_bytes,
+    ),
+    TelegramField("udp.payload", FieldType.BYTES, "UDP payload", "captured bytes of header and data", _payload),
+    *_header_fields(),
+    TelegramField(
+        "nv.data", FieldType.BYTES, "Data", "captured bytes behind the header",
+        _data, _captured_to(HEADER.size_bytes),
+    ),
+    TelegramField(
+        "nv.fault", FieldType.TEXT, "Fault",
+        "what is wrong with the telegram: " + ", ".join(filter(None, _FAULTS)), _fault, _has_fault,
+    ),
+    TelegramField(
+        "nv.truncated", FieldType.BOOL, "Truncated", "fewer bytes were captured than the payload has",
+        lambda rows: rows.telegrams.truncated,
+    ),
+    TelegramField(
+        "nv.broadcast", FieldType.BOOL, "Broadcast", "sent to everybody or to a multicast group, not to one node",
+        lambda rows: rows.telegrams.datagram.broadcast,
+    ),
+)  # fmt: skip
+
+FIELDS = MappingProxyType({field.name: field for field in _TABLE})
+"""All fields by name, in the order in which they are listed."""
+
+DEFAULT_FIELDS = (
+    FIELDS["frame.number"],
+    FIELDS["frame.time"],
+    FIELDS["ip.src"],
+    FIELDS["udp.srcport"],
+    FIELDS["ip.dst"],
+    FIELDS["udp.dstport"],
+    *(field for field in _TABLE if field.name.startswith(f"{HEADER.name}.")),
+)
+"""What is written where nobody says which fields are wanted."""

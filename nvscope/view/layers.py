@@ -1,0 +1,90 @@
+"""The layers of one packet, from the link to UDP: which header is where.
+
+For looking at a packet. What reads all packets at once is ``dissectors.link``; the tables are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import LinkType
+from dissectors.layout import Layout
+from dissectors.link import (
+    ETHERNET,
+    IPV4,
+    IPV6,
+    MAX_VLAN_TAGS,
+    NULL,
+    SLL,
+    SLL2,
+    UDP,
+    VLAN,
+    VLAN_TYPES,
+)
+
+_LINK_LAYOUTS: dict[int, Layout] = {
+    LinkType.ETHERNET: ETHERNET,
+    LinkType.LINUX_SLL: SLL,
+    LinkType.LINUX_SLL2: SLL2,
+    LinkType.NULL: NULL,
+    LinkType.LOOP: NULL,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """A header within a packet, from ``start`` up to ``stop``; without a layout: options, or what is not read here."""
+
+    layout: Layout | None
+    start: int
+    stop: int
+
+
+def layers(packet: bytes, link: int, payload_at: int) -> list[Layer]:
+    """Return the headers of a UDP datagram whose payload begins at ``payload_at`` of the packet, without gaps."""
+    udp_at = payload_at - UDP.size_bytes
+    found: list[Layer] = []
+    at = 0
+    for layout in _up_to_ip(packet, link):
+        if at + layout.size_bytes > udp_at:
+            break
+        found.append(Layer(layout, at, at + layout.size_bytes))
+        at += layout.size_bytes
+    if at < udp_at:
+        layout = IPV6 if packet[at] >> 4 == 6 else IPV4
+        stop = min(at + layout.size_bytes, udp_at)
+        found.append(Layer(layout if stop - at == layout.size_bytes else None, at, stop))
+        if stop < udp_at:
+            found.append(Layer(None, stop, udp_at))
+    found.append(Layer(UDP, udp_at, payload_at))
+    return found
+
+
+def values(packet: bytes, layer: Layer) -> np.void:
+    """Return the fields of a layer that has a layout."""
+    assert layer.layout
+    found: np.void = np.frombuffer(packet, layer.layout.dtype, 1, layer.start)[0]
+    return found
+
+
+def _up_to_ip(packet: bytes, link: int) -> Iterator[Layout]:
+    layout = _LINK_LAYOUTS.get(link)
+    if layout is None:
+        return
+    yield layout
+    at = 0
+    for _ in range(MAX_VLAN_TAGS):
+        if layout is NULL or _ethertype(packet, layout, at) not in VLAN_TYPES:
+            return
+        at += layout.size_bytes
+        layout = VLAN
+        yield layout
+
+
+def _ethertype(packet: bytes, layout: Layout, at: int) -> int:
+    entry = layout["type"]
+    begin = at + layout.offset_of("type")
+    return int.from_bytes(packet[begin : begin + entry.size_bytes], "big")

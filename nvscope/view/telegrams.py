@@ -1,0 +1,115 @@
+"""The telegrams of a source, each with its place in the capture: its frame, and what came before it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dissectors.batch import I64, Bool, PacketBatch
+from dissectors.netvar import PortRules, TelegramBatch, dissect
+from nvscope.capture.source import Source
+from nvscope.capture.spans import stretches
+
+_PIECE_TELEGRAMS = 8192
+_PIECE_BYTES = 4 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class TelegramRows:
+    """Some telegrams of one packet batch.
+
+    ``packets`` is the whole batch, over the same buffer as ``telegrams``; ``frames_before`` counts the frames of the
+    capture before it. Times in ns: ``start_ns`` of the capture's first frame, ``frame_before_ns`` of the last frame
+    before the batch, ``shown_before_ns`` of the last telegram before the first one here (None: there is none).
+    """
+
+    telegrams: TelegramBatch
+    packets: PacketBatch
+    frames_before: int
+    start_ns: int
+    frame_before_ns: int
+    shown_before_ns: int | None
+
+    def __len__(self) -> int:
+        return len(self.telegrams)
+
+    @property
+    def frame_number(self) -> I64:
+        """Frame numbers from 1 across the capture, int64 of shape (n,)."""
+        return self.telegrams.datagram.row + (self.frames_before + 1)
+
+    @property
+    def since_start_ns(self) -> I64:
+        """Time since the first frame of the capture."""
+        return self.telegrams.ts_ns - self.start_ns
+
+    @property
+    def since_frame_ns(self) -> I64:
+        """Time since the frame before, whatever that is; of the first frame 0."""
+        row = self.telegrams.datagram.row
+        before = np.where(row > 0, self.packets.ts_ns[row - 1], self.frame_before_ns)
+        return self.telegrams.ts_ns - before
+
+    @property
+    def since_shown_ns(self) -> I64:
+        """Time since the telegram shown before; of the first one 0."""
+        ts_ns = self.telegrams.ts_ns
+        first = ts_ns[:1] if self.shown_before_ns is None else np.array([self.shown_before_ns])
+        return np.diff(ts_ns, prepend=first)
+
+    def take(self, rows: I64 | Bool) -> TelegramRows:
+        """Return the telegrams at the given positions or where the mask is set; the others count as not shown."""
+        return replace(self, telegrams=self.telegrams.take(rows))
+
+
+class Telegrams:
+    """The telegrams of a source as ``TelegramRows``; iterate once.
+
+    ``ports`` decides by hand what is read as telegrams. After ``limit`` telegrams the source is not read further.
+    Pieces are small in telegrams and in bytes, so that text made of one of them stays small too. ``frames``,
+    ``telegrams`` and ``fragments`` (IP fragments, which are not put together) count what has been read so far.
+    """
+
+    def __init__(self, source: Source, *, ports: PortRules | None = None, limit: int | None = None) -> None:
+        self._source = source
+        self._ports = ports
+        self._limit = limit
+        self.frames = 0
+        self.telegrams = 0
+        self.fragments = 0
+
+    def __iter__(self) -> Iterator[TelegramRows]:
+        start_ns = frame_before_ns = 0
+        shown_before_ns: int | None = None
+        for batch in self._source:
+            if not len(batch):
+                continue
+            packets = batch.with_margin()
+            if not self.frames:
+                start_ns = frame_before_ns = int(packets.ts_ns[0])
+            dissection = dissect(packets, self._ports)
+            self.fragments += dissection.peeled.fragments
+            telegrams = dissection.telegrams
+            rows = TelegramRows(telegrams, packets, self.frames, start_ns, frame_before_ns, shown_before_ns)
+            self.frames += len(packets)
+            frame_before_ns = int(packets.ts_ns[-1])
+            for piece in _pieces(rows):
+                room = len(piece) if self._limit is None else self._limit - self.telegrams
+                part = piece if room >= len(piece) else piece.take(np.arange(room))
+                self.telegrams += len(part)
+                yield replace(part, shown_before_ns=shown_before_ns)
+                if self.telegrams == self._limit:
+                    return
+                shown_before_ns = int(part.telegrams.ts_ns[-1])
+
+
+def _pieces(rows: TelegramRows) -> Iterator[TelegramRows]:
+    """Cut telegrams into pieces of a limited number of telegrams and of captured bytes, but of at least one each."""
+    captured = rows.packets.captured
+    if len(rows) != len(captured):
+        captured = captured[rows.telegrams.datagram.row]
+    for part in stretches(captured, _PIECE_TELEGRAMS, _PIECE_BYTES):
+        whole = part.stop - part.start == len(rows)
+        yield rows if whole else rows.take(np.arange(part.start, part.stop))
