@@ -80,9 +80,9 @@ class PacketBatch:
         """
         if not len(self):
             return self
-        stop = int((self.offset + self.captured).max())
-        if stop + MARGIN_BYTES <= len(self.data):
+        if int(self.offset.max()) + int(self.captured.max()) + MARGIN_BYTES <= len(self.data):
             return self
+        stop = int((self.offset + self.captured).max())
         start = int(self.offset.min())
         data = np.zeros(stop - start + MARGIN_BYTES, np.uint8)
         data[: stop - start] = self.data[start:stop]

@@ -208,7 +208,7 @@ def _plain_telegrams(packets: PacketBatch) -> tuple[TelegramBatch, I64 | None]:
         return _telegrams(packets, NO_DATAGRAMS, 0), None
     payload_at = PLAIN.itemsize - HEADER.size_bytes
     head = gather_bytes(packets.data, packets.offset, PLAIN.itemsize).view(PLAIN)
-    identity, ip, udp = head["nv"]["identity"], head["ip"], head["udp"]
+    identity, ip, udp = head["nv"]["identity"].copy(), head["ip"], head["udp"]
     plain = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
     plain &= head["eth"]["type"] == TYPE_IPV4
     plain &= (ip["version_ihl"] == 0x45) & (ip["protocol"] == PROTOCOL_UDP) & ((ip["fragment"] & 0x3FFF) == 0)
@@ -284,21 +284,22 @@ def _faults(datagram: DatagramBatch, header: Records) -> U8:
     service: U32 = header["id"]
     good = header["length"] == datagram.payload_bytes
     good &= datagram.captured_bytes >= HEADER.size_bytes
-    good &= KNOWN_SERVICE[np.minimum(service, len(KNOWN_SERVICE) - 1)]
+    good &= service <= Service.ODBootUpRequest
     bad = np.flatnonzero(~good)
     if len(bad):
         payload_bytes, captured_bytes = datagram.payload_bytes[bad], datagram.captured_bytes[bad]
         length = header["length"][bad]
+        known = KNOWN_SERVICE[np.minimum(service[bad], len(KNOWN_SERVICE) - 1)]
+        fits = length == payload_bytes
         fault[bad] = np.select(
             [
                 (captured_bytes < HEADER.size_bytes) & (captured_bytes < payload_bytes),
                 payload_bytes < HEADER.size_bytes,
+                fits & known,
+                fits,
                 length.byteswap() == payload_bytes,
-                length != payload_bytes,
             ],
-            [Fault.HEADER_CUT, Fault.SHORT, Fault.BYTE_SWAPPED, Fault.LENGTH],
-            Fault.SERVICE,
+            [Fault.HEADER_CUT, Fault.SHORT, Fault.NONE, Fault.SERVICE, Fault.BYTE_SWAPPED],
+            Fault.LENGTH,
         )
-        palindrome = (fault[bad] == Fault.BYTE_SWAPPED) & (length == payload_bytes)
-        fault[bad[palindrome]] = Fault.SERVICE
     return fault

@@ -93,8 +93,8 @@ class Clock:
 
     def __init__(self, time_ns: I64) -> None:
         self.time_ns = time_ns
-        steady = len(time_ns) < 2 or bool((time_ns[1:] >= time_ns[:-1]).all())
-        self.latest = time_ns if steady else np.maximum.accumulate(time_ns)
+        self.steady = len(time_ns) < 2 or bool((time_ns[1:] >= time_ns[:-1]).all())
+        self.latest = time_ns if self.steady else np.maximum.accumulate(time_ns)
 
     def first_behind(self, deadline_ns: I64, packet: I64) -> I64:
         """Return the first packet after each given one (-1: from the first) with a later time; their count if none."""
@@ -128,7 +128,7 @@ class Acknowledgement:
         self.senders.resize(len(flows.places))
         clock = Clock(time_ns)
         wanting = np.flatnonzero(rows.flags & ACKNOWLEDGE_WANTED.mask)
-        unexpected = self._unexpected(rows, wanting, acknowledgements, flows)
+        unexpected = self._unexpected(rows, wanting, acknowledgements, clock, flows)
         missing, errors = self._missing(rows, wanting, acknowledgements, clock, flows, first_frame)
         negative, negative_node = self._negative(rows, acknowledgements, flows, first_frame)
         unanswered = self._boot_up(rows, requests, clock, flows, first_frame)
@@ -216,7 +216,7 @@ class Acknowledgement:
             )
         return np.sort(np.concatenate(parts))
 
-    def _unexpected(self, rows: DataRows, wanting: I64, messages: Messages, flows: Flows) -> I64:
+    def _unexpected(self, rows: DataRows, wanting: I64, messages: Messages, clock: Clock, flows: Flows) -> I64:
         """Find the acknowledgements that nobody asked for within the timeout before them."""
         waits = self.waits
         if not len(messages):
@@ -225,7 +225,8 @@ class Acknowledgement:
         stream, packet, time_ns = rows.stream[wanting], rows.packet[wanting], rows.time_ns[wanting]
         width = int(max(packet.max(initial=0), messages.packet.max())) + 2
         start, _ = runs_of(stream)
-        latest = np.maximum(_running_latest(time_ns, start), waits.wanted_ns[stream])
+        latest = time_ns if clock.steady else _running_latest(time_ns, start)
+        latest = np.maximum(latest, waits.wanted_ns[stream])
         key = stream * width + packet
         asked = np.full(len(messages), NEVER)
         direct = np.flatnonzero(messages.destination >= 0)

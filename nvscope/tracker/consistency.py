@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U64, Bool
+from dissectors.batch import I64, U64, Bool
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.tracker.columns import Columns, runs_of, stable_order
 from nvscope.tracker.flows import Flows
@@ -47,49 +47,54 @@ class Consistency:
         new = place_of_stream[self._counted_streams :]
         np.add.at(places.streams, new, 1)
         self._counted_streams = len(place_of_stream)
-        flags = rows.flags
         length = rows.stop - rows.start
-        place = np.repeat(place_of_stream[rows.run_stream], length)
-        shared = np.repeat(places.streams[place_of_stream[rows.run_stream]] > 1, length)
-        parts = [np.arange(len(rows))]
-        if shared.any():
-            together = np.flatnonzero(shared)
+        run_place = place_of_stream[rows.run_stream]
+        shared = places.streams[run_place] > 1
+        if not shared.any():
+            changed = self._shapes(rows.signature, rows.start, rows.stop, run_place)
+            mismatch = self._checksums(rows, np.flatnonzero(rows.flags & CHECKSUM_PRESENT.mask), place_of_stream)
+        else:
+            place = np.repeat(run_place, length)
+            together = np.flatnonzero(np.repeat(shared, length))
             together = together[np.argsort(rows.order[together], kind="stable")]
             together = together[stable_order(place[together], len(flows.places))]
-            parts = [part for part in (np.flatnonzero(~shared), together) if len(part)]
-        changed = [self._shapes(rows, part, place[part]) for part in parts]
-        mismatch = [self._checksums(rows, part, place[part], flags) for part in parts]
-        return np.concatenate(changed), np.concatenate(mismatch), self._strange_flags(rows, flags)
+            alone = np.flatnonzero(~np.repeat(shared, length))
+            changes, mismatches = [], []
+            for part in (alone, together):
+                start, stop = runs_of(place[part])
+                changes.append(part[self._shapes(rows.signature[part], start, stop, place[part[start]])])
+                signed = part[(rows.flags[part] & CHECKSUM_PRESENT.mask) != 0]
+                mismatches.append(self._checksums(rows, signed, place_of_stream))
+            changed, mismatch = np.concatenate(changes), np.concatenate(mismatches)
+        return changed, mismatch, self._strange_flags(rows)
 
-    def _shapes(self, rows: DataRows, part: I64, place: I64) -> I64:
+    def _shapes(self, signature: U64, start: I64, stop: I64, run_place: I64) -> I64:
+        """Find telegrams, laid out by place, whose shape is not that of the one before."""
         places = self.places
-        shape = rows.signature[part] & SHAPE_MASK
-        start, stop = runs_of(place)
+        shape = signature & SHAPE_MASK
         before = np.empty_like(shape)
         before[1:] = shape[:-1]
-        run = place[start]
-        before[start] = np.where(places.seen[run], places.shape[run], shape[start])
-        places.seen[run] = True
-        places.shape[run] = shape[stop - 1]
-        changed: I64 = part[shape != before]
-        return changed
+        before[start] = np.where(places.seen[run_place], places.shape[run_place], shape[start])
+        places.seen[run_place] = True
+        places.shape[run_place] = shape[stop - 1]
+        return np.flatnonzero(shape != before)
 
-    def _checksums(self, rows: DataRows, part: I64, place: I64, flags: U8) -> I64:
-        signed = np.flatnonzero(flags[part] & CHECKSUM_PRESENT.mask)
+    def _checksums(self, rows: DataRows, signed: I64, place_of_stream: I64) -> I64:
+        """Find, among rows with a checksum and laid out by place, those that differ from the reference."""
         if not len(signed):
             return signed
-        part, place = part[signed], place[signed]
-        checksum = ((rows.signature[part] >> CHECKSUM_SHIFT) & np.uint64(0xFF)).astype(np.int64)
+        place = place_of_stream[rows.stream[signed]]
+        checksum = ((rows.signature[signed] >> CHECKSUM_SHIFT) & np.uint64(0xFF)).astype(np.int64)
         first, _ = runs_of(place)
         unknown = first[self.places.reference[place[first]] < 0]
         self.places.reference[place[unknown]] = checksum[unknown]
-        mismatch: I64 = part[checksum != self.places.reference[place]]
+        mismatch: I64 = signed[checksum != self.places.reference[place]]
         return mismatch
 
     @staticmethod
-    def _strange_flags(rows: DataRows, flags: U8) -> I64:
+    def _strange_flags(rows: DataRows) -> I64:
         """Find checksums without the flag, and Flags that change where Counter wraps, as from a wider counter."""
-        checksum = rows.checksum
+        flags, checksum = rows.flags, rows.checksum
         strange = (checksum != 0) & ((flags & CHECKSUM_PRESENT.mask) == 0)
         before_flags = (rows.before >> FLAGS_SHIFT).astype(np.uint8)
         differs = flags != before_flags

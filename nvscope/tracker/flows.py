@@ -13,7 +13,7 @@ import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool
 from dissectors.link import IPV4_HIGH, IPV4_LOW
-from dissectors.netvar import KNOWN_SERVICE, Fault, Service, TelegramBatch
+from dissectors.netvar import HEADER, KNOWN_SERVICE, Fault, Service, TelegramBatch
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.keys import KeyTable
 
@@ -107,7 +107,9 @@ class Flows:
         source, source_flag = self._short(datagram.source_hi, datagram.source_lo, _SOURCE_IPV6)
         destination, destination_flag = self._short(datagram.destination_hi, datagram.destination_lo, _DESTINATION_IPV6)
         high = (source << np.uint64(32)) | (destination & _LOW_HALF)
-        low = _place_word(header) | (datagram.destination_port.astype(np.uint64) << np.uint64(32))
+        low = header.view(_PLACE)["place"].astype(np.uint64) | (
+            datagram.destination_port.astype(np.uint64) << np.uint64(32)
+        )
         if kind.any():
             low |= kind.astype(np.uint64) << np.uint64(48)
         low |= datagram.broadcast.astype(np.uint64) << np.uint64(54)
@@ -181,6 +183,7 @@ class Flows:
         return twin
 
 
-def _place_word(header: np.ndarray[tuple[int], np.dtype[np.void]]) -> U64:
-    """Return Index (low) and SubIndex of each telegram as one number."""
-    return header["index"].astype(np.uint64) | (header["subindex"].astype(np.uint64) << np.uint64(16))
+# Index and SubIndex are read as one 32-bit number, Index in its lower half.
+_PLACE = np.dtype(
+    {"names": ["place"], "formats": ["<u4"], "offsets": [HEADER.offset_of("index")], "itemsize": HEADER.size_bytes}
+)

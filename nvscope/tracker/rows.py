@@ -66,17 +66,11 @@ class DataRows:
     packet: I64
     fresh: Bool
     repeated: Bool | None
+    counter: U16
+    flags: U8
 
     def __len__(self) -> int:
         return len(self.order)
-
-    @property
-    def counter(self) -> U16:
-        return self.field(COUNTER_SHIFT).astype(np.uint16)
-
-    @property
-    def flags(self) -> U8:
-        return self.field(FLAGS_SHIFT).astype(np.uint8)
 
     @property
     def checksum(self) -> U8:
@@ -112,7 +106,7 @@ class StreamMemory:
         start, stop = runs_of(ordered)
         run = ordered[start]
         position = order if len(which) == len(telegrams) else which[order]
-        signature = _signature(telegrams)[position]
+        signature = telegrams.header.view(_SIGNATURE)["signature"][position].astype(np.uint64, copy=False)
         fresh = columns.telegrams[run] == 0
         before = np.empty_like(signature)
         before[1:] = signature[:-1]
@@ -125,7 +119,10 @@ class StreamMemory:
         columns.telegrams[run] += stop - start
         columns.signature[run] = signature[stop - 1]
         self._remember(telegrams, position[stop - 1], run)
-        return DataRows(order, ordered, start, stop, run, signature, before, time_ns, packet, fresh, repeated)
+        return DataRows(
+            order, ordered, start, stop, run, signature, before, time_ns, packet, fresh, repeated,
+            (signature >> COUNTER_SHIFT).astype(np.uint16), (signature >> FLAGS_SHIFT).astype(np.uint8),
+        )  # fmt: skip
 
     def _repeated(
         self, telegrams: TelegramBatch, position: I64, start: I64, run: I64, fresh: Bool, signature: U64, before: U64
@@ -162,10 +159,6 @@ class StreamMemory:
         twin = StreamMemory()
         twin.columns, twin.payload = self.columns.copy(), dict(self.payload)
         return twin
-
-
-def _signature(telegrams: TelegramBatch) -> U64:
-    return telegrams.header.view(_SIGNATURE)["signature"].astype(np.uint64)
 
 
 def _equal_payloads(telegrams: TelegramBatch, left: I64, right: I64, length: I64) -> Bool:

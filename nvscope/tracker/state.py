@@ -153,12 +153,13 @@ class TrackerState:
     def _observe_headers(self, telegrams: TelegramBatch, kind: U8, flow: I64, frame: I64) -> None:
         """Note what is wrong with headers, and count truncated telegrams."""
         header = telegrams.header
-        reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= Kind.BOOT_UP_REQUEST)
+        reserved = (header["flags"] & RESERVED_FLAGS) != 0
         odd = np.flatnonzero(
             (telegrams.fault != Fault.NONE) | reserved | (header["identity"] == IDENTITY_ASCII) | telegrams.truncated
         )
         if not len(odd):
             return
+        reserved &= kind <= Kind.BOOT_UP_REQUEST
         columns = self.flows.columns
         lists, place, source = columns.list[flow[odd]], columns.place[flow[odd]], columns.source[flow[odd]]
         subindex = self.flows.places.low[place].astype(np.int64)
