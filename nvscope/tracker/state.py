@@ -32,6 +32,7 @@ from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows, Kind, kinds
 from nvscope.tracker.loss import Loss
+from nvscope.tracker.recent import Recent
 from nvscope.tracker.rows import DataRows, StreamMemory
 from nvscope.tracker.timing import Timing
 
@@ -93,6 +94,7 @@ class TrackerState:
         self.memory = StreamMemory()
         self.loss = Loss()
         self.timing = Timing()
+        self.recent = Recent()
         self.cycles = Cycles()
         self.consistency = Consistency()
         self.acknowledgement = Acknowledgement(timeout_ns)
@@ -220,7 +222,9 @@ class TrackerState:
             self.data_telegrams += len(rows)
             self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
             own, node_gaps = self.loss.observe(rows, self.flows, first_frame)
-            usual = self.timing.observe(rows, own, node_gaps, len(self.flows.streams), first_frame)
+            usual, ends, interval = self.timing.observe(rows, own, node_gaps, len(self.flows.streams), first_frame)
+            if len(ends):
+                self.recent.observe(rows.stream[ends], rows.time_ns[ends], interval)
             self.cycles.observe(rows, rows.counter, usual, self.timing.columns.usual_ns, self.flows, first_frame)
             errors.append(self._observe_consistency(rows, flow, first_frame))
         return errors

@@ -6,7 +6,7 @@ Everything here is computed when asked for, from integers, and changes nothing i
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from nvscope.tracker import address
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
@@ -80,6 +80,7 @@ class StreamSummary:
     counter_scope: str
     figures: dict[str, int]
     intervals: Intervals
+    last_minute: Intervals
     items: int
     length: int
     checksum: int | None
@@ -285,6 +286,7 @@ def _add_streams(
 ) -> None:
     flows, memory, loss = state.flows, state.memory.columns, state.loss.streams
     histograms = state.timing.histograms()
+    recent = state.recent.histograms()
     telegrams = memory.column("telegrams").tolist()
     for stream, (place, node) in enumerate(zip(flows.streams.high.tolist(), flows.streams.low.tolist(), strict=True)):
         scope = scopes[node]
@@ -303,6 +305,7 @@ def _add_streams(
             counter_scope=SCOPE_UNUSED if unused else SCOPE_NAMES[scope],
             figures=_figures(state, stream, scope) if counting else dict.fromkeys(FIGURES, 0),
             intervals=_intervals(state, stream, histograms.of(stream)),
+            last_minute=_percentiles(recent[stream]) if stream in recent else Intervals(0),
             items=signature & 0xFFFF,
             length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
             checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_FLAG else None,
@@ -323,13 +326,19 @@ def _intervals(state: TrackerState, stream: int, histogram: Histogram) -> Interv
     count = int(timing.columns.count[stream])
     if count <= 0:
         return Intervals(0)
+    known = _percentiles(histogram)
+    return replace(known, count=count, mean=timing.mean_ns(stream), deviation=timing.deviation_ns(stream))
+
+
+def _percentiles(histogram: Histogram) -> Intervals:
+    """Return what a histogram alone tells."""
     p5, p50, p95, p99 = (histogram.percentile_ns(percent) for percent in (5, 50, 95, 99))
     assert p5 is not None
     assert p50 is not None
     assert p95 is not None
     cyclic = p50 > 0 and 100 * (p95 - p5) <= CYCLIC_SPREAD_PERCENT * p50
     return Intervals(
-        count, histogram.least_ns, timing.mean_ns(stream), histogram.most_ns, timing.deviation_ns(stream),
+        int(histogram.count.sum()), histogram.least_ns, None, histogram.most_ns, None,
         p50, p95, p99, p50 if cyclic else None,
     )  # fmt: skip
 

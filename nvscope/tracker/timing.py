@@ -80,10 +80,11 @@ class Timing:
         self.unusual = EventLog()
         self.large_squares: dict[int, int] = {}
 
-    def observe(self, rows: DataRows, own: U8, node_gaps: I64, streams: int, first_frame: int) -> Bool:
+    def observe(self, rows: DataRows, own: U8, node_gaps: I64, streams: int, first_frame: int) -> tuple[Bool, I64, I64]:
         """Take the intervals of a batch; ``own`` are the streams' steps, ``node_gaps`` the nodes' gaps so far, by row.
 
-        Returns the rows that end an interval of a stream whose usual one was known before.
+        Returns the rows that end an interval of a stream whose usual one was known before; and the rows that end an
+        interval at all, with their intervals.
         """
         columns = self.columns
         columns.resize(streams)
@@ -120,7 +121,7 @@ class Timing:
             self._add(interval, stream, start, stop, run)
             learned = self._sort_in(rows, kept, interval, stream, start, run, loss, first_frame)
             usual[slice(None) if kept is None else kept] = True if learned is None else ~learned
-        return usual
+        return usual, np.arange(len(rows)) if kept is None else kept, interval
 
     def _add(self, interval: I64, stream: I64, start: I64, stop: I64, run: I64) -> None:
         columns = self.columns

@@ -1,0 +1,82 @@
+"""The intervals of the last minute, beside those of the whole run."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.tracker.timing import Histogram, bucket_of
+
+WINDOW_S = 60
+_S_NS = 1_000_000_000
+_MAX_WAITING = 1 << 18
+
+
+class Recent:
+    """Counts intervals by stream, second of their end, and bucket, for the last minute of the capture.
+
+    The minute is the second of the latest time and the 59 before it. What was not counted yet waits in columns as it
+    came; what is older is let go, so that memory depends on the streams and their traffic in a minute's seconds only.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[I64, I64, I64]] = []
+        self._waiting_count = 0
+        self._latest_s = np.iinfo(np.int64).min
+        self._keys = np.empty((0, 3), np.int64)  # stream, second, bucket
+        self._counts = np.empty((0, 3), np.int64)  # intervals, least, most
+
+    def observe(self, stream: I64, time_ns: I64, interval_ns: I64) -> None:
+        """Take intervals with the times of their ends. Shapes (n,)."""
+        self._waiting.append((stream, time_ns, interval_ns))
+        self._waiting_count += len(stream)
+        self._latest_s = max(self._latest_s, int(time_ns.max()) // _S_NS)
+        if self._waiting_count >= _MAX_WAITING:
+            self._count()
+
+    def histograms(self) -> dict[int, Histogram]:
+        """Return the histogram of the last minute of each stream that ended an interval in it."""
+        self._count()
+        rows: dict[int, list[int]] = defaultdict(list)
+        for row, stream in enumerate(self._keys[:, 0].tolist()):
+            rows[stream].append(row)
+        found = {}
+        for stream, own in rows.items():
+            bucket, place = np.unique(self._keys[own, 2], return_inverse=True)
+            count = np.zeros(len(bucket), np.int64)
+            np.add.at(count, place, self._counts[own, 0])
+            extremes = int(self._counts[own, 1].min()), int(self._counts[own, 2].max())
+            found[stream] = Histogram(bucket, count, *extremes)
+        return found
+
+    def _count(self) -> None:
+        """Sort in what waits, and let go of what is older than the window."""
+        since = self._latest_s - WINDOW_S
+        keys, counts = [self._keys], [self._counts]
+        for stream, time_ns, interval_ns in self._waiting:
+            second = time_ns // _S_NS
+            inside = np.flatnonzero(second > since)
+            if len(inside):
+                interval = interval_ns[inside]
+                keys.append(np.stack([stream[inside], second[inside], bucket_of(interval)], axis=1))
+                counts.append(np.stack([np.ones_like(interval), interval, interval], axis=1))
+        self._waiting, self._waiting_count = [], 0
+        key, count = np.concatenate(keys), np.concatenate(counts)
+        inside = np.flatnonzero(key[:, 1] > since)
+        key, count = key[inside], count[inside]
+        order = np.lexsort((key[:, 2], key[:, 1], key[:, 0]))
+        key, count = key[order], count[order]
+        start = np.flatnonzero(np.append(True, (key[1:] != key[:-1]).any(axis=1)))[: len(key)]
+        self._keys = key[start]
+        merge = (np.add, np.minimum, np.maximum)
+        columns = [how.reduceat(count[:, at], start) for at, how in enumerate(merge)] if len(key) else [count[:, 0]] * 3
+        self._counts = np.stack(columns, axis=1)
+
+    def copy(self) -> Recent:
+        """Return an independent copy."""
+        twin = Recent()
+        vars(twin).update(vars(self))
+        twin._waiting = list(self._waiting)
+        return twin
