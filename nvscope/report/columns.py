@@ -179,7 +179,7 @@ def _jitter(entry: Row) -> Cell:
 
 _OVERVIEW = (
     Measure(Column("status"), lambda row: status(row["worst"])),
-    Measure(Column("list", shortest=10), lambda row: _text(row["key"], Tone.STRONG), identifier=True),
+    Measure(Column("list", shortest=16), lambda row: _text(row["key"], Tone.STRONG), identifier=True),
     Measure(Column("name", importance=7, shortest=12), lambda row: _text(row["name"]), identifier=True),
     Measure(Column("sender", shortest=16), lambda row: _text(row["from"]), identifier=True),
     Measure(Column("reader", importance=1, shortest=16), lambda row: _text(row["to"]), identifier=True),

@@ -1,0 +1,153 @@
+"""The program as a person or a script meets it: exit codes, streams, and messages that help."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from nvscope.errors import ExitCode
+
+ROOT = Path(__file__).parent.parent.parent
+PEERS = ROOT / "captures" / "peers" / "peers.pcap"
+
+
+def nvscope(*arguments: str | Path, stdin: bytes | None = None) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-m", "nvscope", *map(str, arguments)]
+    return subprocess.run(command, input=stdin, capture_output=True, cwd=ROOT, check=False, timeout=60)
+
+
+def test_a_good_report_goes_to_stdout_alone() -> None:
+    done = nvscope("report", PEERS)
+    assert done.returncode == ExitCode.GOOD
+    assert "udp/1202/42" in done.stdout.decode()
+    assert "NV207" in done.stdout.decode()
+    assert done.stderr == b""
+
+
+def test_json_has_the_schema_and_is_the_same_every_time() -> None:
+    first, second = nvscope("report", "--json", PEERS), nvscope("report", "--json", PEERS)
+    assert first.stdout == second.stdout
+    report = json.loads(first.stdout)
+    assert report["schema"] == "nvscope.report/1"
+    assert list(report) == ["schema", "tool", "capture", "lists", "findings"]
+    assert report["capture"]["sources"] == [
+        {"path": str(PEERS), "format": "pcap", "bytes": PEERS.stat().st_size, "frames": 864}
+    ]
+
+
+def test_stdin_and_r_are_sources_as_well() -> None:
+    from_stdin = json.loads(nvscope("report", "--json", "-", stdin=PEERS.read_bytes()).stdout)
+    from_option = json.loads(nvscope("report", "--json", "-r", PEERS).stdout)
+    assert from_stdin["lists"] == from_option["lists"]
+    assert from_stdin["capture"]["sources"][0]["bytes"] == PEERS.stat().st_size
+
+
+def test_a_cut_file_is_reported_and_exits_with_3(tmp_path: Path) -> None:
+    cut = tmp_path / "cut.pcap"
+    cut.write_bytes(PEERS.read_bytes()[:-5])
+    done = nvscope("report", "--json", cut)
+    assert done.returncode == ExitCode.DATA_LOSS
+    report = json.loads(done.stdout)
+    assert report["capture"]["frames"] == 863
+    assert [finding["count"] for finding in report["findings"] if finding["code"] == "NV903"] == [1]
+    assert str(cut).encode() in done.stderr
+
+
+def test_drops_and_unread_link_types_are_reported() -> None:
+    report = json.loads(nvscope("report", "--json", ROOT / "captures" / "interfaces.pcapng").stdout)
+    assert report["capture"]["drops"] == 5
+    codes = {finding["code"]: finding["count"] for finding in report["findings"]}
+    assert codes["NV901"] == 5
+
+
+def test_unknown_link_types_are_reported(tmp_path: Path) -> None:
+    strange = tmp_path / "strange.pcap"
+    content = bytearray(PEERS.read_bytes())
+    content[20] = 147  # a link type for private use
+    strange.write_bytes(content)
+    report = json.loads(nvscope("report", "--json", strange).stdout)
+    assert {f["code"]: f["count"] for f in report["findings"]} == {"NV902": 1, "NV904": 864}
+    assert report["capture"]["other_frames"] == 864
+
+
+@pytest.mark.parametrize("content", [b"", b"no capture at all, but long enough to be one", b"\xd4\xc3"])
+def test_a_file_that_is_no_capture_exits_with_4_and_says_what_was_expected(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "x.pcap"
+    file.write_bytes(content)
+    done = nvscope("report", file)
+    assert done.returncode == ExitCode.UNREADABLE
+    assert done.stdout == b""
+    assert str(file).encode() in done.stderr
+    assert b"pcap" in done.stderr
+
+
+def test_a_missing_file_exits_with_4(tmp_path: Path) -> None:
+    done = nvscope("report", tmp_path / "absent.pcap")
+    assert done.returncode == ExitCode.UNREADABLE
+    assert b"No such file" in done.stderr
+
+
+def test_a_capture_without_telegrams_is_good_and_says_so(tmp_path: Path) -> None:
+    empty = tmp_path / "empty.pcap"
+    empty.write_bytes(PEERS.read_bytes()[:24])
+    done = nvscope("report", empty)
+    assert done.returncode == ExitCode.GOOD
+    assert b"The capture holds no frames" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["report"],
+        ["report", "--json", "--md", "x.pcap"],
+        ["report", "--no-such-option"],
+        ["report", "-d", "tcp.port==1,nvl", "x.pcap"],
+        ["report", "-d", "udp.port==70000,nvl", "x.pcap"],
+        ["report", "--ack-timeout", "soon", "x.pcap"],
+        ["report", "--ack-timeout", "0s", "x.pcap"],
+        ["explain", "NV999"],
+        ["no-such-verb"],
+        ["simulate", "x.toml"],
+        ["simulate", "absent.toml", "-w", "x.pcap"],
+    ],
+)
+def test_a_wrong_command_line_exits_with_2_and_no_traceback(arguments: list[str]) -> None:
+    done = nvscope(*arguments)
+    assert done.returncode == ExitCode.USAGE
+    assert done.stdout == b""
+    assert done.stderr
+    assert b"Traceback" not in done.stderr
+
+
+def test_ports_can_be_decided_by_hand() -> None:
+    report = json.loads(nvscope("report", "--json", "-d", "udp.port==1202,data", PEERS).stdout)
+    assert report["capture"]["telegrams"] == 0
+    assert report["lists"] == []
+
+
+def test_explain_tells_of_a_finding_and_lists_all() -> None:
+    assert b"no-acknowledgement" in nvscope("explain", "301").stdout
+    assert b"NV905" in nvscope("explain").stdout
+
+
+def test_output_that_nobody_reads_is_no_error() -> None:
+    command = f"{sys.executable} -m nvscope report --json {PEERS} | head -c 10"
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, check=False)
+    assert done.stderr == b""
+
+
+def test_start_up_imports_nothing_heavy() -> None:
+    """Scapy, python-can, mcap and rich take longer to import than a small report takes."""
+    code = (
+        "import sys\nfrom nvscope.cli import main\n"
+        f"sys.argv = ['nvscope', 'report', '-q', {str(PEERS)!r}]\n"
+        "try:\n    main.main()\nexcept SystemExit as end:\n    status = end.code\n"
+        "heavy = {'scapy', 'can', 'mcap', 'rich', 'textual', 'pydantic'} & set(sys.modules)\n"
+        "print(heavy, status, file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, cwd=ROOT, check=True)
+    assert done.stderr.strip() == b"set() 0"
