@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import NoReturn
+from typing import NoReturn, cast
 
 import typer
 
@@ -40,24 +40,33 @@ def _program(
     """Analyze CODESYS network variables: who sends what, what is lost, who does not answer, and what to check."""
 
 
+# Typer brings a click of its own, or uses the installed one, depending on its version.
+_CommandLineError = cast(
+    "type[Exception]", next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+)
+
+
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # both are text streams here
     try:
-        app()
+        status = app(standalone_mode=False)
+        sys.stdout.flush()
     except NvscopeError as error:
-        from nvscope.view.escape import visible
-
-        where = f"{visible(error.where)}: " if error.where else ""
-        print(f"nvscope: {where}{visible(error.what)}", file=sys.stderr)
-        if error.next_step:
-            print(f"  {visible(error.next_step)}", file=sys.stderr)
+        _show(error)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
+    except _CommandLineError as error:
+        error.show()  # type: ignore[attr-defined]
+        sys.exit(ExitCode.USAGE)
+    except (typer.Abort, KeyboardInterrupt):
         sys.exit(ExitCode.INTERRUPTED)
-    except BrokenPipeError:
-        # Whoever read this has read enough. Python would complain once more when it flushes at its end.
+    except (BrokenPipeError, SystemExit) as end:
+        # Whoever read this has read enough; typer turns a broken pipe into an exit of its own.
+        reason = end.__context__ if isinstance(end, SystemExit) else end
+        if not isinstance(reason, BrokenPipeError):
+            raise
+        # Python would complain once more when it flushes at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.GOOD)
     except Exception:
@@ -66,4 +75,13 @@ def main() -> NoReturn:
         traceback.print_exc()
         print("nvscope: this is a bug of nvscope; please report it with the lines above.", file=sys.stderr)
         sys.exit(ExitCode.BUG)
-    sys.exit(ExitCode.GOOD)
+    sys.exit(status if isinstance(status, int) else ExitCode.GOOD)
+
+
+def _show(error: NvscopeError) -> None:
+    from nvscope.view.escape import visible
+
+    where = f"{visible(error.where)}: " if error.where else ""
+    print(f"nvscope: {where}{visible(error.what)}", file=sys.stderr)
+    if error.next_step:
+        print(f"  {visible(error.next_step)}", file=sys.stderr)

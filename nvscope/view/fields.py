@@ -20,6 +20,7 @@ from dissectors.layout import Bit, Field
 from dissectors.link import IPV4_HIGH, IPV4_LOW, UDP
 from dissectors.netvar import HEADER, KNOWN_SERVICE, LEAST_CAPTURED_BYTES, Fault
 from nvscope.errors import UsageError
+from nvscope.view.escape import visible
 from nvscope.view.telegrams import TelegramRows
 
 
@@ -88,8 +89,6 @@ def find_field(name: str) -> TelegramField:
     """Return the field of a name, in any case; UsageError, with the nearest names, where there is none."""
     field = FIELDS.get(name.strip().lower())
     if field is None:
-        from nvscope.view.escape import visible  # noqa: PLC0415
-
         raise UsageError(f"no field is called {visible(name)!s}", next_step=_nearest(name.strip().lower()))
     return field
 

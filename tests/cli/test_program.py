@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -134,10 +136,25 @@ def test_explain_tells_of_a_finding_and_lists_all() -> None:
     assert b"NV905" in nvscope("explain").stdout
 
 
-def test_output_that_nobody_reads_is_no_error() -> None:
-    command = f"{sys.executable} -m nvscope report --json {PEERS} | head -c 10"
-    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, check=False)
-    assert done.stderr == b""
+@pytest.mark.parametrize("verb", ["report --json", "packets -V -x"])
+def test_output_that_nobody_reads_is_no_error(verb: str) -> None:
+    command = f"set -o pipefail; {sys.executable} -m nvscope {verb} {PEERS} | head -c 10"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, check=False, cwd=ROOT)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_an_interrupted_run_exits_with_130() -> None:
+    reading, writing = os.pipe()
+    command = [sys.executable, "-m", "nvscope", "report", "-"]
+    with subprocess.Popen(command, stdin=reading, stderr=subprocess.PIPE, cwd=ROOT) as program:
+        os.write(writing, PEERS.read_bytes()[:5000])
+        with pytest.raises(subprocess.TimeoutExpired):
+            program.wait(timeout=2)  # it waits for the rest of its input
+        program.send_signal(signal.SIGINT)
+        _, told = program.communicate(timeout=20)
+    os.close(reading)
+    os.close(writing)
+    assert (program.returncode, told) == (ExitCode.INTERRUPTED, b"")
 
 
 def test_start_up_imports_nothing_heavy() -> None:

@@ -52,10 +52,11 @@ _FORMS = (
     _Form(),
     _Form(subindex_word=False),
     _Form(subindex_word=False, usual_port=False),
-    _Form(subindex_word=False, usual_port=False, items=False),
-    _Form(subindex_word=False, usual_port=False, items=False, time_digits=3),
-    _Form(subindex_word=False, usual_port=False, items=False, time_digits=3, length=False),
+    _Form(subindex_word=False, usual_port=False, time_digits=3),
+    _Form(subindex_word=False, usual_port=False, time_digits=3, items=False),
+    _Form(subindex_word=False, usual_port=False, time_digits=3, items=False, length=False),
 )
+_LAST_WITH_ALL_FIGURES = max(place for place, form in enumerate(_FORMS) if form.items and form.length)
 
 
 class _Column(NamedTuple):
@@ -192,6 +193,8 @@ class LineWriter:
         beside, instead = self._widths.get(_BESIDE, 0), self._widths.get(_INSTEAD, 0)
         with_figures = fitted.width(len(fitted.columns)) + (GAP + beside if beside else 0)
         without_figures = fitted.width(fitted.to_service) + (GAP + instead if instead else 0)
+        if self._form >= _LAST_WITH_ALL_FIGURES:
+            return with_figures - self._width  # to leave out figures gives no room to what is in their place
         return max(with_figures, without_figures) - self._width
 
     def _grow(self, name: str, width: int) -> None:
