@@ -12,13 +12,15 @@ from itertools import chain
 from dissectors.batch import PacketBatch
 from nvscope.capture import pcap, pcapng
 from nvscope.capture.compressed import Decompressed, compression_of
-from nvscope.capture.pieces import FilePieces, PipePieces
+from nvscope.capture.pieces import FilePieces, PipePieces, read_at
 from nvscope.capture.reader import ReadingSizes, RecordReader
 from nvscope.capture.source import SourceInfo, Truncation
 from nvscope.capture.window import CHUNK_BYTES, SMALL_FILE_BYTES, MappedWindow, StreamWindow, Window
 from nvscope.errors import UnreadableInput
 
 STDIN = "-"
+
+_READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 _HEAD_BYTES = 32
 _PEEK_SIZES = ReadingSizes(batch_packets=1, stride_bytes=4096)
@@ -139,7 +141,7 @@ class CaptureFile:
         info.frames, info.drops, info.truncation = 0, 0, None
         info.comments.clear()
         try:
-            descriptor = sys.stdin.fileno() if self.path == STDIN else os.open(self.path, os.O_RDONLY | os.O_CLOEXEC)
+            descriptor = sys.stdin.fileno() if self.path == STDIN else os.open(self.path, _READ_ONLY)
             try:
                 return self._tell(descriptor, share)
             except BaseException:
@@ -162,7 +164,7 @@ class CaptureFile:
         regular = stat.S_ISREG(status.st_mode) and (self.path != STDIN or not os.lseek(descriptor, 0, os.SEEK_CUR))
         if regular:
             self.size_bytes = self.info.bytes = status.st_size
-            head = os.pread(descriptor, _HEAD_BYTES, 0)
+            head = read_at(descriptor, _HEAD_BYTES, 0)
             mapped = None if compression_of(head) else self._map(descriptor, status.st_size)
             if mapped:
                 return _Opened(descriptor, regular, mapped, self._reader(head, share))

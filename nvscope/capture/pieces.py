@@ -4,10 +4,24 @@ from __future__ import annotations
 
 import os
 import select
+import sys
 from collections.abc import Iterator
 
 _PIECE_BYTES = 256 << 10
 _IDLE_SECONDS = 0.1
+_CAN_WAIT = sys.platform != "win32"  # there, select knows sockets only
+
+
+def read_at(descriptor: int, size_bytes: int, position: int) -> bytes:
+    """Read from a place in a regular file; where the next plain read begins stays as it is."""
+    if hasattr(os, "pread"):
+        return os.pread(descriptor, size_bytes, position)
+    before = os.lseek(descriptor, 0, os.SEEK_CUR)
+    os.lseek(descriptor, position, os.SEEK_SET)
+    try:
+        return os.read(descriptor, size_bytes)
+    finally:
+        os.lseek(descriptor, before, os.SEEK_SET)
 
 
 class FilePieces:
@@ -18,7 +32,7 @@ class FilePieces:
         self.position = 0
 
     def __iter__(self) -> Iterator[bytes]:
-        while piece := os.pread(self._descriptor, _PIECE_BYTES, self.position):
+        while piece := read_at(self._descriptor, _PIECE_BYTES, self.position):
             self.position += len(piece)
             yield piece
 
@@ -32,7 +46,7 @@ class PipePieces:
 
     def __iter__(self) -> Iterator[bytes]:
         while True:
-            if not select.select([self._descriptor], [], [], _IDLE_SECONDS)[0]:
+            if _CAN_WAIT and not select.select([self._descriptor], [], [], _IDLE_SECONDS)[0]:
                 yield b""
             piece = os.read(self._descriptor, _PIECE_BYTES)
             if not piece:

@@ -57,6 +57,8 @@ class MappedWindow:
 
     def __init__(self, descriptor: int, size: int, *, small_file_bytes: int = SMALL_FILE_BYTES) -> None:
         self._map = mmap.mmap(descriptor, size, access=mmap.ACCESS_READ)
+        if hasattr(mmap, "MADV_SEQUENTIAL"):
+            self._map.madvise(mmap.MADV_SEQUENTIAL)
         self._size = size
         self._small = small_file_bytes
         self._released = 0
@@ -75,7 +77,8 @@ class MappedWindow:
         # What lies close before the position is still to be looked at.
         if position - self._released >= 2 * _RELEASE_BYTES:
             until = (position - _RELEASE_BYTES) // mmap.PAGESIZE * mmap.PAGESIZE
-            self._map.madvise(mmap.MADV_DONTNEED, self._released, until - self._released)
+            if hasattr(mmap, "MADV_DONTNEED"):
+                self._map.madvise(mmap.MADV_DONTNEED, self._released, until - self._released)
             self._released = until
 
     def close(self) -> None:
