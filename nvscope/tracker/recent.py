@@ -23,6 +23,7 @@ class Recent:
 
     def __init__(self) -> None:
         self._waiting: list[tuple[I64, I64, I64]] = []
+        self._waiting_s: list[int] = []  # their latest seconds
         self._waiting_count = 0
         self._latest_s = np.iinfo(np.int64).min
         self._keys = np.empty((0, 3), np.int64)  # stream, second, bucket
@@ -31,10 +32,19 @@ class Recent:
     def observe(self, stream: I64, time_ns: I64, interval_ns: I64) -> None:
         """Take intervals with the times of their ends. Shapes (n,)."""
         self._waiting.append((stream, time_ns, interval_ns))
+        self._waiting_s.append(int(time_ns.max()) // _S_NS)
         self._waiting_count += len(stream)
-        self._latest_s = max(self._latest_s, int(time_ns.max()) // _S_NS)
+        self._latest_s = max(self._latest_s, self._waiting_s[-1])
         if self._waiting_count >= _MAX_WAITING:
-            self._count()
+            # In a file that is read faster than it was recorded, whole batches are too old by then.
+            since = self._latest_s - WINDOW_S
+            self._waiting = [
+                part for part, last_s in zip(self._waiting, self._waiting_s, strict=True) if last_s > since
+            ]
+            self._waiting_s = [last_s for last_s in self._waiting_s if last_s > since]
+            self._waiting_count = sum(len(stream) for stream, _, _ in self._waiting)
+            if self._waiting_count >= _MAX_WAITING:
+                self._count()
 
     def histograms(self) -> dict[int, Histogram]:
         """Return the histogram of the last minute of each stream that ended an interval in it."""
@@ -62,7 +72,7 @@ class Recent:
                 interval = interval_ns[inside]
                 keys.append(np.stack([stream[inside], second[inside], bucket_of(interval)], axis=1))
                 counts.append(np.stack([np.ones_like(interval), interval, interval], axis=1))
-        self._waiting, self._waiting_count = [], 0
+        self._waiting, self._waiting_s, self._waiting_count = [], [], 0
         key, count = np.concatenate(keys), np.concatenate(counts)
         inside = np.flatnonzero(key[:, 1] > since)
         key, count = key[inside], count[inside]
@@ -78,5 +88,5 @@ class Recent:
         """Return an independent copy."""
         twin = Recent()
         vars(twin).update(vars(self))
-        twin._waiting = list(self._waiting)
+        twin._waiting, twin._waiting_s = list(self._waiting), list(self._waiting_s)
         return twin
