@@ -6,14 +6,15 @@ from collections.abc import Iterator
 
 from dissectors.batch import LinkType
 from nvscope.findings.finding import Facts, Finding
-from nvscope.units import count, count_of, percent
+from nvscope.units import count, count_of, duration, percent
 
 
 def judge_capture(facts: Facts) -> Iterator[Finding]:
     """Yield NV901 to NV905, each about the whole capture."""
     yield from _drops(facts)
     for _, _, _, events in facts.logged(902):
-        message = f"{count_of(events.count, 'frame')} with a time before that of the frame in front of it."
+        step = duration(facts.state.longest_step_back_ns)
+        message = f"{count_of(events.count, 'frame')} with a time before that of the frame in front, by up to {step}."
         yield Finding("NV902", message, events.count, events.first_ns, events.last_ns, events.frames)
     yield from _truncated(facts)
     yield from _unsupported(facts)

@@ -41,9 +41,13 @@ def _several_senders(facts: Facts, entry: ListSummary) -> Finding:
 
 
 def _shape(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
-    shapes = sorted({(s.items, s.length) for s in entry.streams if s.subindex == subindex})
-    last = ", ".join(f"{count_of(items, 'item')} in {length} bytes" for items, length in shapes)
-    return f"Items or Length differ from the telegram before {count_of(events.count, 'time')}; last seen: {last}."
+    times = f"Items or Length differ from the telegram before {count_of(events.count, 'time')}"
+    own = [stream for stream in entry.streams if stream.subindex == subindex]
+    shapes = [f"{count_of(stream.items, 'item')} in {stream.length} bytes" for stream in own]
+    if len(own) == 1:
+        return f"{times}; the last has {shapes[0]}."
+    senders = ", ".join(f"{facts.address(stream.node)} {shape}" for stream, shape in zip(own, shapes, strict=True))
+    return f"{times}, whoever sent it; last sent by {senders}."
 
 
 def _checksum(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:

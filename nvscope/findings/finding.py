@@ -41,6 +41,8 @@ class Finding:
     list_number: int | None = None
     node: int | None = None
     subindex: int | None = None
+    hint: str = ""
+    """What to check next, where the catalogue's first step does not fit the case."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
         if not stream.intervals.nominal:
             continue
         yield from _late(facts, histograms, entry, stream)
-        yield from _jitter(facts, entry, stream)
+        yield from _jitter(facts, histograms, entry, stream)
         yield from _burst(facts, histograms, entry, stream)
         yield from _stopped(facts, entry, stream)
     for entry in facts.summary.lists:
@@ -33,8 +33,7 @@ def _late(facts: Facts, histograms: Histograms, entry: ListSummary, stream: Stre
     nominal, share = stream.intervals.nominal or 0, facts.limits.late_percent
     bucket, loss, row = histograms.unusual(stream.stream)
     low, high = bucket_bounds(bucket)
-    lost = LOSS_OF_STREAM if stream.scope == Scope.STREAM else LOSS_OF_NODE
-    late = (50 * (low + high) > nominal * share) & ((loss & lost) == 0)
+    late = (50 * (low + high) > nominal * share) & ((loss & _loss_bit(stream)) == 0)
     message = (
         f"longer than {duration(divide(nominal * share, 100))} without a loss; nominal is {duration(nominal)}, "
         f"the longest was {duration(stream.intervals.maximum or 0)}."
@@ -70,7 +69,7 @@ def _unusual(
     )  # fmt: skip
 
 
-def _jitter(facts: Facts, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
+def _jitter(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
     intervals = stream.intervals
     if intervals.p99 is None or intervals.p50 is None or not intervals.nominal:
         return
@@ -81,7 +80,18 @@ def _jitter(facts: Facts, entry: ListSummary, stream: StreamSummary) -> Iterator
         f"Jitter {percent(spread, intervals.nominal)}: one interval in a hundred is longer than "
         f"{duration(intervals.p99)}, where half of them are at most {duration(intervals.p50)}."
     )
-    yield Finding("NV502", message, 1, stream.first_ns, stream.last_ns, (), entry.number, stream.node, stream.subindex)
+    hint = ""
+    lossless = histograms.without_loss(stream.stream, _loss_bit(stream)).percentile_ns(99)
+    rest = (lossless or intervals.p50) - intervals.p50
+    if 100 * rest <= facts.limits.jitter_percent * intervals.nominal:
+        message += f" It comes from loss: where no telegram is missing, jitter is {percent(rest, intervals.nominal)}."
+        hint = "Look after the loss (NV201); the sender keeps its interval."
+    place = (entry.number, stream.node, stream.subindex)
+    yield Finding("NV502", message, 1, stream.first_ns, stream.last_ns, (), *place, hint)
+
+
+def _loss_bit(stream: StreamSummary) -> int:
+    return LOSS_OF_STREAM if stream.scope == Scope.STREAM else LOSS_OF_NODE
 
 
 def _stopped(facts: Facts, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:

@@ -90,6 +90,7 @@ class TrackerState:
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         self.last_ns: int | None = None
+        self.longest_step_back_ns = 0
         self.flows = Flows()
         self.memory = StreamMemory()
         self.loss = Loss()
@@ -134,6 +135,7 @@ class TrackerState:
         before[0] = time_ns[0] if self.last_ns is None else self.last_ns
         back = np.flatnonzero(time_ns < before)
         if len(back):
+            self.longest_step_back_ns = max(self.longest_step_back_ns, int((before[back] - time_ns[back]).max()))
             nobody = np.full(len(back), -1)
             self._log(CLOCK_STEP_CODE, nobody, nobody, nobody, time_ns[back], back + first_frame)
         earliest, latest = int(time_ns.min()), int(time_ns.max())

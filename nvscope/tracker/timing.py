@@ -1,9 +1,10 @@
 """Intervals between the telegrams of each stream: sums, extremes and a logarithmic histogram, all in integers.
 
-An interval's bucket is the upper part of its binary floating-point number: 64 buckets for each doubling, so that the
-middle of a bucket is within 0.8 % of all that is in it. Nearly all intervals of a stream lie near one value; these have
-a dense row of counters each, two doublings wide around the median of the stream's first intervals. The others are kept
-as events, with time and frames, which is also what late telegrams and bursts are told by.
+An interval's bucket is the upper part of its binary floating-point number: 128 buckets for each doubling, so that the
+middle of a bucket is within 0.4 % of all that is in it. Nearly all intervals of a stream lie near one value; these have
+a dense row of counters, from three quarters of the median of the stream's first intervals to one and a half of it. The
+others are kept as events, with time, frames and whether telegrams were lost in them; an interval with a loss in it is
+longer than that. Late telegrams and bursts are told by these.
 """
 
 from __future__ import annotations
@@ -23,11 +24,10 @@ from nvscope.tracker.sequence import Step
 LEARNED_INTERVALS = 8
 """So many intervals of a stream tell where its dense buckets lie."""
 
-_MANTISSA_BITS = 6
+_MANTISSA_BITS = 7
 _SHIFT = 52 - _MANTISSA_BITS
 _BIAS = 1023 << _MANTISSA_BITS
-_OCTAVE = 1 << _MANTISSA_BITS
-DENSE_BUCKETS = 2 * _OCTAVE
+DENSE_BUCKETS = 1 << _MANTISSA_BITS
 _BUCKET_OFFSET = 1 << 20
 _LIMB_BITS = 23
 _LIMB = (1 << _LIMB_BITS) - 1
@@ -190,7 +190,7 @@ class Timing:
             if known + taken == LEARNED_INTERVALS:
                 median = np.sort(columns.learned[number])[LEARNED_INTERVALS // 2 : LEARNED_INTERVALS // 2 + 1]
                 columns.usual_ns[number] = max(int(median[0]), 1)
-                columns.first_bucket[number] = bucket_of(np.maximum(median, 1))[0] - _OCTAVE
+                columns.first_bucket[number] = bucket_of(np.maximum(median * 3 // 4, 1))[0]
         return learned
 
     def histograms(self) -> Histograms:
@@ -255,6 +255,15 @@ class Histograms:
         np.add.at(merged, place, count)
         extremes = int(self._columns.least_ns[stream]), int(self._columns.most_ns[stream])
         return Histogram(unique, merged, *extremes)
+
+    def without_loss(self, stream: int, loss: int) -> Histogram:
+        """Return the histogram of one stream without the intervals that have a loss bit of ``loss``."""
+        whole = self.of(stream)
+        bucket, bits, row = self.unusual(stream)
+        lossy = (bits & loss) != 0
+        count = whole.count.copy()
+        np.subtract.at(count, np.searchsorted(whole.bucket, bucket[lossy]), self._rows.count[row[lossy]])
+        return Histogram(whole.bucket, count, whole.least_ns, whole.most_ns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -115,5 +115,5 @@ def _finding(finding: Finding, keys: dict[int, str], summary: Summary) -> dict[s
         "last_ns": _time(finding.last_ns),
         "frames": list(finding.frames),
         "message": finding.message,
-        "hint": kind.next_steps[0],
+        "hint": finding.hint or kind.next_steps[0],
     }

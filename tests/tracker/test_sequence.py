@@ -53,10 +53,10 @@ def sequences(draw: st.DrawFn) -> list[tuple[list[int], int | None, int]]:
         for move in draw(st.lists(st.one_of(st.just(1), NEAR, st.none(), st.just("zero"), st.just("one")), min_size=1)):
             if move is None:
                 at = draw(FAR)
-            elif move == "zero" or move == "one":
+            elif isinstance(move, str):
                 at = 0 if move == "zero" else 1
             else:
-                at = (at + int(move)) % 65536
+                at = (at + move) % 65536
             counters.append(at)
         current = draw(st.one_of(st.none(), st.just((counters[0] + draw(NEAR)) % 65536)))
         missing = 0 if current is None else draw(st.integers(0, 2**64 - 1))
