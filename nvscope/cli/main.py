@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from typing import NoReturn, cast
@@ -13,7 +14,7 @@ from nvscope.cli.explain import explain
 from nvscope.cli.packets import packets
 from nvscope.cli.report import report
 from nvscope.cli.simulate import simulate
-from nvscope.errors import ExitCode, NvscopeError
+from nvscope.errors import CaptureError, ExitCode, NvscopeError
 
 app = typer.Typer(
     name="nvscope",
@@ -46,13 +47,18 @@ _CommandLineError = cast(
 )
 
 
+_OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
+
+
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
     for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # both are text streams here
+        if stream is not None:  # as it is where the shell closed it
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # both are text streams here
     try:
         status = app(standalone_mode=False)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except NvscopeError as error:
         _show(error)
         sys.exit(error.exit_code)
@@ -66,9 +72,16 @@ def main() -> NoReturn:
         reason = end.__context__ if isinstance(end, SystemExit) else end
         if not isinstance(reason, BrokenPipeError):
             raise
-        # Python would complain once more when it flushes at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         sys.exit(ExitCode.GOOD)
+    except OSError as error:
+        if error.errno not in _OUTPUT_FAILS:
+            raise
+        _drop_output()
+        _show(
+            CaptureError(f"the output cannot be written: {error.strerror}", next_step="make room, or write elsewhere")
+        )
+        sys.exit(ExitCode.CAPTURE)
     except Exception:
         import traceback
 
@@ -76,6 +89,11 @@ def main() -> NoReturn:
         print("nvscope: this is a bug of nvscope; please report it with the lines above.", file=sys.stderr)
         sys.exit(ExitCode.BUG)
     sys.exit(status if isinstance(status, int) else ExitCode.GOOD)
+
+
+def _drop_output() -> None:
+    """Let what is left of the output go nowhere; Python would complain once more when it flushes at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _show(error: NvscopeError) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from nvscope.errors import UsageError
+from nvscope.errors import CaptureError, UsageError
 
 
 def simulate(
@@ -37,6 +37,9 @@ def simulate(
             "a scenario and -w FILE are needed",
             next_step="nvscope simulate SCENARIO.toml -w FILE.pcap; --keys lists what a scenario can say",
         )
+    told_to = None if truth == "-" else Path(truth or f"{write}.truth.json")
+    if told_to is not None and told_to.resolve() == Path(write).resolve():
+        raise UsageError("the truth and the capture are the same file", next_step="name another file with --truth")
     plan = load_scenario(scenario)
 
     import json
@@ -45,20 +48,25 @@ def simulate(
     from nvscope.plc.simulator import simulate as run
     from nvscope.plc.timeline import LINKS
 
-    sink = open_sink(write, LINKS[plan.link])
+    # What stands under the name already stays until there is something whole to replace it.
+    unfinished = Path(write).with_name(f".{Path(write).name}.unfinished{Path(write).suffix}")
+    sink = open_sink(str(unfinished), LINKS[plan.link])
     try:
-        told = run(plan, sink)
-    finally:
-        sink.close()
-    text = json.dumps(told, indent=2) + "\n"
-    if truth == "-":
-        typer.echo(text, nl=False)
-        return
-    path = Path(truth or f"{write}.truth.json")
-    try:
-        path.write_text(text, encoding="utf-8")
+        try:
+            told = run(plan, sink)
+        finally:
+            sink.close()
+        text = json.dumps(told, indent=2) + "\n"
+        if told_to is None:
+            typer.echo(text, nl=False)
+        else:
+            told_to.write_text(text, encoding="utf-8")
+        unfinished.replace(write)
     except OSError as error:
-        raise UsageError(
-            error.strerror or str(error), where=str(path), next_step="name another file with --truth"
-        ) from error
-    typer.echo(f"{write}: {told['capture']['frames']} frames; the truth about them: {path}", err=True)
+        where = error.filename or write
+        raise CaptureError(error.strerror or str(error), where=str(where), next_step="name another file") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+    if told_to is not None:
+        frames = told["capture"]["frames"]
+        typer.echo(f"{write}: {frames} frames; the truth about them: {told_to}", err=True)

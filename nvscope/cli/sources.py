@@ -27,7 +27,8 @@ DecodeOption = Annotated[
     typer.Option(
         "-d",
         metavar="udp.port==PORT,WHAT",
-        help="Decide what is on a UDP port: nvl (telegrams, whatever their identity) or data (no telegrams).",
+        help="Decide what is on a UDP port, or on ports FIRST-LAST: nvl (telegrams, whatever their identity) or data "
+        "(no telegrams).",
         show_default=False,
     ),
 ]
@@ -68,7 +69,7 @@ def duration_ns(option: str, text: str) -> int:
     try:
         duration = parse_duration(text)
     except ValueError as error:
-        raise UsageError(f"{option}: {error}", next_step="write it as 50ms, 2.5s or T#1m30s") from None
+        raise UsageError(f"{option}: {error}") from None
     if duration <= 0:
         raise UsageError(f"{option} {text}: must be more than 0")
     return duration

@@ -21,5 +21,7 @@ def colour_wanted(choice: Colour) -> bool:
 
 
 def width() -> int:
-    """Return the columns of the terminal, 100 where there is none."""
+    """Return the columns of the terminal, that of stderr where stdout goes elsewhere, 100 where there is none."""
+    if not os.environ.get("COLUMNS") and not sys.stdout.isatty() and sys.stderr.isatty():
+        return os.get_terminal_size(sys.stderr.fileno()).columns
     return shutil.get_terminal_size((100, 24)).columns

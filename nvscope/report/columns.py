@@ -33,6 +33,7 @@ def overview(report: Report) -> tuple[list[Measure], list[Row]]:
         {
             **entry,
             "worst": worst(by_list.get(entry["key"], ())),
+            "erratic": any(finding["code"] == "NV207" for finding in by_list.get(entry["key"], ())),
             "from": _first_of(entry["senders"], names),
             "to": _first_of(entry["readers"], names),
         }
@@ -153,6 +154,11 @@ def _spread(durations_ns: Sequence[int]) -> Cell:
     return Cell(f"{units.duration(ordered[0])} … {units.duration(ordered[-1])}")
 
 
+def _lost(entry: Row) -> Cell:
+    """Return what was lost; nobody knows it of a sender that does not count."""
+    return Cell("?", Tone.FAINT) if entry["erratic"] else _count(entry["counters"]["lost"], Tone.ERROR)
+
+
 def _interval(entry: Row) -> Cell:
     known = [stream["interval_ns"] for stream in entry["streams"] if stream["interval_ns"]["count"]]
     nominal = [interval["nominal"] for interval in known if interval["nominal"] is not None]
@@ -160,6 +166,9 @@ def _interval(entry: Row) -> Cell:
 
 
 def _median(entry: Row) -> Cell:
+    """Return the median interval of a list without a nominal one; elsewhere they are the same."""
+    if all(stream["interval_ns"]["nominal"] for stream in entry["streams"]):
+        return Cell(NOTHING, Tone.FAINT)
     medians = [stream["interval_ns"]["p50"] for stream in entry["streams"]]
     return _spread([median for median in medians if median is not None])
 
@@ -187,7 +196,7 @@ _OVERVIEW = (
     Measure(Column("median", right=True, importance=2), _median),
     Measure(Column("jitter", right=True, importance=4), _jitter),
     Measure(Column("sent", right=True, importance=10), lambda row: _count(row["diag"]["nSendCount"])),
-    Measure(Column("lost", right=True, importance=10), lambda row: _count(row["counters"]["lost"], Tone.ERROR)),
+    Measure(Column("lost", right=True, importance=10), _lost),
     Measure(
         Column("no ack", right=True, importance=8),
         lambda row: _count(row["counters"]["missing_acknowledgements"], Tone.ERROR),

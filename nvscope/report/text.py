@@ -14,6 +14,7 @@ from nvscope.view.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, d
 
 MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
+_MOST_FINDINGS = 40  # more than anybody reads at once
 _BODY_INDENT = 11  # below the status: the width of its longest word, and a gap
 
 
@@ -58,14 +59,14 @@ def _lines(report: content.Report, width: int, clock: content.Clock, details: bo
         yield from _table(*columns.overview(report), width)
     if report["findings"]:
         yield from _section(f"Findings: {content.tally(report['findings'])}", width)
-        yield from _findings(report, text_width, clock)
+        yield from _findings(report, text_width, clock, None if details else _MOST_FINDINGS)
     if details:
         for entry in report["lists"]:
             yield from _details(entry, width, clock)
     if report["findings"]:
         yield []
         code = report["findings"][0]["code"]
-        closing = f"nvscope explain {code} tells what a finding means and what to do."
+        closing = f"nvscope explain CODE, for example {code}, tells what a finding means and what to do."
         yield from wrap([Cell(closing, Tone.FAINT)], text_width)
 
 
@@ -77,9 +78,9 @@ def _table(measures: Sequence[columns.Measure], rows: Sequence[content.Row], wid
     return align([measure.column for measure in measures], [columns.cells(measures, row) for row in rows], width)
 
 
-def _findings(report: content.Report, width: int, clock: content.Clock) -> Iterator[Line]:
+def _findings(report: content.Report, width: int, clock: content.Clock, most: int | None) -> Iterator[Line]:
     list_names, node_names = content.list_names(report), content.node_names(report)
-    for place, finding in enumerate(report["findings"]):
+    for place, finding in enumerate(report["findings"][:most]):
         if place:
             yield []
         title = [Cell(f"{finding['code']} {finding['name']}", Tone.STRONG)]
@@ -97,6 +98,11 @@ def _findings(report: content.Report, width: int, clock: content.Clock) -> Itera
         evidence = content.evidence(finding, clock)
         if evidence:
             yield from wrap([Cell(evidence, Tone.FAINT)], width, _BODY_INDENT)
+    left = len(report["findings"]) - (most or len(report["findings"]))
+    if left > 0:
+        yield []
+        more = f"{units.count_of(left, 'finding')} more, none worse than these: -v shows all, --json and --md too."
+        yield from wrap([Cell(more)], width)
 
 
 def _details(entry: content.Row, width: int, clock: content.Clock) -> Iterator[Line]:

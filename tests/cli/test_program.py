@@ -168,3 +168,36 @@ def test_start_up_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, cwd=ROOT, check=True)
     assert done.stderr.strip() == b"set() 0"
+
+
+def test_a_full_disk_is_told_without_a_traceback() -> None:
+    command = f"{sys.executable} -m nvscope report {PEERS} > /dev/full"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, check=False, cwd=ROOT)
+    assert done.returncode == ExitCode.CAPTURE
+    assert b"No space left" in done.stderr
+    assert b"Traceback" not in done.stderr
+
+
+def test_output_may_be_closed() -> None:
+    command = f"{sys.executable} -m nvscope report {PEERS} >&-"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, check=False, cwd=ROOT)
+    assert (done.returncode, done.stderr) == (ExitCode.GOOD, b"")
+
+
+def test_a_refused_scenario_leaves_what_was_there(tmp_path: Path) -> None:
+    capture = tmp_path / "good.pcap"
+    capture.write_bytes(b"precious")
+    scenario = tmp_path / "bad.toml"
+    plant = (ROOT / "tests" / "scenarios" / "loss.toml").read_text()
+    scenario.write_text(plant.replace('"20s"', '"31d"').replace('"50ms"', '"1ms"'))
+    done = nvscope("simulate", scenario, "-w", capture)
+    assert done.returncode == ExitCode.USAGE
+    assert capture.read_bytes() == b"precious"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.toml", "good.pcap"]
+
+
+def test_truth_and_capture_are_two_files(tmp_path: Path) -> None:
+    capture = tmp_path / "x.pcap"
+    done = nvscope("simulate", ROOT / "captures" / "plant.toml", "-w", capture, "--truth", capture)
+    assert done.returncode == ExitCode.USAGE
+    assert not capture.exists()
