@@ -52,13 +52,13 @@ _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
 
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
-    for stream in (sys.stdout, sys.stderr):
-        if stream is not None:  # as it is where the shell closed it
-            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # both are text streams here
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # the shell closed it
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
+        getattr(sys, name).reconfigure(errors="backslashreplace")
     try:
         status = app(standalone_mode=False)
-        if sys.stdout is not None:
-            sys.stdout.flush()
+        sys.stdout.flush()
     except NvscopeError as error:
         _show(error)
         sys.exit(error.exit_code)

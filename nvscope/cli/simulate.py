@@ -40,6 +40,9 @@ def simulate(
     told_to = None if truth == "-" else Path(truth or f"{write}.truth.json")
     if told_to is not None and told_to.resolve() == Path(write).resolve():
         raise UsageError("the truth and the capture are the same file", next_step="name another file with --truth")
+    for path in filter(None, (Path(write), told_to)):
+        if not path.parent.is_dir():
+            raise CaptureError("no such directory", where=str(path.parent), next_step="make it, or name another one")
     plan = load_scenario(scenario)
 
     import json
