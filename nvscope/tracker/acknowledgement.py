@@ -6,7 +6,7 @@ acknowledgement, the stream's next telegram, or a frame behind its deadline. All
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
@@ -20,6 +20,7 @@ from nvscope.tracker.flows import Flows
 from nvscope.tracker.rows import DataRows
 
 NEVER = np.iinfo(np.int64).min
+NO_PACKET = np.int64(1 << 40)
 TIMEOUT_NS = 1_000_000_000
 
 
@@ -62,14 +63,29 @@ class Messages:
 
 
 @dataclass(frozen=True, slots=True)
-class BootUpWait:
-    """A boot-up request that nobody has answered yet."""
+class BootUpWaits:
+    """Boot-up requests that nobody has answered yet: by when, in which frame, for what, and who asked. Shapes (n,)."""
 
-    deadline_ns: int
-    frame: int
-    list: int
-    place: int
-    node: int
+    deadline_ns: I64
+    frame: I64
+    list: I64
+    place: I64
+    node: I64
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def take(self, rows: I64 | Bool) -> BootUpWaits:
+        """Return some of the waits."""
+        return BootUpWaits(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+    def followed_by(self, other: BootUpWaits) -> BootUpWaits:
+        """Return these waits and others behind them."""
+        pairs = ((getattr(self, column.name), getattr(other, column.name)) for column in fields(self))
+        return BootUpWaits(*(np.concatenate(pair) for pair in pairs))
+
+
+NO_WAITS = BootUpWaits(*(np.empty(0, np.int64) for _ in fields(BootUpWaits)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +101,7 @@ class Answers:
     missing: tuple[I64, I64, I64]
     negative_node: I64
     unexpected: I64
-    unanswered: list[BootUpWait]
+    unanswered: BootUpWaits
 
 
 class Clock:
@@ -100,11 +116,27 @@ class Clock:
         """Return the first packet after each given one (-1: from the first) with a later time; their count if none."""
         found = np.searchsorted(self.latest, deadline_ns, "right")
         # The clock may have been ahead before the wait began: then the running maximum says nothing.
-        for place in np.flatnonzero(found <= packet).tolist():
-            begin = int(packet[place]) + 1
-            behind = np.flatnonzero(self.time_ns[begin:] > deadline_ns[place])
-            found[place] = begin + int(behind[0]) if len(behind) else len(self.time_ns)
+        ahead = np.flatnonzero(found <= packet)
+        if len(ahead):
+            found[ahead] = _first_greater(self.time_ns, packet[ahead] + 1, deadline_ns[ahead])
         return found
+
+
+def _first_greater(values: I64, start: I64, bound: I64) -> I64:
+    """Return, for each start, the first place from there on whose value is above the bound; the length if none.
+
+    The maxima of all stretches of 1, 2, 4 … values let every search skip by halving steps.
+    """
+    maxima = [values]
+    while 1 << len(maxima) <= len(values):
+        half = 1 << (len(maxima) - 1)
+        maxima.append(np.maximum(maxima[-1][:-half], maxima[-1][half:]))
+    place = start.copy()
+    for level in reversed(range(len(maxima))):
+        highest = maxima[level]
+        skips = (place < len(highest)) & (highest[np.minimum(place, len(highest) - 1)] <= bound)
+        place[skips] += 1 << level
+    return place
 
 
 class Acknowledgement:
@@ -114,7 +146,7 @@ class Acknowledgement:
         self.timeout_ns = timeout_ns
         self.waits = WaitColumns()
         self.senders = LastSenders()
-        self.boot_up_waits: list[BootUpWait] = []
+        self.boot_up_waits = NO_WAITS
         self._streams_of_place: dict[int, list[int]] = {}
         self._known_streams = 0
 
@@ -131,10 +163,13 @@ class Acknowledgement:
         unexpected = self._unexpected(rows, wanting, acknowledgements, clock, flows)
         missing, errors = self._missing(rows, wanting, acknowledgements, clock, flows, first_frame)
         negative, negative_node = self._negative(rows, acknowledgements, flows, first_frame)
-        unanswered = self._boot_up(rows, requests, clock, flows, first_frame)
+        unanswered, seen = self._boot_up(rows, requests, clock, flows, first_frame)
         self._remember_senders(rows, flows)
-        errors += [negative, _unanswered_errors(unanswered)]
-        return Answers(errors, missing, negative_node, unexpected, [wait for wait, _ in unanswered])
+        nobody = np.full(len(unanswered), -1)
+        answered_error = DiagError.UDPANSWERBOOTUPREQUEST
+        errors.append(negative)
+        errors.append(ErrorEvents(answered_error, False, unanswered.list, nobody, unanswered.deadline_ns, seen))
+        return Answers(errors, missing, negative_node, unexpected, unanswered)
 
     def _remember_senders(self, rows: DataRows, flows: Flows) -> None:
         last = rows.run_stream[np.argsort(rows.packet[rows.stop - 1])]
@@ -285,46 +320,48 @@ class Acknowledgement:
 
     def _boot_up(
         self, rows: DataRows, requests: Messages, clock: Clock, flows: Flows, first_frame: int
-    ) -> list[tuple[BootUpWait, int]]:
-        """Follow the boot-up requests; return those without an answer, with the frame that showed it."""
-        waits = [(wait, -1) for wait in self.boot_up_waits]
-        for place in range(len(requests)):
-            packet = int(requests.packet[place])
-            deadline = int(requests.time_ns[place]) + self.timeout_ns
-            numbers = (int(requests.list[place]), int(requests.place[place]), int(requests.source[place]))
-            waits.append((BootUpWait(deadline, packet + first_frame, *numbers), packet))
-        self.boot_up_waits = []
-        if not waits:
-            return []
-        deadlines = np.array([wait.deadline_ns for wait, _ in waits])
-        expired = clock.first_behind(deadlines, np.array([packet for _, packet in waits])).tolist()
-        unanswered = []
-        for (wait, packet), behind in zip(waits, expired, strict=True):
-            answer = self._answered(rows, wait, packet, flows)
-            if behind < len(clock.time_ns) and (answer is None or behind <= answer):
-                unanswered.append((wait, behind + first_frame))
-            elif answer is None:
-                self.boot_up_waits.append(wait)
-        return sorted(unanswered, key=lambda entry: (entry[1], entry[0].deadline_ns, entry[0].frame))
+    ) -> tuple[BootUpWaits, I64]:
+        """Follow the boot-up requests; return those without an answer in order, and the frames that showed it."""
+        known = len(self.boot_up_waits)
+        if not known and not len(requests):
+            return NO_WAITS, np.empty(0, np.int64)
+        waits = self.boot_up_waits.followed_by(
+            BootUpWaits(
+                requests.time_ns + self.timeout_ns, requests.packet + first_frame, requests.list, requests.place,
+                requests.source,
+            )
+        )  # fmt: skip
+        packet = np.concatenate([np.full(known, -1), requests.packet])
+        expired = clock.first_behind(waits.deadline_ns, packet)
+        answer = self._first_answers(rows, waits, packet, flows)
+        late = (expired < len(clock.time_ns)) & (expired <= answer)
+        self.boot_up_waits = waits.take(~late & (answer == NO_PACKET))
+        unanswered, seen = waits.take(late), expired[late] + first_frame
+        order = np.lexsort((unanswered.frame, unanswered.deadline_ns, seen))
+        return unanswered.take(order), seen[order]
 
-    def _answered(self, rows: DataRows, wait: BootUpWait, packet: int, flows: Flows) -> int | None:
-        """Return the first packet after a request with data for it from another node."""
-        first = None
-        for stream, (begin, end) in self._runs(rows, wait.place):
-            if int(flows.streams.low[stream]) == wait.node:
-                continue
-            row = begin + int(np.searchsorted(rows.packet[begin:end], packet, "right"))
-            while row < end and rows.repeated is not None and rows.repeated[row]:
-                row += 1
-            if row < end and (first is None or rows.packet[row] < first):
-                first = int(rows.packet[row])
-        return first
+    def _first_answers(self, rows: DataRows, waits: BootUpWaits, packet: I64, flows: Flows) -> I64:
+        """Return, for each request, the first packet after it with data for it from another node."""
+        answer = np.full(len(waits), NO_PACKET)
+        asked = waits.place * len(flows.nodes) + waits.node
+        order = np.argsort(asked, kind="stable")
+        for start, stop in zip(*runs_of(asked[order]), strict=True):
+            own = order[start:stop]
+            for stream, (begin, end) in self._runs(rows, int(waits.place[own[0]])):
+                if int(flows.streams.low[stream]) == waits.node[own[0]]:
+                    continue
+                sent = rows.packet[begin:end]
+                if rows.repeated is not None:
+                    sent = sent[~rows.repeated[begin:end]]
+                after = np.append(sent, NO_PACKET)[np.searchsorted(sent, packet[own], "right")]
+                answer[own] = np.minimum(answer[own], after)
+        return answer
 
     def copy(self) -> Acknowledgement:
         """Return an independent copy."""
         twin = Acknowledgement(self.timeout_ns)
         twin.waits, twin.senders = self.waits.copy(), self.senders.copy()
-        twin.boot_up_waits = list(self.boot_up_waits)
+        twin.boot_up_waits = self.boot_up_waits
         twin._streams_of_place = {place: list(streams) for place, streams in self._streams_of_place.items()}
         twin._known_streams = self._known_streams
         return twin
@@ -351,14 +388,3 @@ def _running_latest(time_ns: I64, start: I64) -> I64:
     run = np.cumsum(run)
     top = np.maximum.accumulate(run * len(time_ns) + rank) - run * len(time_ns)
     return time_ns[rank_of[top]]
-
-
-def _unanswered_errors(unanswered: list[tuple[BootUpWait, int]]) -> ErrorEvents:
-    return ErrorEvents(
-        DiagError.UDPANSWERBOOTUPREQUEST,
-        False,
-        np.array([wait.list for wait, _ in unanswered], np.int64),
-        np.full(len(unanswered), -1, np.int64),
-        np.array([wait.deadline_ns for wait, _ in unanswered], np.int64),
-        np.array([frame for _, frame in unanswered], np.int64),
-    )

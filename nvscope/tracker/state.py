@@ -259,12 +259,11 @@ class TrackerState:
             self._log(code, acknowledgements.list[row], node, subindex, acknowledgements.time_ns[row], frame)
         np.add.at(self.lists.negative_acknowledgements, acknowledgements.list[negative], 1)
         waits = answers.unanswered
-        if waits:
-            lists = np.array([wait.list for wait in waits])
-            subindex = places.low[np.array([wait.place for wait in waits])].astype(np.int64)
-            deadline, asked = np.array([wait.deadline_ns for wait in waits]), np.array([wait.frame for wait in waits])
-            self._log(BOOT_UP_CODE, lists, np.full(len(waits), -1), subindex, deadline, asked)
-            np.add.at(self.lists.bootup_unanswered, lists, 1)
+        if len(waits):
+            nobody = np.full(len(waits), -1)
+            subindex = places.low[waits.place].astype(np.int64)
+            self._log(BOOT_UP_CODE, waits.list, nobody, subindex, waits.deadline_ns, waits.frame)
+            np.add.at(self.lists.bootup_unanswered, waits.list, 1)
         return answers.errors
 
     def _observe_consistency(self, rows: DataRows, flow: I64, first_frame: int) -> ErrorEvents:
