@@ -218,7 +218,7 @@ _COUNTER = (
             "a Counter that is random, a time, or shared with telegrams that do not pass the capture point",
         ),
         (
-            "Print the counters with `nvscope packets -T fields -e nv.counter` and look how they run.",
+            "Print the counters with `nvscope packets -T fields -e ip.src -e nv.index -e nv.counter`: how do they run?",
             "Judge the loss of this sender by its intervals (NV501), or have its counter corrected.",
         ),
     ),
