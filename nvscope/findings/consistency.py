@@ -42,7 +42,9 @@ def _several_senders(facts: Facts, entry: ListSummary) -> Finding:
 
 def _shape(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
     times = f"Items or Length differ from the telegram before {count_of(events.count, 'time')}"
-    own = [stream for stream in entry.streams if stream.subindex == subindex]
+    own = facts.streams_of_place[entry.number, subindex]
+    if len(own) > _MOST_SENDERS:
+        return f"{times}, whoever sent it; {count(len(own))} nodes send it."
     shapes = [f"{count_of(stream.items, 'item')} in {stream.length} bytes" for stream in own]
     if len(own) == 1:
         return f"{times}; the last has {shapes[0]}."
@@ -66,5 +68,7 @@ def _flags(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> s
         "Counter wraps: the sender writes its counter over them."
     )
 
+
+_MOST_SENDERS = 4
 
 _SENTENCES = {402: _shape, 403: _checksum, 404: _flags}

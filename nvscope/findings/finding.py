@@ -78,6 +78,14 @@ class Facts:
         return frames
 
     @cached_property
+    def streams_of_place(self) -> dict[tuple[int, int], list[StreamSummary]]:
+        """The streams of each list and SubIndex."""
+        places = defaultdict(list)
+        for entry, stream in self.streams():
+            places[entry.number, stream.subindex].append(stream)
+        return places
+
+    @cached_property
     def _events_by_code(self) -> dict[int, list[int]]:
         log, rows = self.state.events, defaultdict(list)
         for row, high in enumerate(log.keys.high.tolist()):

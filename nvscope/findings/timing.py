@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 
 import numpy as np
@@ -25,8 +26,7 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
         yield from _jitter(facts, histograms, entry, stream)
         yield from _burst(facts, histograms, entry, stream)
         yield from _stopped(facts, entry, stream)
-    for entry in facts.summary.lists:
-        yield from _torn(facts, entry)
+    yield from _torn(facts)
 
 
 def _late(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
@@ -106,22 +106,25 @@ def _stopped(facts: Facts, entry: ListSummary, stream: StreamSummary) -> Iterato
     )  # fmt: skip
 
 
-def _torn(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
+def _torn(facts: Facts) -> Iterator[Finding]:
     """Compare the sizes of cycles with the number of SubIndexes, for packed lists over several of these."""
     cycles = facts.state.cycles
-    for node in entry.senders:
-        own = [stream for stream in entry.streams if stream.node == node]
+    log, sizes = cycles.events.rows, cycles.events.keys.low.astype(np.int64)
+    rows_of_pair = defaultdict(list)
+    for row, pair in enumerate(cycles.events.keys.high.tolist()):
+        rows_of_pair[pair].append(row)
+    streams = defaultdict(list)
+    for entry, stream in facts.streams():
+        streams[entry.number, stream.node].append(stream)
+    for (number, node), own in streams.items():
         if len(own) < 2 or not all(s.intervals.nominal for s in own) or not any(s.items > 1 for s in own):
             continue
-        pair = int(cycles.pairs.find(np.array([entry.number], np.uint64), np.array([node], np.uint64))[0])
-        rows = np.flatnonzero(cycles.events.keys.high == pair)
-        sizes = cycles.events.keys.low[rows].astype(np.int64)
-        counts = cycles.events.rows.count[rows]
-        torn = rows[sizes < len(own)]
+        pair = int(cycles.streams.pair[own[0].stream])
+        rows = np.array(rows_of_pair[pair], np.int64)
+        torn = rows[sizes[rows] < len(own)]
         if not len(torn):
             continue
-        log = cycles.events.rows
-        events, every = int(log.count[torn].sum()), int(counts.sum())
+        events, every = int(log.count[torn].sum()), int(log.count[rows].sum())
         frames = np.unique(log.frames[torn])
         skew = duration(int(cycles.columns.skew_ns[pair]))
         message = (
@@ -130,5 +133,5 @@ def _torn(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
         )
         yield Finding(
             "NV505", message, events, int(log.first_ns[torn].min()), int(log.last_ns[torn].max()),
-            tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), entry.number, node,
+            tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), number, node,
         )  # fmt: skip

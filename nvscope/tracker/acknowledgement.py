@@ -13,14 +13,14 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_INVALID
-from nvscope.tracker.columns import Columns, runs_of
+from nvscope.tracker.columns import Columns
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.errors import ErrorEvents
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.rows import DataRows
+from nvscope.tracker.sightings import NO_PACKET, Sightings
 
 NEVER = np.iinfo(np.int64).min
-NO_PACKET = np.int64(1 << 40)
 TIMEOUT_NS = 1_000_000_000
 
 
@@ -39,11 +39,12 @@ class WaitColumns(Columns):
     }
 
 
-class LastSenders(Columns):
-    """One row a place: the node that sent its last well-formed data telegram, -1 before one."""
+class PlaceColumns(Columns):
+    """One row a place: who sent its last well-formed data telegram (-1: nobody yet), and when one wanted an answer."""
 
-    node: I64
-    COLUMNS: ClassVar = {"node": (np.int64(-1), 1)}
+    sender: I64
+    wanted_ns: I64
+    COLUMNS: ClassVar = {"sender": (np.int64(-1), 1), "wanted_ns": (np.int64(NEVER), 1)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +113,9 @@ class Clock:
         self.steady = len(time_ns) < 2 or bool((time_ns[1:] >= time_ns[:-1]).all())
         self.latest = time_ns if self.steady else np.maximum.accumulate(time_ns)
 
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
     def first_behind(self, deadline_ns: I64, packet: I64) -> I64:
         """Return the first packet after each given one (-1: from the first) with a later time; their count if none."""
         found = np.searchsorted(self.latest, deadline_ns, "right")
@@ -145,40 +149,29 @@ class Acknowledgement:
     def __init__(self, timeout_ns: int = TIMEOUT_NS) -> None:
         self.timeout_ns = timeout_ns
         self.waits = WaitColumns()
-        self.senders = LastSenders()
+        self.places = PlaceColumns()
         self.boot_up_waits = NO_WAITS
-        self._streams_of_place: dict[int, list[int]] = {}
-        self._known_streams = 0
 
     def observe(
         self, rows: DataRows, acknowledgements: Messages, requests: Messages, time_ns: I64, flows: Flows,
         first_frame: int,
     ) -> Answers:  # fmt: skip
         """Take a batch; ``time_ns`` are the times of all its frames, telegrams or not."""
-        self._learn_streams(flows)
         self.waits.resize(len(flows.streams))
-        self.senders.resize(len(flows.places))
+        self.places.resize(len(flows.places))
         clock = Clock(time_ns)
         wanting = np.flatnonzero(rows.flags & ACKNOWLEDGE_WANTED.mask)
         unexpected = self._unexpected(rows, wanting, acknowledgements, clock, flows)
         missing, errors = self._missing(rows, wanting, acknowledgements, clock, flows, first_frame)
-        negative, negative_node = self._negative(rows, acknowledgements, flows, first_frame)
+        negative, negative_node = self._negative(rows, acknowledgements, clock, flows, first_frame)
         unanswered, seen = self._boot_up(rows, requests, clock, flows, first_frame)
-        self._remember_senders(rows, flows)
+        last = rows.run_stream[np.argsort(rows.packet[rows.stop - 1])]
+        self.places.sender[flows.streams.high[last].astype(np.int64)] = flows.streams.low[last].astype(np.int64)
         nobody = np.full(len(unanswered), -1)
         answered_error = DiagError.UDPANSWERBOOTUPREQUEST
         errors.append(negative)
         errors.append(ErrorEvents(answered_error, False, unanswered.list, nobody, unanswered.deadline_ns, seen))
         return Answers(errors, missing, negative_node, unexpected, unanswered)
-
-    def _remember_senders(self, rows: DataRows, flows: Flows) -> None:
-        last = rows.run_stream[np.argsort(rows.packet[rows.stop - 1])]
-        self.senders.node[flows.streams.high[last].astype(np.int64)] = flows.streams.low[last].astype(np.int64)
-
-    def _learn_streams(self, flows: Flows) -> None:
-        for stream in range(self._known_streams, len(flows.streams)):
-            self._streams_of_place.setdefault(int(flows.streams.high[stream]), []).append(stream)
-        self._known_streams = len(flows.streams)
 
     def _missing(
         self, rows: DataRows, wanting: I64, acknowledgements: Messages, clock: Clock, flows: Flows, first_frame: int
@@ -196,33 +189,26 @@ class Acknowledgement:
             telling &= ~rows.repeated
         row = np.flatnonzero(telling)
         stream, packet = rows.stream[row], rows.packet[row]
-        # Everything that can end a wait, by (stream, packet) as one rising number.
-        width = len(clock.time_ns) + 2
-        place_in_time = stream * width + packet + 1
         opens = np.flatnonzero(rows.flags[row] & ACKNOWLEDGE_WANTED.mask)
         wait_stream = np.concatenate([open_streams, stream[opens]])
         wait_packet = np.concatenate([np.full(len(open_streams), -1), packet[opens]])
         wait_since = np.concatenate([waits.since_ns[open_streams], rows.time_ns[row[opens]]])
         wait_frame = np.concatenate([waits.frame[open_streams], packet[opens] + first_frame])
-        wait_key = wait_stream * width + wait_packet + 1
-        next_row = np.searchsorted(place_in_time, wait_key, "right")
-        next_packet = _following(place_in_time, next_row, wait_stream, width)
-        answer_key = self._answers(acknowledgements, concerned, flows, width)
-        answer = _following(answer_key, np.searchsorted(answer_key, wait_key, "right"), wait_stream, width)
+        following = Sightings(stream, packet, stream, len(clock)).next(wait_stream, wait_packet)
+        answer = _first_acknowledgements(acknowledgements, wait_stream, wait_packet, flows, len(clock))
         deadline = wait_since + self.timeout_ns
         expired = clock.first_behind(deadline, wait_packet)
-        late = (expired <= np.minimum(next_packet, answer)) & (expired < width - 2)
-        # Packets from width - 2 on are none: such a wait stays open.
-        again = ~late & (next_packet < answer) & (next_packet < width - 2)
-        stays = np.flatnonzero(~late & ~again & (answer >= width - 2) & (next_packet >= width - 2))
+        late = (expired <= np.minimum(following, answer)) & (expired < len(clock))
+        again = ~late & (following < answer)
+        stays = np.flatnonzero(~late & (answer == NO_PACKET) & (following == NO_PACKET))
         waits.open[open_streams] = False
         waits.open[wait_stream[stays]] = True
         waits.since_ns[wait_stream[stays]] = wait_since[stays]
         waits.frame[wait_stream[stays]] = wait_frame[stays]
         over = np.flatnonzero(late | again)
         over = over[np.lexsort((wait_packet[over], wait_stream[over]))]
-        time = np.where(late, deadline, clock.time_ns[np.minimum(next_packet, width - 3)])[over]
-        seen = np.where(late, expired, next_packet)[over] + first_frame
+        time = np.where(late, deadline, clock.time_ns[np.minimum(following, len(clock) - 1)])[over]
+        seen = np.where(late, expired, following)[over] + first_frame
         blamed = wait_stream[over]
         sender = flows.streams.low[blamed].astype(np.int64)
         lists = flows.places.high[flows.streams.high[blamed].astype(np.int64)].astype(np.int64)
@@ -232,91 +218,50 @@ class Acknowledgement:
             errors.append(ErrorEvents(DiagError.NOACKNOWLEDGEMENT, own, *events))
         return (blamed, time, wait_frame[over]), errors
 
-    def _answers(self, messages: Messages, concerned: Bool, flows: Flows, width: int) -> I64:
-        """Return (stream, packet), as one rising number, of each acknowledgement and stream that it answers."""
-        if not len(messages):
-            return np.empty(0, np.int64)
-        direct = np.flatnonzero((messages.destination >= 0) & (messages.destination != messages.source))
-        stream = flows.streams.find(
-            messages.place[direct].astype(np.uint64), messages.destination[direct].astype(np.uint64)
-        )
-        known = stream >= 0
-        parts = [stream[known] * width + messages.packet[direct[known]] + 1]
-        sender = flows.streams.low
-        for place in np.flatnonzero(messages.destination < 0).tolist():
-            source, packet = int(messages.source[place]), int(messages.packet[place])
-            answered = self._streams_of_place.get(int(messages.place[place]), ())
-            parts.append(
-                np.array([s * width + packet + 1 for s in answered if concerned[s] and sender[s] != source], np.int64)
-            )
-        return np.sort(np.concatenate(parts))
-
     def _unexpected(self, rows: DataRows, wanting: I64, messages: Messages, clock: Clock, flows: Flows) -> I64:
         """Find the acknowledgements that nobody asked for within the timeout before them."""
-        waits = self.waits
-        if not len(messages):
-            self._remember_wanting(rows, wanting)
-            return np.empty(0, np.int64)
+        unexpected = np.empty(0, np.int64)
         stream, packet, time_ns = rows.stream[wanting], rows.packet[wanting], rows.time_ns[wanting]
-        width = int(max(packet.max(initial=0), messages.packet.max())) + 2
-        start, _ = runs_of(stream)
-        latest = time_ns if clock.steady else _running_latest(time_ns, start)
-        latest = np.maximum(latest, waits.wanted_ns[stream])
-        key = stream * width + packet
-        asked = np.full(len(messages), NEVER)
-        direct = np.flatnonzero(messages.destination >= 0)
-        target = flows.streams.find(
-            messages.place[direct].astype(np.uint64), messages.destination[direct].astype(np.uint64)
-        )
-        direct, target = direct[target >= 0], target[target >= 0]
-        asked[direct] = self._asked(target, messages.packet[direct], key, latest, width)
-        for place in np.flatnonzero(messages.destination < 0).tolist():
-            streams = np.array(self._streams_of_place.get(int(messages.place[place]), []), np.int64)
-            when = self._asked(streams, np.full(len(streams), messages.packet[place]), key, latest, width)
-            asked[place] = when.max(initial=NEVER)
-        self._remember_wanting(rows, wanting)
-        return np.flatnonzero(asked < messages.time_ns - self.timeout_ns)
+        if len(messages):
+            place = flows.streams.high[stream].astype(np.int64)
+            asked = np.full(len(messages), NEVER)
+            direct = np.flatnonzero(messages.destination >= 0)
+            target = _streams(flows, messages.place[direct], messages.destination[direct])
+            direct, target = direct[target >= 0], target[target >= 0]
+            to_all = np.flatnonzero(messages.destination < 0)
+            for own, number, asking, wanted_ns in (
+                (direct, target, stream, self.waits.wanted_ns),
+                (to_all, messages.place[to_all], place, self.places.wanted_ns),
+            ):
+                wanted = Sightings(asking, packet, asking, len(clock))
+                latest = _running_latest(time_ns, asking, wanted.order)
+                last = wanted.last_before(number, messages.packet[own])
+                here = np.where(last >= 0, latest[last], NEVER) if len(latest) else NEVER
+                asked[own] = np.maximum(here, wanted_ns[number])
+            unexpected = np.flatnonzero(asked < messages.time_ns - self.timeout_ns)
+        np.maximum.at(self.waits.wanted_ns, stream, time_ns)
+        np.maximum.at(self.places.wanted_ns, flows.streams.high[stream].astype(np.int64), time_ns)
+        return unexpected
 
-    def _asked(self, stream: I64, packet: I64, key: I64, latest: I64, width: int) -> I64:
-        """Return when each stream last asked before a packet, ``NEVER`` if it did not."""
-        place = np.searchsorted(key, stream * width + packet) - 1
-        inside = np.maximum(place, 0)
-        here = (place >= 0) & (key[inside] // width == stream) if len(key) else np.zeros(len(stream), np.bool_)
-        before: I64 = self.waits.wanted_ns[stream]
-        return np.where(here, latest[inside], before) if len(key) else before
-
-    def _remember_wanting(self, rows: DataRows, wanting: I64) -> None:
-        np.maximum.at(self.waits.wanted_ns, rows.stream[wanting], rows.time_ns[wanting])
-
-    def _negative(self, rows: DataRows, messages: Messages, flows: Flows, first_frame: int) -> tuple[ErrorEvents, I64]:
+    def _negative(
+        self, rows: DataRows, messages: Messages, clock: Clock, flows: Flows, first_frame: int
+    ) -> tuple[ErrorEvents, I64]:
         """Find negative acknowledgements and whom they blame: the addressee, or the last sender of their place."""
         place = np.flatnonzero(messages.flags & CHECKSUM_INVALID.mask)
         node = messages.destination[place].copy()
-        for number in np.flatnonzero(node < 0).tolist():
-            packet, at = int(messages.packet[place[number]]), int(messages.place[place[number]])
-            node[number] = self._last_sender(rows, at, packet, flows)
+        unaddressed = np.flatnonzero(node < 0)
+        if len(unaddressed):
+            asked = place[unaddressed]
+            sent, sender = flows.streams.high[rows.stream].astype(np.int64), flows.streams.low[rows.stream]
+            data = Sightings(sent, rows.packet, sender.astype(np.int64), len(clock))
+            last = data.last_before(messages.place[asked], messages.packet[asked])
+            before = self.places.sender[messages.place[asked]]
+            node[unaddressed] = np.where(last >= 0, sender.astype(np.int64)[last], before) if len(rows) else before
         events = ErrorEvents(
             DiagError.NOTACKNOWLEDGED, True, messages.list[place], node, messages.time_ns[place],
             messages.packet[place] + first_frame,
         )  # fmt: skip
         return events, node
-
-    def _last_sender(self, rows: DataRows, place: int, packet: int, flows: Flows) -> int:
-        last, node = -1, int(self.senders.node[place])
-        for stream, (begin, end) in self._runs(rows, place):
-            before = begin + int(np.searchsorted(rows.packet[begin:end], packet)) - 1
-            if before >= begin and int(rows.packet[before]) > last:
-                last, node = int(rows.packet[before]), int(flows.streams.low[stream])
-        return node
-
-    def _runs(self, rows: DataRows, place: int) -> list[tuple[int, tuple[int, int]]]:
-        """Return the streams of a place that have rows in the batch, each with the bounds of its run."""
-        found = []
-        for stream in self._streams_of_place.get(place, ()):
-            run = int(np.searchsorted(rows.run_stream, stream))
-            if run < len(rows.run_stream) and rows.run_stream[run] == stream:
-                found.append((stream, (int(rows.start[run]), int(rows.stop[run]))))
-        return found
 
     def _boot_up(
         self, rows: DataRows, requests: Messages, clock: Clock, flows: Flows, first_frame: int
@@ -333,58 +278,51 @@ class Acknowledgement:
         )  # fmt: skip
         packet = np.concatenate([np.full(known, -1), requests.packet])
         expired = clock.first_behind(waits.deadline_ns, packet)
-        answer = self._first_answers(rows, waits, packet, flows)
-        late = (expired < len(clock.time_ns)) & (expired <= answer)
+        told = np.arange(len(rows)) if rows.repeated is None else np.flatnonzero(~rows.repeated)
+        stream = rows.stream[told]
+        place, sender = flows.streams.high[stream].astype(np.int64), flows.streams.low[stream].astype(np.int64)
+        data = Sightings(place, rows.packet[told], sender, len(clock))
+        answer = data.next_of_another(waits.place, packet, waits.node)
+        late = (expired < len(clock)) & (expired <= answer)
         self.boot_up_waits = waits.take(~late & (answer == NO_PACKET))
         unanswered, seen = waits.take(late), expired[late] + first_frame
         order = np.lexsort((unanswered.frame, unanswered.deadline_ns, seen))
         return unanswered.take(order), seen[order]
 
-    def _first_answers(self, rows: DataRows, waits: BootUpWaits, packet: I64, flows: Flows) -> I64:
-        """Return, for each request, the first packet after it with data for it from another node."""
-        answer = np.full(len(waits), NO_PACKET)
-        asked = waits.place * len(flows.nodes) + waits.node
-        order = np.argsort(asked, kind="stable")
-        for start, stop in zip(*runs_of(asked[order]), strict=True):
-            own = order[start:stop]
-            for stream, (begin, end) in self._runs(rows, int(waits.place[own[0]])):
-                if int(flows.streams.low[stream]) == waits.node[own[0]]:
-                    continue
-                sent = rows.packet[begin:end]
-                if rows.repeated is not None:
-                    sent = sent[~rows.repeated[begin:end]]
-                after = np.append(sent, NO_PACKET)[np.searchsorted(sent, packet[own], "right")]
-                answer[own] = np.minimum(answer[own], after)
-        return answer
-
     def copy(self) -> Acknowledgement:
         """Return an independent copy."""
         twin = Acknowledgement(self.timeout_ns)
-        twin.waits, twin.senders = self.waits.copy(), self.senders.copy()
+        twin.waits, twin.places = self.waits.copy(), self.places.copy()
         twin.boot_up_waits = self.boot_up_waits
-        twin._streams_of_place = {place: list(streams) for place, streams in self._streams_of_place.items()}
-        twin._known_streams = self._known_streams
         return twin
 
 
-def _following(key: I64, place: I64, stream: I64, width: int) -> I64:
-    """Return the packets at places of a rising (stream, packet) column, a large number where the stream differs."""
-    if not len(key):
-        return np.full(len(place), width)
-    inside = np.minimum(place, len(key) - 1)
-    same = (place < len(key)) & (key[inside] // width == stream)
-    return np.where(same, key[inside] % width - 1, width)
+def _streams(flows: Flows, place: I64, node: I64) -> I64:
+    """Return the streams of places and nodes, -1 where there is none."""
+    return flows.streams.find(place.astype(np.uint64), node.astype(np.uint64))
 
 
-def _running_latest(time_ns: I64, start: I64) -> I64:
-    """Return the running maximum of times within runs that begin at ``start``."""
+def _first_acknowledgements(messages: Messages, stream: I64, packet: I64, flows: Flows, packets: int) -> I64:
+    """Return the first acknowledgement after each wait: to its sender or to all, and not from itself."""
+    place, sender = flows.streams.high[stream].astype(np.int64), flows.streams.low[stream].astype(np.int64)
+    direct = np.flatnonzero((messages.destination >= 0) & (messages.destination != messages.source))
+    target = _streams(flows, messages.place[direct], messages.destination[direct])
+    direct, target = direct[target >= 0], target[target >= 0]
+    addressed = Sightings(target, messages.packet[direct], messages.source[direct], packets)
+    to_all = np.flatnonzero(messages.destination < 0)
+    broadcast = Sightings(messages.place[to_all], messages.packet[to_all], messages.source[to_all], packets)
+    return np.minimum(addressed.next(stream, packet), broadcast.next_of_another(place, packet, sender))
+
+
+def _running_latest(time_ns: I64, number: I64, order: I64) -> I64:
+    """Return the running maximum of times, taken in an order that keeps equal numbers together, within each number."""
     if not len(time_ns):
         return time_ns
-    rank_of = np.argsort(time_ns, kind="stable")
+    by_time = np.argsort(time_ns, kind="stable")
     rank = np.empty(len(time_ns), np.int64)
-    rank[rank_of] = np.arange(len(time_ns))
-    run = np.zeros(len(time_ns), np.int64)
-    run[start] = 1
-    run = np.cumsum(run)
-    top = np.maximum.accumulate(run * len(time_ns) + rank) - run * len(time_ns)
-    return time_ns[rank_of[top]]
+    rank[by_time] = np.arange(len(time_ns))
+    ordered = number[order]
+    run = np.cumsum(np.append(True, ordered[1:] != ordered[:-1])) * len(time_ns)
+    latest = np.empty_like(time_ns)
+    latest[order] = time_ns[by_time[np.maximum.accumulate(run + rank[order]) - run]]
+    return latest

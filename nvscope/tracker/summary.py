@@ -208,8 +208,9 @@ def _diagnose(state: TrackerState, lists: list[ListSummary], order: list[tuple[b
     ):
         traffic[number].errors[node] = member
     for entry, seen in zip(lists, traffic, strict=True):
+        broadcasts = _Broadcasts.of(seen)
         for node in sorted(seen.nodes(), key=order.__getitem__):
-            own, heard = seen.sent.get(node, _Tally()), _heard(seen, node)
+            own, heard = seen.sent.get(node, _Tally()), _heard(seen, broadcasts, node)
             diagnosis = Diagnosis(
                 own.count, own.last[1], heard.count, heard.last[1], heard.written,
                 nAcknowledges=seen.acknowledged.get(node, 0),
@@ -260,16 +261,31 @@ def _sum_up(state: TrackerState, lists: list[ListSummary]) -> list[_Traffic]:
     return traffic
 
 
-def _heard(seen: _Traffic, node: int) -> _Tally:
+@dataclass(slots=True)
+class _Broadcasts:
+    """All broadcasts of a list, and the last one of the two nodes that sent last."""
+
+    everything: _Tally = field(default_factory=_Tally)
+    latest: list[tuple[int, _Tally]] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, seen: _Traffic) -> _Broadcasts:
+        told = cls(latest=sorted(seen.broadcast.items(), key=lambda entry: entry[1].last[0])[-2:])
+        for tally in seen.broadcast.values():
+            told.everything.add(tally.count, tally.written, tally.last)
+        return told
+
+
+def _heard(seen: _Traffic, broadcasts: _Broadcasts, node: int) -> _Tally:
     """Return what was delivered to a node: unicast, and to a reader the broadcasts of others."""
     tally = _Tally()
     if node in seen.direct:
         direct = seen.direct[node]
         tally.add(direct.count, direct.written, direct.last)
     if node in seen.readers:
-        for source, sent in seen.broadcast.items():
-            if source != node:
-                tally.add(sent.count, sent.written, sent.last)
+        own, everything = seen.broadcast.get(node, _Tally()), broadcasts.everything
+        last = max((sent.last for source, sent in broadcasts.latest if source != node), default=_Tally().last)
+        tally.add(everything.count - own.count, everything.written - own.written, last)
     return tally
 
 
