@@ -522,30 +522,25 @@ class _InterfaceTable:
         links = {each.link for each in interfaces}
         self.only_link = links.pop() if len(links) == 1 else None
 
+        self.resolution = np.array([each.resolution for each in interfaces], np.int64)
+        self.resolutions = sorted({each.resolution for each in interfaces})
+        offsets = [min(max(each.offset_s * 1_000_000_000, -TIME_LIMIT_NS), TIME_LIMIT_NS) for each in interfaces]
+        self.offset_ns = np.array(offsets, np.int64) if any(offsets) else None
+
     def ts_ns(self, units: U64, interface: I64) -> I64:
         """Return the times of packets, each in its interface's resolution and offset."""
-        clocks: dict[tuple[int, int], list[int]] = {}
-        for number, each in enumerate(self._interfaces):
-            clocks.setdefault((each.resolution, each.offset_s), []).append(number)
-        if len(clocks) == 1:
-            return _clock_ns(units, *next(iter(clocks)))
-        of_interface = np.zeros(len(self._interfaces), np.int64)
-        for clock, numbers in enumerate(clocks.values()):
-            of_interface[numbers] = clock
-        clock_of_row = of_interface[interface]
-        ts_ns = np.zeros(len(units), np.int64)
-        for number in np.unique(clock_of_row).tolist():
-            rows = clock_of_row == number
-            ts_ns[rows] = _clock_ns(units[rows], *list(clocks)[number])
+        if len(self.resolutions) == 1:
+            ts_ns = nanoseconds(units, self.resolutions[0])
+        else:
+            ts_ns = np.zeros(len(units), np.int64)
+            of_row = self.resolution[interface]
+            for resolution in np.unique(of_row).tolist():
+                rows = of_row == resolution
+                ts_ns[rows] = nanoseconds(units[rows], resolution)
+        if self.offset_ns is not None:
+            ts_ns += self.offset_ns[interface]
+            np.clip(ts_ns, -TIME_LIMIT_NS, TIME_LIMIT_NS, out=ts_ns)
         return ts_ns
-
-
-def _clock_ns(units: U64, resolution: int, offset_s: int) -> I64:
-    ts_ns = nanoseconds(units, resolution)
-    if offset_s:
-        ts_ns += min(max(offset_s * 1_000_000_000, -TIME_LIMIT_NS), TIME_LIMIT_NS)
-        np.clip(ts_ns, -TIME_LIMIT_NS, TIME_LIMIT_NS, out=ts_ns)
-    return ts_ns
 
 
 class PcapngSink(FileSink):
