@@ -233,6 +233,8 @@ class Acknowledgement:
                 (direct, target, stream, self.waits.wanted_ns),
                 (to_all, messages.place[to_all], place, self.places.wanted_ns),
             ):
+                if not len(own):
+                    continue
                 wanted = Sightings(asking, packet, asking, len(clock))
                 latest = _running_latest(time_ns, asking, wanted.order)
                 last = wanted.last_before(number, messages.packet[own])
@@ -278,7 +280,12 @@ class Acknowledgement:
         )  # fmt: skip
         packet = np.concatenate([np.full(known, -1), requests.packet])
         expired = clock.first_behind(waits.deadline_ns, packet)
-        told = np.arange(len(rows)) if rows.repeated is None else np.flatnonzero(~rows.repeated)
+        asked = np.zeros(len(flows.places), np.bool_)
+        asked[waits.place] = True
+        telling = np.repeat(asked[flows.streams.high[rows.run_stream].astype(np.int64)], rows.stop - rows.start)
+        if rows.repeated is not None:
+            telling &= ~rows.repeated
+        told = np.flatnonzero(telling)
         stream = rows.stream[told]
         place, sender = flows.streams.high[stream].astype(np.int64), flows.streams.low[stream].astype(np.int64)
         data = Sightings(place, rows.packet[told], sender, len(clock))

@@ -106,7 +106,8 @@ class StreamMemory:
         start, stop = runs_of(ordered)
         run = ordered[start]
         position = order if len(which) == len(telegrams) else which[order]
-        signature = telegrams.header.view(_SIGNATURE)["signature"][position].astype(np.uint64, copy=False)
+        # Copied in order first: headers lie far apart, and the order jumps.
+        signature = telegrams.header.view(_SIGNATURE)["signature"].astype(np.uint64)[position]
         fresh = columns.telegrams[run] == 0
         before = np.empty_like(signature)
         before[1:] = signature[:-1]
