@@ -317,15 +317,14 @@ def _by_ethertype(data: U8, frame: _Network, kind: U16, group: U8, head_bytes: i
     return [(True, inside.take(kind == TYPE_IPV4)), (False, inside.take(kind == TYPE_IPV6))]
 
 
-def _keep(network: _Network, mask: Bool, *columns: I64) -> tuple[_Network, tuple[I64, ...]]:
-    """Keep the rows of a mask, without copying where it is set everywhere."""
-    if mask.all():
-        return network, columns
-    return network.take(mask), tuple(column[mask] for column in columns)
+def _with_room(network: _Network, size_bytes: int) -> _Network:
+    """Keep the rows with room for a header, without copying where all have it."""
+    room = network.at + size_bytes <= network.end
+    return network if room.all() else network.take(room)
 
 
 def _ipv4(data: U8, network: _Network) -> tuple[_Transport, int]:
-    network, _ = _keep(network, network.at + IPV4.size_bytes <= network.end)
+    network = _with_room(network, IPV4.size_bytes)
     head = IPV4.gather(data, network.at)
     version_ihl = head["version_ihl"]
     fragment = (head["fragment"] & 0x3FFF) != 0
@@ -347,7 +346,7 @@ def _ipv4(data: U8, network: _Network) -> tuple[_Transport, int]:
 
 
 def _ipv6(data: U8, network: _Network) -> tuple[_Transport, int]:
-    network, _ = _keep(network, network.at + IPV6.size_bytes <= network.end)
+    network = _with_room(network, IPV6.size_bytes)
     head = IPV6.gather(data, network.at)
     version_good = (head["version"] >> 4) == 6
     if not version_good.all():

@@ -166,7 +166,7 @@ class Acknowledgement:
         negative, negative_node = self._negative(rows, acknowledgements, clock, flows, first_frame)
         unanswered, seen = self._boot_up(rows, requests, clock, flows, first_frame)
         last = rows.run_stream[np.argsort(rows.packet[rows.stop - 1])]
-        self.places.sender[flows.streams.high[last].astype(np.int64)] = flows.streams.low[last].astype(np.int64)
+        self.places.sender[flows.place_of(last)] = flows.node_of(last)
         nobody = np.full(len(unanswered), -1)
         answered_error = DiagError.UDPANSWERBOOTUPREQUEST
         errors.append(negative)
@@ -210,8 +210,8 @@ class Acknowledgement:
         time = np.where(late, deadline, clock.time_ns[np.minimum(following, len(clock) - 1)])[over]
         seen = np.where(late, expired, following)[over] + first_frame
         blamed = wait_stream[over]
-        sender = flows.streams.low[blamed].astype(np.int64)
-        lists = flows.places.high[flows.streams.high[blamed].astype(np.int64)].astype(np.int64)
+        sender = flows.node_of(blamed)
+        lists = flows.places.high[flows.place_of(blamed)].astype(np.int64)
         errors = []
         for own, part in ((False, late[over]), (True, again[over])):
             events = (lists[part], sender[part], time[part], seen[part])
@@ -223,7 +223,7 @@ class Acknowledgement:
         unexpected = np.empty(0, np.int64)
         stream, packet, time_ns = rows.stream[wanting], rows.packet[wanting], rows.time_ns[wanting]
         if len(messages):
-            place = flows.streams.high[stream].astype(np.int64)
+            place = flows.place_of(stream)
             asked = np.full(len(messages), NEVER)
             direct = np.flatnonzero(messages.destination >= 0)
             target = _streams(flows, messages.place[direct], messages.destination[direct])
@@ -242,7 +242,7 @@ class Acknowledgement:
                 asked[own] = np.maximum(here, wanted_ns[number])
             unexpected = np.flatnonzero(asked < messages.time_ns - self.timeout_ns)
         np.maximum.at(self.waits.wanted_ns, stream, time_ns)
-        np.maximum.at(self.places.wanted_ns, flows.streams.high[stream].astype(np.int64), time_ns)
+        np.maximum.at(self.places.wanted_ns, flows.place_of(stream), time_ns)
         return unexpected
 
     def _negative(
@@ -254,11 +254,11 @@ class Acknowledgement:
         unaddressed = np.flatnonzero(node < 0)
         if len(unaddressed):
             asked = place[unaddressed]
-            sent, sender = flows.streams.high[rows.stream].astype(np.int64), flows.streams.low[rows.stream]
-            data = Sightings(sent, rows.packet, sender.astype(np.int64), len(clock))
+            sent, sender = flows.place_of(rows.stream), flows.node_of(rows.stream)
+            data = Sightings(sent, rows.packet, sender, len(clock))
             last = data.last_before(messages.place[asked], messages.packet[asked])
             before = self.places.sender[messages.place[asked]]
-            node[unaddressed] = np.where(last >= 0, sender.astype(np.int64)[last], before) if len(rows) else before
+            node[unaddressed] = np.where(last >= 0, sender[last], before) if len(rows) else before
         events = ErrorEvents(
             DiagError.NOTACKNOWLEDGED, True, messages.list[place], node, messages.time_ns[place],
             messages.packet[place] + first_frame,
@@ -282,12 +282,12 @@ class Acknowledgement:
         expired = clock.first_behind(waits.deadline_ns, packet)
         asked = np.zeros(len(flows.places), np.bool_)
         asked[waits.place] = True
-        telling = np.repeat(asked[flows.streams.high[rows.run_stream].astype(np.int64)], rows.stop - rows.start)
+        telling = np.repeat(asked[flows.place_of(rows.run_stream)], rows.stop - rows.start)
         if rows.repeated is not None:
             telling &= ~rows.repeated
         told = np.flatnonzero(telling)
         stream = rows.stream[told]
-        place, sender = flows.streams.high[stream].astype(np.int64), flows.streams.low[stream].astype(np.int64)
+        place, sender = flows.place_of(stream), flows.node_of(stream)
         data = Sightings(place, rows.packet[told], sender, len(clock))
         answer = data.next_of_another(waits.place, packet, waits.node)
         late = (expired < len(clock)) & (expired <= answer)
@@ -295,13 +295,6 @@ class Acknowledgement:
         unanswered, seen = waits.take(late), expired[late] + first_frame
         order = np.lexsort((unanswered.frame, unanswered.deadline_ns, seen))
         return unanswered.take(order), seen[order]
-
-    def copy(self) -> Acknowledgement:
-        """Return an independent copy."""
-        twin = Acknowledgement(self.timeout_ns)
-        twin.waits, twin.places = self.waits.copy(), self.places.copy()
-        twin.boot_up_waits = self.boot_up_waits
-        return twin
 
 
 def _streams(flows: Flows, place: I64, node: I64) -> I64:
@@ -311,7 +304,7 @@ def _streams(flows: Flows, place: I64, node: I64) -> I64:
 
 def _first_acknowledgements(messages: Messages, stream: I64, packet: I64, flows: Flows, packets: int) -> I64:
     """Return the first acknowledgement after each wait: to its sender or to all, and not from itself."""
-    place, sender = flows.streams.high[stream].astype(np.int64), flows.streams.low[stream].astype(np.int64)
+    place, sender = flows.place_of(stream), flows.node_of(stream)
     direct = np.flatnonzero((messages.destination >= 0) & (messages.destination != messages.source))
     target = _streams(flows, messages.place[direct], messages.destination[direct])
     direct, target = direct[target >= 0], target[target >= 0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,14 +44,6 @@ class Columns:
     def column(self, name: str) -> Any:
         """Return one column, cut to the rows in use."""
         return getattr(self, name)[: self._rows]
-
-    def copy(self) -> Self:
-        """Return an independent copy."""
-        twin = type(self)()
-        twin._rows = self._rows
-        for name in self.COLUMNS:
-            setattr(twin, name, getattr(self, name).copy())
-        return twin
 
 
 def runs_of(numbers: I64) -> tuple[I64, I64]:

@@ -107,9 +107,3 @@ class Consistency:
             wraps |= (counter == 0) & ((before == EARLY_WRAPS[0]) | (before == EARLY_WRAPS[1]))
             strange[place[wraps]] = True
         return np.flatnonzero(strange)
-
-    def copy(self) -> Consistency:
-        """Return an independent copy."""
-        twin = Consistency()
-        twin.places, twin._counted_streams = self.places.copy(), self._counted_streams
-        return twin

@@ -85,7 +85,7 @@ class Cycles:
         order = stable_order(pair, len(self.pairs))
         row, pair = row[order], pair[order]
         start, stop = runs_of(pair)
-        place = flows.streams.high[rows.stream[row]].astype(np.int64)
+        place = flows.place_of(rows.stream[row])
         subindex = flows.places.low[place].astype(np.int64)
         half_ns = interval_ns[rows.stream[row]] // 2
         self._cut(pair, start, stop, subindex, counter[row], rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
@@ -96,7 +96,7 @@ class Cycles:
         if len(flows.streams) == known:
             return
         new = np.arange(known, len(flows.streams))
-        place = flows.streams.high[new].astype(np.int64)
+        place = flows.place_of(new)
         self.streams.resize(len(flows.streams))
         self.streams.pair[new] = self.pairs.numbers(flows.places.high[place], flows.streams.low[new])
         columns = self.columns
@@ -160,10 +160,3 @@ class Cycles:
         columns.begin_frame[run] = begin_frame[open_piece]
         columns.counter[run], columns.subindex[run] = counter[stop - 1], subindex[stop - 1]
         columns.last_ns[run] = time_ns[stop - 1]
-
-    def copy(self) -> Cycles:
-        """Return an independent copy."""
-        twin = Cycles()
-        for name, table in vars(self).items():
-            setattr(twin, name, table.copy())
-        return twin

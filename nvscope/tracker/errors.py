@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool
+from dissectors.batch import I64, Bool
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.counters import ERROR_ORDER, DiagError
 from nvscope.tracker.keys import KeyTable
@@ -67,13 +67,6 @@ class Errors:
         self.of_member.resize(len(self.members))
         _book(self.of_member, member, time_ns[blamed], own[blamed], frame[blamed], error[blamed])
 
-    def copy(self) -> Errors:
-        """Return an independent copy."""
-        twin = Errors()
-        twin.members = self.members.copy()
-        twin.of_list, twin.of_member = self.of_list.copy(), self.of_member.copy()
-        return twin
-
 
 def _book(table: LastError, number: I64, time_ns: I64, own: I64, frame: I64, error: I64) -> None:
     if not len(number):
@@ -101,8 +94,3 @@ def _later(new: tuple[I64, ...], old: tuple[I64, ...]) -> Bool:
         greater |= equal & (left > right)
         equal &= left == right
     return greater
-
-
-def error_names(order: U8 | I64) -> list[str]:
-    """Return the names of errors given by their place in ``ERROR_ORDER``."""
-    return [ERROR_ORDER[int(place)].name for place in order]

@@ -103,9 +103,3 @@ class EventLog:
             if not fits.any():
                 break
             rows.frames[row[fits], before[fits] + place] = frame[start[fits] + place]
-
-    def copy(self) -> EventLog:
-        """Return an independent copy."""
-        twin = EventLog()
-        twin._keys, twin._rows = self.keys.copy(), self.rows.copy()
-        return twin

@@ -133,6 +133,14 @@ class Flows:
         self.columns.last_frame[seen] = frame[last[seen]]
         return flow
 
+    def place_of(self, stream: I64) -> I64:
+        """Return the places of streams."""
+        return self.streams.high[stream].astype(np.int64)
+
+    def node_of(self, stream: I64) -> I64:
+        """Return the nodes that send streams."""
+        return self.streams.low[stream].astype(np.int64)
+
     def _short(self, high: U64, low: U64, flag: np.uint64) -> tuple[U64, U64 | None]:
         """Return 32 bits that stand for each address, and the bits that set those of IPv6 apart, None without any."""
         if high.strides == (0,) or not len(high):
@@ -174,13 +182,6 @@ class Flows:
         stream[data] = self.streams.numbers(place[data].astype(np.uint64), source[data].astype(np.uint64))
         columns.kind[new], columns.list[new], columns.place[new], columns.stream[new] = kind, lists, place, stream
         columns.source[new], columns.destination[new] = source, destination
-
-    def copy(self) -> Flows:
-        """Return an independent copy."""
-        twin = Flows()
-        for name, table in vars(self).items():
-            setattr(twin, name, table.copy())
-        return twin
 
 
 # Index and SubIndex are read as one 32-bit number, Index in its lower half.

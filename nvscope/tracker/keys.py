@@ -108,10 +108,3 @@ class KeyTable:
             self._slots[place[free]] = numbers[free]
             placed = self._slots[place] == numbers
             numbers, place = numbers[~placed], (place[~placed] + 1) & (len(self._slots) - 1)
-
-    def copy(self) -> KeyTable:
-        """Return an independent copy."""
-        twin = KeyTable()
-        twin._bits, twin._count = self._bits, self._count
-        twin._slots, twin._high, twin._low = self._slots.copy(), self._high.copy(), self._low.copy()
-        return twin

@@ -217,13 +217,6 @@ class Loss:
             scope = min(scope, Scope.NODE_TELEGRAM)  # both node scopes take the same steps
         return self._events[step, scope]
 
-    def copy(self) -> Loss:
-        """Return an independent copy."""
-        twin = Loss()
-        twin.streams, twin.nodes = self.streams.copy(), self.nodes.copy()
-        twin._events = {key: log.copy() for key, log in self._events.items()}
-        return twin
-
 
 def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:
     """Part rising places into runs of one stream; return the streams and the bounds of the runs in ``place``."""

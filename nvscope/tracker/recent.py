@@ -83,10 +83,3 @@ class Recent:
         merge = (np.add, np.minimum, np.maximum)
         columns = [how.reduceat(count[:, at], start) for at, how in enumerate(merge)] if len(key) else [count[:, 0]] * 3
         self._counts = np.stack(columns, axis=1)
-
-    def copy(self) -> Recent:
-        """Return an independent copy."""
-        twin = Recent()
-        vars(twin).update(vars(self))
-        twin._waiting, twin._waiting_s = list(self._waiting), list(self._waiting_s)
-        return twin

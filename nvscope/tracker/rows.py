@@ -25,7 +25,7 @@ def _shift(name: str) -> np.uint64:
     return np.uint64(8 * (HEADER.offset_of(name) - _SIGNATURE_AT))
 
 
-ITEMS_SHIFT, LENGTH_SHIFT, COUNTER_SHIFT = _shift("items"), _shift("length"), _shift("counter")
+LENGTH_SHIFT, COUNTER_SHIFT = _shift("length"), _shift("counter")
 FLAGS_SHIFT, CHECKSUM_SHIFT = _shift("flags"), _shift("checksum")
 SHAPE_MASK = np.uint64(0xFFFFFFFF)
 """The part of a signature that holds Items and Length."""
@@ -154,12 +154,6 @@ class StreamMemory:
         data = telegrams.data.data
         for stream, first, behind in zip(run.tolist(), at.tolist(), end.tolist(), strict=True):
             self.payload[stream] = bytes(data[first:behind])
-
-    def copy(self) -> StreamMemory:
-        """Return an independent copy."""
-        twin = StreamMemory()
-        twin.columns, twin.payload = self.columns.copy(), dict(self.payload)
-        return twin
 
 
 def _equal_payloads(telegrams: TelegramBatch, left: I64, right: I64, length: I64) -> Bool:

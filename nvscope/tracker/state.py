@@ -281,8 +281,8 @@ class TrackerState:
 
     def described(self, stream: I64) -> tuple[I64, I64, I64]:
         """Return the list number, node number and SubIndex of streams."""
-        place = self.flows.streams.high[stream].astype(np.int64)
-        node = self.flows.streams.low[stream].astype(np.int64)
+        place = self.flows.place_of(stream)
+        node = self.flows.node_of(stream)
         return self.flows.places.high[place].astype(np.int64), node, self.flows.places.low[place].astype(np.int64)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
 
+from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.tracker import address
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
@@ -21,7 +22,6 @@ CYCLIC_SPREAD_PERCENT = 50
 """A stream is cyclic where its p5 and p95 are no further apart than this share of the median."""
 
 UNUSED_FROM_TELEGRAMS = 8
-CHECKSUM_FLAG = 2
 
 
 @dataclass(slots=True)
@@ -324,7 +324,7 @@ def _add_streams(
             last_minute=_percentiles(recent[stream]) if stream in recent else Intervals(0),
             items=signature & 0xFFFF,
             length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
-            checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_FLAG else None,
+            checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_PRESENT.mask else None,
         )
         lists[int(flows.places.high[place])].streams.append(summary)
     for entry in lists:

@@ -20,6 +20,7 @@ from nvscope.tracker.columns import Columns, runs_of
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sequence import Step
+from nvscope.units import divide
 
 LEARNED_INTERVALS = 8
 """So many intervals of a stream tell where its dense buckets lie."""
@@ -200,7 +201,7 @@ class Timing:
     def mean_ns(self, stream: int) -> int | None:
         """Return the mean interval, rounded half to even; None without intervals."""
         count = int(self.columns.count[stream])
-        return _divided(int(self.columns.total_ns[stream]), count) if count > 0 else None
+        return divide(int(self.columns.total_ns[stream]), count) if count > 0 else None
 
     def deviation_ns(self, stream: int) -> int | None:
         """Return the standard deviation of all intervals (of the population), rounded half to even."""
@@ -217,13 +218,6 @@ class Timing:
         if 4 * scaled > twice * twice or (4 * scaled == twice * twice and root % 2):
             root += 1
         return root
-
-    def copy(self) -> Timing:
-        """Return an independent copy."""
-        twin = Timing()
-        twin.columns, twin.unusual = self.columns.copy(), self.unusual.copy()
-        twin.large_squares = dict(self.large_squares)
-        return twin
 
 
 class Histograms:
@@ -308,9 +302,3 @@ def bucket_bounds(bucket: I64) -> tuple[I64, I64]:
         np.where(zero, 0, np.where(negative, -high, low)),
         np.where(zero, 0, np.where(negative, -low, high)),
     )
-
-
-def _divided(numerator: int, denominator: int) -> int:
-    """Divide integers, rounding half to even."""
-    quotient, rest = divmod(numerator, denominator)
-    return quotient + (2 * rest > denominator or (2 * rest == denominator and quotient % 2))
