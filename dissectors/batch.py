@@ -72,21 +72,25 @@ class PacketBatch:
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows]
         )
 
-    def with_margin(self) -> PacketBatch:
+    def with_margin(self, lead_bytes: int = 0) -> PacketBatch:
         """Return the batch over a buffer with at least ``MARGIN_BYTES`` bytes behind the end of every packet.
 
         Headers are gathered whole before it is known whether they were captured whole; the margin keeps that inside
-        the buffer. Only a batch that reaches its buffer's end is copied.
+        the buffer. In front of every packet there are at least ``lead_bytes``. Only a batch that reaches its buffer's
+        ends is copied.
         """
         if not len(self):
             return self
-        if int(self.offset.max()) + int(self.captured.max()) + MARGIN_BYTES <= len(self.data):
-            return self
-        stop = int((self.offset + self.captured).max())
         start = int(self.offset.min())
-        data = np.zeros(stop - start + MARGIN_BYTES, np.uint8)
-        data[: stop - start] = self.data[start:stop]
-        return PacketBatch(data, self.offset - start, self.captured, self.original, self.ts_ns, self.link)
+        stop = int(self.offset.max()) + int(self.captured.max())
+        if stop + MARGIN_BYTES > len(self.data):
+            stop = int((self.offset + self.captured).max())
+        if start >= lead_bytes and stop + MARGIN_BYTES <= len(self.data):
+            return self
+        data = np.zeros(lead_bytes + stop - start + MARGIN_BYTES, np.uint8)
+        data[lead_bytes : lead_bytes + stop - start] = self.data[start:stop]
+        offset = self.offset - start + lead_bytes
+        return PacketBatch(data, offset, self.captured, self.original, self.ts_ns, self.link)
 
     def packet(self, row: int) -> bytes:
         """Return a copy of the captured bytes of one packet."""

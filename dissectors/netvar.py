@@ -17,25 +17,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U32, Bool, LinkType, PacketBatch, Records
-from dissectors.layout import Bit, Field, Layout, gather_bytes, take_rows
-from dissectors.link import (
-    ETHERNET,
-    IPV4,
-    IPV4_HIGH,
-    IPV4_LOW,
-    NO_DATAGRAMS,
-    PROTOCOL_ICMP,
-    PROTOCOL_UDP,
-    TYPE_IPV4,
-    TYPE_IPV6,
-    UDP,
-    VLAN_TYPES,
-    DatagramBatch,
-    Peeled,
-    broadcast_ipv4,
-    peel,
-)
+from dissectors.batch import I64, U8, U32, Bool, PacketBatch, Records
+from dissectors.layout import Bit, Field, Layout, take_rows
+from dissectors.link import DatagramBatch, Peeled, peel
 
 PORT = 1202
 IDENTITY = 0x33532D00  # b"\x00-S3" read as a little-endian number
@@ -175,93 +159,16 @@ class PortRules:
         return (by_identity | chosen) & ~excluded
 
 
-def dissect(packets: PacketBatch, ports: PortRules | None = None) -> Dissection:
+def dissect(packets: PacketBatch, ports: PortRules | None = None, rows: I64 | None = None) -> Dissection:
     """Find and read every telegram of a packet batch: on any port, by its identity, unless ``ports`` has it otherwise.
 
-    Total: wrong bytes are telegrams with a fault, or no telegrams; nothing raises.
+    Where ``rows`` (rising) are given, only these packets are looked at. Total: wrong bytes are telegrams with a fault,
+    or no telegrams; nothing raises.
     """
     packets = packets.with_margin()
-    if ports:
-        peeled = peel(packets)
-        telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES, ports)
-        return Dissection(telegrams, _telegrams(packets, peeled.quoted, LEAST_QUOTED_BYTES, ports), peeled)
-    plain, rest = _plain_telegrams(packets)
-    if rest is not None and not len(rest):
-        return Dissection(plain, _telegrams(packets, NO_DATAGRAMS, 0), Peeled(NO_DATAGRAMS, NO_DATAGRAMS, 0, None))
-    peeled = peel(packets, rest)
-    telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES)
-    quoted = _telegrams(packets, peeled.quoted, LEAST_QUOTED_BYTES)
-    return Dissection(_joined(plain, telegrams), quoted, peeled)
-
-
-PLAIN = np.dtype([(layout.name, layout.dtype) for layout in (ETHERNET, IPV4, UDP, HEADER)])
-"""The headers of nearly all telegrams: Ethernet without tag, IPv4 without options, UDP, 3S-0."""
-
-
-def _plain_telegrams(packets: PacketBatch) -> tuple[TelegramBatch, I64 | None]:
-    """Read the telegrams of the plain shape with one copy each; return them and the rows that are to be peeled.
-
-    A short cut through ``peel`` that leaves out nothing but generality. Not to be peeled are, besides, packets whose
-    plain headers show that nothing for us is in them. None stands for all rows.
-    """
-    if packets.single_link != LinkType.ETHERNET:
-        return _telegrams(packets, NO_DATAGRAMS, 0), None
-    payload_at = PLAIN.itemsize - HEADER.size_bytes
-    head = gather_bytes(packets.data, packets.offset, PLAIN.itemsize).view(PLAIN)
-    identity, ip, udp = head["nv"]["identity"].copy(), head["ip"], head["udp"]
-    plain = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
-    plain &= head["eth"]["type"] == TYPE_IPV4
-    plain &= (ip["version_ihl"] == 0x45) & (ip["protocol"] == PROTOCOL_UDP) & ((ip["fragment"] & 0x3FFF) == 0)
-    plain &= packets.captured >= payload_at + LEAST_CAPTURED_BYTES
-    udp_length = udp["length"].astype(np.int64)
-    plain &= ip["total_length"] == udp_length + IPV4.size_bytes
-    plain &= udp_length >= UDP.size_bytes + LEAST_CAPTURED_BYTES
-    rows, rest, everything = np.flatnonzero(plain), np.flatnonzero(~plain), head
-    offset, captured, ts_ns = packets.offset, packets.captured, packets.ts_ns
-    if len(rows) != len(packets):
-        head, udp_length = take_rows(head, rows), udp_length[rows]
-        offset, captured, ts_ns = offset[rows], captured[rows], ts_ns[rows]
-    eth, ip, udp, header = (head[layout.name] for layout in (ETHERNET, IPV4, UDP, HEADER))
-    payload_bytes = udp_length - UDP.size_bytes
-    source, destination = ip["source"].astype(np.uint64), ip["destination"].astype(np.uint64)
-    high = np.broadcast_to(IPV4_HIGH, (len(rows),))
-    datagram = DatagramBatch(
-        rows, offset + payload_at, payload_bytes, np.minimum(captured - payload_at, payload_bytes),
-        high, source | IPV4_LOW, high, destination | IPV4_LOW,
-        udp["source_port"].astype(np.uint16), udp["destination_port"].astype(np.uint16),
-        broadcast_ipv4(eth["group"] & np.uint8(1), destination),
-    )  # fmt: skip
-    telegrams = TelegramBatch(packets.data, datagram, ts_ns, header, _faults(datagram, header))
-    return telegrams, rest[_may_hold_telegrams(take_rows(everything, rest))]
-
-
-def _may_hold_telegrams(head: Records) -> Bool:
-    """Tell which frames may hold a telegram, or quote one, in other than the plain shape."""
-    ethertype = head["eth"]["type"].astype(np.uint16)
-    tagged = np.zeros(len(head), np.bool_)
-    for known in (TYPE_IPV6, *VLAN_TYPES):
-        tagged |= ethertype == known
-    ip, identity = head["ip"], head["nv"]["identity"]
-    simple = (ip["version_ihl"] == 0x45) & ((ip["fragment"] & 0x3FFF) == 0)
-    told = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
-    idle = simple & (ip["protocol"] != PROTOCOL_ICMP) & ((ip["protocol"] != PROTOCOL_UDP) | ~told)
-    may: Bool = tagged | ((ethertype == TYPE_IPV4) & ~idle)
-    return may
-
-
-def _joined(first: TelegramBatch, second: TelegramBatch) -> TelegramBatch:
-    """Return the telegrams of two batches over one buffer in the order of their packets."""
-    if not len(first) or not len(second):
-        return first if len(first) else second
-    row = np.concatenate([first.datagram.row, second.datagram.row])
-    order = np.argsort(row, kind="stable")
-    return TelegramBatch(
-        first.data,
-        DatagramBatch.joined([first.datagram, second.datagram]),
-        np.concatenate([first.ts_ns, second.ts_ns])[order],
-        take_rows(np.concatenate([first.header, second.header]), order),
-        np.concatenate([first.fault, second.fault])[order],
-    )
+    peeled = peel(packets, rows)
+    telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES, ports)
+    return Dissection(telegrams, _telegrams(packets, peeled.quoted, LEAST_QUOTED_BYTES, ports), peeled)
 
 
 def _telegrams(

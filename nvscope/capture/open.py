@@ -13,7 +13,7 @@ from nvscope.capture.timeline import Timeline
 from nvscope.errors import UnreadableInput, UsageError
 
 
-def open_source(paths: Sequence[str], *, batch_packets: int = 32_768) -> CaptureFile | Timeline:
+def open_source(paths: Sequence[str], *, batch_packets: int = 131_072) -> CaptureFile | Timeline:
     """Return the packets of capture files as one timeline.
 
     "-" is stdin, a directory all capture files in it. Raises UnreadableInput, also later when a file changes or goes.

@@ -31,7 +31,7 @@ _SMALL_RECORD_BYTES = 768
 class ReadingSizes:
     """How a reader cuts its work; any choice gives the same packets. ``lanes`` 0: as many as are fast."""
 
-    batch_packets: int = 32_768
+    batch_packets: int = 131_072
     stride_bytes: int = _STRIDE_BYTES
     lanes: int = 0
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from nvscope.findings.finding import Events, Facts, Finding, events_of
 from nvscope.tracker.counters import SCOPE_UNUSED, Scope
-from nvscope.tracker.events import EventLog
 from nvscope.tracker.sequence import Step
 from nvscope.tracker.summary import ListSummary, StreamSummary
 from nvscope.units import count, count_of, duration, percent
@@ -19,27 +18,21 @@ _ERRATIC_FACTOR = 10
 def judge_loss(facts: Facts) -> Iterator[Finding]:
     """Yield NV201 to NV205 and NV207 for each stream, NV206 for each node."""
     loss = facts.state.loss
-    places = {(step, scope): _rows_of(loss.events_of(step, scope)) for step, _, _ in _STEPS for scope in Scope}
     for entry, stream in facts.streams():
         if stream.counter_scope == SCOPE_UNUSED:
             yield _finding("NV205", entry, stream, _unused(facts, stream), _unused_sentence(stream))
         if not loss.streams.counting[stream.stream]:
             continue
         for step, code, sentence in _STEPS:
-            row = places[step, stream.scope].get(stream.stream)
-            if row is None:
+            rows = loss.events_of(step, stream.scope)
+            if not rows.count[stream.stream]:
                 continue
-            events = events_of(loss.events_of(step, stream.scope).rows, row)
+            events = events_of(rows, stream.stream)
             if step == Step.GAP and _is_erratic(stream):
                 yield _finding("NV207", entry, stream, events, _erratic_sentence(stream))
             else:
                 yield _finding(code, entry, stream, events, sentence(stream, events))
     yield from _scopes(facts)
-
-
-def _rows_of(log: EventLog) -> dict[int, int]:
-    """Return the rows of a log by stream."""
-    return {stream: row for row, stream in enumerate(log.keys.low.tolist())}
 
 
 def _finding(code: str, entry: ListSummary, stream: StreamSummary, events: Events, message: str) -> Finding:

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool
-from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_INVALID
+from dissectors.netvar import CHECKSUM_INVALID
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.errors import ErrorEvents
@@ -49,7 +49,10 @@ class PlaceColumns(Columns):
 
 @dataclass(frozen=True, slots=True)
 class Messages:
-    """Well-formed telegrams of one service, as captured; ``destination`` is -1 for broadcasts. Shapes (n,)."""
+    """Well-formed telegrams of one service, as captured. Shapes (n,).
+
+    ``destination`` is -1 for broadcasts, ``target`` the stream of the place that the destination sends, -1 for none.
+    """
 
     packet: I64
     time_ns: I64
@@ -57,6 +60,7 @@ class Messages:
     place: I64
     source: I64
     destination: I64
+    target: I64
     flags: U8
 
     def __len__(self) -> int:
@@ -116,6 +120,16 @@ class Clock:
     def __len__(self) -> int:
         return len(self.time_ns)
 
+    def expired(self, deadline_ns: I64, packet: I64, until: I64) -> I64:
+        """Return the same as ``first_behind``, but the count of packets also where it lies after packet ``until``."""
+        found = np.full(len(packet), len(self))
+        last = np.minimum(until, len(self) - 1)
+        # Looking it up is only worth it where the deadline has passed at all.
+        passed = np.flatnonzero(self.latest[last] > deadline_ns)
+        first = self.first_behind(deadline_ns[passed], packet[passed])
+        found[passed] = np.where(first <= until[passed], first, len(self))
+        return found
+
     def first_behind(self, deadline_ns: I64, packet: I64) -> I64:
         """Return the first packet after each given one (-1: from the first) with a later time; their count if none."""
         found = np.searchsorted(self.latest, deadline_ns, "right")
@@ -160,7 +174,7 @@ class Acknowledgement:
         self.waits.resize(len(flows.streams))
         self.places.resize(len(flows.places))
         clock = Clock(time_ns)
-        wanting = np.flatnonzero(rows.flags & ACKNOWLEDGE_WANTED.mask)
+        wanting = rows.wanting
         unexpected = self._unexpected(rows, wanting, acknowledgements, clock, flows)
         missing, errors = self._missing(rows, wanting, acknowledgements, clock, flows, first_frame)
         negative, negative_node = self._negative(rows, acknowledgements, clock, flows, first_frame)
@@ -189,16 +203,19 @@ class Acknowledgement:
             telling &= ~rows.repeated
         row = np.flatnonzero(telling)
         stream, packet = rows.stream[row], rows.packet[row]
-        opens = np.flatnonzero(rows.flags[row] & ACKNOWLEDGE_WANTED.mask)
+        opens = np.searchsorted(row, wanting if rows.repeated is None else wanting[~rows.repeated[wanting]])
         wait_stream = np.concatenate([open_streams, stream[opens]])
         wait_packet = np.concatenate([np.full(len(open_streams), -1), packet[opens]])
         wait_since = np.concatenate([waits.since_ns[open_streams], rows.time_ns[row[opens]]])
         wait_frame = np.concatenate([waits.frame[open_streams], packet[opens] + first_frame])
-        following = Sightings(stream, packet, stream, len(clock)).next(wait_stream, wait_packet)
+        # Rows of one stream follow each other: the next one is what follows a telegram, the first one an open wait.
+        next_row = np.concatenate([np.searchsorted(stream, open_streams), opens + 1])
+        following = np.append(packet, NO_PACKET)[next_row]
+        following[np.append(stream, -1)[next_row] != wait_stream] = NO_PACKET
         answer = _first_acknowledgements(acknowledgements, wait_stream, wait_packet, flows, len(clock))
         deadline = wait_since + self.timeout_ns
-        expired = clock.first_behind(deadline, wait_packet)
-        late = (expired <= np.minimum(following, answer)) & (expired < len(clock))
+        expired = clock.expired(deadline, wait_packet, np.minimum(following, answer))
+        late = expired < len(clock)
         again = ~late & (following < answer)
         stays = np.flatnonzero(~late & (answer == NO_PACKET) & (following == NO_PACKET))
         waits.open[open_streams] = False
@@ -225,9 +242,8 @@ class Acknowledgement:
         if len(messages):
             place = flows.place_of(stream)
             asked = np.full(len(messages), NEVER)
-            direct = np.flatnonzero(messages.destination >= 0)
-            target = _streams(flows, messages.place[direct], messages.destination[direct])
-            direct, target = direct[target >= 0], target[target >= 0]
+            direct = np.flatnonzero(messages.target >= 0)
+            target = messages.target[direct]
             to_all = np.flatnonzero(messages.destination < 0)
             for own, number, asking, wanted_ns in (
                 (direct, target, stream, self.waits.wanted_ns),
@@ -286,6 +302,7 @@ class Acknowledgement:
         if rows.repeated is not None:
             telling &= ~rows.repeated
         told = np.flatnonzero(telling)
+        told = told[_within(rows.packet[told], packet, expired)]
         stream = rows.stream[told]
         place, sender = flows.place_of(stream), flows.node_of(stream)
         data = Sightings(place, rows.packet[told], sender, len(clock))
@@ -297,18 +314,20 @@ class Acknowledgement:
         return unanswered.take(order), seen[order]
 
 
-def _streams(flows: Flows, place: I64, node: I64) -> I64:
-    """Return the streams of places and nodes, -1 where there is none."""
-    return flows.streams.find(place.astype(np.uint64), node.astype(np.uint64))
+def _within(packet: I64, begin: I64, end: I64) -> Bool:
+    """Tell which packets lie in one of some stretches of packets, each with its end."""
+    order = np.argsort(begin)
+    begin, end = begin[order], np.maximum.accumulate(end[order])
+    place = np.searchsorted(begin, packet, "right") - 1
+    within: Bool = (place >= 0) & (packet <= end[place])
+    return within
 
 
 def _first_acknowledgements(messages: Messages, stream: I64, packet: I64, flows: Flows, packets: int) -> I64:
     """Return the first acknowledgement after each wait: to its sender or to all, and not from itself."""
     place, sender = flows.place_of(stream), flows.node_of(stream)
-    direct = np.flatnonzero((messages.destination >= 0) & (messages.destination != messages.source))
-    target = _streams(flows, messages.place[direct], messages.destination[direct])
-    direct, target = direct[target >= 0], target[target >= 0]
-    addressed = Sightings(target, messages.packet[direct], messages.source[direct], packets)
+    direct = np.flatnonzero((messages.target >= 0) & (messages.destination != messages.source))
+    addressed = Sightings(messages.target[direct], messages.packet[direct], messages.source[direct], packets)
     to_all = np.flatnonzero(messages.destination < 0)
     broadcast = Sightings(messages.place[to_all], messages.packet[to_all], messages.source[to_all], packets)
     return np.minimum(addressed.next(stream, packet), broadcast.next_of_another(place, packet, sender))

@@ -6,11 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U64, Bool
-from dissectors.netvar import CHECKSUM_PRESENT
+from dissectors.batch import I64, U8, U64, Bool
 from nvscope.tracker.columns import Columns, runs_of, stable_order
-from nvscope.tracker.flows import Flows
-from nvscope.tracker.rows import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, DataRows
+from nvscope.tracker.flows import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Flows
+from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sequence import EARLY_WRAPS
 
 
@@ -41,69 +40,80 @@ class Consistency:
 
         Positions in ``rows``, in no particular order across streams, in capture order within one.
         """
-        places = self.places
-        places.resize(len(flows.places))
-        place_of_stream = flows.streams.high.astype(np.int64)
-        new = place_of_stream[self._counted_streams :]
-        np.add.at(places.streams, new, 1)
-        self._counted_streams = len(place_of_stream)
-        length = rows.stop - rows.start
-        run_place = place_of_stream[rows.run_stream]
-        shared = places.streams[run_place] > 1
-        if not shared.any():
-            changed = self._shapes(rows.signature, rows.start, rows.stop, run_place)
-            mismatch = self._checksums(rows, np.flatnonzero(rows.flags & CHECKSUM_PRESENT.mask), place_of_stream)
-        else:
-            place = np.repeat(run_place, length)
-            together = np.flatnonzero(np.repeat(shared, length))
-            together = together[np.argsort(rows.order[together], kind="stable")]
-            together = together[stable_order(place[together], len(flows.places))]
-            alone = np.flatnonzero(~np.repeat(shared, length))
-            changes, mismatches = [], []
-            for part in (alone, together):
-                start, stop = runs_of(place[part])
-                changes.append(part[self._shapes(rows.signature[part], start, stop, place[part[start]])])
-                signed = part[(rows.flags[part] & CHECKSUM_PRESENT.mask) != 0]
-                mismatches.append(self._checksums(rows, signed, place_of_stream))
-            changed, mismatch = np.concatenate(changes), np.concatenate(mismatches)
-        return changed, mismatch, self._strange_flags(rows)
+        self.places.resize(len(flows.places))
+        np.add.at(self.places.streams, flows.streams.high[self._counted_streams :].astype(np.int64), 1)
+        self._counted_streams = len(flows.streams)
+        changes = rows.changes()
+        return (
+            self._changed_shapes(rows, changes, flows),
+            self._mismatches(rows, flows),
+            _odd_flags(rows, changes, flows),
+        )
 
-    def _shapes(self, signature: U64, start: I64, stop: I64, run_place: I64) -> I64:
-        """Find telegrams, laid out by place, whose shape is not that of the one before."""
-        places = self.places
-        shape = signature & SHAPE_MASK
+    def _changed_shapes(self, rows: DataRows, changes: I64, flows: Flows) -> I64:
+        """Find telegrams whose shape is not that of the one before of their place."""
+        shared = self.places.streams[flows.place_of(rows.run_stream)] > 1
+        # In a place of one stream the shape can only be another where the variety is.
+        telling = np.unique(np.concatenate([rows.start, changes, changes - 1, rows.stop - 1]))
+        if not shared.any():
+            return self._changed_along(rows, telling, flows)
+        is_shared = np.repeat(shared, rows.stop - rows.start)
+        together = np.flatnonzero(is_shared)
+        together = together[np.argsort(rows.packet[together], kind="stable")]
+        together = together[stable_order(flows.place_of(rows.stream[together]), len(flows.places))]
+        alone = telling[~is_shared[telling]]
+        return np.concatenate([self._changed_along(rows, part, flows) for part in (alone, together)])
+
+    def _changed_along(self, rows: DataRows, part: I64, flows: Flows) -> I64:
+        """Find among rows, laid out by place, those whose shape is not that of the one before."""
+        places, place = self.places, flows.place_of(rows.stream[part])
+        start, stop = runs_of(place)
+        run_place = place[start]
+        shape = flows.varieties.signature[rows.variety[part]] & SHAPE_MASK
         before = np.empty_like(shape)
         before[1:] = shape[:-1]
         before[start] = np.where(places.seen[run_place], places.shape[run_place], shape[start])
         places.seen[run_place] = True
         places.shape[run_place] = shape[stop - 1]
-        return np.flatnonzero(shape != before)
+        changed: I64 = part[shape != before]
+        return changed
 
-    def _checksums(self, rows: DataRows, signed: I64, place_of_stream: I64) -> I64:
-        """Find, among rows with a checksum and laid out by place, those that differ from the reference."""
-        if not len(signed):
-            return signed
-        place = place_of_stream[rows.stream[signed]]
-        checksum = ((rows.signature[signed] >> CHECKSUM_SHIFT) & np.uint64(0xFF)).astype(np.int64)
-        first, _ = runs_of(place)
-        unknown = first[self.places.reference[place[first]] < 0]
-        self.places.reference[place[unknown]] = checksum[unknown]
-        mismatch: I64 = signed[checksum != self.places.reference[place]]
-        return mismatch
+    def _mismatches(self, rows: DataRows, flows: Flows) -> I64:
+        """Find telegrams with a checksum that is not the reference of their place."""
+        signed, place = flows.varieties.column("signed"), flows.varieties.column("place")
+        if not signed.any():
+            return np.empty(0, np.int64)
+        checksum = (flows.varieties.column("signature") >> CHECKSUM_SHIFT).astype(np.int64)
+        reference = self.places.reference
+        unknown = signed & (reference[place] < 0)
+        if unknown.any():
+            first = np.flatnonzero(unknown[rows.variety])
+            first = first[np.argsort(rows.packet[first])][::-1]
+            # Assigned backwards, so that the first checksum of each place is what stays.
+            reference[place[rows.variety[first]]] = checksum[rows.variety[first]]
+        wrong = signed & (checksum != reference[place])
+        return np.flatnonzero(wrong[rows.variety]) if wrong.any() else np.empty(0, np.int64)
 
-    @staticmethod
-    def _strange_flags(rows: DataRows) -> I64:
-        """Find checksums without the flag, and Flags that change where Counter wraps, as from a wider counter."""
-        flags, checksum = rows.flags, rows.checksum
-        strange = (checksum != 0) & ((flags & CHECKSUM_PRESENT.mask) == 0)
-        before_flags = (rows.before >> FLAGS_SHIFT).astype(np.uint8)
-        differs = flags != before_flags
-        differs[rows.start[rows.fresh]] = False
-        if differs.any():
-            place = np.flatnonzero(differs)
-            counter = rows.counter[place]
-            before = (rows.before[place] >> COUNTER_SHIFT).astype(np.uint16)
-            wraps = (counter < before) & ((counter - before) < 32768)
-            wraps |= (counter == 0) & ((before == EARLY_WRAPS[0]) | (before == EARLY_WRAPS[1]))
-            strange[place[wraps]] = True
-        return np.flatnonzero(strange)
+
+def _odd_flags(rows: DataRows, changes: I64, flows: Flows) -> I64:
+    """Find checksums without the flag, and Flags that change where Counter wraps, as from a wider counter."""
+    varieties = flows.varieties
+    signature, signed = varieties.column("signature"), varieties.column("signed")
+    without_flag = (signature >> CHECKSUM_SHIFT != 0) & ~signed
+    odd = np.flatnonzero(without_flag[rows.variety]) if without_flag.any() else np.empty(0, np.int64)
+    runs = np.flatnonzero(~rows.fresh)
+    place = np.concatenate([rows.start[runs], changes])
+    earlier = rows.variety[changes - 1]
+    before_flags = np.concatenate([_flags(rows.signature_before[runs]), _flags(signature[earlier])])
+    before_counter = np.concatenate(
+        [(rows.signature_before[runs] >> COUNTER_SHIFT).astype(np.uint16), rows.counter[changes - 1]]
+    )
+    counter = rows.counter[place]
+    wraps = (counter < before_counter) & ((counter - before_counter) < 32768)
+    wraps |= (counter == 0) & ((before_counter == EARLY_WRAPS[0]) | (before_counter == EARLY_WRAPS[1]))
+    wraps &= _flags(signature[rows.variety[place]]) != before_flags
+    return np.union1d(odd, place[wraps]) if wraps.any() else odd
+
+
+def _flags(signature: U64) -> U8:
+    return (signature >> FLAGS_SHIFT).astype(np.uint8)

@@ -11,10 +11,10 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U16, Bool
+from dissectors.keys import KeyTable
 from nvscope.tracker.columns import Columns, runs_of, stable_order
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows
-from nvscope.tracker.keys import KeyTable
 from nvscope.tracker.rows import DataRows
 
 NEVER = np.iinfo(np.int64).max

@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from dissectors.keys import KeyTable
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.counters import ERROR_ORDER, DiagError
-from nvscope.tracker.keys import KeyTable
 
 
 class LastError(Columns):

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U64
+from dissectors.keys import KeyTable
 from nvscope.tracker.columns import Columns, runs_of, stable_order
-from nvscope.tracker.keys import KeyTable
 
 FRAMES_KEPT = 10
 
@@ -26,6 +26,28 @@ class EventRows(Columns):
         "last_ns": (np.int64(0), 1),
         "frames": (np.int64(0), FRAMES_KEPT),
     }
+
+    def add(self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64, place: I64 | None = None) -> None:
+        """Add the events ``start[i]`` to ``stop[i]`` to row ``row[i]`` of this table; rows differ.
+
+        Event j is described by the j-th entries of ``time_ns`` and ``frame``, or by those at ``place[j]``.
+        """
+        before = self.count[row]
+        begins = before == 0
+        first, last = (start[begins], stop - 1) if place is None else (place[start[begins]], place[stop - 1])
+        self.first_ns[row[begins]] = time_ns[first]
+        self.last_ns[row] = time_ns[last]
+        self.count[row] = before + stop - start
+        room = np.flatnonzero(before < FRAMES_KEPT)
+        if not len(room):
+            return
+        row, start, stop, before = row[room], start[room], stop[room], before[room]
+        for event in range(FRAMES_KEPT):
+            fits = (start + event < stop) & (before + event < FRAMES_KEPT)
+            if not fits.any():
+                break
+            entry = start[fits] + event
+            self.frames[row[fits], before[fits] + event] = frame[entry if place is None else place[entry]]
 
 
 _FEW = 4096
@@ -66,17 +88,6 @@ class EventLog:
         if self._waiting_count >= _FEW:
             self._sort_in()
 
-    def record_groups(self, high: U64, low: U64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
-        """Add the events ``start[i]`` to ``stop[i]`` of two columns to the i-th key; keys differ, runs touch."""
-        if not len(high):
-            return
-        if len(frame) < _FEW:
-            count = stop - start
-            self.record(np.repeat(high, count), np.repeat(low, count), time_ns, frame)
-            return
-        self._sort_in()
-        self._add(self._keys.numbers(high, low), start, stop, time_ns, frame)
-
     def _sort_in(self) -> None:
         if not self._waiting:
             return
@@ -86,20 +97,5 @@ class EventLog:
         order = stable_order(number, len(self._keys))
         number = number[order]
         start, stop = runs_of(number)
-        self._add(number[start], start, stop, time_ns[order], frame[order])
-
-    def _add(self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
-        rows = self._rows
-        rows.resize(len(self._keys))
-        before = rows.count[row]
-        begins = before == 0
-        rows.first_ns[row[begins]] = time_ns[start[begins]]
-        rows.last_ns[row] = time_ns[stop - 1]
-        rows.count[row] = before + stop - start
-        room = np.flatnonzero(before < FRAMES_KEPT)
-        row, start, stop, before = row[room], start[room], stop[room], before[room]
-        for place in range(FRAMES_KEPT):
-            fits = (start + place < stop) & (before + place < FRAMES_KEPT)
-            if not fits.any():
-                break
-            rows.frames[row[fits], before[fits] + place] = frame[start[fits] + place]
+        self._rows.resize(len(self._keys))
+        self._rows.add(number[start], start, stop, time_ns[order], frame[order])

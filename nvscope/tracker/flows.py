@@ -11,11 +11,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U64, Bool
-from dissectors.link import IPV4_HIGH, IPV4_LOW
-from dissectors.netvar import HEADER, KNOWN_SERVICE, Fault, Service, TelegramBatch
+from dissectors.batch import I64, U8, U32, U64, Bool
+from dissectors.keys import KeyTable
+from dissectors.netvar import (
+    ACKNOWLEDGE_WANTED,
+    CHECKSUM_PRESENT,
+    HEADER,
+    IDENTITY_ASCII,
+    KNOWN_SERVICE,
+    RESERVED_FLAGS,
+    Fault,
+    Service,
+)
+from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
 from nvscope.tracker.columns import Columns
-from nvscope.tracker.keys import KeyTable
 
 
 class Kind(IntEnum):
@@ -28,6 +37,7 @@ class Kind(IntEnum):
     MALFORMED_OTHER = 4
     HEADER_CUT = 5  # of which so little was captured that only its list is known
     PARAMETER = 6  # of the Parameter Manager: belongs to no list and is no flow
+    NOTHING = 7  # no telegram at all
 
 
 LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
@@ -36,8 +46,55 @@ IS_PARAMETER = KNOWN_SERVICE.copy()
 
 IS_PARAMETER[list(LIST_SERVICES)] = False
 
-_SOURCE_IPV6, _DESTINATION_IPV6, _BROADCAST = (np.uint64(1) << np.uint64(bit) for bit in (52, 53, 54))
-_LOW_HALF = np.uint64(0xFFFFFFFF)
+# Items, Length, Counter, Flags and Checksum are looked at as one 64-bit number, the signature.
+_SIGNATURE_AT = HEADER.offset_of("items")
+_SIGNATURE = np.dtype(
+    {"names": ["signature"], "formats": ["<u8"], "offsets": [_SIGNATURE_AT], "itemsize": HEADER.size_bytes}
+)
+
+
+def _shift(name: str) -> np.uint64:
+    return np.uint64(8 * (HEADER.offset_of(name) - _SIGNATURE_AT))
+
+
+LENGTH_SHIFT, COUNTER_SHIFT = _shift("length"), _shift("counter")
+FLAGS_SHIFT, CHECKSUM_SHIFT = _shift("flags"), _shift("checksum")
+SHAPE_MASK = np.uint64(0xFFFFFFFF)
+"""The part of a signature that holds Items and Length."""
+
+
+class VarietyColumns(Columns):
+    """One row a variety of telegrams (``dissectors.varieties``): what it is to the tracker.
+
+    ``flow``, ``stream``, ``place``, ``list`` and ``subindex`` are -1 where it is of none; ``signature`` has a Counter
+    of 0. ``odd`` says that something in its header is to be noted, ``wants`` that a well-formed data telegram wants to
+    be acknowledged, ``signed`` that it has a checksum.
+    """
+
+    kind: U8
+    flow: I64
+    stream: I64
+    place: I64
+    list: I64
+    subindex: I64
+    node: I64
+    signature: U64
+    odd: Bool
+    wants: Bool
+    signed: Bool
+    COLUMNS: ClassVar = {
+        "kind": (np.uint8(Kind.NOTHING), 1),
+        "flow": (np.int64(-1), 1),
+        "stream": (np.int64(-1), 1),
+        "place": (np.int64(-1), 1),
+        "list": (np.int64(-1), 1),
+        "subindex": (np.int64(-1), 1),
+        "node": (np.int64(-1), 1),
+        "signature": (np.uint64(0), 1),
+        "odd": (np.False_, 1),
+        "wants": (np.False_, 1),
+        "signed": (np.False_, 1),
+    }
 
 
 class FlowColumns(Columns):
@@ -64,33 +121,32 @@ class FlowColumns(Columns):
     }  # fmt: skip
 
 
-def kinds(telegrams: TelegramBatch) -> U8:
-    """Tell what each telegram is to its list, as uint8 (``Kind``)."""
-    service = telegrams.header["id"]
-    kind = np.zeros(len(telegrams), np.uint8)
-    special = np.flatnonzero((service != Service.ODStateFree) | (telegrams.fault != Fault.NONE))
-    if len(special):
-        service, fault = service[special], telegrams.fault[special]
-        is_data = service == Service.ODStateFree
-        kind[special] = np.select(
-            [
-                IS_PARAMETER[np.minimum(service, len(IS_PARAMETER) - 1)],
-                fault == Fault.HEADER_CUT,
-                (fault != Fault.NONE) & is_data,
-                fault != Fault.NONE,
-                service == Service.ODAcknowledgement,
-            ],
-            [Kind.PARAMETER, Kind.HEADER_CUT, Kind.MALFORMED_DATA, Kind.MALFORMED_OTHER, Kind.ACKNOWLEDGEMENT],
-            Kind.BOOT_UP_REQUEST,
-        )
-    return kind
+def kinds(service: U32, fault: U8) -> U8:
+    """Tell what telegrams are to their list, as uint8 (``Kind``)."""
+    is_data = service == Service.ODStateFree
+    kind = np.select(
+        [
+            IS_PARAMETER[np.minimum(service, len(IS_PARAMETER) - 1)],
+            fault == Fault.HEADER_CUT,
+            (fault != Fault.NONE) & is_data,
+            fault != Fault.NONE,
+            is_data,
+            service == Service.ODAcknowledgement,
+        ],
+        [
+            Kind.PARAMETER, Kind.HEADER_CUT, Kind.MALFORMED_DATA, Kind.MALFORMED_OTHER, Kind.DATA,
+            Kind.ACKNOWLEDGEMENT,
+        ],
+        Kind.BOOT_UP_REQUEST,
+    )  # fmt: skip
+    return kind.astype(np.uint8)
 
 
 class Flows:
     """The keys of all that was seen, and the counts of the flows.
 
     ``nodes`` are keyed by the halves of their address, ``lists`` by (port, Index), ``places`` by (list, SubIndex),
-    ``streams`` by (place, node).
+    ``streams`` by (place, node). ``varieties`` tells of each variety of the batch observed last what it is here.
     """
 
     def __init__(self) -> None:
@@ -98,40 +154,31 @@ class Flows:
         self.lists = KeyTable()
         self.places = KeyTable()
         self.streams = KeyTable()
-        self.keys = KeyTable()
+        self.keys = KeyTable(4)
         self.columns = FlowColumns()
+        self.varieties = VarietyColumns()
+        self._described: Varieties | None = None
 
-    def observe(self, telegrams: TelegramBatch, kind: U8, frame: I64) -> I64:
-        """Count telegrams, none of kind PARAMETER, and return the flow of each. Shapes (n,)."""
-        datagram, header = telegrams.datagram, telegrams.header
-        source, source_flag = self._short(datagram.source_hi, datagram.source_lo, _SOURCE_IPV6)
-        destination, destination_flag = self._short(datagram.destination_hi, datagram.destination_lo, _DESTINATION_IPV6)
-        high = (source << np.uint64(32)) | (destination & _LOW_HALF)
-        low = header.view(_PLACE)["place"].astype(np.uint64) | (
-            datagram.destination_port.astype(np.uint64) << np.uint64(32)
-        )
-        if kind.any():
-            low |= kind.astype(np.uint64) << np.uint64(48)
-        low |= datagram.broadcast.astype(np.uint64) << np.uint64(54)
-        if source_flag is not None:
-            low |= source_flag
-        if destination_flag is not None:
-            low |= destination_flag
-        known = len(self.keys)
-        flow = self.keys.numbers(high, low)
-        if len(self.keys) > known:
-            self._describe(known)
-            # Assigned backwards, so that the first telegram of each flow is what stays.
-            fresh = np.flatnonzero(flow >= known)[::-1]
-            self.columns.first_ns[flow[fresh]] = telegrams.ts_ns[fresh]
-            self.columns.first_frame[flow[fresh]] = frame[fresh]
-        last = np.full(len(self.keys), -1, np.int64)
-        last[flow] = np.arange(len(flow))
-        seen = np.flatnonzero(last >= 0)
-        self.columns.count[: len(self.keys)] += np.bincount(flow, minlength=len(self.keys))
-        self.columns.last_ns[seen] = telegrams.ts_ns[last[seen]]
-        self.columns.last_frame[seen] = frame[last[seen]]
-        return flow
+    def observe(self, batch: SortedPackets, first_frame: int) -> I64:
+        """Count telegrams; return how many there are of each variety."""
+        if batch.varieties is not self._described:
+            self._described = batch.varieties
+            self.varieties = VarietyColumns()
+            self.varieties.resize(NO_TELEGRAM + 1)
+        known = len(self.varieties)
+        if len(batch.varieties) > known:
+            self._describe(batch, known, first_frame)
+        count = np.bincount(batch.variety, minlength=len(self.varieties))
+        last = np.empty(len(self.varieties), np.int64)
+        last[batch.variety] = np.arange(len(batch))
+        seen = np.flatnonzero((count > 0) & (self.varieties.column("flow") >= 0))
+        # A flow may be of several varieties: the last telegram of all is what stays.
+        seen = seen[np.argsort(last[seen])]
+        flow, last = self.varieties.flow[seen], last[seen]
+        np.add.at(self.columns.count, flow, count[seen])
+        self.columns.last_ns[flow] = batch.packets.ts_ns[last]
+        self.columns.last_frame[flow] = last + first_frame
+        return count
 
     def place_of(self, stream: I64) -> I64:
         """Return the places of streams."""
@@ -141,50 +188,56 @@ class Flows:
         """Return the nodes that send streams."""
         return self.streams.low[stream].astype(np.int64)
 
-    def _short(self, high: U64, low: U64, flag: np.uint64) -> tuple[U64, U64 | None]:
-        """Return 32 bits that stand for each address, and the bits that set those of IPv6 apart, None without any."""
-        if high.strides == (0,) or not len(high):
-            return low, None
-        is_ipv6 = np.flatnonzero((high != IPV4_HIGH) | (low & IPV4_LOW != IPV4_LOW))
-        if not len(is_ipv6):
-            return low, None
-        short, flags = low.copy(), np.zeros_like(low)
-        short[is_ipv6] = self.nodes.numbers(high[is_ipv6], low[is_ipv6]).astype(np.uint64)
-        flags[is_ipv6] = flag
-        return short, flags
-
-    def _address(self, short: U64, is_ipv6: Bool) -> tuple[U64, U64]:
-        node = np.where(is_ipv6, short, np.uint64(0)).astype(np.int64)
-        if not is_ipv6.any():
-            return np.full_like(short, IPV4_HIGH), short | IPV4_LOW
-        return (
-            np.where(is_ipv6, self.nodes.high[node], IPV4_HIGH),
-            np.where(is_ipv6, self.nodes.low[node], short | IPV4_LOW),
+    def _describe(self, batch: SortedPackets, known: int, first_frame: int) -> None:
+        """Fill in the columns of new varieties, numbering what is new in them as it appeared."""
+        varieties, columns = batch.varieties, self.varieties
+        columns.resize(len(varieties))
+        fresh = np.flatnonzero(batch.variety >= known)[::-1]
+        first = np.empty(len(varieties) - known, np.int64)  # all of them occur
+        first[batch.variety[fresh] - known] = fresh
+        order = np.argsort(first)
+        new, row = order + known, first[order]
+        header, datagram = varieties.header[new], varieties.datagram.take(new)
+        kind = kinds(header["id"], varieties.fault[new])
+        flags = header["flags"]
+        signature = header.view(_SIGNATURE)["signature"].astype(np.uint64)
+        columns.kind[new] = kind
+        columns.signature[new] = signature & ~(np.uint64(0xFFFF) << COUNTER_SHIFT)
+        columns.odd[new] = (
+            (varieties.fault[new] != Fault.NONE) | varieties.truncated[new] | (header["identity"] == IDENTITY_ASCII)
+            | ((flags & RESERVED_FLAGS) != 0)
+        )  # fmt: skip
+        is_data = kind == Kind.DATA
+        columns.wants[new] = is_data & ((flags & ACKNOWLEDGE_WANTED.mask) != 0)
+        columns.signed[new] = is_data & ((flags & CHECKSUM_PRESENT.mask) != 0)
+        source = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
+        columns.node[new] = source
+        own = np.flatnonzero(kind != Kind.PARAMETER)
+        new, row, kind, source, is_data = new[own], row[own], kind[own], source[own], is_data[own]
+        header, datagram = header[own], datagram.take(own)
+        unicast = np.flatnonzero(~datagram.broadcast)
+        destination = np.full(len(new), -1)
+        destination[unicast] = self.nodes.numbers(datagram.destination_hi[unicast], datagram.destination_lo[unicast])
+        lists = self.lists.numbers(datagram.destination_port.astype(np.uint64), header["index"].astype(np.uint64))
+        place = self.places.numbers(lists.astype(np.uint64), header["subindex"].astype(np.uint64))
+        stream = np.full(len(new), -1)
+        stream[is_data] = self.streams.numbers(place[is_data].astype(np.uint64), source[is_data].astype(np.uint64))
+        columns.list[new], columns.subindex[new] = lists, header["subindex"]
+        columns.place[new], columns.stream[new] = place, stream
+        flows = len(self.keys)
+        flow = self.keys.numbers(
+            source.astype(np.uint64), destination.view(np.uint64), place.astype(np.uint64), kind.astype(np.uint64)
         )
-
-    def _describe(self, known: int) -> None:
-        """Fill the columns of new flows from their keys, numbering what is new in them."""
-        high, low = self.keys.high[known:], self.keys.low[known:]
-        columns = self.columns
-        columns.resize(len(self.keys))
-        new = slice(known, len(self.keys))
-        kind = (low >> np.uint64(48)) & np.uint64(0xF)
-        unicast = (low & _BROADCAST) == 0
-        source = self.nodes.numbers(*self._address(high >> np.uint64(32), (low & _SOURCE_IPV6) != 0))
-        to_hi, to_lo = self._address(high & _LOW_HALF, (low & _DESTINATION_IPV6) != 0)
-        destination = np.full(len(high), -1, np.int64)
-        destination[unicast] = self.nodes.numbers(to_hi[unicast], to_lo[unicast])
-        index, subindex = low & np.uint64(0xFFFF), (low >> np.uint64(16)) & np.uint64(0xFFFF)
-        lists = self.lists.numbers((low >> np.uint64(32)) & np.uint64(0xFFFF), index)
-        place = self.places.numbers(lists.astype(np.uint64), subindex)
-        stream = np.full(len(high), -1, np.int64)
-        data = kind == Kind.DATA
-        stream[data] = self.streams.numbers(place[data].astype(np.uint64), source[data].astype(np.uint64))
-        columns.kind[new], columns.list[new], columns.place[new], columns.stream[new] = kind, lists, place, stream
-        columns.source[new], columns.destination[new] = source, destination
-
-
-# Index and SubIndex are read as one 32-bit number, Index in its lower half.
-_PLACE = np.dtype(
-    {"names": ["place"], "formats": ["<u4"], "offsets": [HEADER.offset_of("index")], "itemsize": HEADER.size_bytes}
-)
+        columns.flow[new] = flow
+        table = self.columns
+        table.resize(len(self.keys))
+        begun = np.flatnonzero(flow >= flows)[::-1]
+        flow, row = flow[begun], row[begun]
+        # Assigned backwards, so that the first telegram of each flow is what stays.
+        table.kind[flow], table.list[flow], table.place[flow] = kind[begun], lists[begun], place[begun]
+        table.stream[flow], table.source[flow], table.destination[flow] = (
+            stream[begun],
+            source[begun],
+            destination[begun],
+        )
+        table.first_ns[flow], table.first_frame[flow] = batch.packets.ts_ns[row], row + first_frame

@@ -12,9 +12,10 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U64, Bool
-from nvscope.tracker.columns import Columns, runs_of, stable_order
+from dissectors.varieties import SortedPackets
+from nvscope.tracker.columns import Columns, order_by
 from nvscope.tracker.counters import Scope
-from nvscope.tracker.events import EventLog
+from nvscope.tracker.events import EventRows
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sequence import Step, Steps, walk
@@ -23,6 +24,9 @@ _LOGGED = (
     *((step, scope) for step in (Step.GAP, Step.OVERTAKEN, Step.RESTART) for scope in list(Scope)[:2]),
     *((Step.LATE, scope) for scope in Scope),
 )
+
+_STEP_BIT, _TOGETHER_BIT, _GAPS_BIT = 16, 19, 20
+"""Where in a word the nodes' steps stand, above the distance."""
 
 WALKS = 2
 """The stream's own sequence, and the node's."""
@@ -91,25 +95,26 @@ class Loss:
     def __init__(self) -> None:
         self.streams = StreamSequences()
         self.nodes = NodeSequences()
-        self._events = {key: EventLog() for key in _LOGGED}
+        self._events = {key: EventRows() for key in _LOGGED}
 
-    def observe(self, rows: DataRows, flows: Flows, first_frame: int) -> tuple[U8, I64]:
-        """Walk the counters of a batch.
-
-        Returns, row by row, the streams' own steps, and how many gaps the node's counters have had up to there.
-        """
+    def observe(self, batch: SortedPackets, rows: DataRows, flows: Flows, first_frame: int) -> tuple[Steps, NodeSteps]:
+        """Walk the counters of a batch; return the streams' own steps, and the nodes' steps, row by row."""
         self.streams.resize(len(flows.streams))
         self.nodes.resize(len(flows.nodes))
+        for log in self._events.values():
+            log.resize(len(flows.streams))
+        own = self._walk_streams(rows, rows.counter)
+        nodes = self._walk_nodes(batch, rows, flows)
         frame = rows.packet + first_frame
-        counter = rows.counter
-        own = self._walk_streams(rows, counter)
-        step, distance, sent_together, node_gaps = self._walk_nodes(rows, counter, flows)
-        self._book(rows, frame, own.step, own.distance, Scope.STREAM)
-        self._book(rows, frame, step, distance, Scope.NODE_TELEGRAM)
-        self._book_duplicates(rows, frame, own.step, None, Scope.STREAM)
-        self._book_duplicates(rows, frame, step, None, Scope.NODE_TELEGRAM)
-        self._book_duplicates(rows, frame, step, sent_together, Scope.NODE_SEND)
-        return own.step, node_gaps
+        self._book(rows, own.step, own.distance, own.irregular, Scope.STREAM, frame)
+        self._book(rows, nodes.step, nodes.distance, nodes.irregular, Scope.NODE_TELEGRAM, frame)
+        again = _again(rows, own.step, own.irregular)
+        self._book_duplicates(rows, own.step, own.irregular, again, Scope.STREAM, frame)
+        again = _again(rows, nodes.step, nodes.irregular)
+        self._book_duplicates(rows, nodes.step, nodes.irregular, again, Scope.NODE_TELEGRAM, frame)
+        again = again[~nodes.together(again)]
+        self._book_duplicates(rows, nodes.step, nodes.irregular, again, Scope.NODE_SEND, frame)
+        return own, nodes
 
     def _walk_streams(self, rows: DataRows, counter: U16) -> Steps:
         streams, run = self.streams, rows.run_stream
@@ -131,54 +136,64 @@ class Loss:
         streams.regular[run] += length - irregular
         return steps
 
-    def _walk_nodes(self, rows: DataRows, counter: U16, flows: Flows) -> tuple[U8, U16, Bool | None, I64]:
+    def _walk_nodes(self, batch: SortedPackets, rows: DataRows, flows: Flows) -> NodeSteps:
         """Walk the nodes' sequences.
 
-        Returns, by rows, step and distance, where a telegram with the node's current counter belongs to the same send
-        as the node's telegram before (same list, another SubIndex; None where none does), and the node's gaps so far.
+        A telegram with the node's current counter is sent together with the node's telegram before, if that was of the
+        same list and another SubIndex.
         """
-        node_of_stream = flows.streams.low.astype(np.int64)
-        row_of = np.empty_like(rows.order)  # by position as captured
-        row_of[rows.order] = np.arange(len(rows))
-        node = node_of_stream[rows.stream]
-        row = row_of[stable_order(rows.as_captured(node), len(flows.nodes))]
-        node, stream = node[row], rows.stream[row]
-        start, stop = runs_of(node)
-        run = node[start]
         nodes = self.nodes
+        length = np.zeros(len(flows.nodes), np.int64)
+        np.add.at(length, flows.node_of(rows.run_stream), rows.stop - rows.start)
+        node = np.where(flows.varieties.column("stream") >= 0, flows.varieties.column("node"), len(length))
+        packet = order_by(node, batch.variety, len(length))[: len(rows)]
+        run = np.flatnonzero(length)
+        length = length[run]
+        stop = np.cumsum(length)
+        start = stop - length
         fresh = nodes.last_stream[run] < 0
-        steps = walk(counter[row], start, nodes.current[run], nodes.missing[run], fresh)
-        same = np.flatnonzero(steps.step == Step.SAME)
-        together = np.zeros(len(node), np.bool_)
-        if len(same):
-            before = np.empty_like(stream)
-            before[1:] = stream[:-1]
-            before[start] = nodes.last_stream[run]
-            list_of_stream = flows.places.high[flows.streams.high.astype(np.int64)]
-            now, earlier = stream[same], before[same]
-            together[same] = (list_of_stream[now] == list_of_stream[earlier]) & (now != earlier)
-        bounds = np.append(start, len(node))
-        irregular = np.diff(np.searchsorted(steps.irregular, bounds))
-        nodes.steps[run] += stop - start - fresh
-        nodes.regular_telegram[run] += stop - start - irregular
-        sends = np.add.reduceat(together, start, dtype=np.int64)
-        nodes.regular_send[run] += stop - start - irregular + sends
+        steps = walk(batch.counter[packet], start, nodes.current[run], nodes.missing[run], fresh)
+        together = self._sent_together(batch, packet, start, run, steps, flows)
+        bounds = np.append(start, len(packet))
+        regular = length - np.diff(np.searchsorted(steps.irregular, bounds))
+        nodes.steps[run] += length - fresh
+        nodes.regular_telegram[run] += regular
+        nodes.regular_send[run] += regular + np.diff(np.searchsorted(together, bounds))
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
         gaps = np.cumsum(steps.step == Step.GAP, dtype=np.int64)
-        gaps += np.repeat(nodes.gaps[run] - np.where(start > 0, gaps[start - 1], 0), stop - start)
+        gaps += np.repeat(nodes.gaps[run] - np.where(start > 0, gaps[start - 1], 0), length)
         nodes.gaps[run] = gaps[stop - 1]
-        nodes.last_stream[run] = stream[stop - 1]
-        return (
-            _by_row(steps.step, row),
-            _by_row(steps.distance, row),
-            _by_row(together, row) if len(same) else None,
-            _by_row(gaps, row),
-        )
+        nodes.last_stream[run] = flows.varieties.stream[batch.variety[packet[stop - 1]]]
+        # All that is to be known of a row goes from one order to the other in one word.
+        word = gaps << _GAPS_BIT
+        word |= steps.distance
+        word |= steps.step.astype(np.int64) << _STEP_BIT
+        word[together] |= 1 << _TOGETHER_BIT
+        of_packet = np.empty(len(batch), np.int64)
+        of_packet[packet] = word
+        return NodeSteps(of_packet[rows.packet])
 
-    def _book(self, rows: DataRows, frame: I64, step: U8, distance: U16, scope: Scope) -> None:
+    def _sent_together(
+        self, batch: SortedPackets, packet: I64, start: I64, run: I64, steps: Steps, flows: Flows
+    ) -> I64:
+        """Return the places, in the nodes' order, of telegrams that were sent together with the one before."""
+        same = steps.irregular[steps.step[steps.irregular] == Step.SAME]
+        if not len(same):
+            return np.empty(0, np.int64)
+        stream = flows.varieties.stream
+        now, earlier = (stream[batch.variety[packet[place]]] for place in (same, same - 1))
+        first = np.minimum(np.searchsorted(start, same), len(start) - 1)
+        begins = start[first] == same
+        earlier[begins] = self.nodes.last_stream[run[first[begins]]]
+        lists = flows.places.high
+        sent: I64 = same[(lists[flows.place_of(now)] == lists[flows.place_of(earlier)]) & (now != earlier)]
+        return sent
+
+    def _book(self, rows: DataRows, step: U8, distance: U16, irregular: I64, scope: Scope, frame: I64) -> None:
         streams = self.streams
+        irregular_step = step[irregular]
         for kind in (Step.GAP, Step.OVERTAKEN, Step.RESTART):
-            place = np.flatnonzero(step == kind)
+            place = irregular[irregular_step == kind]
             if not len(place):
                 continue
             stream, start, stop = _runs(place, rows)
@@ -194,38 +209,55 @@ class Loss:
                 streams.lost[stream, scope] -= count
             else:
                 streams.restarts[stream, scope] += count
-            self._log(kind, scope, stream, start, stop, rows.time_ns[place], frame[place])
+            self._events[kind, scope].add(stream, start, stop, rows.time_ns, frame, place)
 
-    def _book_duplicates(self, rows: DataRows, frame: I64, step: U8, sent_together: Bool | None, scope: Scope) -> None:
-        duplicate = step == Step.LATE
-        if rows.repeated is not None:
-            again = (step == Step.SAME) & rows.repeated
-            duplicate |= again if sent_together is None else again & ~sent_together
-        place = np.flatnonzero(duplicate)
+    def _book_duplicates(self, rows: DataRows, step: U8, irregular: I64, again: I64, scope: Scope, frame: I64) -> None:
+        """Book late counters, and the rows that are a duplicate ``again``."""
+        place = irregular[step[irregular] == Step.LATE]
+        if len(again):
+            place = np.sort(np.concatenate([place, again]))
         if len(place):
             stream, start, stop = _runs(place, rows)
             self.streams.duplicates[stream, scope] += stop - start
-            self._log(Step.LATE, scope, stream, start, stop, rows.time_ns[place], frame[place])
+            self._events[Step.LATE, scope].add(stream, start, stop, rows.time_ns, frame, place)
 
-    def _log(self, step: Step, scope: Scope, stream: I64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
-        low = stream.astype(np.uint64)
-        self._events[step, scope].record_groups(np.zeros_like(low), low, start, stop, time_ns, frame)
-
-    def events_of(self, step: Step, scope: Scope) -> EventLog:
-        """Return the events of a step in a scope, keyed by (0, stream); those of duplicates are of the step LATE."""
+    def events_of(self, step: Step, scope: Scope) -> EventRows:
+        """Return the events of a step in a scope, by stream; those of duplicates are of the step LATE."""
         if step != Step.LATE:
             scope = min(scope, Scope.NODE_TELEGRAM)  # both node scopes take the same steps
         return self._events[step, scope]
 
 
+class NodeSteps:
+    """The steps that the telegrams of a batch take in their nodes' sequences, row by row; columns as of ``Steps``."""
+
+    def __init__(self, word: I64) -> None:
+        self._word = word
+        self.distance: U16 = word.astype(np.uint16)
+        self.step: U8 = (word >> _STEP_BIT).astype(np.uint8)
+        self.step &= 7
+        self.irregular = np.flatnonzero(self.step != Step.REGULAR)
+
+    def together(self, row: I64) -> Bool:
+        """Tell which rows were sent together with their node's telegram before."""
+        together: Bool = self._word[row] & (1 << _TOGETHER_BIT) != 0
+        return together
+
+    def gaps(self, row: I64) -> I64:
+        """Return how many gaps the nodes' counters have had up to some rows."""
+        gaps: I64 = self._word[row] >> _GAPS_BIT
+        return gaps
+
+
+def _again(rows: DataRows, step: U8, irregular: I64) -> I64:
+    """Return the rows that repeat the one before, Counter and all."""
+    same = irregular[step[irregular] == Step.SAME]
+    again: I64 = same[:0] if rows.repeated is None else same[rows.repeated[same]]
+    return again
+
+
 def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:
     """Part rising places into runs of one stream; return the streams and the bounds of the runs in ``place``."""
-    start, stop = runs_of(rows.stream[place])
-    return rows.stream[place[start]], start, stop
-
-
-def _by_row(column: np.ndarray, row: I64) -> np.ndarray:
-    """Return a column whose entries belong to the given rows, by row."""
-    ordered = np.empty_like(column)
-    ordered[row] = column
-    return ordered
+    bounds = np.searchsorted(place, np.append(rows.start, len(rows)))
+    run = np.flatnonzero(bounds[1:] > bounds[:-1])
+    return rows.run_stream[run], bounds[run], bounds[run + 1]

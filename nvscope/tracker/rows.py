@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, U64, Bool
+from dissectors.batch import I64, U16, U64, Bool
 from dissectors.layout import gather_bytes
-from dissectors.netvar import HEADER, TelegramBatch
-from nvscope.tracker.columns import Columns, runs_of, stable_order
-from nvscope.tracker.flows import Flows
+from dissectors.varieties import SortedPackets
+from nvscope.tracker.columns import Columns, order_by
+from nvscope.tracker.flows import COUNTER_SHIFT, Flows
 
-# Items, Length, Counter, Flags and Checksum are looked at as one 64-bit number, the signature.
-_SIGNATURE_AT = HEADER.offset_of("items")
-_SIGNATURE = np.dtype(
-    {"names": ["signature"], "formats": ["<u8"], "offsets": [_SIGNATURE_AT], "itemsize": HEADER.size_bytes}
-)
 _COMPARE_ROWS = 8192
-
-
-def _shift(name: str) -> np.uint64:
-    return np.uint64(8 * (HEADER.offset_of(name) - _SIGNATURE_AT))
-
-
-LENGTH_SHIFT, COUNTER_SHIFT = _shift("length"), _shift("counter")
-FLAGS_SHIFT, CHECKSUM_SHIFT = _shift("flags"), _shift("checksum")
-SHAPE_MASK = np.uint64(0xFFFFFFFF)
-"""The part of a signature that holds Items and Length."""
 
 
 class StreamColumns(Columns):
@@ -50,41 +35,34 @@ class StreamColumns(Columns):
 class DataRows:
     """Well-formed data telegrams, by stream, within a stream as captured.
 
-    ``order`` holds their positions among the batch's data telegrams as captured, ``packet`` their rows in the packet
-    batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound the runs of one stream, which is
-    ``run_stream``. ``repeated`` is None where no row is.
+    ``packet`` holds their rows in the packet batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound
+    the runs of one stream, which is ``run_stream``; ``signature_before`` is that of the telegram before each run, and
+    ``fresh`` where there is none. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
+    where no row is.
     """
 
-    order: I64
+    packet: I64
     stream: I64
     start: I64
     stop: I64
     run_stream: I64
-    signature: U64
-    before: U64
-    time_ns: I64
-    packet: I64
+    signature_before: U64
     fresh: Bool
-    repeated: Bool | None
+    variety: I64
     counter: U16
-    flags: U8
+    time_ns: I64
+    wanting: I64
+    repeated: Bool | None
 
     def __len__(self) -> int:
-        return len(self.order)
+        return len(self.packet)
 
-    @property
-    def checksum(self) -> U8:
-        return self.field(CHECKSUM_SHIFT).astype(np.uint8)
-
-    def field(self, shift: np.uint64) -> U64:
-        """Return the signatures with one field at their lower end."""
-        return self.signature >> shift
-
-    def as_captured(self, column: np.ndarray) -> np.ndarray:
-        """Return a column of these rows in the order of the capture."""
-        captured = np.empty_like(column)
-        captured[self.order] = column
-        return captured
+    def changes(self) -> I64:
+        """Return the rows, starts of runs aside, whose variety is not that of the row before, rising."""
+        changed = np.flatnonzero(self.variety[1:] != self.variety[:-1]) + 1
+        starts = np.searchsorted(self.start, changed)
+        inside: Bool = self.start[np.minimum(starts, len(self.start) - 1)] != changed
+        return changed[inside]
 
 
 class StreamMemory:
@@ -94,78 +72,86 @@ class StreamMemory:
         self.columns = StreamColumns()
         self.payload: dict[int, bytes] = {}
 
-    def rows(self, telegrams: TelegramBatch, which: I64, stream: I64, flows: Flows) -> DataRows:
-        """Lay out well-formed data telegrams, those at ``which``, by stream, and remember the last one of each.
+    def rows(self, batch: SortedPackets, count: I64, flows: Flows) -> DataRows:
+        """Lay out well-formed data telegrams by stream, and remember the last one of each.
 
-        ``stream`` has one entry for each of these.
+        ``count`` says how many telegrams there are of each variety.
         """
-        columns = self.columns
-        columns.resize(len(flows.streams))
-        order = stable_order(stream, len(flows.streams))
-        ordered = stream[order]
-        start, stop = runs_of(ordered)
-        run = ordered[start]
-        position = order if len(which) == len(telegrams) else which[order]
-        # Copied in order first: headers lie far apart, and the order jumps.
-        signature = telegrams.header.view(_SIGNATURE)["signature"].astype(np.uint64)[position]
-        fresh = columns.telegrams[run] == 0
-        before = np.empty_like(signature)
-        before[1:] = signature[:-1]
-        before[start] = columns.signature[run]
-        repeated = self._repeated(telegrams, position, start, run, fresh, signature, before)
-        time_ns = telegrams.ts_ns[position]
-        packet = telegrams.datagram.row[position]
-        columns.first_ns[run[fresh]] = time_ns[start[fresh]]
-        columns.last_ns[run] = time_ns[stop - 1]
-        columns.telegrams[run] += stop - start
-        columns.signature[run] = signature[stop - 1]
-        self._remember(telegrams, position[stop - 1], run)
-        return DataRows(
-            order, ordered, start, stop, run, signature, before, time_ns, packet, fresh, repeated,
-            (signature >> COUNTER_SHIFT).astype(np.uint16), (signature >> FLAGS_SHIFT).astype(np.uint8),
+        columns, varieties = self.columns, flows.varieties
+        streams = len(flows.streams)
+        columns.resize(streams)
+        stream_of = varieties.column("stream")
+        length = np.zeros(streams, np.int64)
+        own = stream_of >= 0
+        np.add.at(length, stream_of[own], count[own])
+        # What is no data telegram goes behind all streams.
+        packet = order_by(np.where(own, stream_of, streams), batch.variety, streams)[: length.sum()]
+        run = np.flatnonzero(length)
+        length = length[run]
+        stop = np.cumsum(length)
+        start = stop - length
+        variety, counter, time_ns = batch.variety[packet], batch.counter[packet], batch.packets.ts_ns[packet]
+        nothing = np.empty(0, np.int64)
+        rows = DataRows(
+            packet, np.repeat(run, length), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
+            variety, counter, time_ns,
+            np.flatnonzero(varieties.wants[variety]) if varieties.column("wants").any() else nothing, None,
         )  # fmt: skip
+        rows = replace(rows, repeated=self._repeated(batch, rows, flows))
+        columns.first_ns[run[rows.fresh]] = time_ns[start[rows.fresh]]
+        columns.last_ns[run] = time_ns[stop - 1]
+        columns.telegrams[run] += length
+        columns.signature[run] = _signatures(rows, stop - 1, flows)
+        self._remember(batch, rows)
+        return rows
 
-    def _repeated(
-        self, telegrams: TelegramBatch, position: I64, start: I64, run: I64, fresh: Bool, signature: U64, before: U64
-    ) -> Bool | None:
+    def _repeated(self, batch: SortedPackets, rows: DataRows, flows: Flows) -> Bool | None:
         """Tell which rows equal the one before in their stream, byte for byte as far as both were captured."""
-        candidate = signature == before
-        if not candidate.any():
-            return None
-        length = telegrams.datagram.captured_bytes
-        first = np.flatnonzero(candidate[start])
-        for place in first.tolist():
-            row, stream = int(start[place]), int(run[place])
-            same = not fresh[place] and telegrams.payload(int(position[row])) == self.payload[stream]
-            candidate[row] = same
-        begins = np.zeros(len(position), np.bool_)
-        begins[start] = True
-        inner = np.flatnonzero(candidate & ~begins)
-        now, previous = position[inner], position[inner - 1]
-        alike = length[now] == length[previous]
-        candidate[inner[~alike]] = False
-        inner, now, previous = inner[alike], now[alike], previous[alike]
-        candidate[inner] = _equal_payloads(telegrams, now, previous, length[now])
-        return candidate if candidate.any() else None
+        again = np.zeros(len(rows), np.bool_)
+        alike = (_signatures(rows, rows.start, flows) == rows.signature_before) & ~rows.fresh
+        for row, stream in zip(rows.start[alike].tolist(), rows.run_stream[alike].tolist(), strict=True):
+            again[row] = _payload(batch, int(rows.packet[row]), int(rows.variety[row])) == self.payload[stream]
+        inner = np.flatnonzero(rows.counter[1:] == rows.counter[:-1]) + 1
+        inner = inner[rows.stream[inner] == rows.stream[inner - 1]]
+        if len(inner):
+            signature, length = flows.varieties.signature, batch.varieties.datagram.captured_bytes
+            now, previous = rows.variety[inner], rows.variety[inner - 1]
+            inner = inner[(signature[now] == signature[previous]) & (length[now] == length[previous])]
+            again[inner] = _equal_payloads(batch, rows, inner)
+        return again if again.any() else None
 
-    def _remember(self, telegrams: TelegramBatch, last: I64, run: I64) -> None:
-        at = telegrams.datagram.payload[last]
-        end = at + telegrams.datagram.captured_bytes[last]
-        data = telegrams.data.data
-        for stream, first, behind in zip(run.tolist(), at.tolist(), end.tolist(), strict=True):
-            self.payload[stream] = bytes(data[first:behind])
+    def _remember(self, batch: SortedPackets, rows: DataRows) -> None:
+        last = rows.stop - 1
+        packet, variety = rows.packet[last].tolist(), rows.variety[last].tolist()
+        for stream, own_packet, own_variety in zip(rows.run_stream.tolist(), packet, variety, strict=True):
+            self.payload[stream] = _payload(batch, own_packet, own_variety)
 
 
-def _equal_payloads(telegrams: TelegramBatch, left: I64, right: I64, length: I64) -> Bool:
-    """Compare payloads of equal captured lengths, many of the same length at a time."""
-    equal = np.zeros(len(left), np.bool_)
-    payload = telegrams.datagram.payload
+def _signatures(rows: DataRows, which: I64, flows: Flows) -> U64:
+    """Return the signatures of some rows, with their Counter."""
+    common: U64 = flows.varieties.signature[rows.variety[which]]
+    return common | (rows.counter[which].astype(np.uint64) << COUNTER_SHIFT)
+
+
+def _payload(batch: SortedPackets, packet: int, variety: int) -> bytes:
+    """Return a copy of the captured bytes of one telegram."""
+    datagram = batch.varieties.datagram
+    start = int(batch.packets.offset[packet]) + int(datagram.payload[variety])
+    return batch.packets.data[start : start + int(datagram.captured_bytes[variety])].tobytes()
+
+
+def _equal_payloads(batch: SortedPackets, rows: DataRows, which: I64) -> Bool:
+    """Tell which rows have the payload of the row before, which is as long; many of the same length at a time."""
+    equal = np.zeros(len(which), np.bool_)
+    datagram, packets = batch.varieties.datagram, batch.packets
+    length = datagram.captured_bytes[rows.variety[which]]
+    payload = [packets.offset[rows.packet[row]] + datagram.payload[rows.variety[row]] for row in (which, which - 1)]
     for size in np.unique(length).tolist():
-        rows = np.flatnonzero(length == size)
-        for begin in range(0, len(rows), _COMPARE_ROWS):
-            part = rows[begin : begin + _COMPARE_ROWS]
-            first = gather_bytes(telegrams.data, payload[left[part]], size)
-            second = gather_bytes(telegrams.data, payload[right[part]], size)
-            same = first.view(np.uint8).reshape(len(part), size) == second.view(np.uint8).reshape(len(part), size)
-            equal[part] = same.all(axis=1)
+        places = np.flatnonzero(length == size)
+        for begin in range(0, len(places), _COMPARE_ROWS):
+            part = places[begin : begin + _COMPARE_ROWS]
+            now, before = (
+                gather_bytes(packets.data, at[part], size).view(np.uint8).reshape(len(part), size) for at in payload
+            )
+            equal[part] = (now == before).all(axis=1)
     return equal

@@ -25,7 +25,9 @@ _MASK = (1 << 64) - 1
 _FAR = WINDOW + 1
 _MAX_ROUNDS = 24
 _EPOCH_BITS = np.int64(34)
-_FEW = 64  # one late counter in so many is walked singly
+_FEW = 64  # of late counters, up to one in so many is few
+_MOST_IN_A_ROW = 16
+_PIECE = 256
 
 
 class Step(IntEnum):
@@ -43,6 +45,7 @@ class Step(IntEnum):
 # Plain integers: the loop below takes a third of the time with them.
 _NONE, _REGULAR, _SAME, _OVERTAKEN, _LATE, _RESTART, _GAP = (int(step) for step in Step)
 _MOVING = (_REGULAR, _GAP, _RESTART)
+_GAP_TO_RESTART, _RESTART_TO_LATE = np.uint8(_GAP - _RESTART), np.uint8(_RESTART - _LATE)
 
 
 @dataclass(slots=True)
@@ -104,15 +107,6 @@ def walk_one(counters: list[int], current: int | None, missing: int) -> tuple[li
     return steps, distances, current, missing
 
 
-# What a distance alone tells, before counters 0 and 1 are looked at; and by how much it moves the current counter on.
-_STEP_OF_DISTANCE = np.full(65536, Step.GAP, np.uint8)
-_STEP_OF_DISTANCE[32768:LATE_FROM] = Step.RESTART
-_STEP_OF_DISTANCE[LATE_FROM:] = Step.LATE
-_STEP_OF_DISTANCE[:2] = (Step.SAME, Step.REGULAR)
-_ADVANCE_OF_DISTANCE = np.minimum(np.arange(65536), _FAR).astype(np.uint8)
-_ADVANCE_OF_DISTANCE[LATE_FROM:] = 0
-
-
 def walk(counter: U16, start: I64, current: U16, missing: U64, fresh: Bool) -> Steps:
     """Walk many sequences laid end to end.
 
@@ -124,12 +118,11 @@ def walk(counter: U16, start: I64, current: U16, missing: U64, fresh: Bool) -> S
     before[start] = np.where(fresh, counter[start], current)
     distance = counter - before
     stop = np.append(start[1:], len(counter))
-    if (distance == 1).all():
+    irregular = np.flatnonzero(distance != 1)
+    if not len(irregular):
         shifted = _shifted_left(missing, stop - start)
-        step = np.full(len(counter), Step.REGULAR, np.uint8)
-        return Steps(step, distance, counter[stop - 1], shifted, np.empty(0, np.int64))
-    walked = _Walk(counter, start, stop, current, missing, fresh, before, distance)
-    return walked.steps()
+        return Steps(np.full(len(counter), Step.REGULAR, np.uint8), distance, counter[stop - 1], shifted, irregular)
+    return _Walk(counter, start, stop, current, missing, fresh, before, distance).steps(irregular)
 
 
 class _Walk:
@@ -141,67 +134,95 @@ class _Walk:
         self.counter, self.start, self.stop = counter, start, stop
         self.current, self.missing, self.fresh = current, missing, fresh
         self.before, self.distance = before, distance
-        self.by_rule = np.zeros(len(start), np.bool_)  # sequences that are walked one by one in the end
+        # What is walked one by one in the end: whole sequences, and what is around some places.
+        self.by_rule = np.zeros(len(start), np.bool_)
+        self.by_rule_at: list[int] = []
 
-    def steps(self) -> Steps:
-        """Return the steps; call once."""
+    def steps(self, irregular: I64) -> Steps:
+        """Return the steps, given the places where ``distance`` is not 1; call once."""
         after = self.counter[self.stop - 1]
-        late = np.flatnonzero(self.distance >= LATE_FROM)
+        late = irregular[self.distance[irregular] >= LATE_FROM]
         if len(late):
-            few = len(late) * _FEW < len(self.counter)
-            after = self._settle_few(after, late[self.counter[late] > 1]) if few else self._settle(after)
-        step = self._judge()
-        advance = _ADVANCE_OF_DISTANCE[self.distance]
-        advance[self.start[self.fresh]] = 0
-        advance[self.restarted] = _FAR
-        total = np.cumsum(advance, dtype=np.int64)
-        base = np.where(self.start > 0, total[self.start - 1], 0)
-        late = np.flatnonzero(self.distance >= LATE_FROM)
-        taken_at, behind = self._overtaken(late, step, total, base) if len(late) else (late, late)
-        missing = self._missing_after(step, total, base, taken_at, behind)
-        steps = Steps(step, self.distance, after, missing, np.empty(0, np.int64))
-        if self.by_rule.any():
+            if len(late) * _FEW >= len(self.counter) or not self._settle_few(after, late[self.counter[late] > 1]):
+                after = self._settle(after)
+            irregular = np.flatnonzero(self.distance != 1)
+            late = irregular[self.distance[irregular] >= LATE_FROM]
+        step, restarted = self._judge(irregular)
+        heights = _Heights(self._advances(irregular, late, restarted), irregular, len(self.counter))
+        base = np.where(self.start > 0, heights.at(self.start - 1), 0)
+        taken_at, behind = self._overtaken(late, step, heights, base) if len(late) else (late, late)
+        missing = self._missing_after(step, heights, base, taken_at, behind)
+        steps = Steps(step, self.distance, after, missing, irregular)
+        steps.irregular = irregular[step[irregular] != Step.REGULAR]
+        if self.by_rule.any() or self.by_rule_at:
             self._walk_by_rule(steps)
-        steps.irregular = np.flatnonzero(step != Step.REGULAR)
+            steps.irregular = np.flatnonzero(step != Step.REGULAR)
         return steps
 
-    def _judge(self) -> U8:
-        """Tell the steps, taking every late counter for one that was there before."""
-        step = _STEP_OF_DISTANCE[self.distance]
-        lowest = np.flatnonzero(self.counter <= 1)
-        counter, before, distance = self.counter[lowest], self.before[lowest], self.distance[lowest]
-        wraps = (counter == 0) & ((before == EARLY_WRAPS[0]) | (before == EARLY_WRAPS[1]))
-        self.restarted = lowest[(before < 65534) & (distance > 1) & ~wraps]
-        step[lowest[wraps]] = Step.REGULAR
-        step[self.restarted] = Step.RESTART
+    def _judge(self, irregular: I64) -> tuple[U8, I64]:
+        """Tell the steps, taking every late counter for one that was there before; and which are restarts at 0 or 1."""
+        step = np.full(len(self.counter), Step.REGULAR, np.uint8)
+        distance, counter = self.distance[irregular], self.counter[irregular]
+        # GAP, RESTART and LATE are counted down: assigning by masks is slow where many are set.
+        kind = np.uint8(_GAP) - (distance >= 32768).view(np.uint8) * _GAP_TO_RESTART
+        kind -= (distance >= LATE_FROM).view(np.uint8) * _RESTART_TO_LATE
+        kind[distance == 0] = Step.SAME
+        lowest = np.flatnonzero(counter <= 1)
+        before = self.before[irregular[lowest]]
+        wraps = (counter[lowest] == 0) & ((before == EARLY_WRAPS[0]) | (before == EARLY_WRAPS[1]))
+        restarted = lowest[(before < 65534) & (distance[lowest] != 0) & ~wraps]
+        kind[lowest[wraps]] = Step.REGULAR
+        kind[restarted] = Step.RESTART
+        step[irregular] = kind
         step[self.start[self.fresh]] = Step.NONE
-        return step
+        return step, irregular[restarted]
 
-    def _settle_few(self, after: U16, late: I64) -> U16:
-        """Mend ``before`` and ``distance`` behind single late counters; return the last current ones.
+    def _advances(self, irregular: I64, late: I64, restarted: I64) -> U16:
+        """Return by how much the irregular steps move the current counter on; a restart leaves all behind it."""
+        advance = np.minimum(self.distance[irregular], _FAR)
+        advance[np.searchsorted(irregular, late)] = 0
+        advance[np.searchsorted(irregular, restarted)] = _FAR
+        return advance
 
-        Does one by one what ``_settle`` does for all: the current counter stays until one comes that is not late.
+    def _settle_few(self, after: U16, late: I64) -> bool:
+        """Mend ``before``, ``distance`` and ``after`` behind single late counters; False, and nothing, if in long rows.
+
+        Behind a late counter the current one stays, until one comes that is not late.
         """
-        after = after.copy()
-        resume = 0
-        for place, sequence in zip(
-            late.tolist(), (np.searchsorted(self.start, late, "right") - 1).tolist(), strict=True
-        ):
-            if place < resume:
-                continue
-            current, stop = int(self.before[place]), int(self.stop[sequence])
-            at = place
-            while at < stop:
-                counter = int(self.counter[at])
-                distance = (counter - current) & 0xFFFF
-                self.before[at], self.distance[at] = current, distance
-                if distance < LATE_FROM or counter <= 1:
-                    break
-                at += 1
-            else:
-                after[sequence] = current
-            resume = at + 1
-        return after
+        sequence = np.searchsorted(self.start, late, "right") - 1
+        current, stop = self.before[late], self.stop[sequence]
+        resume = late + 1
+        open_ = np.arange(len(late))
+        for _ in range(_MOST_IN_A_ROW):
+            open_ = open_[resume[open_] < stop[open_]]
+            if not len(open_):
+                break
+            counter = self.counter[resume[open_]]
+            resume[open_] += 1
+            open_ = open_[(counter - current[open_] >= LATE_FROM) & (counter > 1)]
+        else:
+            return False
+        # What another late counter has settled already is not looked at again.
+        settled = 0
+        heads = []
+        for head, (place, behind) in enumerate(zip(late.tolist(), resume.tolist(), strict=True)):
+            if place >= settled:
+                heads.append(head)
+                settled = behind
+        late, resume, current = late[heads], resume[heads], current[heads]
+        length = resume - late
+        place = np.arange(int(length.sum())) + np.repeat(late - np.cumsum(length) + length, length)
+        kept = np.repeat(current, length)
+        self.before[place] = kept
+        self.distance[place] = self.counter[place] - kept
+        # A run that goes on to the end of its sequence leaves the current counter there.
+        ends = (resume == stop[heads]) & self._is_late(resume - 1)
+        after[sequence[heads][ends]] = current[ends]
+        return True
+
+    def _is_late(self, place: I64) -> Bool:
+        late: Bool = (self.distance[place] >= LATE_FROM) & (self.counter[place] > 1)
+        return late
 
     def _settle(self, after: U16) -> U16:
         """Mend ``before`` and ``distance`` in the sequences that hold late counters; return the last current ones.
@@ -255,65 +276,132 @@ class _Walk:
         after[concerned] = current[stop - 1]
         return after
 
-    def _overtaken(self, late: I64, step: U8, total: I64, base: I64) -> tuple[I64, I64]:
+    def _overtaken(self, late: I64, step: U8, heights: _Heights, base: I64) -> tuple[I64, I64]:
         """Tell which late counters were missing, and mark the first taker of each as overtaken in ``step``.
 
-        ``total`` is the running sum of the steps forward, ``base`` its value in front of each sequence: the place where
-        it first reaches a late counter's height has either that counter, or the step that passed over it.
+        ``base`` is the height in front of each sequence: the place that first reaches a late counter's height has
+        either that counter, or the step that passed over it.
         Returns, for those marked, the place of that step (−1 − sequence: missing since before), and how far the counter
         is behind the current counter after that step.
         """
         sequence = np.searchsorted(self.start, late, "right") - 1
         counter = self.counter[late]
-        target = total[late] - (65536 - self.distance[late].astype(np.int64))
+        target = heights.at(late) - (65536 - self.distance[late].astype(np.int64))
         restarts = (counter <= 1) & (step[late] == Step.RESTART)
-        target[restarts] += -_FAR  # its own step is in the total
-        place = np.searchsorted(total, target)
+        target[restarts] += -_FAR  # its own step is in the height
+        place = heights.first_reaching(target)
         since = target < base[sequence]
         place[since] = 0
-        passed = ~since & (total[place] > target) & (step[place] == Step.GAP) & (target > base[sequence])
+        top = heights.at(place)
+        passed = ~since & (top > target) & (step[place] == Step.GAP) & (target > base[sequence])
         bit = np.clip(base[sequence] - target - 1, 0, WINDOW - 1).astype(np.uint64)
         was = since & ~self.fresh[sequence] & (base[sequence] - target <= WINDOW)
         was &= (self.missing[sequence] >> bit) & np.uint64(1) == 1
         found = np.flatnonzero(passed | was)
         origin = np.where(since[found], -1 - sequence[found], place[found])
-        behind = np.where(since[found], base[sequence[found]], total[place[found]]) - target[found]
+        behind = np.where(since[found], base[sequence[found]], top[found]) - target[found]
         _, first = np.unique(origin * 65536 + counter[found], return_index=True)
         taker = found[first]
         # A missing 0 or 1 that comes late was taken for a restart above: what follows it is then wrong.
-        self.by_rule[sequence[taker[counter[taker] <= 1]]] = True
+        self.by_rule_at = late[taker[counter[taker] <= 1]].tolist()
         step[late[taker]] = Step.OVERTAKEN
         return origin[first], behind[first]
 
-    def _missing_after(self, step: U8, total: I64, base: I64, taken_at: I64, taken_behind: I64) -> U64:
+    def _missing_after(self, step: U8, heights: _Heights, base: I64, taken_at: I64, taken_behind: I64) -> U64:
         """Return the missing words after the last steps."""
-        end = total[self.stop - 1]
+        end = heights.at(self.stop - 1)
         since_start = end - base
         word = _shifted_left(self.missing, since_start)
         word[self.fresh] = 0
-        after = np.repeat(end, self.stop - self.start) - total
-        gaps = np.flatnonzero((step == Step.GAP) & (after < WINDOW))
-        if len(gaps):
-            sequence = np.searchsorted(self.start, gaps, "right") - 1
-            lost = np.minimum(self.distance[gaps].astype(np.int64) - 1, WINDOW - after[gaps])
-            np.bitwise_or.at(word, sequence, _ones(lost) << after[gaps].astype(np.uint64))
+        # Only the last places of a sequence are within the window.
+        begin = np.maximum(heights.first_reaching(end - WINDOW + 1), self.start)
+        length = self.stop - begin
+        near = np.arange(int(length.sum())) + np.repeat(begin - np.cumsum(length) + length, length)
+        chosen = np.flatnonzero(step[near] == Step.GAP)
+        if len(chosen):
+            gaps, sequence = near[chosen], np.repeat(np.arange(len(length)), length)[chosen]
+            after = end[sequence] - heights.at(gaps)
+            lost = np.minimum(self.distance[gaps].astype(np.int64) - 1, WINDOW - after)
+            np.bitwise_or.at(word, sequence, _ones(lost) << after.astype(np.uint64))
         if len(taken_at):
             since = taken_at < 0
             place = np.maximum(taken_at, 0)
             sequence = np.where(since, -1 - taken_at, np.searchsorted(self.start, place, "right") - 1)
-            behind = taken_behind + np.where(since, since_start[sequence], after[place])
-            near = behind <= WINDOW
-            np.bitwise_and.at(word, sequence[near], ~(np.uint64(1) << (behind[near] - 1).astype(np.uint64)))
+            behind = taken_behind + np.where(since, since_start[sequence], end[sequence] - heights.at(place))
+            close = behind <= WINDOW
+            np.bitwise_and.at(word, sequence[close], ~(np.uint64(1) << (behind[close] - 1).astype(np.uint64)))
         return word
 
     def _walk_by_rule(self, steps: Steps) -> None:
-        for sequence in np.flatnonzero(self.by_rule):
-            part = slice(int(self.start[sequence]), int(self.stop[sequence]))
-            current = None if self.fresh[sequence] else int(self.current[sequence])
-            missing = 0 if self.fresh[sequence] else int(self.missing[sequence])
-            step, distance, after, word = walk_one(self.counter[part].tolist(), current, missing)
-            steps.step[part], steps.distance[part] = step, distance
-            steps.current[sequence], steps.missing[sequence] = after, word
+        """Walk one by one what the bulk may have got wrong."""
+        for sequence in np.flatnonzero(self.by_rule).tolist():
+            self._walk_piece(steps, sequence, int(self.start[sequence]), int(self.stop[sequence]))
+        walked = 0
+        for place in sorted(self.by_rule_at):
+            sequence = int(np.searchsorted(self.start, place, "right")) - 1
+            if place < walked or self.by_rule[sequence]:
+                continue
+            # A restart leaves nothing behind: from the one before, and up to where the rule meets one, all is as it is.
+            start, stop = int(self.start[sequence]), int(self.stop[sequence])
+            restarts = start + np.flatnonzero(steps.step[start:place] == Step.RESTART)
+            begin = int(restarts[-1]) + 1 if len(restarts) else start
+            walked = self._walk_piece(steps, sequence, begin, stop, place)
+
+    def _walk_piece(self, steps: Steps, sequence: int, begin: int, stop: int, place: int = -1) -> int:
+        """Walk from ``begin`` to ``stop``, or to a restart behind ``place`` that is in the steps too; return where.
+
+        Unless at the start of the sequence, ``begin`` is behind a restart. Without a place it goes to ``stop``.
+        """
+        current: int | None = None
+        missing = 0
+        if begin > self.start[sequence]:
+            current = int(self.counter[begin - 1])
+        elif not self.fresh[sequence]:
+            current, missing = int(self.current[sequence]), int(self.missing[sequence])
+        while begin < stop:
+            # Piece by piece: a restart may be near.
+            end = min(stop, max(place + 1, begin) + _PIECE)
+            counters = self.counter[begin:end].tolist()
+            step, distance, current, missing = walk_one(counters, current, missing)
+            common = np.flatnonzero((steps.step[begin:end] == Step.RESTART) & (np.array(step) == Step.RESTART))
+            common = common[common + begin > place] if place >= 0 else common[:0]
+            if len(common):
+                end = begin + int(common[0]) + 1
+            part = slice(begin, end)
+            steps.step[part], steps.distance[part] = step[: end - begin], distance[: end - begin]
+            begin = end
+            if len(common):
+                return end
+        assert current is not None
+        steps.current[sequence], steps.missing[sequence] = current, missing
+        return stop
+
+
+class _Heights:
+    """How far the steps up to each place have moved the current counter on, in numbers that do not wrap.
+
+    Regular steps move it on by 1, so that the others tell everything: ``advance`` are theirs, at ``places`` (rising).
+    """
+
+    def __init__(self, advance: U16, places: I64, count: int) -> None:
+        # In front of the first one stands a step of 0.
+        self._places = np.concatenate([[-1], places])
+        self._heights = np.concatenate([[0], places + 1 + np.cumsum(advance.astype(np.int64) - 1)])
+        self._count = count
+
+    def at(self, place: I64) -> I64:
+        """Return the heights at places; 0 at -1."""
+        known = np.searchsorted(self._places, place, "right") - 1
+        height: I64 = self._heights[known] + place - self._places[known]
+        return height
+
+    def first_reaching(self, height: I64) -> I64:
+        """Return the first place of at least each height; the number of places where there is none."""
+        above = np.searchsorted(self._heights, height)
+        below = np.maximum(above - 1, 0)
+        place = self._places[below] + np.maximum(height - self._heights[below], 0)
+        first: I64 = np.minimum(place, np.append(self._places, self._count)[above])
+        return first
 
 
 def _within_epoch(top: I64) -> I64:

@@ -10,19 +10,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U64, Bool, PacketBatch
+from dissectors.batch import I64, U64, PacketBatch
 from dissectors.netvar import (
     CHECKSUM_INVALID,
     HEADER,
     IDENTITY_ASCII,
     RESERVED_FLAGS,
-    Dissection,
     Fault,
     PortRules,
     Service,
     TelegramBatch,
-    dissect,
 )
+from dissectors.varieties import NO_TELEGRAM, SortedPackets, Sorter
 from nvscope.tracker.acknowledgement import TIMEOUT_NS, Acknowledgement, Messages
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.consistency import Consistency
@@ -30,13 +29,13 @@ from nvscope.tracker.counters import DiagError
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.flows import Flows, Kind, kinds
+from nvscope.tracker.flows import Flows, Kind
 from nvscope.tracker.loss import Loss
 from nvscope.tracker.recent import Recent
 from nvscope.tracker.rows import DataRows, StreamMemory
 from nvscope.tracker.timing import Timing
 
-MAX_BATCH = 1 << 16
+MAX_BATCH = 1 << 17
 
 FAULT_CODES = {
     Fault.SHORT: 101,
@@ -80,7 +79,7 @@ class TrackerState:
     """
 
     def __init__(self, timeout_ns: int = TIMEOUT_NS, ports: PortRules | None = None) -> None:
-        self.ports = ports
+        self._sorter = Sorter(ports)
         self.frames = 0
         self.telegrams = 0
         self.data_telegrams = 0
@@ -106,30 +105,22 @@ class TrackerState:
     def observe(self, packets: PacketBatch) -> None:
         """Take the packets that follow those observed so far."""
         for start in range(0, len(packets), MAX_BATCH):
-            part = packets[start : start + MAX_BATCH]
-            self._observe(part, dissect(part, self.ports))
+            self._observe(self._sorter.sort(packets[start : start + MAX_BATCH]))
 
-    def _observe(self, packets: PacketBatch, dissection: Dissection) -> None:
+    def _observe(self, batch: SortedPackets) -> None:
         first_frame = self.frames + 1
-        self._observe_frames(packets, dissection, first_frame)
-        telegrams = dissection.telegrams
-        kind = kinds(telegrams)
-        frame = telegrams.datagram.row + first_frame
-        of_list = kind != Kind.PARAMETER
-        if not of_list.all():
-            self._observe_parameters(telegrams.take(~of_list), frame[~of_list])
-            telegrams, kind, frame = telegrams.take(of_list), kind[of_list], frame[of_list]
-        flow = self.flows.observe(telegrams, kind, frame)
-        errors = self._observe_quoted(dissection.quoted, first_frame)
+        self._observe_frames(batch, first_frame)
+        count = self.flows.observe(batch, first_frame)
+        errors = self._observe_quoted(batch.quoted, first_frame)
         self.lists.resize(len(self.flows.lists))
-        self._observe_headers(telegrams, kind, flow, frame)
-        errors += self._observe_lists(packets, telegrams, kind, flow, first_frame)
+        self._observe_headers(batch, first_frame)
+        errors += self._observe_lists(batch, count, first_frame)
         self.errors.observe(errors, len(self.flows.lists))
-        self.frames += len(packets)
-        self.telegrams += len(dissection.telegrams)
+        self.frames += len(batch)
+        self.telegrams += len(batch) - int(count[NO_TELEGRAM])
 
-    def _observe_frames(self, packets: PacketBatch, dissection: Dissection, first_frame: int) -> None:
-        time_ns = packets.ts_ns
+    def _observe_frames(self, batch: SortedPackets, first_frame: int) -> None:
+        time_ns = batch.packets.ts_ns
         before = np.empty_like(time_ns)
         before[1:] = time_ns[:-1]
         before[0] = time_ns[0] if self.last_ns is None else self.last_ns
@@ -142,47 +133,34 @@ class TrackerState:
         self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
         self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)
         self.last_ns = int(time_ns[-1])
-        self.fragments += dissection.peeled.fragments
-        unsupported = dissection.peeled.unsupported
-        if unsupported is not None:
-            for link, count in zip(*np.unique(packets.link[unsupported], return_counts=True), strict=True):
+        self.fragments += batch.fragments
+        if batch.unsupported is not None:
+            links = batch.packets.link[batch.unsupported]
+            for link, count in zip(*np.unique(links, return_counts=True), strict=True):
                 self.unsupported[int(link)] = self.unsupported.get(int(link), 0) + int(count)
 
-    def _observe_parameters(self, telegrams: TelegramBatch, frame: I64) -> None:
-        """Note what is wrong with telegrams of the Parameter Manager, which belong to no list."""
-        nobody = np.full(len(telegrams), -1)
-        node = self.flows.nodes.numbers(telegrams.datagram.source_hi, telegrams.datagram.source_lo)
-        self._log_headers(telegrams, np.zeros(len(telegrams), np.bool_), nobody, node, nobody, frame)
-
-    def _observe_headers(self, telegrams: TelegramBatch, kind: U8, flow: I64, frame: I64) -> None:
+    def _observe_headers(self, batch: SortedPackets, first_frame: int) -> None:
         """Note what is wrong with headers, and count truncated telegrams."""
-        header = telegrams.header
-        reserved = (header["flags"] & RESERVED_FLAGS) != 0
-        odd = np.flatnonzero(
-            (telegrams.fault != Fault.NONE) | reserved | (header["identity"] == IDENTITY_ASCII) | telegrams.truncated
-        )
+        ours, theirs = self.flows.varieties, batch.varieties
+        if not ours.column("odd").any():
+            return
+        odd = np.flatnonzero(ours.odd[batch.variety])
         if not len(odd):
             return
-        reserved &= kind <= Kind.BOOT_UP_REQUEST
-        columns = self.flows.columns
-        lists, place, source = columns.list[flow[odd]], columns.place[flow[odd]], columns.source[flow[odd]]
-        subindex = self.flows.places.low[place].astype(np.int64)
-        part = telegrams.take(odd)
-        self._log_headers(part, reserved[odd], lists, source, subindex, frame[odd])
-        np.add.at(self.lists.truncated, lists[part.truncated], 1)
-
-    def _log_headers(
-        self, telegrams: TelegramBatch, reserved: Bool, lists: I64, node: I64, subindex: I64, frame: I64
-    ) -> None:
-        masks = [(code, telegrams.fault == fault) for fault, code in FAULT_CODES.items()]
+        variety = batch.variety[odd]
+        kind, node, lists, subindex = ours.kind[variety], ours.node[variety], ours.list[variety], ours.subindex[variety]
+        header, fault, truncated = theirs.header[variety], theirs.fault[variety], theirs.truncated[variety]
+        reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= Kind.BOOT_UP_REQUEST)
+        masks = [(code, fault == kind_of_fault) for kind_of_fault, code in FAULT_CODES.items()]
         masks.append((RESERVED_FLAGS_CODE, reserved))
-        masks.append((ASCII_CODE, telegrams.header["identity"] == IDENTITY_ASCII))
-        masks.append((TRUNCATED_CODE, telegrams.truncated))
+        masks.append((ASCII_CODE, header["identity"] == IDENTITY_ASCII))
+        masks.append((TRUNCATED_CODE, truncated))
         for code, mask in masks:
             row = np.flatnonzero(mask)
-            if not len(row):
-                continue
-            self._log(code, lists[row], node[row], subindex[row], telegrams.ts_ns[row], frame[row])
+            if len(row):
+                when, frame = batch.packets.ts_ns[odd[row]], odd[row] + first_frame
+                self._log(code, lists[row], node[row], subindex[row], when, frame)
+        np.add.at(self.lists.truncated, lists[truncated & (lists >= 0)], 1)
 
     def _log(self, code: int, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
         self.events.record(*finding_key(code, lists, node, subindex), time_ns, frame)
@@ -211,38 +189,45 @@ class TrackerState:
             errors.append(ErrorEvents(error, True, lists[row], node[row], quoted.ts_ns[row], frame[row]))
         return errors
 
-    def _observe_lists(
-        self, packets: PacketBatch, telegrams: TelegramBatch, kind: U8, flow: I64, first_frame: int
-    ) -> list[ErrorEvents]:
-        acknowledgements = self._messages(telegrams, kind == Kind.ACKNOWLEDGEMENT, flow)
-        requests = self._messages(telegrams, kind == Kind.BOOT_UP_REQUEST, flow)
-        data = np.flatnonzero(kind == Kind.DATA)
-        flow = flow if len(data) == len(flow) else flow[data]
-        rows = self.memory.rows(telegrams, data, self.flows.columns.stream[flow], self.flows)
-        errors = self._observe_answers(packets, rows, acknowledgements, requests, first_frame)
+    def _observe_lists(self, batch: SortedPackets, count: I64, first_frame: int) -> list[ErrorEvents]:
+        acknowledgements = self._messages(batch, count, Kind.ACKNOWLEDGEMENT)
+        requests = self._messages(batch, count, Kind.BOOT_UP_REQUEST)
+        rows = self.memory.rows(batch, count, self.flows)
+        errors = self._observe_answers(batch, rows, acknowledgements, requests, first_frame)
         if len(rows):
             self.data_telegrams += len(rows)
             self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
-            own, node_gaps = self.loss.observe(rows, self.flows, first_frame)
-            usual, ends, interval = self.timing.observe(rows, own, node_gaps, len(self.flows.streams), first_frame)
-            if len(ends):
-                self.recent.observe(rows.stream[ends], rows.time_ns[ends], interval)
-            self.cycles.observe(rows, rows.counter, usual, self.timing.columns.usual_ns, self.flows, first_frame)
-            errors.append(self._observe_consistency(rows, flow, first_frame))
+            own, nodes = self.loss.observe(batch, rows, self.flows, first_frame)
+            intervals = self.timing.observe(rows, own, nodes, len(self.flows.streams), first_frame)
+            if len(intervals.stream):
+                self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
+            usual_ns = self.timing.columns.usual_ns
+            self.cycles.observe(rows, rows.counter, intervals.usual, usual_ns, self.flows, first_frame)
+            errors.append(self._observe_consistency(rows, first_frame))
         return errors
 
-    def _messages(self, telegrams: TelegramBatch, mine: Bool, flow: I64) -> Messages:
-        row = np.flatnonzero(mine)
-        flow, columns = flow[row], self.flows.columns
+    def _messages(self, batch: SortedPackets, count: I64, kind: Kind) -> Messages:
+        """Pick the telegrams of one kind that is not DATA."""
+        varieties, flows = self.flows.varieties, self.flows.columns
+        mine = varieties.column("kind") == kind
+        row = np.flatnonzero(mine[batch.variety]) if count[mine].any() else np.empty(0, np.int64)
+        number = np.flatnonzero(mine)
+        place, destination = varieties.place[number], flows.destination[varieties.flow[number]]
+        target = np.full(len(varieties), -1)
+        # Nobody's stream has the number of a broadcast's destination.
+        target[number] = self.flows.streams.find(place.astype(np.uint64), destination.view(np.uint64))
+        variety = batch.variety[row]
+        flow = varieties.flow[variety]
         return Messages(
-            telegrams.datagram.row[row], telegrams.ts_ns[row], columns.list[flow], columns.place[flow],
-            columns.source[flow], columns.destination[flow], telegrams.header["flags"][row],
+            row, batch.packets.ts_ns[row], flows.list[flow], flows.place[flow], flows.source[flow],
+            flows.destination[flow], target[variety], batch.varieties.header["flags"][variety],
         )  # fmt: skip
 
     def _observe_answers(
-        self, packets: PacketBatch, rows: DataRows, acknowledgements: Messages, requests: Messages, first_frame: int
+        self, batch: SortedPackets, rows: DataRows, acknowledgements: Messages, requests: Messages, first_frame: int
     ) -> list[ErrorEvents]:
-        answers = self.acknowledgement.observe(rows, acknowledgements, requests, packets.ts_ns, self.flows, first_frame)
+        time_ns = batch.packets.ts_ns
+        answers = self.acknowledgement.observe(rows, acknowledgements, requests, time_ns, self.flows, first_frame)
         places = self.flows.places
         stream, time_ns, frame = answers.missing
         if len(stream):
@@ -266,15 +251,15 @@ class TrackerState:
             np.add.at(self.lists.bootup_unanswered, waits.list, 1)
         return answers.errors
 
-    def _observe_consistency(self, rows: DataRows, flow: I64, first_frame: int) -> ErrorEvents:
-        """Note changes of shape, checksum and flags; ``flow`` is that of each data telegram as captured."""
+    def _observe_consistency(self, rows: DataRows, first_frame: int) -> ErrorEvents:
+        """Note changes of shape, checksum and flags."""
         changed, mismatch, strange = self.consistency.observe(rows, self.flows)
         for code, place in ((SHAPE_CODE, changed), (CHECKSUM_CODE, mismatch), (FLAGS_CODE, strange)):
             if len(place):
                 row = place[np.argsort(rows.packet[place])]
                 lists, node, subindex = self.described(rows.stream[row])
                 self._log(code, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
-        np.add.at(self.flows.columns.mismatches, flow[rows.order[mismatch]], 1)
+        np.add.at(self.flows.columns.mismatches, self.flows.varieties.flow[rows.variety[mismatch]], 1)
         lists, node, _ = self.described(rows.stream[mismatch])
         frame = rows.packet[mismatch] + first_frame
         return ErrorEvents(DiagError.CHECKSUM, True, lists, node, rows.time_ns[mismatch], frame)

@@ -13,8 +13,7 @@ from nvscope.tracker import address
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.errors import LastError
-from nvscope.tracker.flows import Kind
-from nvscope.tracker.rows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT
+from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, Kind
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.timing import Histogram
 

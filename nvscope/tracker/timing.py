@@ -15,11 +15,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool
-from nvscope.tracker.columns import Columns, runs_of
+from dissectors.batch import I64, Bool
+from nvscope.tracker.columns import Columns
 from nvscope.tracker.events import EventLog
+from nvscope.tracker.loss import NodeSteps
 from nvscope.tracker.rows import DataRows
-from nvscope.tracker.sequence import Step
+from nvscope.tracker.sequence import Step, Steps
 from nvscope.units import divide
 
 LEARNED_INTERVALS = 8
@@ -70,6 +71,19 @@ class IntervalColumns(Columns):
     }
 
 
+@dataclass(frozen=True, slots=True)
+class Intervals:
+    """The intervals of a batch: of which stream, ending when, how long; columns of shape (n,).
+
+    ``usual`` tells of each row of the batch whether it ended one, while the stream's usual interval was known.
+    """
+
+    usual: Bool
+    stream: I64
+    time_ns: I64
+    interval_ns: I64
+
+
 class Timing:
     """The intervals of all streams.
 
@@ -81,50 +95,40 @@ class Timing:
         self.unusual = EventLog()
         self.large_squares: dict[int, int] = {}
 
-    def observe(self, rows: DataRows, own: U8, node_gaps: I64, streams: int, first_frame: int) -> tuple[Bool, I64, I64]:
-        """Take the intervals of a batch; ``own`` are the streams' steps, ``node_gaps`` the nodes' gaps so far, by row.
-
-        Returns the rows that end an interval of a stream whose usual one was known before; and the rows that end an
-        interval at all, with their intervals.
-        """
+    def observe(self, rows: DataRows, own: Steps, nodes: NodeSteps, streams: int, first_frame: int) -> Intervals:
+        """Take the intervals of a batch, of whose telegrams ``own`` and ``nodes`` are the steps."""
         columns = self.columns
         columns.resize(streams)
-        skipped = (own == Step.LATE) | (own == Step.OVERTAKEN)
+        step = own.step[own.irregular]
+        skipped = (step == Step.LATE) | (step == Step.OVERTAKEN)
         if rows.repeated is not None:
-            skipped |= (own == Step.SAME) & rows.repeated
-        kept = np.flatnonzero(~skipped) if skipped.any() else None
-        time_ns = rows.time_ns if kept is None else rows.time_ns[kept]
-        stream = rows.stream if kept is None else rows.stream[kept]
-        start, stop = (rows.start, rows.stop) if kept is None else runs_of(stream)
-        run = stream[start]
+            skipped |= (step == Step.SAME) & rows.repeated[own.irregular]
+        kept = _Kept(rows, own.irregular[skipped])
+        run, start, last = kept.run, kept.start, kept.stop - 1
+        time_ns = np.delete(rows.time_ns, kept.absent) if len(kept.absent) else rows.time_ns
         interval = np.empty_like(time_ns)
         interval[1:] = time_ns[1:] - time_ns[:-1]
         interval[start] = time_ns[start] - columns.last_ns[run]
+        columns.last_ns[run] = time_ns[last]
+        loss = _LossBefore(kept, own, nodes, columns.node_gaps[run])
+        columns.node_gaps[run] = nodes.gaps(kept.rows(last))
+        ends = kept
         fresh = columns.count[run] < 0
-        columns.last_ns[run] = time_ns[stop - 1]
-        gaps = node_gaps if kept is None else node_gaps[kept]
-        gaps_before = np.empty_like(gaps)
-        gaps_before[1:] = gaps[:-1]
-        gaps_before[start] = columns.node_gaps[run]
-        columns.node_gaps[run] = gaps[stop - 1]
-        loss = (own if kept is None else own[kept]) == Step.GAP
-        loss = loss * np.uint8(LOSS_OF_STREAM) | (gaps != gaps_before) * np.uint8(LOSS_OF_NODE)
         if fresh.any():
+            # The first telegram of a stream ends no interval.
             columns.count[run[fresh]] = 0
-            real = np.ones(len(interval), np.bool_)
-            real[start[fresh]] = False
-            kept = np.flatnonzero(real) if kept is None else kept[real]
-            interval, stream, loss = interval[real], stream[real], loss[real]
-            start, stop = runs_of(stream)
-            run = stream[start]
-        usual = np.zeros(len(rows), np.bool_)
-        if len(interval):
-            self._add(interval, stream, start, stop, run)
-            learned = self._sort_in(rows, kept, interval, stream, start, run, loss, first_frame)
-            usual[slice(None) if kept is None else kept] = True if learned is None else ~learned
-        return usual, np.arange(len(rows)) if kept is None else kept, interval
+            ends = _Kept(rows, np.union1d(kept.absent, kept.rows(start[fresh])))
+            interval, time_ns = np.delete(interval, start[fresh]), np.delete(time_ns, start[fresh])
+        usual = np.ones(len(rows), np.bool_)
+        usual[ends.absent] = False
+        if not len(interval):
+            return Intervals(usual, np.empty(0, np.int64), time_ns, interval)
+        stream = np.repeat(ends.run, ends.stop - ends.start)
+        self._add(interval, stream, ends.start, ends.run)
+        usual[ends.rows(self._sort_in(rows, ends, interval, stream, loss, first_frame))] = False
+        return Intervals(usual, stream, time_ns, interval)
 
-    def _add(self, interval: I64, stream: I64, start: I64, stop: I64, run: I64) -> None:
+    def _add(self, interval: I64, stream: I64, start: I64, run: I64) -> None:
         columns = self.columns
         columns.total_ns[run] += np.add.reduceat(interval, start)
         columns.least_ns[run] = np.minimum(columns.least_ns[run], np.minimum.reduceat(interval, start))
@@ -147,52 +151,49 @@ class Timing:
         columns.squares[run] = squares
 
     def _sort_in(
-        self, rows: DataRows, kept: I64 | None, interval: I64, stream: I64, start: I64, run: I64, loss: U8,
-        first_frame: int,
-    ) -> Bool | None:  # fmt: skip
-        """Put intervals into the buckets; return which of them were learned from, None where none was."""
+        self, rows: DataRows, ends: _Kept, interval: I64, stream: I64, loss: _LossBefore, first_frame: int
+    ) -> I64:
+        """Put intervals into the buckets; return the places of those that were learned from."""
         columns = self.columns
+        run, length = ends.run, ends.stop - ends.start
         before = columns.count[run]
-        length = np.diff(np.append(start, len(interval)))
         columns.count[run] += length
         young = before < LEARNED_INTERVALS
-        learned = self._learn(interval, start, length, run, before, young) if young.any() else None
+        learned = self._learn(interval, ends.start, length, run, before, young)
         bucket = bucket_of(interval)
         dense = bucket - np.repeat(columns.first_bucket[run], length)
         outside = dense.view(np.uint64) >= DENSE_BUCKETS
-        if learned is not None:
-            outside |= learned
+        outside[learned] = True
         place = np.flatnonzero(outside)
-        counted = stream * DENSE_BUCKETS + dense
-        counted[place] = columns.dense.size - 1  # taken back below: cheaper than leaving them out
+        dense += stream * DENSE_BUCKETS
+        dense[place] = columns.dense.size - 1  # taken back below: cheaper than leaving them out
         flat = columns.dense.ravel()
-        np.add.at(flat, counted, 1)
+        np.add.at(flat, dense, 1)
         flat[-1] -= len(place)
-        if not len(place):
-            return learned
-        row = place if kept is None else kept[place]
-        key = (bucket[place] + _BUCKET_OFFSET) << 2 | loss[place]
-        order = np.argsort(rows.packet[row], kind="stable")  # as they happened, so that new keys come in that order
-        row, key, place = row[order], key[order], place[order]
-        self.unusual.record(
-            stream[place].astype(np.uint64), key.astype(np.uint64), rows.time_ns[row], rows.packet[row] + first_frame
-        )
+        if len(place):
+            row = ends.rows(place)
+            # As they happened, so that new keys come in that order.
+            order = np.argsort(rows.packet[row])
+            row, place = row[order], place[order]
+            key = (bucket[place] + _BUCKET_OFFSET) << 2 | loss.bits(row)
+            when, frame = rows.time_ns[row], rows.packet[row] + first_frame
+            self.unusual.record(stream[place].astype(np.uint64), key.astype(np.uint64), when, frame)
         return learned
 
-    def _learn(self, interval: I64, start: I64, length: I64, run: I64, before: I64, young: Bool) -> Bool:
-        """Take the first intervals of young streams, place their dense buckets, and return which rows these are."""
+    def _learn(self, interval: I64, start: I64, length: I64, run: I64, before: I64, young: Bool) -> I64:
+        """Take the first intervals of young streams, place their dense buckets, and return the places of these."""
         columns = self.columns
-        learned = np.zeros(len(interval), np.bool_)
+        learned = [np.empty(0, np.int64)]
         for place in np.flatnonzero(young).tolist():
             number, known, first = int(run[place]), int(before[place]), int(start[place])
             taken = min(LEARNED_INTERVALS - known, int(length[place]))
             columns.learned[number, known : known + taken] = interval[first : first + taken]
-            learned[first : first + taken] = True
+            learned.append(np.arange(first, first + taken))
             if known + taken == LEARNED_INTERVALS:
                 median = np.sort(columns.learned[number])[LEARNED_INTERVALS // 2 : LEARNED_INTERVALS // 2 + 1]
                 columns.usual_ns[number] = max(int(median[0]), 1)
                 columns.first_bucket[number] = bucket_of(np.maximum(median * 3 // 4, 1))[0]
-        return learned
+        return np.concatenate(learned)
 
     def histograms(self) -> Histograms:
         """Return the histograms of all streams, as they are now."""
@@ -218,6 +219,49 @@ class Timing:
         if 4 * scaled > twice * twice or (4 * scaled == twice * twice and root % 2):
             root += 1
         return root
+
+
+class _Kept:
+    """The rows of a batch without some, ``absent`` (rising), counted anew.
+
+    ``start`` and ``stop`` bound the runs of one stream that is left, ``run``.
+    """
+
+    def __init__(self, rows: DataRows, absent: I64) -> None:
+        self.absent = absent
+        bounds = np.append(rows.start, len(rows))
+        bounds -= np.searchsorted(absent, bounds)
+        left = np.flatnonzero(bounds[1:] > bounds[:-1])
+        self.run, self.start, self.stop = rows.run_stream[left], bounds[left], bounds[left + 1]
+        self._absent_place = absent - np.arange(len(absent))
+
+    def rows(self, place: I64) -> I64:
+        """Return the rows that places are."""
+        rows: I64 = place + np.searchsorted(self._absent_place, place, "right")
+        return rows
+
+    def places(self, row: I64) -> I64:
+        """Return the places of rows that are not absent."""
+        places: I64 = row - np.searchsorted(self.absent, row)
+        return places
+
+
+class _LossBefore:
+    """Tells where telegrams were lost since the one kept before; ``gaps`` are the node's at that of each run."""
+
+    def __init__(self, kept: _Kept, own: Steps, nodes: NodeSteps, gaps: I64) -> None:
+        self._kept, self._own, self._nodes, self._gaps = kept, own, nodes, gaps
+
+    def bits(self, row: I64) -> I64:
+        """Return the loss bits of rows."""
+        kept = self._kept
+        place = kept.places(row)
+        run = np.searchsorted(kept.start, place, "right") - 1
+        begins = kept.start[run] == place
+        before = np.where(begins, self._gaps[run], self._nodes.gaps(kept.rows(np.maximum(place - 1, 0))))
+        of_stream = self._own.step[row] == Step.GAP
+        bits: I64 = of_stream * LOSS_OF_STREAM | (self._nodes.gaps(row) != before) * LOSS_OF_NODE
+        return bits
 
 
 class Histograms:

@@ -1,0 +1,310 @@
+"""Varieties: what telegrams have in common is taken apart once, and a telegram is told by its number.
+
+A plant sends the same telegrams again and again: of a stream, only time, Counter and data change. A packet whose
+headers are those of an earlier one but for such fields is therefore not taken apart, it is recognised; ``dissect`` sees
+the first of each kind, and everything that is not of the plain shape. What comes out is the same as if it saw them all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from dissectors.batch import I64, U8, U16, U64, Bool, LinkType, PacketBatch, Records
+from dissectors.keys import KeyTable
+from dissectors.layout import gather_bytes
+from dissectors.link import (
+    ETHERNET,
+    IPV4,
+    NO_DATAGRAMS,
+    PROTOCOL_ICMP,
+    PROTOCOL_UDP,
+    TYPE_IPV4,
+    TYPE_IPV6,
+    UDP,
+    VLAN_TYPES,
+    DatagramBatch,
+)
+from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, Fault, PortRules, TelegramBatch, dissect
+
+NO_TELEGRAM = 0
+"""The variety of packets that hold no telegram."""
+
+MOST_VARIETIES = 1 << 16
+"""With more than these, what was learned is let go: traffic in which nothing recurs must not fill the memory."""
+
+PLAIN = np.dtype([(layout.name, layout.dtype) for layout in (ETHERNET, IPV4, UDP, HEADER)])
+"""The headers of nearly all telegrams: Ethernet without tag, IPv4 without options, UDP, 3S-0."""
+
+# Two bytes in front of a packet make the headers a row of 64 bytes, whose 64-bit words part no field.
+_LEAD_BYTES = 64 - PLAIN.itemsize
+_WORD = np.dtype("<u8")
+_WORDS = 64 // _WORD.itemsize
+_ROW = np.dtype([("lead", f"V{_LEAD_BYTES}"), *((name, PLAIN[name]) for name in PLAIN.names or ())])
+_BLOCK = 1 << 14  # a block of rows stays in the cache while its columns are made
+_UNKNOWN, _PECULIAR = -1, -2
+
+_KEY = (
+    (("ip", "version_ihl", 0), ("ip", "protocol", 8), ("ip", "total_length", 16), ("ip", "fragment", 48),
+     ("eth", "group", 54)),
+    (("ip", "source", 0), ("ip", "destination", 32)),
+    (("udp", "length", 0), ("udp", "destination_port", 16), ("nv", "identity", 32)),
+    (("nv", "id", 0), ("nv", "index", 32), ("nv", "subindex", 48)),
+    (("nv", "items", 0), ("nv", "length", 16), ("eth", "type", 32), ("nv", "flags", 48), ("nv", "checksum", 56)),
+)  # fmt: skip
+"""What tells packets of the plain shape apart: the fields in the words of their key, and the bit where each begins."""
+
+_PARTLY = {("ip", "fragment"): 0x3FFF, ("eth", "group"): 1}
+_CAPTURED_BIT, _MOST_CAPTURED = 32, 0xFFFF
+"""Where in the first word of the key it stands how much was captured, and from what on that is not told apart."""
+
+
+@dataclass(slots=True)
+class _Part:
+    """Bits of a word of the row, and how far they are moved to their place in a word of the key."""
+
+    word: int
+    left: int
+    mask: int
+
+    def of(self, words: U64) -> U64:
+        """Return these bits, where they belong in a column of the key."""
+        bits: U64 = words[self.word]
+        if self.left:
+            bits = bits << np.uint64(self.left) if self.left > 0 else bits >> np.uint64(-self.left)
+        moved = (1 << 64) - 1 << self.left if self.left > 0 else (1 << 64) - 1 >> -self.left
+        if moved & ~self.mask & (1 << 64) - 1:
+            bits = bits & np.uint64(self.mask)
+        return bits
+
+
+def _parts(fields_of_word: tuple[tuple[str, str, int], ...]) -> list[_Part]:
+    """Find the fields of one word of the key in the row; what is moved equally far is one part."""
+    found: dict[tuple[int, int], _Part] = {}
+    for layout, name, to_bit in fields_of_word:
+        row = np.zeros(1, _ROW)
+        row[layout][name] = _PARTLY.get((layout, name), np.iinfo(_ROW[layout][name]).max)
+        words = row.view(_WORD)
+        word = int(np.flatnonzero(words)[0])
+        offset = int(_ROW.fields[layout][1]) + int(_ROW[layout].fields[name][1])  # type: ignore[index]  # structured
+        left = to_bit - 8 * (offset - word * _WORD.itemsize)
+        mask = int(words[word]) << left if left > 0 else int(words[word]) >> -left
+        part = found.setdefault((word, left), _Part(word, left, 0))
+        part.mask |= mask
+    return list(found.values())
+
+
+_KEY_PARTS = [_parts(fields_of_word) for fields_of_word in _KEY]
+_IDENTITY_WORD, _IDENTITY_SHIFT = 2, np.uint64(32)
+_COUNTER_WORD, _COUNTER_SHIFT = 7, np.uint64(32)
+
+
+@dataclass(frozen=True, slots=True)
+class SortedPackets:
+    """A packet batch, told by varieties.
+
+    ``variety`` int64 (``NO_TELEGRAM`` where there is none) and ``counter`` uint16 have one entry a packet; what a
+    variety is stands in ``varieties``. ``quoted`` is as in ``dissectors.netvar.Dissection``, ``fragments`` and
+    ``unsupported`` are as in ``dissectors.link.Peeled``.
+    """
+
+    packets: PacketBatch
+    varieties: Varieties
+    variety: I64
+    counter: U16
+    quoted: TelegramBatch
+    fragments: int
+    unsupported: Bool | None
+
+    def __len__(self) -> int:
+        return len(self.variety)
+
+
+class Varieties:
+    """What the telegrams of each variety have in common.
+
+    ``datagram``, ``header`` and ``fault`` are columns as of a ``TelegramBatch``, with one row a variety;
+    ``datagram.payload`` is relative to the packet's first byte. Of no use are ``datagram.row``, the source port and
+    Counter, and, where too little was captured, the fields behind SubIndex. Row 0 is ``NO_TELEGRAM``.
+    """
+
+    def __init__(self) -> None:
+        self._keys = KeyTable(8)
+        nothing = np.zeros(1, np.int64)
+        self.datagram = DatagramBatch(
+            *(nothing.astype(getattr(NO_DATAGRAMS, column.name).dtype) for column in fields(DatagramBatch))
+        )
+        self.header: Records = np.zeros(1, HEADER.dtype)
+        self.fault: U8 = np.zeros(1, np.uint8)
+
+    def __len__(self) -> int:
+        return len(self.fault)
+
+    @property
+    def truncated(self) -> Bool:
+        """Tell of which varieties less was captured than sent."""
+        return self.datagram.captured_bytes < self.datagram.payload_bytes
+
+    def numbers(self, telegrams: TelegramBatch, packets: PacketBatch) -> I64:
+        """Return the variety of each telegram of a packet batch, adding those that are new. Shape (n,)."""
+        datagram = telegrams.datagram
+        relative = datagram.payload - packets.offset[datagram.row]
+        service = telegrams.header.view(_HEADER_WORDS)
+        tail = service["tail"].astype(np.uint64)
+        place = service["place"].copy()
+        cut = np.flatnonzero((telegrams.fault == Fault.HEADER_CUT) | (telegrams.fault == Fault.SHORT))
+        place[cut] &= np.uint64(0xFFFFFFFF)
+        tail[cut] = 0
+        found = self._keys.numbers(
+            datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo,
+            service["service"].astype(np.uint64), place,
+            _packed((datagram.destination_port, 0), (tail, 16), (datagram.broadcast, 32)),
+            _packed((datagram.payload_bytes, 0), (datagram.captured_bytes, 16), (relative, 32)),
+        )  # fmt: skip
+        found += 1
+        fresh = np.flatnonzero(found >= len(self))
+        if len(fresh):
+            first = _first_rows(found[fresh] - len(self), len(self._keys) + 1 - len(self))
+            part = telegrams.take(fresh[first])
+            common = replace(part.datagram, payload=relative[fresh[first]])
+            self.datagram = DatagramBatch(
+                *(
+                    np.concatenate([getattr(self.datagram, column.name), getattr(common, column.name)])
+                    for column in fields(DatagramBatch)
+                )
+            )
+            self.header = np.concatenate([self.header, part.header])
+            self.fault = np.concatenate([self.fault, part.fault])
+        return found
+
+
+_HEADER_WORDS = np.dtype(
+    {
+        "names": ["service", "place", "tail"],
+        "formats": ["<u8", "<u8", "<u2"],
+        "offsets": [0, HEADER.offset_of("index"), HEADER.offset_of("flags")],
+        "itemsize": HEADER.size_bytes,
+    }
+)
+
+
+class Sorter:
+    """Tells packets by varieties, which it learns as they come; ``ports`` as for ``dissect``."""
+
+    def __init__(self, ports: PortRules | None = None) -> None:
+        self._ports = ports
+        self._renew()
+
+    def _renew(self) -> None:
+        self._varieties = Varieties()
+        self._headers = KeyTable(len(_KEY))
+        # By number of the headers; the last entry is that of headers without a number.
+        self._variety_of = np.array([_UNKNOWN])
+
+    def sort(self, packets: PacketBatch) -> SortedPackets:
+        """Tell a packet batch by varieties. Total, as ``dissect`` is.
+
+        The numbers of one ``Varieties`` object stay; when it has become too large, there is a new one.
+        """
+        if max(len(self._varieties), len(self._headers)) > MOST_VARIETIES:
+            self._renew()
+        packets = packets.with_margin(_LEAD_BYTES)
+        variety = np.zeros(len(packets), np.int64)
+        counter = np.zeros(len(packets), np.uint16)
+        rest: I64 | None = None
+        if self._ports is None and packets.single_link == LinkType.ETHERNET:
+            for start in range(0, len(packets), _BLOCK):
+                part = slice(start, start + _BLOCK)
+                self._recognise(packets[part], variety[part], counter[part])
+            rest = np.flatnonzero(variety < 0)
+            variety[rest] = NO_TELEGRAM
+            counter[rest] = 0
+            rest = rest[_may_hold_telegrams(_heads(packets, rest))]
+        dissection = dissect(packets, self._ports, rest)
+        telegrams = dissection.telegrams
+        if len(telegrams):
+            row = telegrams.datagram.row
+            variety[row] = self._varieties.numbers(telegrams, packets)
+            counter[row] = telegrams.header["counter"]
+        peeled = dissection.peeled
+        return SortedPackets(
+            packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, peeled.unsupported
+        )
+
+    def _recognise(self, packets: PacketBatch, variety: I64, counter: U16) -> None:
+        """Fill in what can be told of packets at sight; elsewhere the variety is ``_UNKNOWN`` or ``_PECULIAR``."""
+        rows = gather_bytes(packets.data, packets.offset - _LEAD_BYTES, 64)
+        words = np.ascontiguousarray(rows.view(_WORD).reshape(-1, _WORDS).T)
+        counter[:] = words[_COUNTER_WORD] >> _COUNTER_SHIFT
+        key = np.empty((len(_KEY), len(packets)), np.uint64)
+        for column, (first, *others) in enumerate(_KEY_PARTS):
+            key[column] = first.of(words)
+            for part in others:
+                key[column] |= part.of(words)
+        captured = np.minimum(packets.captured, _MOST_CAPTURED)
+        key[0] |= captured.astype(np.uint64) << np.uint64(_CAPTURED_BIT)
+        number = self._headers.find(*key)
+        unknown = np.flatnonzero(number < 0)
+        if len(unknown):
+            identity = key[_IDENTITY_WORD][unknown] >> _IDENTITY_SHIFT
+            told = (captured[unknown] >= PLAIN.itemsize) & (captured[unknown] < _MOST_CAPTURED)
+            fresh = unknown[((identity == IDENTITY) | (identity == IDENTITY_ASCII)) & told]
+            if len(fresh):
+                number[fresh] = self._headers.add(*(word[fresh] for word in key))
+                self._learn(packets, fresh, number[fresh])
+        variety[:] = self._variety_of[number]
+
+    def _learn(self, packets: PacketBatch, rows: I64, number: I64) -> None:
+        """Find out what the packets are whose headers have new numbers."""
+        known = len(self._variety_of) - 1
+        first = rows[_first_rows(number - known, len(self._headers) - known)]
+        learned = np.where(_is_plain(_heads(packets, first)), NO_TELEGRAM, _PECULIAR)
+        telegrams = dissect(packets, None, first).telegrams
+        place = np.searchsorted(first, telegrams.datagram.row)
+        plain = np.flatnonzero(learned[place] == NO_TELEGRAM)
+        learned[place[plain]] = self._varieties.numbers(telegrams.take(plain), packets)
+        self._variety_of = np.concatenate([self._variety_of[:-1], learned, [_UNKNOWN]])
+
+
+def _heads(packets: PacketBatch, rows: I64) -> Records:
+    """Return the headers of some packets, as if they were of the plain shape."""
+    return gather_bytes(packets.data, packets.offset[rows], PLAIN.itemsize).view(PLAIN)
+
+
+def _first_rows(number: I64, bound: int) -> I64:
+    """Return where each of the numbers 0 … bound − 1, which all occur, stands first."""
+    first = np.empty(bound, np.int64)
+    # Assigned backwards, so that the first one is what stays.
+    first[number[::-1]] = np.arange(len(number))[::-1]
+    return first
+
+
+def _packed(*parts: tuple[I64 | U16 | U64 | Bool, int]) -> U64:
+    """Return one word a row, with each column at its bit."""
+    packed = np.zeros(len(parts[0][0]), np.uint64)
+    for column, bit in parts:
+        packed |= column.astype(np.uint64) << np.uint64(bit)
+    return packed
+
+
+def _is_plain(head: Records) -> Bool:
+    """Tell which frames have the plain shape, so that their headers tell everything about them."""
+    ip = head["ip"]
+    plain: Bool = head["eth"]["type"] == TYPE_IPV4
+    plain &= (ip["version_ihl"] == 0x45) & (ip["protocol"] == PROTOCOL_UDP) & ((ip["fragment"] & 0x3FFF) == 0)
+    return plain
+
+
+def _may_hold_telegrams(head: Records) -> Bool:
+    """Tell which frames may hold a telegram, or quote one, in other than the plain shape."""
+    ethertype = head["eth"]["type"].astype(np.uint16)
+    tagged = np.zeros(len(head), np.bool_)
+    for known in (TYPE_IPV6, *VLAN_TYPES):
+        tagged |= ethertype == known
+    ip, identity = head["ip"], head["nv"]["identity"]
+    simple = (ip["version_ihl"] == 0x45) & ((ip["fragment"] & 0x3FFF) == 0)
+    told = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
+    idle = simple & (ip["protocol"] != PROTOCOL_ICMP) & ((ip["protocol"] != PROTOCOL_UDP) | ~told)
+    may: Bool = tagged | ((ethertype == TYPE_IPV4) & ~idle)
+    return may

@@ -1,0 +1,87 @@
+"""Telling packets by varieties is the same as dissecting each of them, for any traffic, cut and memory."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import dissectors.varieties
+from dissectors.batch import PacketBatch
+from dissectors.link import DatagramBatch
+from dissectors.netvar import Fault, PortRules, dissect
+from dissectors.varieties import NO_TELEGRAM, Sorter
+from tests.oracle.frame import Frame
+from tests.oracle.traffic import generate, mutate
+from tests.packets import batch_of
+
+LEFT_OPEN = {"row", "payload", "source_port"}
+
+
+def traffic(seed: int) -> list[Frame]:
+    frames = generate(seed, frames=300, link=[1, 1, 1, None][seed % 4])
+    return mutate(seed, frames) if seed % 2 else frames
+
+
+def check(sorter: Sorter, packets: PacketBatch, ports: PortRules | None = None) -> None:
+    """Compare what is told of each packet with what dissecting the whole batch finds."""
+    told = sorter.sort(packets)
+    expected = dissect(packets, ports)
+    telegrams = expected.telegrams
+    row = telegrams.datagram.row
+    assert np.flatnonzero(told.variety != NO_TELEGRAM).tolist() == row.tolist()
+    variety = told.variety[row]
+    assert told.varieties.fault[variety].tolist() == telegrams.fault.tolist()
+    assert told.varieties.truncated[variety].tolist() == telegrams.truncated.tolist()
+    for column in fields(DatagramBatch):
+        if column.name not in LEFT_OPEN:
+            found = getattr(told.varieties.datagram, column.name)[variety]
+            assert found.tolist() == getattr(telegrams.datagram, column.name).tolist(), column.name
+    whole = (telegrams.fault != Fault.HEADER_CUT) & (telegrams.fault != Fault.SHORT)
+    header = told.varieties.header[variety]
+    for name in header.dtype.names or ():
+        if name == "counter":
+            assert told.counter[row][whole].tolist() == telegrams.header[name][whole].tolist()
+        else:
+            known = slice(None) if name in ("identity", "id", "index", "subindex") else whole
+            assert header[name][known].tolist() == telegrams.header[name][known].tolist(), name
+    at = told.packets.offset[row] + told.varieties.datagram.payload[variety]
+    for place, (start, length) in enumerate(zip(at, telegrams.datagram.captured_bytes, strict=True)):
+        assert told.packets.data[start : start + length].tobytes() == telegrams.payload(place)
+    assert told.fragments == expected.peeled.fragments
+    assert told.quoted.datagram.row.tolist() == expected.quoted.datagram.row.tolist()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_told_is_dissected(seed: int) -> None:
+    packets = batch_of(traffic(seed))
+    sorter = Sorter()
+    check(sorter, packets)
+    check(sorter, packets)  # all recognised now
+    for begin in range(0, len(packets), 37):
+        check(sorter, packets[begin : begin + 37])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_little_memory_changes_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dissectors.varieties, "MOST_VARIETIES", 5)
+    packets = batch_of(traffic(seed))
+    sorter = Sorter()
+    for begin in range(0, len(packets), 11):
+        check(sorter, packets[begin : begin + 11])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ports_decided_by_hand(seed: int) -> None:
+    packets = batch_of(traffic(seed))
+    ports = PortRules(telegrams=(53, 1300), others=(1202,))
+    check(Sorter(ports), packets, ports)
+
+
+def test_traffic_in_which_nothing_recurs_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dissectors.varieties, "MOST_VARIETIES", 50)
+    sorter = Sorter()
+    for seed in range(20):
+        told = sorter.sort(batch_of(mutate(seed, generate(seed, frames=40, link=1))))
+        assert len(told.varieties) <= 50 + 40 + 1
