@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, U64, Bool, LinkType, PacketBatch, Records
+from dissectors.batch import I32, I64, U8, U16, U64, Bool, LinkType, PacketBatch, Records
 from dissectors.keys import KeyTable
 from dissectors.layout import gather_bytes
 from dissectors.link import (
@@ -46,18 +46,21 @@ _BLOCK = 1 << 14  # a block of rows stays in the cache while its columns are mad
 _UNKNOWN, _PECULIAR = -1, -2
 
 _KEY = (
-    (("ip", "version_ihl", 0), ("ip", "protocol", 8), ("ip", "total_length", 16), ("ip", "fragment", 48),
-     ("eth", "group", 54)),
     (("ip", "source", 0), ("ip", "destination", 32)),
-    (("udp", "length", 0), ("udp", "destination_port", 16), ("nv", "identity", 32)),
     (("nv", "id", 0), ("nv", "index", 32), ("nv", "subindex", 48)),
     (("nv", "items", 0), ("nv", "length", 16), ("eth", "type", 32), ("nv", "flags", 48), ("nv", "checksum", 56)),
+    (("udp", "length", 0), ("udp", "destination_port", 16), ("nv", "identity", 32)),
+    (("ip", "version_ihl", 0), ("ip", "protocol", 8), ("ip", "total_length", 16), ("ip", "fragment", 48),
+     ("eth", "group", 54)),
 )  # fmt: skip
-"""What tells packets of the plain shape apart: the fields in the words of their key, and the bit where each begins."""
+"""What tells packets of the plain shape apart: the fields in the words of their key, and the bit where each begins.
+
+The first two words are those that nearly always do.
+"""
 
 _PARTLY = {("ip", "fragment"): 0x3FFF, ("eth", "group"): 1}
-_CAPTURED_BIT, _MOST_CAPTURED = 32, 0xFFFF
-"""Where in the first word of the key it stands how much was captured, and from what on that is not told apart."""
+_CAPTURED_WORD, _CAPTURED_BIT, _MOST_CAPTURED = 4, 32, 0xFFFF
+"""Where in the key it stands how much was captured, and from what on that is not told apart."""
 
 
 @dataclass(slots=True)
@@ -96,7 +99,7 @@ def _parts(fields_of_word: tuple[tuple[str, str, int], ...]) -> list[_Part]:
 
 
 _KEY_PARTS = [_parts(fields_of_word) for fields_of_word in _KEY]
-_IDENTITY_WORD, _IDENTITY_SHIFT = 2, np.uint64(32)
+_IDENTITY_WORD, _IDENTITY_SHIFT = 3, np.uint64(32)
 _COUNTER_WORD, _COUNTER_SHIFT = 7, np.uint64(32)
 
 
@@ -210,17 +213,15 @@ class Sorter:
         if max(len(self._varieties), len(self._headers)) > MOST_VARIETIES:
             self._renew()
         packets = packets.with_margin(_LEAD_BYTES)
-        variety = np.zeros(len(packets), np.int64)
-        counter = np.zeros(len(packets), np.uint16)
         rest: I64 | None = None
         if self._ports is None and packets.single_link == LinkType.ETHERNET:
-            for start in range(0, len(packets), _BLOCK):
-                part = slice(start, start + _BLOCK)
-                self._recognise(packets[part], variety[part], counter[part])
+            variety, counter = self._recognise(packets)
             rest = np.flatnonzero(variety < 0)
             variety[rest] = NO_TELEGRAM
             counter[rest] = 0
             rest = rest[_may_hold_telegrams(_heads(packets, rest))]
+        else:
+            variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
         dissection = dissect(packets, self._ports, rest)
         telegrams = dissection.telegrams
         if len(telegrams):
@@ -232,28 +233,27 @@ class Sorter:
             packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, peeled.unsupported
         )
 
-    def _recognise(self, packets: PacketBatch, variety: I64, counter: U16) -> None:
-        """Fill in what can be told of packets at sight; elsewhere the variety is ``_UNKNOWN`` or ``_PECULIAR``."""
-        rows = gather_bytes(packets.data, packets.offset - _LEAD_BYTES, 64)
-        words = np.ascontiguousarray(rows.view(_WORD).reshape(-1, _WORDS).T)
-        counter[:] = words[_COUNTER_WORD] >> _COUNTER_SHIFT
-        key = np.empty((len(_KEY), len(packets)), np.uint64)
-        for column, (first, *others) in enumerate(_KEY_PARTS):
-            key[column] = first.of(words)
-            for part in others:
-                key[column] |= part.of(words)
-        captured = np.minimum(packets.captured, _MOST_CAPTURED)
-        key[0] |= captured.astype(np.uint64) << np.uint64(_CAPTURED_BIT)
-        number = self._headers.find(*key)
-        unknown = np.flatnonzero(number < 0)
-        if len(unknown):
-            identity = key[_IDENTITY_WORD][unknown] >> _IDENTITY_SHIFT
-            told = (captured[unknown] >= PLAIN.itemsize) & (captured[unknown] < _MOST_CAPTURED)
-            fresh = unknown[((identity == IDENTITY) | (identity == IDENTITY_ASCII)) & told]
+    def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
+        """Return the varieties that the headers of packets tell (or ``_UNKNOWN``, ``_PECULIAR``), and the counters."""
+        number, counter = np.empty(len(packets), np.int64), np.empty(len(packets), np.uint16)
+        for start in range(0, len(packets), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            words = _words(packets.data, packets.offset[part])
+            number[part] = self._headers.find_usual(*_keys(words, packets.captured[part]))
+            counter[part] = words[_COUNTER_WORD] >> _COUNTER_SHIFT
+        other = np.flatnonzero(number < 0)
+        if len(other):
+            captured = packets.captured[other]
+            key = _keys(_words(packets.data, packets.offset[other]), captured)
+            identity = key[_IDENTITY_WORD] >> _IDENTITY_SHIFT
+            told = (captured >= PLAIN.itemsize) & (captured < _MOST_CAPTURED)
+            told &= (identity == IDENTITY) | (identity == IDENTITY_ASCII)
+            known, other = len(self._headers), other[told]
+            number[other] = self._headers.numbers(*(word[told] for word in key))
+            fresh = other[number[other] >= known]
             if len(fresh):
-                number[fresh] = self._headers.add(*(word[fresh] for word in key))
                 self._learn(packets, fresh, number[fresh])
-        variety[:] = self._variety_of[number]
+        return self._variety_of[number], counter
 
     def _learn(self, packets: PacketBatch, rows: I64, number: I64) -> None:
         """Find out what the packets are whose headers have new numbers."""
@@ -265,6 +265,25 @@ class Sorter:
         plain = np.flatnonzero(learned[place] == NO_TELEGRAM)
         learned[place[plain]] = self._varieties.numbers(telegrams.take(plain), packets)
         self._variety_of = np.concatenate([self._variety_of[:-1], learned, [_UNKNOWN]])
+
+
+def _words(data: U8, offset: I64) -> U64:
+    """Return the rows of headers at some offsets as columns of words, of shape (``_WORDS``, n)."""
+    rows = gather_bytes(data, offset - _LEAD_BYTES, _WORDS * _WORD.itemsize)
+    words: U64 = np.ascontiguousarray(rows.view(_WORD).reshape(-1, _WORDS).T)
+    return words
+
+
+def _keys(words: U64, captured: I32) -> U64:
+    """Return the keys of headers as columns, of shape (words of ``_KEY``, n)."""
+    key = np.empty((len(_KEY), words.shape[1]), np.uint64)
+    for column, (first, *others) in enumerate(_KEY_PARTS):
+        key[column] = first.of(words)
+        for part in others:
+            key[column] |= part.of(words)
+    told = np.minimum(captured, _MOST_CAPTURED).astype(np.uint64)
+    key[_CAPTURED_WORD] |= told << np.uint64(_CAPTURED_BIT)
+    return key
 
 
 def _heads(packets: PacketBatch, rows: I64) -> Records:

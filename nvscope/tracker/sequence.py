@@ -386,7 +386,12 @@ class _Heights:
     def __init__(self, advance: U16, places: I64, count: int) -> None:
         # In front of the first one stands a step of 0.
         self._places = np.concatenate([[-1], places])
-        self._heights = np.concatenate([[0], places + 1 + np.cumsum(advance.astype(np.int64) - 1)])
+        moved = advance.astype(np.int64)
+        moved -= 1  # more than a regular step
+        self._heights = np.zeros(len(places) + 1, np.int64)
+        np.cumsum(moved, out=self._heights[1:])
+        self._heights += self._places
+        self._heights += 1
         self._count = count
 
     def at(self, place: I64) -> I64:
