@@ -76,7 +76,9 @@ class Cycles:
         run_pair = self.streams.pair[rows.run_stream]
         length = rows.stop - rows.start
         taken = np.repeat(columns.streams[run_pair] > 1, length) & usual
-        taken &= rows.packet + first_frame >= np.repeat(columns.active_from[run_pair], length)
+        active_from = columns.active_from[run_pair]
+        if ((active_from > first_frame) & (active_from < NEVER)).any():
+            taken &= rows.packet + first_frame >= np.repeat(active_from, length)
         row = np.flatnonzero(taken)
         if not len(row):
             return
@@ -85,9 +87,8 @@ class Cycles:
         order = stable_order(pair, len(self.pairs))
         row, pair = row[order], pair[order]
         start, stop = runs_of(pair)
-        place = flows.place_of(rows.stream[row])
-        subindex = flows.places.low[place].astype(np.int64)
-        half_ns = interval_ns[rows.stream[row]] // 2
+        subindex = flows.varieties.subindex[rows.variety[row]]
+        half_ns = (interval_ns // 2)[rows.stream[row]]
         self._cut(pair, start, stop, subindex, counter[row], rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
 
     def _number(self, rows: DataRows, flows: Flows, first_frame: int) -> None:
