@@ -54,7 +54,7 @@ def report(
     from nvscope.view.document import report_document
 
     keep_freed_memory()
-    source = open_source(paths, batch_packets=1 << 16)
+    source = open_source(paths)
     with ProgressBar(source, quiet=quiet) as progress:
         state = track(source, ports=ports, timeout_ns=timeout_ns, progress=progress)
     summary = summarize(state)
