@@ -184,6 +184,8 @@ def measure(command: list[str], core: int, output: Path | None = None) -> Run:
             stdin=subprocess.DEVNULL,
             stdout=out,
             stderr=errors,
+            # As a person has it: with Python's modules compiled once, whatever is set where this runs.
+            env={name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
         )
         os.sched_setaffinity(0, elsewhere)
         sampler = MemorySampler(process.pid)
