@@ -13,6 +13,7 @@ Bytes from the wire never raise one of these: what is wrong with them is a value
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 
 
@@ -33,19 +34,21 @@ class NvscopeError(Exception):
     """Base of all errors of nvscope.
 
     ``what`` happened, ``where`` (file, offset, line; may be empty), and what to do ``next_step`` (may be empty).
+    ``excerpt`` are lines of what is wrong with a mark beneath, safe to be shown as they are (may be empty).
     """
 
     exit_code = ExitCode.BUG
 
-    def __init__(self, what: str, *, where: str = "", next_step: str = "") -> None:
+    def __init__(self, what: str, *, where: str = "", next_step: str = "", excerpt: Sequence[str] = ()) -> None:
         super().__init__(what)
         self.what = what
         self.where = where
         self.next_step = next_step
+        self.excerpt = tuple(excerpt)
 
     def __str__(self) -> str:
         head = f"{self.where}: {self.what}" if self.where else self.what
-        return f"{head}\n  {self.next_step}" if self.next_step else head
+        return "\n  ".join([head, *self.excerpt, *filter(None, [self.next_step])])
 
 
 class UsageError(NvscopeError):

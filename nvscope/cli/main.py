@@ -11,6 +11,7 @@ import typer
 
 from nvscope import __version__
 from nvscope.cli.explain import explain
+from nvscope.cli.keys import keys
 from nvscope.cli.packets import packets
 from nvscope.cli.report import report
 from nvscope.cli.simulate import simulate
@@ -24,7 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for verb in (report, packets, explain, simulate):
+for verb in (report, packets, explain, keys, simulate):
     app.command()(verb)
 
 
@@ -101,5 +102,7 @@ def _show(error: NvscopeError) -> None:
 
     where = f"{visible(error.where)}: " if error.where else ""
     print(f"nvscope: {where}{visible(error.what)}", file=sys.stderr)
+    for line in error.excerpt:
+        print(f"  {line}", file=sys.stderr)
     if error.next_step:
         print(f"  {visible(error.next_step)}", file=sys.stderr)

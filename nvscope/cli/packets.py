@@ -13,7 +13,9 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
+    from dissectors.batch import Bool
     from nvscope.report.packets.records import Face
+    from nvscope.view.display_filter import DisplayFilter
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
 Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
@@ -49,8 +51,19 @@ def packets(
             "-E", metavar="NAME=VALUE", help="For -T fields: header=y|n, separator=/t|/s|CHARACTER, quote=d|s|n."
         ),
     ] = None,
+    wanted: Annotated[
+        str | None,
+        typer.Option(
+            "-Y",
+            "--filter",
+            metavar="EXPR",
+            help="Show only telegrams for which it holds, such as 'nv.index == 7 && nv.flags.ack'; in Wireshark's "
+            "syntax, over the fields of `nvscope keys --fields`.",
+        ),
+    ] = None,
     count: Annotated[
-        int | None, typer.Option("-c", "--count", min=1, metavar="N", help="Stop after N telegrams.")
+        int | None,
+        typer.Option("-c", "--count", min=1, metavar="N", help="Stop after reading N telegrams, shown or not."),
     ] = None,
     moment: Annotated[Moment, typer.Option("-t", "--time", help=_MOMENT_HELP)] = "r",
     decode: DecodeOption = None,
@@ -60,21 +73,29 @@ def packets(
     """Show the telegrams of a capture one by one: as lines, trees, bytes, or as records for programs.
 
     A line has frame number, time, sender and receiver, list and SubIndex, service, items, Length, Counter, flags, and
-    what is wrong. Exits with 3 where a capture could not be read to its end.
+    what is wrong. -Y chooses among them. Exits with 3 where a capture could not be read to its end.
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
     face = _face(output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour))
 
+    chosen_by = _display_filter(wanted)
+
     from nvscope import units
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
-    from nvscope.view.telegrams import Telegrams
+    from nvscope.view.telegrams import TelegramRows, Telegrams
 
     source = open_source(paths)
-    telegrams = Telegrams(source, ports=ports, limit=count)
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
+
+        def choose(rows: TelegramRows) -> Bool:
+            progress()  # where nothing is shown, nothing else moves the bar
+            assert chosen_by
+            return chosen_by(rows)
+
+        telegrams = Telegrams(source, ports=ports, limit=count, chosen=choose if chosen_by else None)
         out.write(face.begin())
         for rows in telegrams:
             for text in face.render(rows):
@@ -88,10 +109,21 @@ def packets(
         typer.echo(
             f"nvscope: {frames}, no telegram of network variables; `nvscope report` tells what to check.", err=True
         )
+    elif not telegrams.shown:
+        read_count = units.count_of(telegrams.telegrams, "telegram")
+        typer.echo(f"nvscope: {read_count} read, the filter chooses none of them.", err=True)
     if telegrams.fragments:
         typer.echo(f"nvscope: {units.count_of(telegrams.fragments, 'IP fragment')}, not put together.", err=True)
     if tell_of_losses(source.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)
+
+
+def _display_filter(text: str | None) -> DisplayFilter | None:
+    if text is None:
+        return None
+    from nvscope.view.display_filter import DisplayFilter
+
+    return DisplayFilter(text)
 
 
 def _face(

@@ -8,61 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from enum import Enum
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from dissectors.batch import I64, U8, U64, Bool
+from dissectors.batch import I64, Bool
 from dissectors.layout import Bit, Field
 from dissectors.link import IPV4_HIGH, IPV4_LOW, UDP
 from dissectors.netvar import HEADER, KNOWN_SERVICE, LEAST_CAPTURED_BYTES, Fault
 from nvscope.errors import UsageError
+from nvscope.expression.columns import (
+    AddressColumn,
+    BytesColumn,
+    Column,
+    FieldType,
+    Named,
+    Numbers,
+    TextColumn,
+)
+from nvscope.expression.names import nearest
 from nvscope.view.escape import visible
 from nvscope.view.telegrams import TelegramRows
-
-
-class FieldType(Enum):
-    """What kind of value a field has, and with it the shape of its column."""
-
-    UNSIGNED = "unsigned"
-    TIME = "time"
-    DURATION = "duration"
-    ADDRESS = "address"
-    BYTES = "bytes"
-    BOOL = "bool"
-    TEXT = "text"
-
-
-@dataclass(frozen=True, slots=True)
-class AddressColumn:
-    """Addresses as two uint64 halves, as the dissectors give them."""
-
-    high: U64
-    low: U64
-
-
-@dataclass(frozen=True, slots=True)
-class BytesColumn:
-    """Bytes of ``data`` from ``start`` up to ``stop``, int64."""
-
-    data: U8
-    start: I64
-    stop: I64
-
-
-@dataclass(frozen=True, slots=True)
-class TextColumn:
-    """Texts as int64 positions in a table of all that occur."""
-
-    code: I64
-    texts: tuple[str, ...]
-
-
-Numbers = npt.NDArray[Any]
-Column = Numbers | AddressColumn | BytesColumn | TextColumn
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,19 +55,10 @@ def find_field(name: str) -> TelegramField:
     """Return the field of a name, in any case; UsageError, with the nearest names, where there is none."""
     field = FIELDS.get(name.strip().lower())
     if field is None:
-        raise UsageError(f"no field is called {visible(name)!s}", next_step=_nearest(name.strip().lower()))
+        if parts := EITHER_OF.get(name.strip().lower()):
+            raise UsageError(f"{name.strip()} is for -Y only", next_step=f"write -e {' -e '.join(parts)}")
+        raise UsageError(f"no field is called {visible(name)!s}", next_step=nearest(name, FIELDS))
     return field
-
-
-def _nearest(wanted: str) -> str:
-    from difflib import get_close_matches  # noqa: PLC0415
-
-    short = {name.partition(".")[2]: name for name in FIELDS}
-    near = get_close_matches(wanted, FIELDS, n=3) + [short[part] for part in get_close_matches(wanted, short, n=3)]
-    near += [name for name in FIELDS if len(wanted) > 2 and wanted in name]
-    if near:
-        return "perhaps " + ", ".join(list(dict.fromkeys(near))[:5])
-    return "the fields are " + ", ".join(FIELDS)
 
 
 def _header_fields() -> Iterator[TelegramField]:
@@ -280,3 +237,15 @@ DEFAULT_FIELDS = (
     *(field for field in _TABLE if field.name.startswith(f"{HEADER.name}.")),
 )
 """What is written where nobody says which fields are wanted."""
+
+EITHER_OF = MappingProxyType({"ip.addr": ("ip.src", "ip.dst"), "udp.port": ("udp.srcport", "udp.dstport")})
+"""Names that expressions know beside the fields: each stands for the fields of both sides."""
+
+EXPRESSION_NAMES = MappingProxyType(
+    {
+        **{name: Named(field.type) for name, field in FIELDS.items()},
+        **{name: Named(FIELDS[parts[0]].type, parts) for name, parts in EITHER_OF.items()},
+        "frame.time_delta_displayed": Named(_DURATION, refused="what is displayed is still to be decided"),
+    }
+)
+"""What a display filter may name."""

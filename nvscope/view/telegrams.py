@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,17 +67,28 @@ class TelegramRows:
 class Telegrams:
     """The telegrams of a source as ``TelegramRows``; iterate once.
 
-    ``ports`` decides by hand what is read as telegrams. After ``limit`` telegrams the source is not read further.
+    ``ports`` decides by hand what is read as telegrams. After ``limit`` telegrams the source is not read further,
+    whether they were ``chosen`` or not; the others are left out, and count as not shown.
     Pieces are small in telegrams and in bytes, so that text made of one of them stays small too. ``frames``,
-    ``telegrams`` and ``fragments`` (IP fragments, which are not put together) count what has been read so far.
+    ``telegrams`` and ``fragments`` (IP fragments, which are not put together) count what has been read so far,
+    ``shown`` the telegrams that were chosen.
     """
 
-    def __init__(self, source: Source, *, ports: PortRules | None = None, limit: int | None = None) -> None:
+    def __init__(
+        self,
+        source: Source,
+        *,
+        ports: PortRules | None = None,
+        limit: int | None = None,
+        chosen: Callable[[TelegramRows], Bool] | None = None,
+    ) -> None:
         self._source = source
         self._ports = ports
         self._limit = limit
+        self._chosen = chosen
         self.frames = 0
         self.telegrams = 0
+        self.shown = 0
         self.fragments = 0
 
     def __iter__(self) -> Iterator[TelegramRows]:
@@ -95,14 +106,22 @@ class Telegrams:
             rows = TelegramRows(telegrams, packets, self.frames, start_ns, frame_before_ns, shown_before_ns)
             self.frames += len(packets)
             frame_before_ns = int(packets.ts_ns[-1])
-            for piece in _pieces(rows):
-                room = len(piece) if self._limit is None else self._limit - self.telegrams
-                part = piece if room >= len(piece) else piece.take(np.arange(room))
-                self.telegrams += len(part)
-                yield replace(part, shown_before_ns=shown_before_ns)
-                if self.telegrams == self._limit:
-                    return
-                shown_before_ns = int(part.telegrams.ts_ns[-1])
+            room = len(rows) if self._limit is None else self._limit - self.telegrams
+            if room < len(rows):
+                rows = rows.take(np.arange(room))
+            self.telegrams += len(rows)
+            for piece in _pieces(self._choose(rows)):
+                self.shown += len(piece)
+                yield replace(piece, shown_before_ns=shown_before_ns)
+                shown_before_ns = int(piece.telegrams.ts_ns[-1])
+            if self.telegrams == self._limit:
+                return
+
+    def _choose(self, rows: TelegramRows) -> TelegramRows:
+        if self._chosen is None or not len(rows):
+            return rows
+        mask = self._chosen(rows)
+        return rows if mask.all() else rows.take(mask)
 
 
 def _pieces(rows: TelegramRows) -> Iterator[TelegramRows]:

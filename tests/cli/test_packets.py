@@ -110,6 +110,11 @@ def test_no_telegrams_are_no_error(form: str, expected: bytes) -> None:
         (["-T", "csv", "-E", "header=y"], b"-T fields"),
         (["-e", "nv.id", "-E", "separator="], b"separator=/t"),
         (["-c", "0"], b"x>=1"),
+        (["-Y", "nv.indx"], b"column 1: no field is called nv.indx\n  nv.indx\n  ^^^^^^^\n  perhaps nv.index"),
+        (["-Y", "nv.index = 7\x1b[2J"], b"equal is written =="),
+        (["-Y", ""], b"the expression is empty"),
+        (["-Y", "frame.time_delta_displayed > 1"], b"still to be decided"),
+        (["-e", "udp.port"], b"-e udp.srcport -e udp.dstport"),
         (["-t", "x"], b"'ud'"),
         (["-d", "tcp.port==1,nvl"], b"udp.port==PORT"),
     ],
@@ -148,6 +153,36 @@ def test_fields_with_header_and_separator() -> None:
     assert done.stdout == b"frame.number,nv.index\n3,3\n4,1\n"
 
 
+@pytest.mark.parametrize("form", [[], ["-T", "csv"], ["-T", "ndjson"], ["-e", "frame.number", "-e", "nv.index"]])
+def test_a_filter_leaves_out_lines_and_changes_none(form: list[str]) -> None:
+    everything = packets(PEERS, *form).stdout.decode().splitlines()
+    done = packets(PEERS, *form, "-Y", "nv.index in {1..1000} && !(nv.index == 7)", "-t", "r")
+    assert (done.returncode, done.stderr) == (0, b"")
+    chosen = done.stdout.decode().splitlines()
+    numbers = packets(PEERS, "-e", "frame.number", "-Y", "nv.index == 7").stdout.split()
+    assert 0 < len(chosen) < len(everything)
+    assert len(chosen) + len(numbers) == len(everything)
+    assert set(chosen) <= set(everything)
+
+
+def test_trees_and_arrays_of_what_is_chosen() -> None:
+    done = packets(PEERS, "-Y", "nv.index == 7 && nv.subindex == 0", "-T", "json")
+    assert {entry["nv.subindex"] for entry in json.loads(done.stdout)} == {0}
+    tree = packets(PEERS, "-Y", "frame.number == 14", "-V").stdout
+    assert tree == packets(PEERS, "-Y", "nv.index == 7", "-c", "12", "-V").stdout.split(b"\n\n")[0] + b"\n\n"
+
+
+def test_a_count_counts_what_is_read_as_in_tshark() -> None:
+    assert len(packets(PEERS, "-Y", "nv.index == 7", "-c", "20").stdout.splitlines()) == 3
+
+
+@pytest.mark.parametrize(("form", "expected"), [("text", b""), ("fields", b""), ("json", b"[]\n")])
+def test_a_filter_that_chooses_nothing_says_so(form: str, expected: bytes) -> None:
+    done = packets(PEERS, "-Y", "nv.index == 12345", "-T", form, *(["-e", "nv.id"] if form == "fields" else []))
+    assert (done.returncode, done.stdout) == (0, expected)
+    assert done.stderr == b"nvscope: 862 telegrams read, the filter chooses none of them.\n"
+
+
 def test_several_files_are_one_capture() -> None:
     numbers = packets(PEERS, PEERS, "-e", "frame.number").stdout.split()
     assert len(numbers) == 2 * 862
@@ -178,7 +213,8 @@ def test_a_short_capture_needs_no_heavy_library(form: list[str]) -> None:
         "import sys\n"
         "from nvscope.cli.main import app\n"
         f"app(['packets', {PEERS!r}, *{form!r}], standalone_mode=False)\n"
-        "print({'scapy', 'can', 'mcap', 'rich', 'textual', 'zstandard', 'lz4'} & set(sys.modules), file=sys.stderr)\n"
+        "heavy = {'scapy', 'can', 'mcap', 'rich', 'textual', 'zstandard', 'lz4', 'lark', 'defusedxml'}\n"
+        "print(heavy & set(sys.modules), file=sys.stderr)\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     assert done.stderr == b"set()\n"

@@ -23,13 +23,14 @@ from dissectors.netvar import HEADER
 from nvscope.capture.open import open_source
 from nvscope.capture.source import Source, SourceInfo
 from nvscope.errors import UsageError
+from nvscope.expression.columns import FieldType, TextColumn
 from nvscope.report.ansi import paint
 from nvscope.report.packets import moments
 from nvscope.report.packets.hexdump import dump
 from nvscope.report.packets.line import LineWriter, Moment
 from nvscope.report.packets.records import Csv, Face, JsonArray, JsonLines, SeparatedFields, separation
 from nvscope.report.packets.text import Text
-from nvscope.view.fields import DEFAULT_FIELDS, FIELDS, FieldType, TelegramField, TextColumn
+from nvscope.view.fields import DEFAULT_FIELDS, FIELDS, TelegramField
 from nvscope.view.layers import layers
 from nvscope.view.table import Tone, display_width
 from nvscope.view.telegrams import TelegramRows, Telegrams

@@ -13,16 +13,9 @@ from dissectors.batch import PacketBatch
 from dissectors.netvar import HEADER, PortRules
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import UsageError
+from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.tracker import address
-from nvscope.view.fields import (
-    DEFAULT_FIELDS,
-    FIELDS,
-    AddressColumn,
-    BytesColumn,
-    FieldType,
-    TextColumn,
-    find_field,
-)
+from nvscope.view.fields import DEFAULT_FIELDS, FIELDS, find_field
 from nvscope.view.telegrams import TelegramRows, Telegrams
 from tests.oracle.frame import Datagram, Frame, peel
 from tests.oracle.traffic import LINKS, generate, mutate

@@ -8,17 +8,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from dissectors.batch import Bool
+from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, Numbers, TextColumn
 from nvscope.report.packets import moments
 from nvscope.tracker import address
 from nvscope.view.escape import visible
-from nvscope.view.fields import (
-    AddressColumn,
-    BytesColumn,
-    FieldType,
-    Numbers,
-    TelegramField,
-    TextColumn,
-)
+from nvscope.view.fields import TelegramField
 from nvscope.view.telegrams import TelegramRows
 
 _BITS = ("0", "1")

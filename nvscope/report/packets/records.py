@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from nvscope.errors import UsageError
+from nvscope.expression.columns import FieldType
 from nvscope.report.packets import cells
 from nvscope.view.escape import csv_safe, visible
-from nvscope.view.fields import FieldType, TelegramField
+from nvscope.view.fields import TelegramField
 from nvscope.view.telegrams import TelegramRows
 
 Quote = Literal["", "'", '"']

@@ -17,11 +17,12 @@ from dissectors.layout import Field, Layout
 from dissectors.link import PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
 from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS
 from nvscope import units
+from nvscope.expression.columns import FieldType
 from nvscope.report.packets import cells, moments, words
 from nvscope.report.packets.fit import cut
 from nvscope.report.packets.hexdump import dump
 from nvscope.tracker import address
-from nvscope.view.fields import FIELDS, FieldType
+from nvscope.view.fields import FIELDS
 from nvscope.view.layers import Layer, layers, values
 from nvscope.view.table import Cell, Line, Tone
 from nvscope.view.telegrams import TelegramRows

@@ -1,0 +1,30 @@
+"""``nvscope keys``: the names that expressions and -e know."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.errors import UsageError
+
+
+def keys(
+    fields: Annotated[bool, typer.Option("--fields", help="List every field, with its type and what it is.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="The same for programs.")] = False,
+    colour: ColourOption = "auto",
+) -> None:
+    """List the fields that a display filter (-Y) and -e may name."""
+    if not fields:
+        raise UsageError(
+            "there are no key bindings, since there is no live screen yet",
+            next_step="`nvscope keys --fields` lists the fields that -Y and -e may name",
+        )
+    from nvscope.report import fields as face
+
+    if json:
+        typer.echo(face.json_text(), nl=False)
+        return
+    shown = colour_wanted(colour)
+    typer.echo(face.render(colour=shown, width=width()), nl=False, color=shown)

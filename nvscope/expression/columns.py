@@ -1,0 +1,80 @@
+"""Columns of values, one a telegram, and the types they have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dissectors.batch import I64, U8, U64
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Numbers = npt.NDArray[Any]
+else:  # as in dissectors.batch, importing numpy.typing takes too long
+    Numbers = np.ndarray
+
+
+class FieldType(Enum):
+    """What kind of value a field has, and with it the shape of its column.
+
+    UNSIGNED and SIGNED are integers of any width, REAL are floats of any width, TIME int64 nanoseconds since 1970-01-01
+    UTC, DURATION int64 nanoseconds, BOOL bool; the others have a column class of their own.
+    """
+
+    UNSIGNED = "unsigned"
+    SIGNED = "signed"
+    REAL = "real"
+    TIME = "time"
+    DURATION = "duration"
+    ADDRESS = "address"
+    BYTES = "bytes"
+    BOOL = "bool"
+    TEXT = "text"
+
+
+@dataclass(frozen=True, slots=True)
+class AddressColumn:
+    """Addresses as two uint64 halves, as the dissectors give them."""
+
+    high: U64
+    low: U64
+
+
+@dataclass(frozen=True, slots=True)
+class BytesColumn:
+    """Bytes of ``data`` from ``start`` up to ``stop``, int64."""
+
+    data: U8
+    start: I64
+    stop: I64
+
+
+@dataclass(frozen=True, slots=True)
+class TextColumn:
+    """Texts as int64 positions in a table of all that occur."""
+
+    code: I64
+    texts: tuple[str, ...]
+
+
+Column = Numbers | AddressColumn | BytesColumn | TextColumn
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """What an expression may name: a field, or, with ``either``, a name that stands for several fields of one type.
+
+    ``udp.port`` is either of two ports. ``refused`` says why a field that exists cannot stand in an expression.
+    """
+
+    type: FieldType
+    either: tuple[str, ...] = ()
+    refused: str = ""
+
+
+NameTable = Mapping[str, Named]

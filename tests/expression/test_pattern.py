@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import re
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nvscope.expression.pattern import Pattern, PatternError
+
+ATOMS = st.sampled_from(
+    [
+        "a",
+        "B",
+        ".",
+        "[ab]",
+        "[^a]",
+        r"\d",
+        r"\w",
+        r"\.",
+        "^",
+        "$",
+        " ",
+        r"[\d.]",
+        "é",
+        "[[a]",
+        "[a&&b]",
+        "[b||1]",
+        "[]a]",
+        "[^]a]",
+        "[a-]",
+    ]
+)
+
+
+def _extended(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    return st.one_of(
+        st.builds(lambda a, b: a + b, inner, inner),
+        st.builds(lambda a, b: f"(?:{a}|{b})", inner, inner),
+        st.builds(
+            lambda a, how: f"({a}){how}", inner, st.sampled_from(["*", "+", "?", "{2}", "{0,2}", "{1,}", "{0}", "*?"])
+        ),
+    )
+
+
+@pytest.mark.filterwarnings("ignore:Possible:FutureWarning")  # what re says of its own later versions
+@given(st.recursive(ATOMS, _extended, max_leaves=6), st.text("abAB.1 é\n", max_size=8))
+@settings(max_examples=1500, deadline=None)
+def test_finds_what_re_finds(pattern: str, text: str) -> None:
+    # In re, a $ stands before a last line break too.
+    theirs = re.compile(pattern.replace("$", r"\Z"), re.IGNORECASE | re.DOTALL)
+    assert Pattern(pattern).search(text) == (theirs.search(text) is not None)
+
+
+@given(st.text("ab()[]{}*+?|\\^$.,-:d0129é", max_size=20), st.text("ab1", max_size=5))
+@settings(max_examples=1500, deadline=None)
+def test_any_text_is_a_pattern_or_an_error(pattern: str, text: str) -> None:
+    try:
+        Pattern(pattern).search(text)
+    except PatternError as error:
+        position = error.position
+    else:
+        return
+    assert 0 <= position <= len(pattern)
+
+
+@pytest.mark.parametrize("pattern", ["(a+)+b", "(a|aa)+b", "(a*)*b", "a?" * 25 + "a" * 25 + "b", "(.*a){12}b"])
+def test_patterns_that_make_others_wait_for_ever(pattern: str) -> None:
+    assert not Pattern(pattern).search("a" * 3000)
+    assert Pattern(pattern).search("a" * 3000 + "b")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "what", "position"),
+    [
+        ("ab(", "not closed", 2),
+        ("ab)", "closes nothing", 2),
+        ("*a", "in front of the repeat", 0),
+        ("a**", "repeat of a repeat", 2),
+        ("a[b", "not closed", 1),
+        ("a[z-a]", "not understood", 1),
+        (r"a\b", "not understood", 1),
+        (r"(a)\1", "not understood", 3),
+        ("a{3,1}", "ends below", 1),
+        ("((((a{100}){100}){100}){100})", "too large", 0),
+        ("a" * 501, "at most 500", 500),
+        ("(" * 100 + "a" + ")" * 100, "nested", 41),
+    ],
+)
+def test_mistakes_say_where(pattern: str, what: str, position: int) -> None:
+    with pytest.raises(PatternError, match=re.escape(what)) as caught:
+        Pattern(pattern)
+    assert caught.value.position == position
