@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from dissectors.netvar import PortRules
 from nvscope.capture.source import Source
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.state import TrackerState
+
+if TYPE_CHECKING:
+    from nvscope.tracker.values import Values
 
 
 def track(
@@ -15,13 +19,15 @@ def track(
     *,
     ports: PortRules | None = None,
     timeout_ns: int = TIMEOUT_NS,
+    values: Values | None = None,
     progress: Callable[[], None] | None = None,
 ) -> TrackerState:
     """Run a source to its end and return what it showed.
 
-    ``ports`` decides by hand which UDP payloads are telegrams; ``progress`` is called after each batch.
+    ``ports`` decides by hand which UDP payloads are telegrams; ``values`` is what takes the values of variables, if
+    they are wanted; ``progress`` is called after each batch.
     """
-    state = TrackerState(timeout_ns, ports)
+    state = TrackerState(timeout_ns, ports, values=values)
     for batch in source:
         state.observe(batch)
         if progress:

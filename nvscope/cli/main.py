@@ -10,11 +10,13 @@ from typing import NoReturn, cast
 import typer
 
 from nvscope import __version__
+from nvscope.cli import gvl
 from nvscope.cli.explain import explain
 from nvscope.cli.keys import keys
 from nvscope.cli.packets import packets
 from nvscope.cli.report import report
 from nvscope.cli.simulate import simulate
+from nvscope.cli.vars import variables
 from nvscope.errors import CaptureError, ExitCode, NvscopeError
 
 app = typer.Typer(
@@ -27,6 +29,8 @@ app = typer.Typer(
 )
 for verb in (report, packets, explain, keys, simulate):
     app.command()(verb)
+app.command("vars")(variables)
+app.add_typer(gvl.app, name="gvl")
 
 
 def _show_version(wanted: bool) -> None:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from nvscope.cli.definitions import GvlOption
 from nvscope.cli.sources import (
     DecodeOption,
     ReadOption,
@@ -27,6 +28,7 @@ def report(
     details: Annotated[
         bool, typer.Option("-v", "--details", help="Show the diagnosis structure and the streams of every list.")
     ] = False,
+    gvl: GvlOption = None,
     decode: DecodeOption = None,
     timeout: Annotated[
         str, typer.Option("--ack-timeout", metavar="DURATION", help="How long an answer may take.")
@@ -53,12 +55,20 @@ def report(
     from nvscope.tracker.summary import summarize
     from nvscope.view.document import report_document
 
+    definition = values = None
+    if gvl:
+        from nvscope.definition.load import load_definitions
+        from nvscope.tracker.values import Values
+
+        definition = load_definitions(gvl)
+        values = Values(definition)
     keep_freed_memory()
     source = open_source(paths)
     with ProgressBar(source, quiet=quiet) as progress:
-        state = track(source, ports=ports, timeout_ns=timeout_ns, progress=progress)
+        state = track(source, ports=ports, timeout_ns=timeout_ns, values=values, progress=progress)
     summary = summarize(state)
-    document = report_document(state, summary, judge(state, source.infos, summary=summary), source.infos)
+    findings = judge(state, source.infos, summary=summary, definition=definition)
+    document = report_document(state, summary, findings, source.infos, definition)
     shown = colour_wanted(colour)
     if as_json:
         from nvscope.report import json

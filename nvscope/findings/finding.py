@@ -6,11 +6,15 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from nvscope.capture.source import SourceInfo
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.state import TrackerState, finding_parts
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
+
+if TYPE_CHECKING:
+    from nvscope.definition.model import Definition
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +61,17 @@ class Events:
 
 @dataclass(frozen=True)
 class Facts:
-    """What findings are judged from: the state, what follows from it, the sources, the limits, and the time."""
+    """What findings are judged from: the state, what follows from it, the sources, the limits, and the time.
+
+    ``definition`` is what should be on the wire, None where nobody says.
+    """
 
     state: TrackerState
     summary: Summary
     sources: Sequence[SourceInfo]
     at_ns: int
     limits: Limits = field(default_factory=Limits)
+    definition: Definition | None = None
 
     @cached_property
     def frames_of_stream(self) -> dict[int, tuple[int, int]]:

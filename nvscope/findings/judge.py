@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.answers import judge_answers
 from nvscope.findings.capture import judge_capture
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.consistency import judge_consistency
+from nvscope.findings.definition import judge_definition
 from nvscope.findings.finding import Facts, Finding, Limits
 from nvscope.findings.header import judge_headers
 from nvscope.findings.loss import judge_loss
@@ -17,7 +18,12 @@ from nvscope.findings.timing import judge_timing
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary, summarize
 
-JUDGES = (judge_headers, judge_loss, judge_answers, judge_consistency, judge_timing, judge_capture)
+if TYPE_CHECKING:
+    from nvscope.definition.model import Definition
+
+JUDGES = (
+    judge_headers, judge_loss, judge_answers, judge_consistency, judge_definition, judge_timing, judge_capture,
+)  # fmt: skip
 
 
 def judge(
@@ -27,14 +33,16 @@ def judge(
     summary: Summary | None = None,
     at_ns: int | None = None,
     limits: Limits | None = None,
+    definition: Definition | None = None,
 ) -> list[Finding]:
     """Return the findings on a state: worst first, then by code, list, node and SubIndex.
 
-    ``at_ns`` is the time to judge at, by default the latest time of the capture.
+    ``at_ns`` is the time to judge at, by default the latest time of the capture; ``definition`` is what should be on
+    the wire.
     """
     summary = summary or summarize(state)
     now = at_ns if at_ns is not None else summary.end_ns or 0
-    facts = Facts(state, summary, sources, now, limits or Limits())
+    facts = Facts(state, summary, sources, now, limits or Limits(), definition)
     found = [finding for judge_some in JUDGES for finding in judge_some(facts)]
     ports = {entry.number: (entry.port, entry.index) for entry in summary.lists}
 

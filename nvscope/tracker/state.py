@@ -6,7 +6,7 @@ percentiles, the scope of a sender's Counter, findings) is computed when somebod
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -34,6 +34,9 @@ from nvscope.tracker.loss import Loss
 from nvscope.tracker.recent import Recent
 from nvscope.tracker.rows import DataRows, StreamMemory
 from nvscope.tracker.timing import Timing
+
+if TYPE_CHECKING:
+    from nvscope.tracker.values import Values
 
 MAX_BATCH = 1 << 17
 
@@ -76,10 +79,14 @@ class TrackerState:
 
     ``events`` are the events that are findings as they stand, keyed by ``finding_key``. Frame numbers count from 1
     across all that was observed. ``repeated`` counts telegrams that equal the one before them byte for byte.
+    ``values`` are those of the variables, where their definition is known.
     """
 
-    def __init__(self, timeout_ns: int = TIMEOUT_NS, ports: PortRules | None = None) -> None:
+    def __init__(
+        self, timeout_ns: int = TIMEOUT_NS, ports: PortRules | None = None, *, values: Values | None = None
+    ) -> None:
         self._sorter = Sorter(ports)
+        self.values = values
         self.frames = 0
         self.telegrams = 0
         self.data_telegrams = 0
@@ -204,6 +211,8 @@ class TrackerState:
             usual_ns = self.timing.columns.usual_ns
             self.cycles.observe(rows, rows.counter, intervals.usual, usual_ns, self.flows, first_frame)
             errors.append(self._observe_consistency(rows, first_frame))
+            if self.values is not None:
+                self.values.observe(batch, rows, self.flows, first_frame)
         return errors
 
     def _messages(self, batch: SortedPackets, count: I64, kind: Kind) -> Messages:

@@ -7,7 +7,7 @@ what is absent is None. The same state gives the same document.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nvscope import __version__
 from nvscope.capture.source import SourceInfo
@@ -17,13 +17,24 @@ from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Diagnosis, Intervals, ListSummary, StreamSummary, Summary
 
+if TYPE_CHECKING:
+    from nvscope.definition.model import Definition
+
 SCHEMA = "nvscope.report/1"
 
 
 def report_document(
-    state: TrackerState, summary: Summary, findings: Sequence[Finding], sources: Sequence[SourceInfo]
+    state: TrackerState,
+    summary: Summary,
+    findings: Sequence[Finding],
+    sources: Sequence[SourceInfo],
+    definition: Definition | None = None,
 ) -> dict[str, Any]:
-    """Return the document of a state, what was summarized and judged from it, and where it was read from."""
+    """Return the document of a state, what was summarized and judged from it, and where it was read from.
+
+    Lists that are defined have the name of their ``definition``.
+    """
+    names = {key: entry.name for key, entry in definition.by_port_and_id().items()} if definition else {}
     keys = {entry.number: entry.key for entry in summary.lists}
     return {
         "schema": SCHEMA,
@@ -40,7 +51,7 @@ def report_document(
             "start_ns": _time(state.start_ns),
             "end_ns": _time(state.end_ns),
         },
-        "lists": [_list(entry, summary) for entry in summary.lists],
+        "lists": [_list(entry, summary, names.get((entry.port, entry.index))) for entry in summary.lists],
         "findings": [_finding(finding, keys, summary) for finding in findings],
     }
 
@@ -49,14 +60,14 @@ def _time(time_ns: int | None) -> str | None:
     return None if time_ns is None else str(time_ns)
 
 
-def _list(entry: ListSummary, summary: Summary) -> dict[str, Any]:
+def _list(entry: ListSummary, summary: Summary, name: str | None) -> dict[str, Any]:
     address = summary.addresses
     return {
         "key": entry.key,
         "transport": "udp",
         "port": entry.port,
         "id": entry.index,
-        "name": None,
+        "name": name,
         "senders": [address[node] for node in entry.senders],
         "readers": [address[node] for node in entry.readers],
         "diag": _diagnosis(entry.diagnosis),

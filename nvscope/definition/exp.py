@@ -1,0 +1,175 @@
+"""Lists and types as CoDeSys V2.3 exports them: ``.exp``.
+
+Objects stand one after the other between comments that name them::
+
+    (* @NESTEDCOMMENTS := 'Yes' *)
+    (* @GLOBAL_VARIABLE_LIST := 'Drive' *)
+    VAR_GLOBAL … END_VAR
+    (* @OBJECT_END := 'Drive' *)
+    (* @CONNECTIONS := Drive
+    NUMOFCONNECTIONS : 1
+    … KEY : VALUE …
+    *)
+
+The keys of a connection are documented nowhere. They are recognised by what they must contain (``PORT``, ``COBID``, …);
+a value that makes no sense is left out, for the project file to supply.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from nvscope.definition.comments import blank
+from nvscope.definition.declarations import parse_declarations
+from nvscope.definition.source import Source
+from nvscope.definition.syntax import FileSyntax, GlobalBlock, ListSyntax
+from nvscope.duration import parse_duration
+
+MAX_CONNECTIONS = 4
+
+_MARK = re.compile(
+    r"\(\*\s*+@(GLOBAL_VARIABLE_LIST|OBJECT_END|NESTEDCOMMENTS)\s*+:=\s*+'?([^'\r\n*]*+)'?[^*\r\n]*+\*\)", re.IGNORECASE
+)
+_CONNECTIONS = re.compile(r"\(\*\s*+@CONNECTIONS\s*+:=[ \t]*+'?([^'\r\n*]*+)'?", re.IGNORECASE)
+_EXPORT = re.compile(r"\(\*\s*@(?:GLOBAL_VARIABLE_LIST|OBJECT_END|NESTEDCOMMENTS|CONNECTIONS|PATH)\b", re.IGNORECASE)
+
+
+def is_export(text: str) -> bool:
+    """Return whether a text carries the comments of an export of CoDeSys V2.3."""
+    return _EXPORT.search(text) is not None
+
+
+def read_exp(source: Source) -> FileSyntax:
+    """Return the lists, once for each connection, and the types of the file."""
+    marks = list(_marks(source.text))
+    nested = not any(mark.kind == "NESTEDCOMMENTS" and mark.name.upper() in {"NO", "NEIN"} for mark in marks)
+    # The values of a connection may hold what looks like a comment within a comment.
+    text, connections = _split_connections(source)
+    declared = parse_declarations(source, text, nested_comments=nested, only_data=True)
+    if not declared.types and not declared.blocks:
+        next_step = "Export global variable lists, and the data types that they use."
+        raise source.error("the file declares neither types nor variables", 0, next_step)
+    lists = []
+    for name, offset, blocks in _by_list(declared.blocks, marks, source):
+        settings = tuple(connections.get(name.upper(), ())) or ({},)
+        lists.append(ListSyntax(name, offset, blocks, source, settings))
+    return FileSyntax(declared.types, tuple(lists))
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    kind: str
+    name: str
+    offset: int
+
+
+def _marks(text: str) -> Iterator[_Mark]:
+    for found in _MARK.finditer(text):
+        yield _Mark(found[1].upper(), found[2].strip(), found.start())
+
+
+def _by_list(
+    blocks: Sequence[GlobalBlock], marks: Sequence[_Mark], source: Source
+) -> Iterator[tuple[str, int, tuple[GlobalBlock, ...]]]:
+    """Yield name, offset and blocks of each list; what stands outside of all is a list named like the file."""
+    names = [mark for mark in marks if mark.kind != "NESTEDCOMMENTS"]
+    found: dict[tuple[str, int], list[GlobalBlock]] = {}
+    current: tuple[str, int] | None = None
+    following = 0
+    for block in blocks:
+        while following < len(names) and names[following].offset < block.offset:
+            mark = names[following]
+            current = (mark.name, mark.offset) if mark.kind == "GLOBAL_VARIABLE_LIST" else None
+            following += 1
+        owner = current or next((key for key in found if key[0] == ""), ("", block.offset))
+        found.setdefault(owner, []).append(block)
+    for (name, _), own in found.items():
+        yield name or source.stem, own[0].offset, tuple(own)
+
+
+def _split_connections(source: Source) -> tuple[str, dict[str, list[dict[str, Any]]]]:
+    """Return the text without blocks of connections, and what these tell, by the list's name in upper case."""
+    parts: list[str] = []
+    found: dict[str, list[dict[str, Any]]] = {}
+    kept = 0
+    while (opening := _CONNECTIONS.search(source.text, kept)) is not None:
+        end = source.text.find("*)", opening.end()) + 2
+        if end < 2:
+            raise source.error("the connections are not closed", opening.start(), "Close them with *).")
+        parts += (source.text[kept : opening.start()], blank(source.text[opening.start() : end]))
+        kept = end
+        known = _connections(source.text[opening.end() : end - 2])
+        if known:
+            found[opening[1].strip().upper()] = known
+    return "".join([*parts, source.text[kept:]]), found
+
+
+def _connections(text: str) -> list[dict[str, Any]]:
+    """Return what is recognisable of each connection of a list; none where nothing is."""
+    known: list[dict[str, Any]] = [{}]
+    for line in text.splitlines():
+        key, _, value = line.partition(":")
+        recognised = _recognised(key, value.lstrip("=").strip(" \t;'\""))
+        if recognised is None:
+            continue
+        field, content = recognised
+        # A key that comes again begins the next connection.
+        if field in known[-1] and len(known) < MAX_CONNECTIONS:
+            known.append({})
+        known[-1].setdefault(field, content)
+    return known if any(known) else []
+
+
+def _recognised(key: str, value: str) -> tuple[str, Any] | None:
+    letters = re.sub(r"[^A-Z]", "", key[:60].upper())
+    for words, field, read in _KEYS:
+        if any(word in letters for word in words):
+            try:
+                return field, read(value)
+            except ValueError:
+                return None
+    return None
+
+
+def _flag(value: str) -> bool:
+    words = {"1": True, "TRUE": True, "YES": True, "ON": True, "0": False, "FALSE": False, "NO": False, "OFF": False}
+    if value.upper() not in words:
+        raise ValueError
+    return words[value.upper()]
+
+
+def _number(value: str) -> int:
+    number = int(value[:20])
+    if not 0 < number <= 65_535:
+        raise ValueError
+    return number
+
+
+def _duration(value: str) -> int:
+    duration_ns = parse_duration(f"{value}ms" if value.isdecimal() else value)
+    if duration_ns <= 0:
+        raise ValueError
+    return duration_ns
+
+
+def _address(value: str) -> str:
+    return str(ipaddress.ip_address(value))
+
+
+_KEYS: tuple[tuple[tuple[str, ...], str, Callable[[str], Any]], ...] = (
+    (("COBID", "LISTID", "BASEIDENTIFIER"), "list_id", _number),
+    (("PORT",), "port", _number),
+    (("BROADCAST", "IPADR", "IPADDR", "ADDRESS"), "address", _address),
+    (("PACK",), "pack", _flag),
+    (("CHECKSUM",), "checksum", _flag),
+    (("ACKNOWLEDG", "CONFIRM"), "acknowledge", _flag),
+    (("CYCLIC",), "cyclic", _flag),
+    (("ONCHANGE",), "on_change", _flag),
+    (("ONEVENT",), "on_event", _flag),
+    (("INTERVAL", "CYCLETIME"), "interval_ns", _duration),
+    (("MINGAP", "MINIMUMGAP", "MINTIME"), "min_gap_ns", _duration),
+)

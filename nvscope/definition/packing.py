@@ -1,0 +1,111 @@
+"""How the elements of a list lie in its telegrams.
+
+::
+
+    packed    | a | b | c …  up to 256 bytes |   SubIndex 0
+              | d | e …                      |   SubIndex 1
+    unpacked  | a |   SubIndex 0      | b |   SubIndex 1      …
+
+Elements follow each other in the order of their declaration, without padding; none is split, so that one longer than
+256 bytes travels alone in a longer telegram. Source: ``spec/netvar.md`` of the project, section 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from dissectors.layout import Field, Layout
+from dissectors.netvar import HEADER
+from nvscope.definition.model import MAX_ELEMENTS, Element, Elementary, Enumeration, ListDefinition, Scalar, elements
+from nvscope.errors import ConfigurationError
+from nvscope.units import count
+
+PACKED_DATA_BYTES = 256
+MAX_SUBINDEX = 65_535
+
+
+@dataclass(frozen=True)
+class TelegramLayout:
+    """One telegram of a list: what lies where in its data."""
+
+    list: ListDefinition
+    subindex: int
+    elements: tuple[Element, ...]
+
+    @property
+    def items(self) -> int:
+        """What the header's Items says."""
+        return len(self.elements)
+
+    @property
+    def length(self) -> int:
+        """What the header's Length says: header and data in bytes."""
+        return HEADER.size_bytes + self.layout.size_bytes
+
+    @property
+    def unknown(self) -> Element | None:
+        """The first element whose size nobody knows, so that nothing behind it can be placed."""
+        return next((element for element in self.elements if not element.type.size_bytes), None)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The data as a table with one field an element, named ``"0"``, ``"1"`` … in order.
+
+        Strings and what nobody has described are fields of plain bytes.
+        """
+        fields = (
+            Field(str(place), dtype_of(element.type), element.name, type_name(element.type))
+            for place, element in enumerate(self.elements)
+        )
+        return Layout(f"{self.list.name}.{self.subindex}", tuple(fields))
+
+    def spans(self) -> Iterator[tuple[int, Element]]:
+        """Yield the elements with their offsets in the data, in bytes."""
+        for place, element in enumerate(self.elements):
+            yield self.layout.offset_of(str(place)), element
+
+
+def dtype_of(kind: Elementary) -> str:
+    """Return the numpy type of an element's bytes."""
+    if isinstance(kind, Enumeration):
+        return kind.base.dtype
+    return kind.dtype if isinstance(kind, Scalar) else f"V{kind.size_bytes}"
+
+
+def type_name(kind: Elementary) -> str:
+    """Return the name of an element's type as a person would declare it."""
+    return kind.name
+
+
+def pack(definition: ListDefinition) -> tuple[TelegramLayout, ...]:
+    """Return the telegrams of a list by SubIndex.
+
+    Raises ConfigurationError for a list with more elements than ``MAX_ELEMENTS`` or SubIndexes than there are.
+    """
+    groups: list[list[Element]] = []
+    room = 0
+    total = 0
+    for variable in definition.variables:
+        for element in elements(variable):
+            total += 1
+            if total > MAX_ELEMENTS:
+                raise ConfigurationError(
+                    f"list {definition.name} has more than {count(MAX_ELEMENTS)} elements",
+                    where=str(variable.position),
+                    next_step="check the array bounds",
+                )
+            size = element.type.size_bytes
+            if not groups or not definition.pack or size > room:
+                groups.append([])
+                room = PACKED_DATA_BYTES
+            groups[-1].append(element)
+            room -= size
+    if len(groups) > MAX_SUBINDEX + 1:
+        raise ConfigurationError(
+            f"list {definition.name} needs {count(len(groups))} telegrams, more than SubIndex can number",
+            where=str(definition.position),
+            next_step="pack it, or cut it into several lists",
+        )
+    return tuple(TelegramLayout(definition, number, tuple(group)) for number, group in enumerate(groups))

@@ -1,0 +1,19 @@
+"""Types and global variables as plain structured text: ``.st``, ``.txt``."""
+
+from __future__ import annotations
+
+from nvscope.definition.declarations import parse_declarations
+from nvscope.definition.source import Source
+from nvscope.definition.syntax import FileSyntax, ListSyntax
+
+
+def read_plain_text(source: Source) -> FileSyntax:
+    """Return the types, and the variables of all VAR_GLOBAL blocks as one list, named like the file."""
+    declared = parse_declarations(source)
+    if not declared.types and not declared.blocks:
+        next_step = "Definitions are .gvl, .exp, .TcGVL, .TcDUT, PLCopen XML, or text with TYPE or VAR_GLOBAL."
+        raise source.error("the file declares neither types nor variables", 0, next_step)
+    lists: tuple[ListSyntax, ...] = ()
+    if declared.blocks:
+        lists = (ListSyntax(source.stem, declared.blocks[0].offset, declared.blocks, source),)
+    return FileSyntax(declared.types, lists)

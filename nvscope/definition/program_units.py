@@ -1,0 +1,58 @@
+"""Programs, functions and function blocks within a text of declarations: blanked, for they declare no data types.
+
+The names of function blocks are kept: variables may have one as their type.
+"""
+
+from __future__ import annotations
+
+import re
+
+from nvscope.definition.comments import blank
+
+_WORD = re.compile(
+    r"^[ \t]*(?P<begin>PROGRAM|FUNCTION_BLOCK|FUNCTION|INTERFACE)\s+(?:(?:PUBLIC|INTERNAL|FINAL|ABSTRACT)\s+)*"
+    r"(?P<name>[^\W\d]\w*)"
+    r"|\b(?P<end>END_(?:PROGRAM|FUNCTION_BLOCK|FUNCTION|INTERFACE))\b"
+    r"|^[ \t]*(?P<data>TYPE|VAR_GLOBAL)\b",
+    re.IGNORECASE | re.MULTILINE,
+)
+
+
+_DATA = re.compile(r"^[ \t]*(?P<begin>TYPE|VAR_GLOBAL)\b|\b(?P<end>END_TYPE|END_VAR)\b", re.IGNORECASE | re.MULTILINE)
+
+
+def keep_data_blocks(text: str) -> str:
+    """Return the text with everything blanked but TYPE … END_TYPE and VAR_GLOBAL … END_VAR."""
+    parts: list[str] = []
+    kept, begin = 0, -1
+    for word in _DATA.finditer(text):
+        if word["begin"] and begin < 0:
+            begin = word.start()
+            parts.append(blank(text[kept:begin]))
+        elif word["end"] and begin >= 0:
+            parts.append(text[begin : word.end()])
+            kept, begin = word.end(), -1
+    parts.append(text[begin:] if begin >= 0 else blank(text[kept:]))
+    return "".join(parts)
+
+
+def blank_program_units(text: str) -> tuple[str, list[tuple[str, int]]]:
+    """Return the text without program units, and name and offset of each function block and interface in it.
+
+    A unit ends with its END word, with the next unit, or with the next block of types or variables.
+    """
+    parts: list[str] = []
+    types: list[tuple[str, int]] = []
+    kept, begin = 0, -1
+    for word in _WORD.finditer(text):
+        if begin >= 0:
+            end = word.end() if word["end"] else word.start()
+            parts.append(blank(text[begin:end]))
+            kept, begin = end, -1
+        if word["begin"]:
+            begin = word.start()
+            parts.append(text[kept:begin])
+            if word["begin"].upper() in {"FUNCTION_BLOCK", "INTERFACE"}:
+                types.append((word["name"], word.start("name")))
+    parts.append(blank(text[begin:]) if begin >= 0 else text[kept:])
+    return "".join(parts), types

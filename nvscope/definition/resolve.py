@@ -1,0 +1,390 @@
+"""Names to types: everything that the files declare, looked up, evaluated and checked."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from nvscope.definition.constants import evaluate
+from nvscope.definition.model import (
+    MAX_ELEMENTS,
+    Array,
+    Definition,
+    Enumeration,
+    Kind,
+    ListDefinition,
+    Member,
+    Scalar,
+    String,
+    Structure,
+    Type,
+    Union,
+    Variable,
+)
+from nvscope.definition.scalars import ALIASES, LIBRARY_BLOCKS, SCALARS, find_scalar, unknown_raw
+from nvscope.definition.source import Source
+from nvscope.definition.syntax import (
+    ArrayType,
+    EnumerationType,
+    Expression,
+    FileSyntax,
+    ListSyntax,
+    Name,
+    NamedType,
+    PointerType,
+    StringType,
+    StructureType,
+    TypeDeclaration,
+    TypeSyntax,
+)
+from nvscope.errors import ConfigurationError
+from nvscope.units import count
+
+MAX_STRING_LENGTH = 32_767
+_MOST_CALLS = 300
+_MOST_NAMESAKES = 100
+_MOST_COMPARED = 10_000
+_INTEGERS = {Kind.UNSIGNED, Kind.SIGNED}
+_ELEMENTARY = (*SCALARS, *ALIASES, "STRING", "WSTRING")
+
+
+def resolve(files: Sequence[FileSyntax]) -> Definition:
+    """Return what the files declare together; types and constants of each are known to all.
+
+    Raises ConfigurationError, with position, for the first thing that cannot be.
+    """
+    names = _Names(files)
+    types = {key: names.declared(key, declaration.name, declaration.source) for key, declaration in names.types.items()}
+    lists = [entry for file in files for entry in file.lists]
+    return Definition(tuple(found for entry in lists for found in _list_definitions(entry, names)), types)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sized:
+    """A resolved type. ``parts`` bounds both its elements and what has to be visited to describe it."""
+
+    type: Type
+    parts: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Constant:
+    """A constant, or a value of an enumeration: ``before`` is what it counts on from where it has no expression."""
+
+    expression: Expression | None
+    name: Name
+    source: Source
+    scope: str
+    before: _Constant | None = None
+
+
+class _Names:
+    """Everything that has a name in any of the files, resolved when it is first asked for."""
+
+    def __init__(self, files: Sequence[FileSyntax]) -> None:
+        self.types: dict[str, TypeDeclaration] = {}
+        self._twins: list[tuple[TypeDeclaration, TypeDeclaration]] = []
+        self._constants: dict[str, list[_Constant]] = {}
+        self._known: dict[str, _Sized] = {}
+        self._values: dict[int, int] = {}
+        self._calls = 0
+        self._open_types: list[str] = []
+        self._open_constants: list[_Constant] = []
+        for file in files:
+            for declaration in file.types:
+                self._add_type(declaration)
+            for entry in file.lists:
+                self._add_constants(entry)
+        for first, second in self._twins:
+            self._check_twins(first, second)
+
+    def declared(self, key: str, name: Name, source: Source) -> Type:
+        return self._declared(key, name, source).type
+
+    def variables(self, entry: ListSyntax) -> Iterator[Variable]:
+        """Yield the variables of a list, checked. Constants are none: each side has its own (inferred)."""
+        seen: dict[str, Name] = {}
+        parts = 0
+        scope = entry.name.upper()
+        for block in entry.blocks:
+            if block.constant:
+                continue
+            for declaration in block.declarations:
+                for name in declaration.names:
+                    _check_new(name, seen, entry.source)
+                    sized = self._type(declaration.type, name.text, entry.source, scope)
+                    parts += sized.parts
+                    if parts > MAX_ELEMENTS:
+                        raise _too_many(entry.source, name.offset, f"the list has {count(parts)} elements up to here")
+                    yield Variable(
+                        name.text, sized.type, entry.source.position(name.offset), dict(declaration.attributes)
+                    )
+
+    def _add_type(self, declaration: TypeDeclaration) -> None:
+        key = declaration.name.text.upper()
+        if find_scalar(key) is not None or key in {"STRING", "WSTRING"}:
+            what = f"{declaration.name.text} is an elementary type and cannot be declared"
+            raise declaration.source.error(what, declaration.name.offset, "Give the type another name.")
+        first = self.types.setdefault(key, declaration)
+        if first is not declaration:
+            self._twins.append((first, declaration))
+            return
+        if isinstance(declaration.type, EnumerationType):
+            self._add_enumeration(declaration.type, declaration.name.text, declaration.source)
+
+    def _add_enumeration(self, syntax: EnumerationType, name: str, source: Source) -> None:
+        scope, before = name.upper(), None
+        for value_name, expression in syntax.values:
+            before = _Constant(expression, value_name, source, scope, before)
+            for key in (value_name.text.upper(), f"{scope}.{value_name.text.upper()}"):
+                self._constants.setdefault(key, []).append(before)
+
+    def _add_constants(self, entry: ListSyntax) -> None:
+        scope = entry.name.upper()
+        for block in entry.blocks:
+            for declaration in block.declarations if block.constant else ():
+                for name in declaration.names:
+                    constant = _Constant(declaration.initial, name, entry.source, scope)
+                    for key in (name.text.upper(), f"{scope}.{name.text.upper()}"):
+                        self._constants.setdefault(key, []).append(constant)
+
+    def _check_twins(self, first: TypeDeclaration, second: TypeDeclaration) -> None:
+        """One type in two files is nothing bad as long as both say the same."""
+        key = first.name.text.upper()
+        ours = self._declared(key, first.name, first.source).type
+        self._open_types.append(key)
+        theirs = self._body(second).type
+        self._open_types.pop()
+        if ours != theirs:
+            what = f"the type {second.name.text} is declared twice, differently"
+            next_step = f"The other one: {first.source.position(first.name.offset)}. Leave one of the files out."
+            raise second.source.error(what, second.name.offset, next_step)
+
+    def _declared(self, key: str, name: Name, source: Source) -> _Sized:
+        known = self._known.get(key)
+        if known is not None:
+            return known
+        declaration = self.types[key]
+        if key in self._open_types:
+            chain = [self.types[link].name.text for link in self._open_types[self._open_types.index(key) :]]
+            what = f"the type {chain[0]} contains itself: {' → '.join([*chain, chain[0]])}"
+            raise source.error(what[:1_000], name.offset, "Use POINTER TO where the type refers to itself.")
+        calls = 6 + 2 * (declaration.type.depth if declaration.type else 0)
+        self._descend(calls, source, name.offset)
+        self._open_types.append(key)
+        sized = self._body(declaration)
+        self._open_types.pop()
+        self._calls -= calls
+        self._known[key] = sized
+        return sized
+
+    def _body(self, declaration: TypeDeclaration) -> _Sized:
+        name = declaration.name.text
+        if declaration.type is None:
+            return _Sized(unknown_raw(name), 1)
+        return self._type(declaration.type, name, declaration.source, name.upper())
+
+    def _type(self, syntax: TypeSyntax, name: str, source: Source, scope: str) -> _Sized:
+        """Return the type; ``name`` is for those that have none of their own, ``scope`` where constants are sought."""
+        if isinstance(syntax, NamedType):
+            return self._named(syntax, source, scope)
+        if isinstance(syntax, StringType):
+            return _Sized(self._string(syntax, source, scope), 1)
+        if isinstance(syntax, ArrayType):
+            return self._array(syntax, name, source, scope)
+        if isinstance(syntax, StructureType):
+            return self._structure(syntax, name, source, scope)
+        if isinstance(syntax, EnumerationType):
+            return _Sized(self._enumeration(syntax, name, source), 1)
+        assert isinstance(syntax, PointerType)
+        return _Sized(SCALARS[syntax.keyword], 1)
+
+    def _named(self, syntax: NamedType, source: Source, scope: str) -> _Sized:
+        text = syntax.name.text
+        scalar = find_scalar(text)
+        if scalar is not None:
+            sized = _Sized(scalar, 1)
+        elif (key := self._type_key(text)) is not None:
+            sized = self._declared(key, syntax.name, source)
+        elif text.upper() in LIBRARY_BLOCKS or "." in text:
+            # A qualified name that no file declares comes from a library.
+            sized = _Sized(unknown_raw(text), 1)
+        else:
+            raise source.error(f"unknown type {text[:60]!r}", syntax.name.offset, self._nearest_type(text))
+        if syntax.low is None or syntax.high is None:
+            return sized
+        low, high = (self._value(bound, source, scope) for bound in (syntax.low, syntax.high))
+        base = sized.type
+        if not isinstance(base, Scalar) or base.kind not in _INTEGERS:
+            raise source.error(f"{text} has no subranges", syntax.name.offset, "Only integers have subranges.")
+        _check_order(low, high, source, syntax.low.offset)
+        _check_fits(low, base, source, syntax.low.offset)
+        _check_fits(high, base, source, syntax.high.offset)
+        return _Sized(replace(base, low=low, high=high), 1)
+
+    def _type_key(self, text: str) -> str | None:
+        """Return under which name a type is declared; a namespace before it does not matter."""
+        upper = text.upper()
+        if upper in self.types:
+            return upper
+        last = upper.rpartition(".")[2]
+        return last if last in self.types else None
+
+    def _nearest_type(self, text: str) -> str:
+        known = {name.upper(): name for name in _ELEMENTARY} | {
+            key: declaration.name.text for key, declaration in self.types.items()
+        }
+        near = difflib.get_close_matches(text.upper()[:60], list(known)[:_MOST_COMPARED], n=1, cutoff=0.5)
+        hint = f"Perhaps {known[near[0]]}. " if near else ""
+        return f"{hint}Also name the file that declares the type, such as a .TcDUT, a PLCopen XML export or ST text."
+
+    def _string(self, syntax: StringType, source: Source, scope: str) -> String:
+        if syntax.length is None:
+            return String(wide=syntax.wide)
+        length = self._value(syntax.length, source, scope)
+        if not 1 <= length <= MAX_STRING_LENGTH:
+            what = f"a string of {length} characters cannot be"
+            raise source.error(what, syntax.length.offset, f"The length is 1 to {MAX_STRING_LENGTH}.")
+        return String(length, syntax.wide)
+
+    def _array(self, syntax: ArrayType, name: str, source: Source, scope: str) -> _Sized:
+        element = self._type(syntax.element, name, source, scope)
+        bounds, parts = [], element.parts
+        for low_syntax, high_syntax in syntax.bounds:
+            low, high = self._value(low_syntax, source, scope), self._value(high_syntax, source, scope)
+            _check_order(low, high, source, low_syntax.offset)
+            bounds.append((low, high))
+            parts *= high - low + 1
+            if parts > MAX_ELEMENTS:
+                raise _too_many(source, low_syntax.offset, f"the array has {count(parts)} elements")
+        return _Sized(Array(tuple(bounds), element.type), parts)
+
+    def _structure(self, syntax: StructureType, name: str, source: Source, scope: str) -> _Sized:
+        members: list[Member] = []
+        seen: dict[str, Name] = {}
+        parts = 0
+        if syntax.extends is not None:
+            base = self._named(NamedType(syntax.extends), source, scope)
+            if not isinstance(base.type, Structure):
+                what = f"{syntax.extends.text} is no structure and cannot be extended"
+                raise source.error(what, syntax.extends.offset, "Name a structure behind EXTENDS.")
+            members += base.type.members
+            seen = {member.name.upper(): syntax.extends for member in members}
+            parts = base.parts
+        for declaration in syntax.members:
+            for member_name in declaration.names:
+                _check_new(member_name, seen, source)
+                member = self._type(declaration.type, f"{name}.{member_name.text}", source, scope)
+                members.append(Member(member_name.text, member.type))
+                parts += member.parts
+                if parts > MAX_ELEMENTS:
+                    raise _too_many(source, member_name.offset, f"{name} has {count(parts)} elements up to here")
+        # An empty structure sends nothing, but an array of them has to be walked through all the same.
+        made = Union if syntax.is_union else Structure
+        return _Sized(made(name, tuple(members)), max(parts, 1))
+
+    def _enumeration(self, syntax: EnumerationType, name: str, source: Source) -> Enumeration:
+        base = SCALARS["INT"]
+        if syntax.base is not None:
+            found = self._named(NamedType(syntax.base), source, name.upper()).type
+            if not isinstance(found, Scalar) or found.kind not in _INTEGERS:
+                what = f"{syntax.base.text} is no integer"
+                raise source.error(what, syntax.base.offset, "The base type of an enumeration is an integer.")
+            base = found
+        values: dict[str, int] = {}
+        seen: dict[str, Name] = {}
+        value = -1
+        for value_name, expression in syntax.values:
+            _check_new(value_name, seen, source)
+            value = value + 1 if expression is None else self._value(expression, source, name.upper())
+            values[value_name.text] = value
+            _check_fits(value, base, source, value_name.offset)
+        return Enumeration(name, base, values)
+
+    def _value(self, expression: Expression, source: Source, scope: str) -> int:
+        calls = expression.depth + 5
+        self._descend(calls, source, expression.offset)
+        value = evaluate(expression, source, lambda name: self._value_of(name, source, scope))
+        self._calls -= calls
+        return value
+
+    def _value_of(self, name: Name, source: Source, scope: str) -> int:
+        upper = name.text.upper()
+        if upper in {"TRUE", "FALSE"}:
+            return int(upper == "TRUE")
+        found = self._constants.get(f"{scope}.{upper}") or self._constants.get(upper)
+        if not found and "." in upper:
+            # A namespace before the list does not matter.
+            found = self._constants.get(".".join(upper.split(".")[-2:]))
+        if not found:
+            near = difflib.get_close_matches(upper[:60], list(self._constants)[:_MOST_COMPARED], n=1)
+            hint = f"Perhaps {near[0]}. " if near else ""
+            next_step = f"{hint}Also name the file that declares it in a VAR_GLOBAL CONSTANT block or an enumeration."
+            raise source.error(f"unknown constant {name.text[:60]!r}", name.offset, next_step)
+        values = {self._constant(constant, name, source) for constant in found[:_MOST_NAMESAKES]}
+        if len(values) > 1:
+            places = " and ".join(str(found[i].source.position(found[i].name.offset)) for i in (0, 1))
+            what = f"the constant {name.text[:60]!r} has several values"
+            raise source.error(what, name.offset, f"Write the name of its list before it: {places}.")
+        return values.pop()
+
+    def _constant(self, constant: _Constant, name: Name, source: Source) -> int:
+        known = self._values.get(id(constant))
+        if known is not None:
+            return known
+        if any(constant is other for other in self._open_constants):
+            next_step = "Give one of the constants in the circle a number."
+            raise source.error(f"the constant {name.text[:60]!r} depends on itself", name.offset, next_step)
+        steps, start = 0, constant
+        while start.expression is None and start.before is not None:
+            steps, start = steps + 1, start.before
+        value = steps
+        if start.expression is not None:
+            self._open_constants.append(constant)
+            value += self._value(start.expression, start.source, start.scope)
+            self._open_constants.pop()
+        self._values[id(constant)] = value
+        return value
+
+    def _descend(self, calls: int, source: Source, offset: int) -> None:
+        """Count calls within one another, so that no file can exhaust the stack."""
+        self._calls += calls
+        if self._calls > _MOST_CALLS:
+            next_step = "Declare it with fewer types or constants that follow from one another."
+            raise source.error("the definition is nested too deeply here", offset, next_step)
+
+
+def _list_definitions(entry: ListSyntax, names: _Names) -> Iterator[ListDefinition]:
+    """Yield a list for each of its connections; lists without variables hold constants and are never sent."""
+    variables = tuple(names.variables(entry))
+    position = entry.source.position(entry.offset)
+    if variables or any(entry.settings):
+        for settings in entry.settings:
+            yield ListDefinition(entry.name, position, variables, **settings)
+
+
+def _check_new(name: Name, seen: dict[str, Name], source: Source) -> None:
+    first = seen.setdefault(name.text.upper(), name)
+    if first is not name:
+        next_step = f"The first one: {source.position(first.offset)}."
+        raise source.error(f"{name.text} is declared twice", name.offset, next_step)
+
+
+def _check_order(low: int, high: int, source: Source, offset: int) -> None:
+    if high < low:
+        raise source.error(f"the upper bound {high} is below the lower bound {low}", offset, "Exchange the bounds.")
+
+
+def _check_fits(value: int, base: Scalar, source: Source, offset: int) -> None:
+    bits = base.size_bytes * 8
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if base.kind is Kind.SIGNED else (0, (1 << bits) - 1)
+    low = low if base.low is None else base.low
+    high = high if base.high is None else base.high
+    if not low <= value <= high:
+        what = f"{value} does not fit into {base.name}"
+        raise source.error(what, offset, f"{base.name} holds {low} to {high} here.")
+
+
+def _too_many(source: Source, offset: int, what: str) -> ConfigurationError:
+    return source.error(f"{what}, more than {count(MAX_ELEMENTS)}", offset, "Check the bounds of its arrays.")

@@ -1,0 +1,115 @@
+"""Text of a definition file, and where in it something stands."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from pathlib import Path, PureWindowsPath
+
+from nvscope.definition.model import Position
+from nvscope.errors import ConfigurationError
+from nvscope.units import data_size
+
+MAX_FILE_BYTES = 16_000_000
+"""Larger files are refused: no project exports declarations of this size."""
+
+_LINE_END = re.compile(r"\r\n|\n|\r")
+_BYTE_ORDER_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+_XML_ENCODING = re.compile(rb"""<\?xml[^>]{0,100}?encoding\s*=\s*["']([A-Za-z][\w.-]{0,40})["']""")
+_CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]{3,}")
+_HIGH_LETTER = re.compile(rb"[\xa8\xb8\xc0-\xff]")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The text of a file; offsets count its characters from 0."""
+
+    file: str
+    text: str = field(repr=False)
+    line_starts: list[int] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "line_starts", [0, *(end.end() for end in _LINE_END.finditer(self.text))])
+
+    @property
+    def stem(self) -> str:
+        """The name of the file without directory and suffix, whichever system its path is of."""
+        return PureWindowsPath(self.file).stem or self.file
+
+    def position(self, offset: int) -> Position:
+        """Return line and column of an offset."""
+        line = bisect_right(self.line_starts, offset)
+        return Position(self.file, line, offset - self.line_starts[line - 1] + 1)
+
+    def error(self, what: str, offset: int, next_step: str = "") -> ConfigurationError:
+        """Return the error that something is wrong at an offset."""
+        return ConfigurationError(what, where=str(self.position(offset)), next_step=next_step)
+
+
+def read_source(path: str, encoding: str | None = None) -> Source:
+    """Return the text of a file.
+
+    Without ``encoding``: by byte order mark, by what an XML prolog says, UTF-8 where the bytes are that, and else the
+    Windows code page 1251 or 1252. Raises ConfigurationError where the file cannot be read or is too large.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(MAX_FILE_BYTES + 1)
+    except (OSError, ValueError) as error:
+        what = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        raise ConfigurationError(what, where=path, next_step="Check the path of the definition file.") from None
+    if len(data) > MAX_FILE_BYTES:
+        what = f"the file is larger than {data_size(MAX_FILE_BYTES)}"
+        raise ConfigurationError(what, where=path, next_step="Export only the lists and the types that they use.")
+    return Source(path, decode(data, path, encoding))
+
+
+def decode(data: bytes, path: str, encoding: str | None = None) -> str:
+    """Return the text of bytes; ConfigurationError where they are not of the encoding that was asked for."""
+    for mark, name in _BYTE_ORDER_MARKS:
+        if data.startswith(mark):
+            return data[len(mark) :].decode(name, errors="replace")
+    if encoding is not None:
+        return _decode_as(data, path, encoding)
+    prolog = _XML_ENCODING.match(data)
+    if prolog is not None and _is_text_encoding(name := prolog[1].decode("ascii")):
+        return data.decode(name, errors="replace")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("cp1251" if _looks_cyrillic(data) else "cp1252", errors="replace")
+
+
+def _decode_as(data: bytes, path: str, encoding: str) -> str:
+    if not _is_text_encoding(encoding):
+        what = f"no encoding is called {encoding[:60]!r}"
+        raise ConfigurationError(what, where=path, next_step="Encodings are called utf-8, cp1252, cp1251, …")
+    try:
+        return data.decode(encoding)
+    except UnicodeError as error:
+        first = getattr(error, "start", 0)
+        line, column = data.count(b"\n", 0, first) + 1, first - data.rfind(b"\n", 0, first)
+        raise ConfigurationError(
+            f"the bytes are no {encoding[:60]}", where=str(Position(path, line, column)),
+            next_step="Leave the encoding out to have it recognised.",
+        ) from None  # fmt: skip
+
+
+def _is_text_encoding(name: str) -> bool:
+    try:
+        # Others turn bytes into bytes, or expand what was packed.
+        return codecs.lookup(name)._is_text_encoding and name.lower() not in {"idna", "punycode", "undefined"}
+    except (LookupError, ValueError):
+        return False
+
+
+def _looks_cyrillic(data: bytes) -> bool:
+    """Whether most high bytes stand in runs, as in Cyrillic words; in western words they stand alone."""
+    in_words = sum(len(word) for word in _CYRILLIC_WORD.findall(data))
+    return in_words * 2 > len(_HIGH_LETTER.findall(data))

@@ -1,0 +1,166 @@
+"""Declarations as they are written: names are not yet looked up, constants not yet evaluated.
+
+An offset counts the characters of the file; the ``Source`` that belongs to it is that of the declared type or list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from nvscope.definition.source import Source
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """``a`` or ``a.b.c``."""
+
+    text: str
+    offset: int
+    depth: ClassVar[int] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A literal integer."""
+
+    value: int
+    offset: int
+    depth: ClassVar[int] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """``left operator right``: ``+ - * /`` or ``MOD``. ``depth`` is how deep the expression is nested."""
+
+    operator: str
+    left: Expression
+    right: Expression
+    offset: int
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class Opaque:
+    """A value that is no constant integer: a string, a time, a call, values of an array."""
+
+    offset: int
+    depth: ClassVar[int] = 0
+
+
+Expression = Name | Number | Operation | Opaque
+
+
+@dataclass(frozen=True, slots=True)
+class NamedType:
+    """The name of a type, elementary or declared; with ``low`` and ``high`` a subrange."""
+
+    name: Name
+    low: Expression | None = None
+    high: Expression | None = None
+    depth: ClassVar[int] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class StringType:
+    """STRING or WSTRING."""
+
+    offset: int
+    wide: bool
+    length: Expression | None
+    depth: ClassVar[int] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class PointerType:
+    """POINTER TO or REFERENCE TO something that does not matter: addresses mean nothing to a reader."""
+
+    offset: int
+    keyword: str
+    depth: ClassVar[int] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayType:
+    """``bounds`` holds (low, high) of each dimension."""
+
+    offset: int
+    bounds: tuple[tuple[Expression, Expression], ...]
+    element: TypeSyntax
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class StructureType:
+    """STRUCT or UNION."""
+
+    offset: int
+    members: tuple[Declaration, ...]
+    extends: Name | None
+    is_union: bool
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class EnumerationType:
+    """``values`` holds each name and the expression behind it, None where it counts on."""
+
+    offset: int
+    values: tuple[tuple[Name, Expression | None], ...]
+    base: Name | None
+    depth: ClassVar[int] = 0
+
+
+TypeSyntax = NamedType | StringType | PointerType | ArrayType | StructureType | EnumerationType
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """``a, b : TYPE := initial;`` of a structure, union or list."""
+
+    names: tuple[Name, ...]
+    type: TypeSyntax
+    initial: Expression | None = None
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class TypeDeclaration:
+    """A declared type; ``type`` None: a function block or the like, whose bytes no file describes."""
+
+    name: Name
+    type: TypeSyntax | None
+    source: Source
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalBlock:
+    """VAR_GLOBAL … END_VAR."""
+
+    offset: int
+    constant: bool
+    declarations: tuple[Declaration, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ListSyntax:
+    """A list of global variables.
+
+    ``settings`` has an entry for each connection over which the list is sent: those fields of ``ListDefinition`` that
+    the file tells.
+    """
+
+    name: str
+    offset: int
+    blocks: tuple[GlobalBlock, ...]
+    source: Source
+    settings: tuple[Mapping[str, Any], ...] = ({},)
+
+
+@dataclass(frozen=True, slots=True)
+class FileSyntax:
+    """What one file declares."""
+
+    types: tuple[TypeDeclaration, ...] = ()
+    lists: tuple[ListSyntax, ...] = ()

@@ -1,0 +1,67 @@
+"""The byte maps of defined lists for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from nvscope import units
+from nvscope.report.ansi import paint
+from nvscope.view.escape import visible
+from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+
+MIN_WIDTH = 40
+
+_COLUMNS = (
+    Column("Offset", right=True),
+    Column("Bytes", right=True),
+    Column("Variable", shortest=12),
+    Column("Type", shortest=8),
+)
+
+
+def render(document: Mapping[str, Any], *, colour: bool = False, width: int = 80) -> str:
+    """Return byte maps (schema ``nvscope.layout/1``) as text of at most ``width`` columns, ending with a line break."""
+    return paint(_lines(document["lists"], max(width, MIN_WIDTH)), colour=colour)
+
+
+def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
+    if not lists:
+        text = "The files define types only: name the file of a list too."
+        yield from wrap([Cell(text, Tone.WARNING)], width)
+    for number, entry in enumerate(lists):
+        if number:
+            yield []
+        yield from wrap([Cell(visible(entry["name"]), Tone.STRONG), Cell(f": {_summary(entry)}")], width, hanging=2)
+        for telegram in entry["telegrams"]:
+            yield []
+            head = f"SubIndex {telegram['subindex']}: Items {telegram['items']}, Length {_known(telegram['length'])}"
+            yield from wrap([Cell(head)], width, 2)
+            rows = [
+                [
+                    Cell(_known(element["offset"])),
+                    Cell(_known(element["bytes"])),
+                    Cell(visible(element["name"])),
+                    Cell(visible(element["type"]), Tone.FAINT),
+                ]
+                for element in telegram["elements"]
+            ]
+            yield from align(_COLUMNS, rows, width, 2)
+
+
+def _summary(entry: Mapping[str, Any]) -> str:
+    identifier = "list without identifier" if entry["id"] is None else f"list {entry['id']}"
+    parts = [f"{identifier} on {visible(entry['protocol'])} port {entry['port']}"]
+    parts.append("packed" if entry["pack"] else "a telegram a variable")
+    if entry["interval_ns"] is not None:
+        parts.append(f"every {units.duration(entry['interval_ns'])}")
+    telegrams = units.count_of(len(entry["telegrams"]), "telegram")
+    if entry["unknown"] is not None:
+        parts.append(f"nobody knows how many bytes {visible(entry['unknown'])} has")
+    else:
+        parts.append(f"{units.data_size(entry['data_bytes'])} in {telegrams}")
+    return ", ".join(parts) + "."
+
+
+def _known(number: int | None) -> str:
+    return "?" if number is None else str(number)

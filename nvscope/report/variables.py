@@ -1,0 +1,58 @@
+"""The variables of a capture as a table for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from nvscope import units
+from nvscope.report.ansi import paint
+from nvscope.report.content import nanoseconds
+from nvscope.view.escape import visible
+from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+
+MIN_WIDTH = 40
+
+_COLUMNS = (
+    Column("Variable", shortest=12),
+    Column("Value", shortest=8),
+    Column("Type", importance=1),
+    Column("Changed", importance=4),
+    Column("Changes", right=True, importance=5),
+    Column("Min", right=True, importance=3),
+    Column("Max", right=True, importance=2),
+)
+
+
+def render(document: Mapping[str, Any], *, colour: bool = False, width: int = 80, utc: bool = False) -> str:
+    """Return variables (schema ``nvscope.vars/1``) as text of at most ``width`` columns, ending with a line break."""
+    return paint(_lines(document["variables"], max(width, MIN_WIDTH), utc), colour=colour)
+
+
+def _lines(rows: list[Mapping[str, Any]], width: int, utc: bool) -> Iterator[Line]:
+    if not rows:
+        text = "No telegram of a defined list was found: compare the identifiers and ports of the definition files."
+        yield from wrap([Cell(text, Tone.WARNING)], width)
+        return
+    groups: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault((row["list"], row["list_name"], row["sender"]), []).append(row)
+    for number, ((key, name, sender), members) in enumerate(groups.items()):
+        if number:
+            yield []
+        title = [Cell(f"{visible(key)} {visible(name)}", Tone.STRONG), Cell(f" from {visible(sender)}, ")]
+        yield from wrap([*title, Cell(units.count_of(max(row["telegrams"] for row in members), "telegram"))], width)
+        yield from align(_COLUMNS, [_cells(row, utc) for row in members], width, 2)
+
+
+def _cells(row: Mapping[str, Any], utc: bool) -> list[Cell]:
+    changed = nanoseconds(row["changed_ns"]) or 0
+    return [
+        Cell(visible(row["name"])),
+        Cell(visible(row["text"]), Tone.STRONG),
+        Cell(visible(row["type"]), Tone.FAINT),
+        Cell(units.clock_time(changed, utc=utc) if row["changes"] else "never"),
+        Cell(units.count(row["changes"])),
+        Cell(visible(row["min_text"] or "-")),
+        Cell(visible(row["max_text"] or "-")),
+    ]

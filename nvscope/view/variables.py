@@ -1,0 +1,128 @@
+"""The variables of a capture as data: last value, time, changes and bounds (schema ``nvscope.vars/1``)."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from nvscope import __version__
+from nvscope.definition.model import Element, Elementary, Enumeration, Kind, Scalar, Union
+from nvscope.definition.packing import type_name
+from nvscope.definition.value import Value, value_of
+from nvscope.tracker import address
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.values import StreamValues, Values, blocks_of
+from nvscope.units import clock_time, date, iec_time
+
+_S_NS = 1_000_000_000
+
+
+def variables_document(state: TrackerState, values: Values) -> dict[str, Any]:
+    """Return the variables of all streams as data, by list, SubIndex and sender.
+
+    Numbers are numbers (``null`` where they are not finite), times of the type as numbers in its unit, bytes as
+    hexadecimal text; absolute times are nanoseconds as decimal strings.
+    """
+    flows = state.flows
+    entries = []
+    for stream, known in values.streams.items():
+        place = int(flows.streams.high[stream])
+        number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
+        node = int(flows.streams.low[stream])
+        halves = int(flows.nodes.high[node]), int(flows.nodes.low[node])
+        key = f"udp/{int(flows.lists.high[number])}/{int(flows.lists.low[number])}"
+        listed = int(flows.lists.high[number]), int(flows.lists.low[number])
+        entries.append(((listed, subindex, address.order(*halves)), key, address.text(*halves), known))
+    entries.sort(key=lambda entry: entry[0])
+    return {
+        "schema": "nvscope.vars/1",
+        "tool": {"name": "nvscope", "version": __version__},
+        "variables": [
+            row for (_, subindex, _), key, sender, known in entries for row in _rows(key, subindex, sender, known)
+        ],
+    }
+
+
+def _rows(key: str, subindex: int, sender: str, known: StreamValues) -> list[dict[str, Any]]:
+    rows = []
+    bounds = _bounds(known)
+    for place, (offset, element) in enumerate(known.layout.spans()):
+        raw = known.data[offset : offset + element.type.size_bytes].tobytes()
+        least, most = bounds[place]
+        rows.append(
+            {
+                "list": key,
+                "list_name": known.layout.list.name,
+                "name": element.name,
+                "type": type_name(element.type),
+                "sender": sender,
+                "subindex": subindex,
+                "value": _plain(value_of(element.type, raw)),
+                "text": value_text(element.type, raw),
+                "last_ns": str(known.last_ns),
+                "changed_ns": str(int(known.changed_ns[place])),
+                "telegrams": known.telegrams,
+                "changes": int(known.changes[place]),
+                "min": None if least is None else _plain(value_of(element.type, least)),
+                "max": None if most is None else _plain(value_of(element.type, most)),
+                "min_text": None if least is None else value_text(element.type, least),
+                "max_text": None if most is None else value_text(element.type, most),
+            }
+        )
+    return rows
+
+
+def _bounds(known: StreamValues) -> list[tuple[bytes | None, bytes | None]]:
+    """Return the bytes of the least and the greatest value of each element; None for what has no order."""
+    bounds: list[tuple[bytes | None, bytes | None]] = []
+    for block, least, most in zip(blocks_of(known.layout), known.least, known.most, strict=True):
+        if least is None or most is None:
+            bounds += [(None, None)] * block.count
+        else:
+            bounds += [(low.tobytes(), high.tobytes()) for low, high in zip(least, most, strict=True)]
+    return bounds
+
+
+def _plain(value: Value) -> bool | int | float | str | None:
+    if isinstance(value, bytes):
+        return value.hex()
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    return value
+
+
+def value_text(kind: Elementary, raw: bytes) -> str:
+    """Return the value of an element as an engineer writes it: ``TRUE``, ``12.5``, ``T#1s500ms``, ``eRun (2)``."""
+    value = value_of(kind, raw)
+    if isinstance(kind, Enumeration) and isinstance(value, int):
+        names = [name for name, number in kind.values.items() if number == value]
+        return f"{names[0]} ({value})" if names else f"{value} (no value of {kind.name})"
+    if isinstance(kind, Scalar) and kind.kind is Kind.BOOL:
+        return "TRUE" if value else "FALSE"
+    if isinstance(value, str):
+        return f"'{value}'"
+    if isinstance(value, bytes):
+        return value.hex(" ")
+    if isinstance(value, float):
+        return f"{value:.7g}" if isinstance(kind, Scalar) and kind.size_bytes == 4 else f"{value:.12g}"
+    return _time_text(kind, value) if isinstance(kind, Scalar) and kind.unit_ns else str(value)
+
+
+def _time_text(kind: Scalar, value: int) -> str:
+    """Return an IEC 61131-3 literal, with the short prefix that the type has."""
+    time_ns = value * kind.unit_ns
+    if kind.kind is Kind.DURATION:
+        return iec_time(time_ns)
+    if kind.kind is Kind.TIME_OF_DAY:
+        seconds, rest_ns = divmod(time_ns, _S_NS)
+        digits = f"{rest_ns:09d}".rstrip("0")
+        minutes, hours = seconds // 60 % 60, seconds // 3_600
+        return f"TOD#{hours:02d}:{minutes:02d}:{seconds % 60:02d}{'.' if digits else ''}{digits}"
+    day = date(time_ns, utc=True)
+    return f"D#{day}" if kind.kind is Kind.DATE else f"DT#{day}-{clock_time(time_ns, utc=True, digits=0)}"
+
+
+def is_described(element: Element) -> bool:
+    """Tell whether it is known what the bytes of an element mean."""
+    kind = element.type
+    return not isinstance(kind, Union) and not (isinstance(kind, Scalar) and kind.kind is Kind.RAW)

@@ -1,0 +1,44 @@
+"""What tests say about definitions: one text in, types and errors as short texts out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from nvscope.definition.load import load_definitions
+from nvscope.definition.model import Array, Definition, Enumeration, Scalar, Structure, Type, Union
+from nvscope.errors import ConfigurationError
+
+SAMPLES = Path(__file__).parent / "samples"
+
+
+def declared(text: str, path: Path) -> Definition:
+    """Return the definition that one file with a text gives."""
+    file = path / "List.st"
+    file.write_text(text, encoding="utf-8", newline="")
+    return load_definitions([str(file)])
+
+
+def problem(text: str, path: Path) -> str:
+    """Return line, column and message of the error that a text gives."""
+    with pytest.raises(ConfigurationError) as caught:
+        declared(text, path)
+    assert caught.value.where.startswith(str(path / "List.st"))
+    line, column = caught.value.where.removeprefix(f"{path / 'List.st'}, line ").split(", column ")
+    assert caught.value.next_step
+    return f"{line}:{column} {caught.value.what}"
+
+
+def shown(kind: Type) -> str:
+    """Return a type as it would be declared."""
+    if isinstance(kind, Scalar):
+        return kind.name if kind.low is None else f"{kind.name}({kind.low}..{kind.high})"
+    if isinstance(kind, Enumeration):
+        return f"({', '.join(f'{name}={value}' for name, value in kind.values.items())}) {shown(kind.base)}"
+    if isinstance(kind, Array):
+        return f"ARRAY[{', '.join(f'{low}..{high}' for low, high in kind.bounds)}] OF {shown(kind.element)}"
+    if isinstance(kind, Structure | Union):
+        members = " ".join(f"{member.name}: {shown(member.type)};" for member in kind.members)
+        return f"{type(kind).__name__.upper()} {members}"
+    return kind.name

@@ -1,0 +1,290 @@
+"""The file formats: what each of them tells about lists, variables and types."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from nvscope.definition.load import load_definitions
+from nvscope.definition.model import ListDefinition, Position, elements, size_bytes_of
+from nvscope.definition.source import MAX_FILE_BYTES, decode
+from nvscope.errors import ConfigurationError
+from tests.definition.declared import SAMPLES, shown
+
+PEERS = Path(__file__).parent.parent.parent / "captures" / "peers"
+MINIMAL_GVL = "<GVL><Declarations>VAR_GLOBAL a : INT; END_VAR</Declarations>{}</GVL>"
+
+
+def sample(*names: str) -> list[str]:
+    return [str(SAMPLES / name) for name in names]
+
+
+def variables(definition: ListDefinition) -> dict[str, str]:
+    return {variable.name: shown(variable.type) for variable in definition.variables}
+
+
+def failure(path: Path, data: bytes) -> ConfigurationError:
+    path.write_bytes(data)
+    with pytest.raises(ConfigurationError) as caught:
+        load_definitions([str(path)])
+    assert caught.value.next_step
+    return caught.value
+
+
+def test_gvl() -> None:
+    axis, types = sample("axis.gvl", "axis_types.st")
+    (found,) = load_definitions([axis, types]).lists
+    assert variables(found) == {
+        "bStart": "BOOL",
+        "nSpeed": "INT",
+        "stAxis": "STRUCTURE pos: LREAL; vel: REAL;",
+        "aLimits": "ARRAY[0..3] OF DINT",
+        "sText": "STRING(30)",
+    }
+    assert found == ListDefinition(
+        "axis", Position(axis, 3, 1), found.variables, list_id=42, port=1300, address="225.10.10.11", acknowledge=True,
+        interval_ns=50_000_000, min_gap_ns=20_000_000,
+    )  # fmt: skip
+    assert found.variables[2].position == Position(axis, 6, 2)
+    assert load_definitions([types, axis]) == load_definitions([axis, types])
+
+
+def test_lists_of_the_captures() -> None:
+    paths = [str(path) for path in sorted(PEERS.iterdir()) if path.suffix in {".gvl", ".st"}]
+    lists = {found.list_id: found for found in load_definitions(paths).lists}
+    counts = {list_id: sum(1 for each in found.variables for _ in elements(each)) for list_id, found in lists.items()}
+    assert counts == {42: 11, 1: 6, 3: 4, 7: 129}
+    sizes = {list_id: sum(size_bytes_of(each.type) for each in found.variables) for list_id, found in lists.items()}
+    assert sizes == {42: 68, 1: 36, 3: 11, 7: 546}
+
+
+def test_gvl_without_its_types_says_what_is_missing() -> None:
+    with pytest.raises(ConfigurationError, match="unknown type 'Axis'") as caught:
+        load_definitions(sample("axis.gvl"))
+    assert caught.value.where == f"{SAMPLES / 'axis.gvl'}, line 6, column 11"
+    assert "name the file" in caught.value.next_step
+
+
+def test_gvl_that_says_little(tmp_path: Path) -> None:
+    file = tmp_path / "GVL_Line 1.gvl"
+    file.write_text(MINIMAL_GVL.format("<NetvarSettings><ListIdentifier> 9 </ListIdentifier></NetvarSettings>"))
+    (found,) = load_definitions([str(file)]).lists
+    assert (found.name, found.list_id, found.port, found.address, found.interval_ns) == (
+        "GVL_Line 1", 9, 1202, "255.255.255.255", None,
+    )  # fmt: skip
+
+
+def test_gvl_with_escaped_declarations(tmp_path: Path) -> None:
+    file = tmp_path / "a.gvl"
+    file.write_text(
+        "<GVL><!-- ä -->\n<Declarations>VAR_GLOBAL a : STRING := &apos;ü&lt;&#x41;&apos;;<!-- ; -->\n b : XINT;"
+        " END_VAR</Declarations></GVL>",
+        encoding="utf-8",
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        load_definitions([str(file)])
+    assert caught.value.where == f"{file}, line 3, column 6"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ("<Pack>maybe</Pack>", "Pack: 'maybe' is neither True nor False"),
+        ("<ListIdentifier>70000</ListIdentifier>", "ListIdentifier: '70000' is no number from 0 to 65535"),
+        ("<ListIdentifier/>", "ListIdentifier: '' is no number from 0 to 65535"),
+        ("<Interval>soon</Interval>", "Interval: 'soon' is no duration such as 50ms, 2.5s or T#1m30s"),
+        ("<MinGap>T#-5ms</MinGap>", "MinGap: a time cannot be negative here"),
+        (
+            '<ProtocolSettings><ProtocolSetting Name="Port" Value="x"/></ProtocolSettings>',
+            "Port: 'x' is no number from 0 to 65535",
+        ),
+        (
+            '<ProtocolSettings><ProtocolSetting Name="Broadcast Adr." Value="here"/></ProtocolSettings>',
+            "'here' is no IP address",
+        ),
+    ],
+)
+def test_settings_that_cannot_be(settings: str, message: str, tmp_path: Path) -> None:
+    text = MINIMAL_GVL.format(f"\n<NetvarSettings>{settings}</NetvarSettings>")
+    error = failure(tmp_path / "a.gvl", text.encode())
+    assert error.what == message
+    assert error.where.startswith(f"{tmp_path / 'a.gvl'}, line 2, column ")
+
+
+def test_export_of_v2_3() -> None:
+    (path,) = sample("plant.exp")
+    definition = load_definitions([path])
+    first, second = definition.lists
+    valve = "STRUCTURE open: BOOL; position: INT(0..100);"
+    assert variables(first) == {"valve": f"ARRAY[1..3] OF {valve}", "text": "STRING(20)"}
+    assert first.variables == second.variables
+    assert (first.name, first.list_id, first.port, first.pack, first.interval_ns) == (
+        "Valves", 7, 1202, True, 100_000_000,
+    )  # fmt: skip
+    assert (second.name, second.list_id, second.port, second.interval_ns) == ("Valves", 8, 1203, None)
+    assert first.variables[0].position == Position(path, 36, 2)
+
+
+@pytest.mark.parametrize(
+    ("data", "text"),
+    [
+        ("Grüße, 5 °C".encode("cp1252"), "Grüße, 5 °C"),
+        ("Скорость насоса".encode("cp1251"), "Скорость насоса"),
+        ("Größe, Скорость".encode(), "Größe, Скорость"),
+        ("ä".encode("utf-8-sig"), "ä"),
+        ("\ufeffä".encode("utf-16-le"), "ä"),
+        (b'<?xml version="1.0" encoding="cp1251"?>\xd1', '<?xml version="1.0" encoding="cp1251"?>С'),
+    ],
+)
+def test_encodings_are_recognised(data: bytes, text: str) -> None:
+    assert decode(data, "a.exp") == text
+
+
+def test_the_encoding_that_was_asked_for(tmp_path: Path) -> None:
+    file = tmp_path / "a.exp"
+    file.write_bytes("VAR_GLOBAL größe : INT; END_VAR".encode("cp850"))
+    assert load_definitions([str(file)], encoding="cp850").lists[0].variables[0].name == "größe"
+    with pytest.raises(ConfigurationError, match="no utf-8") as caught:
+        load_definitions([str(file)], encoding="utf-8")
+    assert caught.value.where == f"{file}, line 1, column 14"
+    with pytest.raises(ConfigurationError, match="no encoding is called 'klingon'"):
+        load_definitions([str(file)], encoding="klingon")
+
+
+def test_comments_that_do_not_nest(tmp_path: Path) -> None:
+    file = tmp_path / "a.exp"
+    text = "(* @NESTEDCOMMENTS := '{}' *)\nVAR_GLOBAL (* a (* b *) c : INT; (* *) *) d : INT; END_VAR"
+    file.write_text(text.format("No").replace(" *) d", " d"))
+    assert list(variables(load_definitions([str(file)]).lists[0])) == ["c", "d"]
+    file.write_text(text.format("Yes"))
+    assert list(variables(load_definitions([str(file)]).lists[0])) == ["d"]
+
+
+def test_twincat() -> None:
+    paths = sample("Line.TcGVL", "E_State.TcDUT")
+    definition = load_definitions(paths)
+    (found,) = definition.lists
+    assert (found.name, found.list_id) == ("GVL_Line", None)
+    assert variables(found) == {
+        "eState": "(idle=0, running=1, fault=128) UINT",
+        "aStation": "ARRAY[1..2] OF BOOL",
+    }
+    assert dict(found.variables[0].attributes) == {"TcLinkTo": "TIID^Device"}
+    assert found.variables[0].position == Position(paths[0], 10, 2)
+
+
+def test_plcopen() -> None:
+    (path,) = sample("press.xml")
+    (found,) = load_definitions([path]).lists
+    assert found.name == "Presses"
+    assert variables(found) == {
+        "press": (
+            "STRUCTURE mode: (off=0, manual=5, automatic=6) USINT;"
+            " force: ARRAY[0..1] OF ARRAY[1..2] OF REAL; percent: USINT(0..100); note: STRING(12);"
+        ),
+        "started": "DT",
+    }
+    assert found.variables[0].position == Position(path, 46, 13)
+
+
+def test_plcopen_that_says_too_little(tmp_path: Path) -> None:
+    globals_of = "<project>\n<globalVars name='G'>{}</globalVars></project>"
+    variable = "<variable name='a'><type>{}</type></variable>"
+    found = {
+        text: (error := failure(tmp_path / "a.xml", globals_of.format(text).encode())).what + error.where[-10:]
+        for text in (
+            "<variable><type><INT/></type></variable>",
+            "<variable name='a'/>",
+            variable.format(""),
+            variable.format("<INTEGER/>"),
+            variable.format("<derived name='Valve'/>"),
+            variable.format("<array><baseType><INT/></baseType></array>"),
+            variable.format("<array><dimension lower='0'/><baseType><INT/></baseType></array>"),
+            variable.format("<array><dimension lower='0' upper='+'/><baseType><INT/></baseType></array>"),
+            variable.format("<string length='n'/>"),
+            variable.format("<enum><values/></enum>"),
+        )
+    }
+    assert list(found.values()) == [
+        "the element variable has no name column 22",
+        "the element variable has no type column 22",
+        "the element type holds no type column 41",
+        "unknown type 'INTEGER' column 47",
+        "unknown type 'Valve' column 47",
+        "the array has no dimension column 47",
+        "dimension: lower or upper is missing column 54",
+        "'+' is no value column 54",
+        "unknown constant 'n' column 47",
+        "the enumeration has no values column 47",
+    ]
+
+
+def test_the_name_of_a_file_does_not_matter(tmp_path: Path) -> None:
+    for name in ("axis.gvl", "plant.exp", "Line.TcGVL", "press.xml", "axis_types.st", "E_State.TcDUT"):
+        (tmp_path / f"{name}.txt").write_bytes((SAMPLES / name).read_bytes())
+    paths = sorted(str(path) for path in tmp_path.iterdir())
+    assert len(load_definitions(paths).lists) == 5
+
+
+def test_a_type_in_two_files(tmp_path: Path) -> None:
+    same, other = tmp_path / "same.st", tmp_path / "other.st"
+    same.write_text("TYPE AXIS : STRUCT pos : LREAL; (* [mm] *) vel : REAL; END_STRUCT END_TYPE")
+    with pytest.raises(ConfigurationError, match="declared twice, differently") as caught:
+        load_definitions([*sample("axis_types.st"), str(same)])
+    assert caught.value.where == f"{same}, line 1, column 6"
+    other.write_text((SAMPLES / "axis_types.st").read_text().replace("\t", " // a comment\n "))
+    assert list(load_definitions([*sample("axis_types.st"), str(other)]).types) == ["AXIS"]
+
+
+def test_constants_of_one_name_in_two_lists(tmp_path: Path) -> None:
+    for name, value, bound in (("A", 1, "n"), ("B", 2, "n"), ("C", 3, "B.n")):
+        text = f"VAR_GLOBAL CONSTANT n : INT := {value}; END_VAR VAR_GLOBAL x : INT(0..{bound}); END_VAR"
+        (tmp_path / f"{name}.st").write_text(text)
+    paths = [str(tmp_path / f"{name}.st") for name in "ABC"]
+    assert [variables(found)["x"] for found in load_definitions(paths).lists] == ["INT(0..1)", "INT(0..2)", "INT(0..2)"]
+    (tmp_path / "D.st").write_text("VAR_GLOBAL x : INT(0..n); END_VAR")
+    with pytest.raises(ConfigurationError, match="'n' has several values"):
+        load_definitions([*paths, str(tmp_path / "D.st")])
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "place"),
+    [
+        ("<GVL>\n <Declarations></GVL>", "this is no well-formed XML: mismatched tag", (2, 18)),
+        ("\n<html/>", "no format of definitions has the root element 'html'", (2, 1)),
+        ("<GVL/>", "the element Declarations is missing", (1, 1)),
+        ("<project/>", "the file declares neither types nor variables", (1, 1)),
+        ('<project><dataType name="a"/></project>', "the element dataType has no baseType", (1, 10)),
+        ("<!DOCTYPE GVL SYSTEM 'x'><GVL/>", "the XML has document type or entities that no definition needs", (1, 25)),
+        ("<a>" * 1_000, "elements are nested deeper than 200", (1, 601)),
+    ],
+)
+def test_xml_that_is_no_definition(text: str, message: str, place: tuple[int, int], tmp_path: Path) -> None:
+    error = failure(tmp_path / "a.gvl", text.encode())
+    assert (error.what, error.where) == (message, str(Position(str(tmp_path / "a.gvl"), *place)))
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be read") as caught:
+        load_definitions([str(tmp_path / "missing.gvl")])
+    assert caught.value.where == str(tmp_path / "missing.gvl")
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        load_definitions([str(tmp_path)])
+    assert "larger than 16.0 MB" in failure(tmp_path / "large.st", b" " * (MAX_FILE_BYTES + 1)).what
+
+
+@pytest.mark.parametrize(
+    ("module", "call", "foreign"),
+    [
+        ("nvscope.definition.model", "pass", set()),
+        ("nvscope.definition.load", f"load_definitions([{str(SAMPLES / 'axis_types.st')!r}])", {"lark"}),
+        ("nvscope.definition.load", f"load_definitions([{str(SAMPLES / 'E_State.TcDUT')!r}])", {"lark", "defusedxml"}),
+    ],
+)
+def test_parsers_are_imported_where_they_are_needed(module: str, call: str, foreign: set[str]) -> None:
+    code = f"import sys; from {module} import *; {call}; print(*{{'lark', 'defusedxml'}} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == foreign

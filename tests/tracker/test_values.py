@@ -1,0 +1,138 @@
+"""Values in bulk against a decoder that takes one telegram and one element after the other."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nvscope.definition.model import Definition, Enumeration, Kind, ListDefinition, Scalar, String, Type
+from nvscope.definition.packing import pack
+from nvscope.definition.value import value_of
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.values import Values
+from nvscope.view.variables import variables_document
+from tests.definition.lists import BOOL, INT, REAL, STATE, TIME, UDINT, UNKNOWN, VARIABLES, list_of, telegram
+from tests.oracle.frame import Frame
+from tests.packets import batch_of
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def random_bytes(choice: random.Random, kind: Any, before: bytes | None) -> bytes:
+    """Return bytes of an element, often those of before, sometimes strings with leftovers behind their end."""
+    if before is not None and choice.random() < 0.5:
+        return before
+    raw = bytearray(choice.choice([0, 0, 1, 65, 66, 255, choice.randrange(256)]) for _ in range(kind.size_bytes))
+    return bytes(raw)
+
+
+def telegrams_of(definition: ListDefinition, seed: int, count: int) -> list[tuple[Frame, int, list[bytes]]]:
+    """Return frames of a list with their SubIndex and the bytes of their elements."""
+    choice = random.Random(seed)
+    layouts = pack(definition)
+    before: dict[tuple[int, int], bytes] = {}
+    sent = []
+    for number in range(count):
+        layout = choice.choice(layouts)
+        parts = []
+        for place, element in enumerate(layout.elements):
+            key = layout.subindex, place
+            before[key] = random_bytes(choice, element.type, before.get(key))
+            parts.append(before[key])
+        frame = telegram(
+            b"".join(parts), layout.items, subindex=layout.subindex, counter=number, ts_ns=START_NS + number * 1_000_000
+        )
+        sent.append((frame, layout.subindex, parts))
+    return sent
+
+
+def seen(kind: Any, raw: bytes) -> bytes:
+    """Return what of an element's bytes counts: of strings, what stands before the end."""
+    if not isinstance(kind, String):
+        return raw
+    step = 2 if kind.wide else 1
+    units = [raw[at : at + step] for at in range(0, len(raw), step)]
+    end = units.index(bytes(step)) if bytes(step) in units else len(units)
+    return b"".join(units[:end])
+
+
+def has_order(kind: Any) -> bool:
+    scalar = kind.base if isinstance(kind, Enumeration) else kind
+    return isinstance(scalar, Scalar) and scalar.kind is not Kind.RAW
+
+
+@given(VARIABLES, st.booleans(), st.integers(0, 10_000), st.integers(1, 40), st.integers(1, 40))
+def test_bulk_values_are_those_of_one_telegram_after_the_other(
+    types: list[Type], packed: bool, seed: int, count: int, cut: int
+) -> None:
+    definition = list_of(types, pack=packed)
+    sent = telegrams_of(definition, seed, count)
+    values = Values(Definition((definition,)))
+    state = TrackerState(values=values)
+    whole = batch_of([frame for frame, _, _ in sent])
+    for begin in range(0, count, cut):
+        state.observe(whole[begin : begin + cut])
+
+    rows = {(row["subindex"], row["name"]): row for row in variables_document(state, values)["variables"]}
+    for layout in pack(definition):
+        own = [(frame, parts) for frame, subindex, parts in sent if subindex == layout.subindex]
+        for place, element in enumerate(layout.elements):
+            if not own:
+                assert (layout.subindex, element.name) not in rows
+                continue
+            row, kind = rows[layout.subindex, element.name], element.type
+            raws = [seen(kind, parts[place]) for _, parts in own]
+            changed = [number for number in range(1, len(raws)) if raws[number] != raws[number - 1]]
+            assert (row["telegrams"], row["changes"]) == (len(own), len(changed))
+            assert row["changed_ns"] == str(own[changed[-1] if changed else 0][0].ts_ns)
+            assert row["last_ns"] == str(own[-1][0].ts_ns)
+            found = [value_of(kind, parts[place]) for _, parts in own]
+            last = found[-1]
+            if isinstance(last, bytes):
+                assert row["value"] == last.hex()
+            else:
+                assert row["value"] == (None if isinstance(last, float) and not math.isfinite(last) else last)
+            numbers = [number for number in found if isinstance(number, int | float) and not math.isnan(number)]
+            if has_order(kind) and kind is not BOOL and numbers and all(map(math.isfinite, numbers)):
+                assert (row["min"], row["max"]) == (min(numbers), max(numbers))
+
+
+def test_what_does_not_fit_is_counted_and_not_decoded() -> None:
+    definition = list_of([INT, REAL])
+    values = Values(Definition((definition,)))
+    state = TrackerState(values=values)
+    frames = [
+        telegram(b"\1\0\0\0\0\0", 2, subindex=0, counter=1, ts_ns=START_NS),
+        telegram(b"\2\0\0\0\0\0\0", 2, subindex=0, counter=2, ts_ns=START_NS + 1),
+        telegram(b"\3\0\0\0\0\0", 3, subindex=0, counter=3, ts_ns=START_NS + 2),
+        telegram(b"\4\0", 1, subindex=1, counter=1, ts_ns=START_NS + 3),
+    ]
+    state.observe(batch_of(frames))
+    first, _ = variables_document(state, values)["variables"]
+    assert (first["value"], first["telegrams"]) == (1, 1)
+    assert values.unfitting.column("count").tolist() == [2, 1]
+    assert values.unfitting.frames[0, :3].tolist() == [2, 3, 0]
+
+
+def test_texts_are_what_an_engineer_writes() -> None:
+    definition = list_of([BOOL, STATE, STATE, TIME, String(4), UNKNOWN, REAL, UDINT])
+    data = (
+        b"\1"
+        + b"\1\0"
+        + b"\7\0"
+        + (90_500).to_bytes(4, "little")
+        + b"ab\0cd"
+        + b"\1\2\3\4"
+        + b"\0\0\x48\x41"
+        + b"\7\0\0\0"
+    )
+    values = Values(Definition((definition,)))
+    state = TrackerState(values=values)
+    state.observe(batch_of([telegram(data, 8, subindex=0, counter=1, ts_ns=START_NS)]))
+    assert [row["text"] for row in variables_document(state, values)["variables"]] == [
+        "TRUE", "eRun (1)", "7 (no value of eState)", "T#1m30s500ms", "'ab'", "01 02 03 04", "12.5", "7",
+    ]  # fmt: skip
