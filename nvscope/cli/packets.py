@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from nvscope.cli.definitions import GvlOption
 from nvscope.cli.sources import DecodeOption, ReadOption, SourcesArgument, chosen, port_rules, tell_of_losses
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from dissectors.batch import Bool
     from nvscope.report.packets.records import Face
     from nvscope.view.display_filter import DisplayFilter
+    from nvscope.view.layouts import Layouts
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
 Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
@@ -66,6 +68,7 @@ def packets(
         typer.Option("-c", "--count", min=1, metavar="N", help="Stop after reading N telegrams, shown or not."),
     ] = None,
     moment: Annotated[Moment, typer.Option("-t", "--time", help=_MOMENT_HELP)] = "r",
+    gvl: GvlOption = None,
     decode: DecodeOption = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -77,7 +80,7 @@ def packets(
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
-    face = _face(output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour))
+    face = _face(output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour), gvl)
 
     chosen_by = _display_filter(wanted)
 
@@ -118,6 +121,15 @@ def packets(
         raise typer.Exit(ExitCode.DATA_LOSS)
 
 
+def _layouts(gvl: Sequence[str] | None) -> Layouts | None:
+    if not gvl:
+        return None
+    from nvscope.definition.load import load_definitions
+    from nvscope.view.layouts import Layouts
+
+    return Layouts(load_definitions(gvl))
+
+
 def _display_filter(text: str | None) -> DisplayFilter | None:
     if text is None:
         return None
@@ -134,8 +146,11 @@ def _face(
     settings: Sequence[str],
     moment: Moment,
     colour: bool,
+    gvl: Sequence[str] | None,
 ) -> Face:
     """Return the form that was asked for; UsageError where options contradict each other."""
+    if gvl and not trees:
+        raise UsageError("--gvl names the variables in trees", next_step="add -V; `nvscope vars` shows last values")
     chosen_format = output or ("fields" if names else "text")
     if chosen_format != "text" and (trees or dumps):
         raise UsageError(
@@ -148,7 +163,8 @@ def _face(
             raise UsageError("-e is not for -T text", next_step="write -T fields, json, ndjson or csv")
         from nvscope.report.packets.text import Text
 
-        return Text(trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour)
+        layouts = _layouts(gvl) if trees else None
+        return Text(trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour, layouts=layouts)
 
     from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedFields, separation
     from nvscope.view.fields import DEFAULT_FIELDS, find_field

@@ -74,3 +74,37 @@ def test_a_byte_map() -> None:
     ]
     (entry,) = json.loads(nvscope("gvl", "layout", "--json", *AXIS).stdout)["lists"]
     assert [(telegram["items"], telegram["length"]) for telegram in entry["telegrams"]] == [(11, 88)]
+
+
+def test_variables_in_the_tree_of_a_telegram() -> None:
+    options = ["--gvl", AXIS[0], "--gvl", AXIS[1]]
+    done = nvscope("packets", str(PEERS / "peers.pcap"), "-V", "-Y", "nv.index == 42", "-c", "6", *options)
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    begin = lines.index("Variables  axis")
+    assert lines[begin + 1 : begin + 5] == [
+        "  003e  00                 bStart                  FALSE  BOOL",
+        "  003f  bd 4a              nSpeed                  19133  INT",
+        "  0041  e1 76 7b 42        fTemp                   62.86609  REAL",
+        "  0045  7d 1f 27 6c be …   stAxis.pos              156.491994931  LREAL",
+    ]
+    assert "Data" not in done.stdout
+
+
+def test_a_telegram_of_another_shape_keeps_its_bytes(tmp_path: Path) -> None:
+    other = tmp_path / "other.gvl"
+    other.write_text((PEERS / "axis.gvl").read_text().replace("nSpeed : INT", "nSpeed : DINT"))
+    options = ["--gvl", str(other), "--gvl", AXIS[1]]
+    tree = nvscope("packets", str(PEERS / "peers.pcap"), "-V", "-Y", "nv.index == 42", "-c", "6", *options).stdout
+    assert "Variables  other: not of the shape that its definition has (NV405)\nData  68 bytes\n" in tree
+    report = json.loads(nvscope("report", str(PEERS / "peers.pcap"), "--json", *options).stdout)
+    assert {entry["id"]: entry["name"] for entry in report["lists"]}[42] == "other"
+    (mismatch,) = [finding for finding in report["findings"] if finding["code"] == "NV405"]
+    assert (mismatch["list"], mismatch["count"]) == ("udp/1202/42", 199)
+    assert mismatch["message"].endswith("eState at byte 68 is the first that cannot be there, 2 bytes short.")
+
+
+def test_variables_need_trees() -> None:
+    done = nvscope("packets", str(PEERS / "peers.pcap"), "--gvl", AXIS[0])
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "-V" in done.stderr

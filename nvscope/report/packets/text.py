@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from dissectors.netvar import HEADER
 from nvscope.report.ansi import paint
@@ -12,12 +13,16 @@ from nvscope.report.packets.tree import Trees
 from nvscope.view.table import Line, Tone
 from nvscope.view.telegrams import TelegramRows
 
+if TYPE_CHECKING:
+    from nvscope.view.layouts import Layouts
+
 
 class Text:
     """The text of pieces that follow each other, as a ``Face``.
 
     With ``trees`` a tree takes the place of the line. With ``dumps`` the captured bytes follow. ``width`` limits lines
-    and trees, not dumps; None for no limit. With and without ``colour`` the text is the same.
+    and trees, not dumps; None for no limit. ``layouts`` name the variables in trees. With and without ``colour`` the
+    text is the same.
     """
 
     def __init__(
@@ -28,7 +33,9 @@ class Text:
         moment: Moment = "r",
         width: int | None = None,
         colour: bool = False,
+        layouts: Layouts | None = None,
     ) -> None:
+        self._layouts = layouts
         self._trees = trees
         self._dumps = dumps
         self._width = width
@@ -51,7 +58,7 @@ class Text:
         return ""
 
     def _one_by_one(self, rows: TelegramRows) -> Iterator[str]:
-        trees = Trees(rows, self._width, dumps=not self._dumps) if self._trees else None
+        trees = Trees(rows, self._width, dumps=not self._dumps, layouts=self._layouts) if self._trees else None
         heads: Iterator[Line] = iter(()) if trees else self._lines.lines(rows)
         for row in range(len(rows)):
             text: list[Line] = []

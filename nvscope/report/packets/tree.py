@@ -9,23 +9,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from ipaddress import IPv4Address
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from dissectors.layout import Field, Layout
 from dissectors.link import PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
-from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS
+from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS, Fault, Service
 from nvscope import units
 from nvscope.expression.columns import FieldType
 from nvscope.report.packets import cells, moments, words
 from nvscope.report.packets.fit import cut
 from nvscope.report.packets.hexdump import dump
 from nvscope.tracker import address
+from nvscope.view.escape import visible
 from nvscope.view.fields import FIELDS
 from nvscope.view.layers import Layer, layers, values
 from nvscope.view.table import Cell, Line, Tone
 from nvscope.view.telegrams import TelegramRows
+
+if TYPE_CHECKING:
+    from nvscope.view.layouts import Layouts
 
 _INDENT = 2
 _HEX_BYTES = 6
@@ -86,11 +90,14 @@ class Trees:
     """The trees of a piece of telegrams, in lines not wider than ``width`` (None: as wide as it takes).
 
     Places are offsets from the start of the frame, in hexadecimal digits, as in a dump of it. Without ``dumps``, what
-    has no fields is told in its length only.
+    has no fields is told in its length only. With ``layouts`` the data of defined lists are variables.
     """
 
-    def __init__(self, rows: TelegramRows, width: int | None = None, *, dumps: bool = True) -> None:
+    def __init__(
+        self, rows: TelegramRows, width: int | None = None, *, dumps: bool = True, layouts: Layouts | None = None
+    ) -> None:
         self._rows = rows
+        self._layouts = layouts
         self._width = width
         self._dumps = dumps
         self._texts = {name: cells.texts(FIELDS[name], rows) for name in (*_FRAME_FIELDS, *chain(*_ENDS.values()))}
@@ -123,7 +130,9 @@ class Trees:
             facts = [Cell(f"  {units.count_of(payload_end - data_at, 'byte')}")]
             if payload_bytes > captured_bytes:
                 facts.append(Cell(f", {units.count(payload_bytes - captured_bytes)} more not captured", Tone.WARNING))
-            yield from self._bytes("Data", facts, packet[data_at:payload_end], data_at)
+            yield from self._variables(row, packet[data_at:payload_end], data_at) or self._bytes(
+                "Data", facts, packet[data_at:payload_end], data_at
+            )
         if payload_end < len(packet):
             facts = [Cell(f"  {units.count_of(len(packet) - payload_end, 'byte')} behind the datagram")]
             yield from self._bytes("Trailer", facts, packet[payload_end:], payload_end)
@@ -180,6 +189,34 @@ class Trees:
             yield _Entry([*head, Cell(_number(entry, number)), *verdict], "" if checked else entry.help)
             if entry.bits:
                 yield from _bits(entry, number)
+
+    def _variables(self, row: int, data: bytes, data_at: int) -> list[_Entry]:
+        """Return the variables of a data telegram of a defined list; none where there is no definition that fits."""
+        telegrams = self._rows.telegrams
+        header, port = telegrams.header[row], int(telegrams.datagram.destination_port[row])
+        if self._layouts is None or telegrams.fault[row] != Fault.NONE or header["id"] != Service.ODStateFree:
+            return []
+        from nvscope.view.variables import value_text  # noqa: PLC0415  # not without definitions
+
+        known = self._layouts.list_of(port, int(header["index"]))
+        if known is None:
+            return []
+        place = (int(header[name]) for name in ("index", "subindex", "items", "length"))
+        layout = self._layouts.fitting(port, *place)
+        title = Cell("Variables", Tone.STRONG)
+        if layout is None or len(data) < layout.layout.size_bytes:
+            why = "cut short by the capture" if layout else "not of the shape that its definition has (NV405)"
+            return [
+                _Entry([title, Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)]),
+                *self._bytes("Data", [Cell(f"  {units.count_of(len(data), 'byte')}")], data, data_at),
+            ]
+        entries = [_Entry([title, Cell(f"  {visible(known.name)}")])]
+        for offset, element in layout.spans():
+            raw = data[offset : offset + element.type.size_bytes]
+            value = Cell(visible(value_text(element.type, raw)))
+            line = [_place(data_at + offset, raw), _label(visible(element.name)), value]
+            entries.append(_Entry(line, visible(element.type.name)))
+        return entries
 
     def _bytes(self, title: str, facts: Sequence[Cell], content: bytes, first: int) -> Iterator[_Entry]:
         yield _Entry([Cell(title, Tone.STRONG), *facts])
