@@ -50,13 +50,10 @@ class KeyTable:
         found = self.find(*words)
         missing = np.flatnonzero(found == _EMPTY)
         if len(missing):
-            found[missing] = self.add(*(word[missing] for word in words))
+            new = tuple(word[missing] for word in words)
+            self._append(new)
+            found[missing] = self.find(*new)
         return found
-
-    def add(self, *words: U64) -> I64:
-        """Return the numbers of keys that are not in the table yet, once put there."""
-        self._append(words)
-        return self.find(*words)
 
     def find(self, *words: U64) -> I64:
         """Return the number of each key, -1 where it is not known. One column a word, of shape (n,)."""
@@ -113,6 +110,14 @@ class KeyTable:
             self._slots[place[free]] = numbers[free]
             placed = self._slots[place] == numbers
             numbers, place = numbers[~placed], (place[~placed] + 1) & (len(self._slots) - 1)
+
+
+def first_rows(number: I64, bound: int) -> I64:
+    """Return where each of the numbers 0 … ``bound`` − 1, which all occur, stands first."""
+    first = np.empty(bound, np.int64)
+    # Assigned backwards, so that the first one is what stays.
+    first[number[::-1]] = np.arange(len(number))[::-1]
+    return first
 
 
 def _pairs(words: tuple[U64, ...]) -> I64:

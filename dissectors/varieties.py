@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from dissectors.batch import I32, I64, U8, U16, U64, Bool, LinkType, PacketBatch, Records
-from dissectors.keys import KeyTable
+from dissectors.keys import KeyTable, first_rows
 from dissectors.layout import gather_bytes
 from dissectors.link import (
     ETHERNET,
@@ -58,7 +58,8 @@ _KEY = (
 The first two words are those that nearly always do.
 """
 
-_PARTLY = {("ip", "fragment"): 0x3FFF, ("eth", "group"): 1}
+_FRAGMENT_BITS = 0x3FFF  # of more fragments, and of the offset
+_PARTLY = {("ip", "fragment"): _FRAGMENT_BITS, ("eth", "group"): 1}
 _CAPTURED_WORD, _CAPTURED_BIT, _MOST_CAPTURED = 4, 32, 0xFFFF
 """Where in the key it stands how much was captured, and from what on that is not told apart."""
 
@@ -168,7 +169,7 @@ class Varieties:
         found += 1
         fresh = np.flatnonzero(found >= len(self))
         if len(fresh):
-            first = _first_rows(found[fresh] - len(self), len(self._keys) + 1 - len(self))
+            first = first_rows(found[fresh] - len(self), len(self._keys) + 1 - len(self))
             part = telegrams.take(fresh[first])
             common = replace(part.datagram, payload=relative[fresh[first]])
             self.datagram = DatagramBatch(
@@ -258,7 +259,7 @@ class Sorter:
     def _learn(self, packets: PacketBatch, rows: I64, number: I64) -> None:
         """Find out what the packets are whose headers have new numbers."""
         known = len(self._variety_of) - 1
-        first = rows[_first_rows(number - known, len(self._headers) - known)]
+        first = rows[first_rows(number - known, len(self._headers) - known)]
         learned = np.where(_is_plain(_heads(packets, first)), NO_TELEGRAM, _PECULIAR)
         telegrams = dissect(packets, None, first).telegrams
         place = np.searchsorted(first, telegrams.datagram.row)
@@ -291,14 +292,6 @@ def _heads(packets: PacketBatch, rows: I64) -> Records:
     return gather_bytes(packets.data, packets.offset[rows], PLAIN.itemsize).view(PLAIN)
 
 
-def _first_rows(number: I64, bound: int) -> I64:
-    """Return where each of the numbers 0 … bound − 1, which all occur, stands first."""
-    first = np.empty(bound, np.int64)
-    # Assigned backwards, so that the first one is what stays.
-    first[number[::-1]] = np.arange(len(number))[::-1]
-    return first
-
-
 def _packed(*parts: tuple[I64 | U16 | U64 | Bool, int]) -> U64:
     """Return one word a row, with each column at its bit."""
     packed = np.zeros(len(parts[0][0]), np.uint64)
@@ -309,10 +302,14 @@ def _packed(*parts: tuple[I64 | U16 | U64 | Bool, int]) -> U64:
 
 def _is_plain(head: Records) -> Bool:
     """Tell which frames have the plain shape, so that their headers tell everything about them."""
-    ip = head["ip"]
-    plain: Bool = head["eth"]["type"] == TYPE_IPV4
-    plain &= (ip["version_ihl"] == 0x45) & (ip["protocol"] == PROTOCOL_UDP) & ((ip["fragment"] & 0x3FFF) == 0)
+    plain: Bool = (head["eth"]["type"] == TYPE_IPV4) & _is_simple(head["ip"]) & (head["ip"]["protocol"] == PROTOCOL_UDP)
     return plain
+
+
+def _is_simple(ip: Records) -> Bool:
+    """Tell which IPv4 headers have no options and are of whole datagrams."""
+    simple: Bool = (ip["version_ihl"] == 0x45) & ((ip["fragment"] & _FRAGMENT_BITS) == 0)
+    return simple
 
 
 def _may_hold_telegrams(head: Records) -> Bool:
@@ -322,8 +319,7 @@ def _may_hold_telegrams(head: Records) -> Bool:
     for known in (TYPE_IPV6, *VLAN_TYPES):
         tagged |= ethertype == known
     ip, identity = head["ip"], head["nv"]["identity"]
-    simple = (ip["version_ihl"] == 0x45) & ((ip["fragment"] & 0x3FFF) == 0)
     told = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
-    idle = simple & (ip["protocol"] != PROTOCOL_ICMP) & ((ip["protocol"] != PROTOCOL_UDP) | ~told)
+    idle = _is_simple(ip) & (ip["protocol"] != PROTOCOL_ICMP) & ((ip["protocol"] != PROTOCOL_UDP) | ~told)
     may: Bool = tagged | ((ethertype == TYPE_IPV4) & ~idle)
     return may

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from nvscope.capture.open import open_source
+from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
 from nvscope.definition.value import value_of
 from nvscope.tracker.state import TrackerState
@@ -31,7 +32,7 @@ def flattened(name: str, value: Any) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def shown() -> dict[int, dict[str, list[Any]]]:
     """What was decoded of each telegram, by list and element."""
-    values = Values(load_definitions(FILES))
+    values = Values(Layouts(load_definitions(FILES)))
     state = TrackerState(values=values)
     found: dict[int, dict[str, list[Any]]] = defaultdict(lambda: defaultdict(list))
     for batch in open_source([str(PEERS / "peers.pcap")]):

@@ -12,7 +12,7 @@ from nvscope.errors import UsageError
 
 def keys(
     fields: Annotated[bool, typer.Option("--fields", help="List every field, with its type and what it is.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="The same for programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="The same for programs.")] = False,
     colour: ColourOption = "auto",
 ) -> None:
     """List the fields that a display filter (-Y) and -e may name."""
@@ -23,8 +23,10 @@ def keys(
         )
     from nvscope.report import fields as face
 
-    if json:
-        typer.echo(face.json_text(), nl=False)
+    if as_json:
+        from nvscope.report import json
+
+        typer.echo(json.render(face.document()), nl=False)
         return
     shown = colour_wanted(colour)
     typer.echo(face.render(colour=shown, width=width()), nl=False, color=shown)

@@ -15,9 +15,9 @@ from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from dissectors.batch import Bool
+    from nvscope.definition.layouts import Layouts
     from nvscope.report.packets.records import Face
     from nvscope.view.display_filter import DisplayFilter
-    from nvscope.view.layouts import Layouts
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
 Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
@@ -124,8 +124,8 @@ def packets(
 def _layouts(gvl: Sequence[str] | None) -> Layouts | None:
     if not gvl:
         return None
+    from nvscope.definition.layouts import Layouts
     from nvscope.definition.load import load_definitions
-    from nvscope.view.layouts import Layouts
 
     return Layouts(load_definitions(gvl))
 

@@ -57,11 +57,12 @@ def report(
 
     definition = values = None
     if gvl:
+        from nvscope.definition.layouts import Layouts
         from nvscope.definition.load import load_definitions
         from nvscope.tracker.values import Values
 
         definition = load_definitions(gvl)
-        values = Values(definition)
+        values = Values(Layouts(definition))
     keep_freed_memory()
     source = open_source(paths)
     with ProgressBar(source, quiet=quiet) as progress:

@@ -35,13 +35,14 @@ def variables(
     from nvscope.capture.open import open_source
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import ProgressBar
+    from nvscope.definition.layouts import Layouts
     from nvscope.definition.load import load_definitions
     from nvscope.engine import track
     from nvscope.tracker.values import Values
     from nvscope.view.escape import visible
     from nvscope.view.variables import variables_document
 
-    values = Values(load_definitions(gvl))
+    values = Values(Layouts(load_definitions(gvl)))
     keep_freed_memory()
     source = open_source(paths)
     with ProgressBar(source, quiet=quiet) as progress:
@@ -56,7 +57,7 @@ def variables(
 
         text = face.render(document, colour=colour_wanted(colour), width=width(), utc=utc)
     typer.echo(text, nl=not text.endswith("\n"), color=colour_wanted(colour))
-    for entry in values.left_out:
+    for entry in values.layouts.left_out:
         typer.echo(f"nvscope: {visible(entry.name)} was not decoded: `nvscope gvl layout` shows why.", err=True)
     if tell_of_losses(source.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)

@@ -184,6 +184,13 @@ class Element:
     type: Elementary
 
 
+def scalar_of(kind: Elementary) -> Scalar | None:
+    """Return the scalar whose values an element has, None of strings and unions."""
+    if isinstance(kind, Enumeration):
+        return kind.base
+    return kind if isinstance(kind, Scalar) else None
+
+
 def size_bytes_of(kind: Type) -> int:
     """Return how many bytes all elements of a type have without padding, 0 where that is not known."""
     if isinstance(kind, Array):

@@ -18,7 +18,7 @@ from functools import cached_property
 
 from dissectors.layout import Field, Layout
 from dissectors.netvar import HEADER
-from nvscope.definition.model import MAX_ELEMENTS, Element, Elementary, Enumeration, ListDefinition, Scalar, elements
+from nvscope.definition.model import MAX_ELEMENTS, Element, Elementary, ListDefinition, elements, scalar_of
 from nvscope.errors import ConfigurationError
 from nvscope.units import count
 
@@ -56,7 +56,7 @@ class TelegramLayout:
         Strings and what nobody has described are fields of plain bytes.
         """
         fields = (
-            Field(str(place), dtype_of(element.type), element.name, type_name(element.type))
+            Field(str(place), dtype_of(element.type), element.name, element.type.name)
             for place, element in enumerate(self.elements)
         )
         return Layout(f"{self.list.name}.{self.subindex}", tuple(fields))
@@ -69,14 +69,8 @@ class TelegramLayout:
 
 def dtype_of(kind: Elementary) -> str:
     """Return the numpy type of an element's bytes."""
-    if isinstance(kind, Enumeration):
-        return kind.base.dtype
-    return kind.dtype if isinstance(kind, Scalar) else f"V{kind.size_bytes}"
-
-
-def type_name(kind: Elementary) -> str:
-    """Return the name of an element's type as a person would declare it."""
-    return kind.name
+    scalar = scalar_of(kind)
+    return scalar.dtype if scalar else f"V{kind.size_bytes}"
 
 
 def pack(definition: ListDefinition) -> tuple[TelegramLayout, ...]:

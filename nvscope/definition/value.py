@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from nvscope.definition.model import Elementary, Enumeration, Kind, Scalar, String
+from nvscope.definition.model import Elementary, Kind, String, scalar_of
 
 Value = bool | int | float | str | bytes
 """Of a BOOL, a number, a string, or of what nobody has described; times are numbers in the type's unit."""
@@ -19,8 +19,8 @@ def value_of(kind: Elementary, raw: bytes) -> Value:
     if isinstance(kind, String):
         text = raw.decode("utf-16-le", errors="replace") if kind.wide else raw.decode("iso-8859-1")
         return text.partition("\0")[0]
-    scalar = kind.base if isinstance(kind, Enumeration) else kind
-    if not isinstance(scalar, Scalar) or scalar.kind is Kind.RAW:
+    scalar = scalar_of(kind)
+    if scalar is None or scalar.kind is Kind.RAW:
         return bytes(raw)
     if scalar.kind is Kind.BOOL:
         return any(raw)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Facts, Finding, events_of
-from nvscope.tracker.summary import ListSummary, StreamSummary
+from nvscope.tracker.summary import ListSummary, StreamSummary, list_key
 from nvscope.units import count_of
 
 if TYPE_CHECKING:  # a report without definitions starts without what reads them
@@ -18,15 +18,13 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
     """Yield NV405 for each stream, NV406 for each list seen, NV407 for each list defined; none without a definition."""
     if facts.definition is None:
         return
-    from nvscope.definition.packing import pack  # noqa: PLC0415
-
     defined = facts.definition.by_port_and_id()
     seen = set()
     for entry in facts.summary.lists:
         seen.add((entry.port, entry.index))
         known = defined.get((entry.port, entry.index))
         if known is not None:
-            yield from _mismatches(facts, entry, pack(known))
+            yield from _mismatches(facts, entry)
         elif entry.streams:
             yield _unknown(facts, entry, defined)
     for key, known in defined.items():
@@ -34,9 +32,10 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
             yield Finding("NV407", _silent_sentence(key, known), 1, facts.summary.start_ns, facts.summary.end_ns)
 
 
-def _mismatches(facts: Facts, entry: ListSummary, layouts: Sequence[TelegramLayout]) -> Iterator[Finding]:
+def _mismatches(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
     values = facts.state.values
-    if values is None:
+    layouts = values.layouts.telegrams_of(entry.port, entry.index) if values else None
+    if values is None or layouts is None:
         return
     for stream in entry.streams:
         if stream.stream < len(values.unfitting) and values.unfitting.count[stream.stream]:
@@ -79,5 +78,4 @@ def _unknown(facts: Facts, entry: ListSummary, defined: Mapping[tuple[int, int],
 
 
 def _silent_sentence(key: tuple[int, int], known: ListDefinition) -> str:
-    port, number = key
-    return f"List {known.name} (udp/{port}/{number}) is defined, but not one telegram of it was seen."
+    return f"List {known.name} ({list_key(*key)}) is defined, but not one telegram of it was seen."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from typing import Any
 
 from nvscope.report.ansi import paint
 from nvscope.view.fields import EITHER_OF, EXPRESSION_NAMES, FIELDS
@@ -18,8 +18,8 @@ def render(*, colour: bool = False, width: int = 80) -> str:
     return paint(align(columns, rows, max(width, _MIN_WIDTH)), colour=colour)
 
 
-def json_text() -> str:
-    """Return a document of schema ``nvscope.fields/1``, with an object for each field, ending with a line break.
+def document() -> dict[str, Any]:
+    """Return all fields as data (schema ``nvscope.fields/1``), with an object for each.
 
     ``filter`` and ``output`` tell whether -Y and -e may name it.
     """
@@ -34,7 +34,7 @@ def json_text() -> str:
         }
         for name, kind, label, text in _entries()
     ]
-    return json.dumps({"schema": "nvscope.fields/1", "fields": fields}, indent=2) + "\n"
+    return {"schema": "nvscope.fields/1", "fields": fields}
 
 
 def _entries() -> list[tuple[str, str, str, str]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from nvscope import units
 from nvscope.report.ansi import paint
-from nvscope.view.escape import visible
+from nvscope.view.escape import visible_document
 from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40
@@ -22,7 +22,7 @@ _COLUMNS = (
 
 def render(document: Mapping[str, Any], *, colour: bool = False, width: int = 80) -> str:
     """Return byte maps (schema ``nvscope.layout/1``) as text of at most ``width`` columns, ending with a line break."""
-    return paint(_lines(document["lists"], max(width, MIN_WIDTH)), colour=colour)
+    return paint(_lines(visible_document(document)["lists"], max(width, MIN_WIDTH)), colour=colour)
 
 
 def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
@@ -32,7 +32,7 @@ def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
     for number, entry in enumerate(lists):
         if number:
             yield []
-        yield from wrap([Cell(visible(entry["name"]), Tone.STRONG), Cell(f": {_summary(entry)}")], width, hanging=2)
+        yield from wrap([Cell(entry["name"], Tone.STRONG), Cell(f": {_summary(entry)}")], width, hanging=2)
         for telegram in entry["telegrams"]:
             yield []
             head = f"SubIndex {telegram['subindex']}: Items {telegram['items']}, Length {_known(telegram['length'])}"
@@ -41,8 +41,8 @@ def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
                 [
                     Cell(_known(element["offset"])),
                     Cell(_known(element["bytes"])),
-                    Cell(visible(element["name"])),
-                    Cell(visible(element["type"]), Tone.FAINT),
+                    Cell(element["name"]),
+                    Cell(element["type"], Tone.FAINT),
                 ]
                 for element in telegram["elements"]
             ]
@@ -51,13 +51,13 @@ def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
 
 def _summary(entry: Mapping[str, Any]) -> str:
     identifier = "list without identifier" if entry["id"] is None else f"list {entry['id']}"
-    parts = [f"{identifier} on {visible(entry['protocol'])} port {entry['port']}"]
+    parts = [f"{identifier} on {entry['protocol']} port {entry['port']}"]
     parts.append("packed" if entry["pack"] else "a telegram a variable")
     if entry["interval_ns"] is not None:
         parts.append(f"every {units.duration(entry['interval_ns'])}")
     telegrams = units.count_of(len(entry["telegrams"]), "telegram")
     if entry["unknown"] is not None:
-        parts.append(f"nobody knows how many bytes {visible(entry['unknown'])} has")
+        parts.append(f"nobody knows how many bytes {entry['unknown']} has")
     else:
         parts.append(f"{units.data_size(entry['data_bytes'])} in {telegrams}")
     return ", ".join(parts) + "."

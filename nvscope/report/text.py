@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 from nvscope import units
 from nvscope.findings.catalogue import Severity
 from nvscope.report import columns, content
 from nvscope.report.ansi import paint
-from nvscope.view.escape import visible
+from nvscope.view.escape import visible_document
 from nvscope.view.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, display_width, wrap
 
 MIN_WIDTH = 40
@@ -26,19 +25,8 @@ def render(
     ``utc`` tells times in UTC instead of local time. ``details`` adds, for each list, the diagnosis structure of the
     list and its nodes, all counters, and its streams. With and without ``colour`` the text is the same.
     """
-    shown = _visible_report(report)
+    shown = visible_document(report)
     return paint(_lines(shown, max(width, MIN_WIDTH), content.Clock.of(shown, utc=utc), details), colour=colour)
-
-
-def _visible_report(value: Any) -> Any:
-    """Return a copy of (a part of) the report in which every text is visible: the one door that all of it passes."""
-    if isinstance(value, str):
-        return visible(value)
-    if isinstance(value, dict):
-        return {key: _visible_report(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_visible_report(item) for item in value]
-    return value
 
 
 def _lines(report: content.Report, width: int, clock: content.Clock, details: bool) -> Iterator[Line]:

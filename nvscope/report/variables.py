@@ -8,7 +8,7 @@ from typing import Any
 from nvscope import units
 from nvscope.report.ansi import paint
 from nvscope.report.content import nanoseconds
-from nvscope.view.escape import visible
+from nvscope.view.escape import visible_document
 from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40
@@ -26,7 +26,7 @@ _COLUMNS = (
 
 def render(document: Mapping[str, Any], *, colour: bool = False, width: int = 80, utc: bool = False) -> str:
     """Return variables (schema ``nvscope.vars/1``) as text of at most ``width`` columns, ending with a line break."""
-    return paint(_lines(document["variables"], max(width, MIN_WIDTH), utc), colour=colour)
+    return paint(_lines(visible_document(document)["variables"], max(width, MIN_WIDTH), utc), colour=colour)
 
 
 def _lines(rows: list[Mapping[str, Any]], width: int, utc: bool) -> Iterator[Line]:
@@ -40,7 +40,7 @@ def _lines(rows: list[Mapping[str, Any]], width: int, utc: bool) -> Iterator[Lin
     for number, ((key, name, sender), members) in enumerate(groups.items()):
         if number:
             yield []
-        title = [Cell(f"{visible(key)} {visible(name)}", Tone.STRONG), Cell(f" from {visible(sender)}, ")]
+        title = [Cell(f"{key} {name}", Tone.STRONG), Cell(f" from {sender}, ")]
         yield from wrap([*title, Cell(units.count_of(max(row["telegrams"] for row in members), "telegram"))], width)
         yield from align(_COLUMNS, [_cells(row, utc) for row in members], width, 2)
 
@@ -48,11 +48,11 @@ def _lines(rows: list[Mapping[str, Any]], width: int, utc: bool) -> Iterator[Lin
 def _cells(row: Mapping[str, Any], utc: bool) -> list[Cell]:
     changed = nanoseconds(row["changed_ns"]) or 0
     return [
-        Cell(visible(row["name"])),
-        Cell(visible(row["text"]), Tone.STRONG),
-        Cell(visible(row["type"]), Tone.FAINT),
+        Cell(row["name"]),
+        Cell(row["text"], Tone.STRONG),
+        Cell(row["type"], Tone.FAINT),
         Cell(units.clock_time(changed, utc=utc) if row["changes"] else "never"),
         Cell(units.count(row["changes"])),
-        Cell(visible(row["min_text"] or "-")),
-        Cell(visible(row["max_text"] or "-")),
+        Cell(row["min_text"] or "-"),
+        Cell(row["max_text"] or "-"),
     ]

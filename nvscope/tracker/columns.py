@@ -73,3 +73,10 @@ def order_by(number_of: I64, variety: I64, bound: int) -> I64:
     # Looked up in the width that they are sorted in.
     narrow: I64 = number_of.astype(np.uint8 if bound <= 0xFF else np.uint16 if bound <= 0xFFFF else np.int64)
     return stable_order(narrow[variety], bound + 1)
+
+
+def runs_of_lengths(length: I64) -> tuple[I64, I64, I64]:
+    """Return which numbers have runs, given how long that of each is, and where these start and stop end to end."""
+    run = np.flatnonzero(length)
+    stop = np.cumsum(length[run])
+    return run, stop - length[run], stop

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U32, U64, Bool
-from dissectors.keys import KeyTable
+from dissectors.keys import KeyTable, first_rows
 from dissectors.netvar import (
     ACKNOWLEDGE_WANTED,
     CHECKSUM_PRESENT,
@@ -192,9 +192,8 @@ class Flows:
         """Fill in the columns of new varieties, numbering what is new in them as it appeared."""
         varieties, columns = batch.varieties, self.varieties
         columns.resize(len(varieties))
-        fresh = np.flatnonzero(batch.variety >= known)[::-1]
-        first = np.empty(len(varieties) - known, np.int64)  # all of them occur
-        first[batch.variety[fresh] - known] = fresh
+        fresh = np.flatnonzero(batch.variety >= known)
+        first = fresh[first_rows(batch.variety[fresh] - known, len(varieties) - known)]
         order = np.argsort(first)
         new, row = order + known, first[order]
         header, datagram = varieties.header[new], varieties.datagram.take(new)

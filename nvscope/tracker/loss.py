@@ -13,7 +13,7 @@ import numpy as np
 
 from dissectors.batch import I64, U8, U16, U64, Bool
 from dissectors.varieties import SortedPackets
-from nvscope.tracker.columns import Columns, order_by
+from nvscope.tracker.columns import Columns, order_by, runs_of_lengths
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.flows import Flows
@@ -147,10 +147,8 @@ class Loss:
         np.add.at(length, flows.node_of(rows.run_stream), rows.stop - rows.start)
         node = np.where(flows.varieties.column("stream") >= 0, flows.varieties.column("node"), len(length))
         packet = order_by(node, batch.variety, len(length))[: len(rows)]
-        run = np.flatnonzero(length)
-        length = length[run]
-        stop = np.cumsum(length)
-        start = stop - length
+        run, start, stop = runs_of_lengths(length)
+        length = stop - start
         fresh = nodes.last_stream[run] < 0
         steps = walk(batch.counter[packet], start, nodes.current[run], nodes.missing[run], fresh)
         together = self._sent_together(batch, packet, start, run, steps, flows)

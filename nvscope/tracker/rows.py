@@ -10,7 +10,7 @@ import numpy as np
 from dissectors.batch import I64, U16, U64, Bool
 from dissectors.layout import gather_bytes
 from dissectors.varieties import SortedPackets
-from nvscope.tracker.columns import Columns, order_by
+from nvscope.tracker.columns import Columns, order_by, runs_of_lengths
 from nvscope.tracker.flows import COUNTER_SHIFT, Flows
 
 _COMPARE_ROWS = 8192
@@ -86,21 +86,18 @@ class StreamMemory:
         np.add.at(length, stream_of[own], count[own])
         # What is no data telegram goes behind all streams.
         packet = order_by(np.where(own, stream_of, streams), batch.variety, streams)[: length.sum()]
-        run = np.flatnonzero(length)
-        length = length[run]
-        stop = np.cumsum(length)
-        start = stop - length
+        run, start, stop = runs_of_lengths(length)
         variety, counter, time_ns = batch.variety[packet], batch.counter[packet], batch.packets.ts_ns[packet]
         nothing = np.empty(0, np.int64)
         rows = DataRows(
-            packet, np.repeat(run, length), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
+            packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
             variety, counter, time_ns,
             np.flatnonzero(varieties.wants[variety]) if varieties.column("wants").any() else nothing, None,
         )  # fmt: skip
         rows = replace(rows, repeated=self._repeated(batch, rows, flows))
         columns.first_ns[run[rows.fresh]] = time_ns[start[rows.fresh]]
         columns.last_ns[run] = time_ns[stop - 1]
-        columns.telegrams[run] += length
+        columns.telegrams[run] += stop - start
         columns.signature[run] = _signatures(rows, stop - 1, flows)
         self._remember(batch, rows)
         return rows

@@ -23,6 +23,11 @@ CYCLIC_SPREAD_PERCENT = 50
 UNUSED_FROM_TELEGRAMS = 8
 
 
+def list_key(port: int, index: int) -> str:
+    """Return the key of a list on UDP, as people and reports name it."""
+    return f"udp/{port}/{index}"
+
+
 @dataclass(slots=True)
 class Diagnosis:
     """NetVarUDPDiagStruct; times are absolute ns or None, the error a name."""
@@ -103,7 +108,7 @@ class ListSummary:
 
     @property
     def key(self) -> str:
-        return f"udp/{self.port}/{self.index}"
+        return list_key(self.port, self.index)
 
 
 @dataclass(frozen=True, slots=True)

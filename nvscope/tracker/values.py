@@ -6,8 +6,7 @@ element; the number of steps depends on the blocks of a list, not on its telegra
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
@@ -18,8 +17,9 @@ from dissectors.batch import I64, U8, Bool
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER
 from dissectors.varieties import SortedPackets
-from nvscope.definition.model import Definition, Elementary, Enumeration, Kind, ListDefinition, Scalar, String
-from nvscope.definition.packing import TelegramLayout, pack
+from nvscope.definition.layouts import Layouts
+from nvscope.definition.model import Elementary, Kind, String, scalar_of
+from nvscope.definition.packing import TelegramLayout
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.rows import DataRows
@@ -45,8 +45,8 @@ class Block:
     @property
     def number_dtype(self) -> str | None:
         """The numpy type of the elements where they have an order, else None."""
-        scalar = self.type.base if isinstance(self.type, Enumeration) else self.type
-        return scalar.dtype if isinstance(scalar, Scalar) and scalar.kind is not Kind.RAW else None
+        scalar = scalar_of(self.type)
+        return scalar.dtype if scalar and scalar.kind is not Kind.RAW else None
 
     def cells_of(self, data: U8) -> Table:
         """Return the elements of (n, data) telegrams as what can be compared: words, or bytes with leftovers as zeros.
@@ -100,6 +100,7 @@ class StreamValues:
     """
 
     layout: TelegramLayout
+    blocks: tuple[Block, ...]
     telegrams: int
     last_ns: int
     data: U8
@@ -109,33 +110,17 @@ class StreamValues:
     most: list[Table | None]
 
 
-@dataclass(slots=True)
-class _ListValues:
-    layouts: tuple[TelegramLayout, ...]
-    blocks: tuple[tuple[Block, ...], ...]
-
-
-@dataclass(slots=True)
 class Values:
     """The values of all streams of defined lists, by stream number.
 
-    Only well-formed data telegrams that were captured whole and have the definition's Items and Length are decoded;
-    ``unfitting`` are those of another shape, by stream. Lists with elements whose size nobody knows are ``left_out``.
+    Only well-formed data telegrams that were captured whole and have the Items and Length of ``layouts`` are decoded;
+    ``unfitting`` are those of another shape, by stream.
     """
 
-    definition: Definition
-    streams: dict[int, StreamValues] = field(default_factory=dict)
-    unfitting: EventRows = field(default_factory=EventRows)
-    left_out: list[ListDefinition] = field(default_factory=list)
-    _lists: dict[tuple[int, int], _ListValues] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for key, entry in self.definition.by_port_and_id().items():
-            layouts = pack(entry)
-            if any(layout.unknown for layout in layouts):
-                self.left_out.append(entry)
-            else:
-                self._lists[key] = _ListValues(layouts, tuple(blocks_of(layout) for layout in layouts))
+    def __init__(self, layouts: Layouts) -> None:
+        self.layouts = layouts
+        self.streams: dict[int, StreamValues] = {}
+        self.unfitting = EventRows()
 
     def observe(self, batch: SortedPackets, rows: DataRows, flows: Flows, first_frame: int) -> None:
         """Take the data telegrams of a batch."""
@@ -143,10 +128,10 @@ class Values:
         for stream, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             place = int(flows.streams.high[stream])
             number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
-            known = self._lists.get((int(flows.lists.high[number]), int(flows.lists.low[number])))
-            if known is None:
+            key = int(flows.lists.high[number]), int(flows.lists.low[number])
+            if self.layouts.telegrams_of(*key) is None:
                 continue
-            layout = known.layouts[subindex] if subindex < len(known.layouts) else None
+            layout = self.layouts.telegram_of(*key, subindex)
             fits = _fitting(batch, rows.variety[start:stop], layout)
             own = np.arange(start, stop)
             misfits = own[~fits]
@@ -156,20 +141,20 @@ class Values:
             whole = own[fits & ~batch.varieties.truncated[rows.variety[start:stop]]]
             if layout is not None and len(whole):
                 data = _data_of(batch, rows.packet[whole], rows.variety[whole], layout)
-                self._add(stream, layout, known.blocks[subindex], data, rows.time_ns[whole])
+                self._add(stream, layout, data, rows.time_ns[whole])
 
-    def _add(self, stream: int, layout: TelegramLayout, blocks: Sequence[Block], data: U8, time_ns: I64) -> None:
+    def _add(self, stream: int, layout: TelegramLayout, data: U8, time_ns: I64) -> None:
         known = self.streams.get(stream)
         if known is None:
-            elements = len(layout.elements)
+            elements, blocks = len(layout.elements), blocks_of(layout)
             first = [block.numbers_of(block.cells_of(data[:1])) for block in blocks]
             known = self.streams[stream] = StreamValues(
-                layout, 0, 0, data[0], np.zeros(elements, np.int64), np.full(elements, time_ns[0]),
+                layout, blocks, 0, 0, data[0], np.zeros(elements, np.int64), np.full(elements, time_ns[0]),
                 [None if row is None else row.reshape(-1).copy() for row in first],
                 [None if row is None else row.reshape(-1).copy() for row in first],
             )  # fmt: skip
         whole = np.concatenate([known.data[np.newaxis], data])
-        for place, block in enumerate(blocks):
+        for place, block in enumerate(known.blocks):
             part = slice(block.first, block.first + block.count)
             cells = block.cells_of(whole)
             differs = cells[1:] != cells[:-1]

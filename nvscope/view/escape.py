@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from typing import Any
 
 _SHORT = {"\\": "\\\\", "\t": "\\t", "\n": "\\n", "\r": "\\r"}
 
@@ -103,3 +104,14 @@ def markdown_code(text: str) -> str:
     fence = "`" * (max((len(run) for run in re.findall("`+", shown)), default=0) + 1)
     padding = " " if shown[0] in "` " or shown[-1] in "` " else ""
     return f"{fence}{padding}{shown}{padding}{fence}"
+
+
+def visible_document(value: Any) -> Any:
+    """Return a copy of (a part of) a document in which every text is visible: one door that all of it passes."""
+    if isinstance(value, str):
+        return visible(value)
+    if isinstance(value, dict):
+        return {key: visible_document(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [visible_document(item) for item in value]
+    return value

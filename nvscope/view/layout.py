@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from nvscope.definition.model import Definition, ListDefinition
-from nvscope.definition.packing import TelegramLayout, pack, type_name
+from nvscope.definition.packing import TelegramLayout, pack
 
 
 def layout_document(definition: Definition) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def _telegram(layout: TelegramLayout) -> dict[str, Any]:
                 "offset": offset if placed else None,
                 "bytes": size or None,
                 "name": element.name,
-                "type": type_name(element.type),
+                "type": element.type.name,
             }
         )
         placed &= bool(size)

@@ -6,12 +6,12 @@ from math import isfinite
 from typing import Any
 
 from nvscope import __version__
-from nvscope.definition.model import Element, Elementary, Enumeration, Kind, Scalar, Union
-from nvscope.definition.packing import type_name
+from nvscope.definition.model import Elementary, Enumeration, Kind, Scalar
 from nvscope.definition.value import Value, value_of
 from nvscope.tracker import address
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import StreamValues, Values, blocks_of
+from nvscope.tracker.summary import list_key
+from nvscope.tracker.values import StreamValues, Values
 from nvscope.units import clock_time, date, iec_time
 
 _S_NS = 1_000_000_000
@@ -30,15 +30,16 @@ def variables_document(state: TrackerState, values: Values) -> dict[str, Any]:
         number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
         node = int(flows.streams.low[stream])
         halves = int(flows.nodes.high[node]), int(flows.nodes.low[node])
-        key = f"udp/{int(flows.lists.high[number])}/{int(flows.lists.low[number])}"
         listed = int(flows.lists.high[number]), int(flows.lists.low[number])
-        entries.append(((listed, subindex, address.order(*halves)), key, address.text(*halves), known))
+        entries.append(((listed, subindex, address.order(*halves)), address.text(*halves), known))
     entries.sort(key=lambda entry: entry[0])
     return {
         "schema": "nvscope.vars/1",
         "tool": {"name": "nvscope", "version": __version__},
         "variables": [
-            row for (_, subindex, _), key, sender, known in entries for row in _rows(key, subindex, sender, known)
+            row
+            for (listed, subindex, _), sender, known in entries
+            for row in _rows(list_key(*listed), subindex, sender, known)
         ],
     }
 
@@ -54,7 +55,7 @@ def _rows(key: str, subindex: int, sender: str, known: StreamValues) -> list[dic
                 "list": key,
                 "list_name": known.layout.list.name,
                 "name": element.name,
-                "type": type_name(element.type),
+                "type": element.type.name,
                 "sender": sender,
                 "subindex": subindex,
                 "value": _plain(value_of(element.type, raw)),
@@ -75,7 +76,7 @@ def _rows(key: str, subindex: int, sender: str, known: StreamValues) -> list[dic
 def _bounds(known: StreamValues) -> list[tuple[bytes | None, bytes | None]]:
     """Return the bytes of the least and the greatest value of each element; None for what has no order."""
     bounds: list[tuple[bytes | None, bytes | None]] = []
-    for block, least, most in zip(blocks_of(known.layout), known.least, known.most, strict=True):
+    for block, least, most in zip(known.blocks, known.least, known.most, strict=True):
         if least is None or most is None:
             bounds += [(None, None)] * block.count
         else:
@@ -120,9 +121,3 @@ def _time_text(kind: Scalar, value: int) -> str:
         return f"TOD#{hours:02d}:{minutes:02d}:{seconds % 60:02d}{'.' if digits else ''}{digits}"
     day = date(time_ns, utc=True)
     return f"D#{day}" if kind.kind is Kind.DATE else f"DT#{day}-{clock_time(time_ns, utc=True, digits=0)}"
-
-
-def is_described(element: Element) -> bool:
-    """Tell whether it is known what the bytes of an element mean."""
-    kind = element.type
-    return not isinstance(kind, Union) and not (isinstance(kind, Scalar) and kind.kind is Kind.RAW)

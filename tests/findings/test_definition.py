@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
+from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Array, Definition, ListDefinition, Type
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
@@ -22,7 +23,7 @@ def findings(
 ) -> dict[str, tuple[str, int]]:
     """Return message and count by code; each of ``sent`` is SubIndex, data and Items of a telegram."""
     definition = Definition(lists)
-    state = TrackerState(values=Values(definition))
+    state = TrackerState(values=Values(Layouts(definition)))
     frames = [
         telegram(data, items, subindex=subindex, counter=number, ts_ns=START_NS + number * 50_000_000)
         for number, (subindex, data, items) in enumerate(sent)

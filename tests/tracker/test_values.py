@@ -9,6 +9,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, Enumeration, Kind, ListDefinition, Scalar, String, Type
 from nvscope.definition.packing import pack
 from nvscope.definition.value import value_of
@@ -71,7 +72,7 @@ def test_bulk_values_are_those_of_one_telegram_after_the_other(
 ) -> None:
     definition = list_of(types, pack=packed)
     sent = telegrams_of(definition, seed, count)
-    values = Values(Definition((definition,)))
+    values = Values(Layouts(Definition((definition,))))
     state = TrackerState(values=values)
     whole = batch_of([frame for frame, _, _ in sent])
     for begin in range(0, count, cut):
@@ -103,7 +104,7 @@ def test_bulk_values_are_those_of_one_telegram_after_the_other(
 
 def test_what_does_not_fit_is_counted_and_not_decoded() -> None:
     definition = list_of([INT, REAL])
-    values = Values(Definition((definition,)))
+    values = Values(Layouts(Definition((definition,))))
     state = TrackerState(values=values)
     frames = [
         telegram(b"\1\0\0\0\0\0", 2, subindex=0, counter=1, ts_ns=START_NS),
@@ -130,7 +131,7 @@ def test_texts_are_what_an_engineer_writes() -> None:
         + b"\0\0\x48\x41"
         + b"\7\0\0\0"
     )
-    values = Values(Definition((definition,)))
+    values = Values(Layouts(Definition((definition,))))
     state = TrackerState(values=values)
     state.observe(batch_of([telegram(data, 8, subindex=0, counter=1, ts_ns=START_NS)]))
     assert [row["text"] for row in variables_document(state, values)["variables"]] == [

@@ -14,7 +14,7 @@ from nvscope.view.table import Line, Tone
 from nvscope.view.telegrams import TelegramRows
 
 if TYPE_CHECKING:
-    from nvscope.view.layouts import Layouts
+    from nvscope.definition.layouts import Layouts
 
 
 class Text:

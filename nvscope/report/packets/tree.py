@@ -29,7 +29,7 @@ from nvscope.view.table import Cell, Line, Tone
 from nvscope.view.telegrams import TelegramRows
 
 if TYPE_CHECKING:
-    from nvscope.view.layouts import Layouts
+    from nvscope.definition.layouts import Layouts
 
 _INDENT = 2
 _HEX_BYTES = 6
@@ -201,8 +201,9 @@ class Trees:
         known = self._layouts.list_of(port, int(header["index"]))
         if known is None:
             return []
-        place = (int(header[name]) for name in ("index", "subindex", "items", "length"))
-        layout = self._layouts.fitting(port, *place)
+        layout = self._layouts.telegram_of(port, int(header["index"]), int(header["subindex"]))
+        if layout and (header["items"], header["length"]) != (layout.items, layout.length):
+            layout = None
         title = Cell("Variables", Tone.STRONG)
         if layout is None or len(data) < layout.layout.size_bytes:
             why = "cut short by the capture" if layout else "not of the shape that its definition has (NV405)"
