@@ -21,7 +21,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from nvscope.errors import ConfigurationError
-from nvscope.plc.toml_table import (
+from nvscope.toml_table import (
     DURATION,
     FLAG,
     LENGTH,
