@@ -9,9 +9,13 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import re
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from datetime import UTC, datetime
+from itertools import islice
+from pathlib import Path
 from typing import Any, TypeVar
 
 from nvscope.duration import format_duration, parse_duration
@@ -20,26 +24,43 @@ from nvscope.errors import ConfigurationError
 T = TypeVar("T")
 _MAX_ROWS = 10_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_MAX_FILE_BYTES = 1_000_000
+_POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)\Z")
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where in which file a value stands: ``plant.toml``, ``loss[1].telegrams``."""
+    """Where in which file a value stands: ``plant.toml``, ``loss[1].telegrams``.
+
+    ``last`` of the keys is by itself what stands in the ``text`` of the file; with both, errors name the line.
+    """
 
     path: str
     keys: str = ""
+    last: str = dataclasses.field(default="", repr=False)
+    text: str = dataclasses.field(default="", repr=False)
 
     def below(self, key: str | int) -> Place:
         """Return the place of a key of this table, or of an entry of this array."""
         if isinstance(key, int):
-            return Place(self.path, f"{self.keys}[{key}]")
-        return Place(self.path, f"{self.keys}.{key}" if self.keys else key)
+            return Place(self.path, f"{self.keys}[{key}]", self.last, self.text)
+        return Place(self.path, f"{self.keys}.{key}" if self.keys else key, key, self.text)
 
     def error(self, what: str, next_step: str = "") -> ConfigurationError:
         """Return the error that something is wrong here."""
-        return ConfigurationError(
-            what, where=f"{self.path}: {self.keys}" if self.keys else self.path, next_step=next_step
-        )
+        if not self.keys:
+            return ConfigurationError(what, where=self.path, next_step=next_step)
+        line = self._line()
+        place = self.path if line is None else f"{self.path}, line {line}"
+        return ConfigurationError(what, where=f"{place}: {self.keys}", next_step=next_step)
+
+    def _line(self) -> int | None:
+        """Return the line of the last key, None where the text has it nowhere or more than once."""
+        name = re.escape(self.last.strip("\"'"))
+        key = rf"(?:^[ \t]*+|[{{,.]\s*+)[\"']?{name}[\"']?[ \t]*+="
+        header = rf"^[ \t]*+\[{{1,2}}(?:[^\]\r\n#]*[.\s])?[\"']?{name}[\"']?[ \t]*+\]"
+        found = list(islice(re.finditer(f"{key}|{header}", self.text, re.MULTILINE), 2))
+        return self.text.count("\n", 0, found[0].end()) + 1 if len(found) == 1 else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +99,47 @@ def read_table(cls: type[T], table: Any, place: Place) -> T:
     return cls(**values)
 
 
+def read_toml(path: str | Path) -> tuple[dict[str, Any], Place]:
+    """Return the tables of a TOML file, and the place that finds the lines of its keys.
+
+    Raises ConfigurationError where the file cannot be read, or, with line and column, is no TOML.
+    """
+    place = Place(str(path))
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(_MAX_FILE_BYTES + 1)
+    except (OSError, ValueError) as error:
+        what = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        raise place.error(what, "Check the path of the file.") from None
+    if len(content) > _MAX_FILE_BYTES:
+        raise place.error(f"the file is larger than {_MAX_FILE_BYTES} bytes")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = content[: error.start]
+        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
+        raise Place(f"{path}, line {line}, column {column}").error("not UTF-8", "Save the file as UTF-8.") from None
+    try:
+        return tomllib.loads(text), Place(str(path), text=text)
+    except RecursionError:
+        raise place.error("arrays or tables are nested too deeply") from None
+    except ValueError as error:
+        raise _no_toml(str(path), text, str(error)) from None
+
+
+def _no_toml(path: str, text: str, message: str) -> ConfigurationError:
+    """Take the position out of what the parser says and put it where positions stand."""
+    position = _POSITION.search(message)
+    if position is None:
+        return Place(path).error(f"no TOML: {message[:200]}")
+    line, column = position[1], position[2]
+    if line is None:
+        line, column = str(text.count("\n") + 1), str(len(text) - text.rfind("\n"))
+    what = message[: position.start()]
+    hint = "Texts and dates of other forms stand in quotes." if what.startswith("Invalid value") else ""
+    return Place(f"{path}, line {line}, column {column}").error(f"no TOML: {what}", hint)
+
+
 def nearest(name: str, known: Mapping[str, Any] | list[str] | tuple[str, ...]) -> str:
     """Return a sentence that names the known word nearest to ``name``."""
     words = sorted(known)
@@ -89,7 +151,7 @@ def nearest(name: str, known: Mapping[str, Any] | list[str] | tuple[str, ...]) -
 
 def document_table(cls: type, title: str, heading: str = "##") -> str:
     """Return the keys of a dataclass and of the tables below it, as Markdown; inherited ones by name only."""
-    lines = [f"{heading} {title}", "", (cls.__doc__ or "").strip(), ""]
+    lines = [f"{heading} {title}", "", "\n".join(line.strip() for line in (cls.__doc__ or "").strip().splitlines()), ""]
     below: list[str] = []
     base = cls.__base__ if dataclasses.is_dataclass(cls.__base__) else None
     inherited = [entry.name for entry in _keys(base)] if base else []
@@ -120,7 +182,7 @@ def _toml_name(entry: dataclasses.Field[Any]) -> str:
 
 
 def _shown(default: Any, kind: Kind) -> str:
-    if kind in {DURATION, LENGTH}:
+    if kind in {DURATION, LENGTH, SPAN}:
         return "none" if default is None else f"`{format_duration(default)}`"
     if kind is MOMENT:
         return f"`{datetime.fromtimestamp(default // 1_000_000_000, UTC).isoformat()}`"
@@ -169,6 +231,13 @@ def _length(value: Any, place: Place) -> int:
     return duration_ns
 
 
+def _span(value: Any, place: Place) -> int:
+    duration_ns = _duration(value, place)
+    if duration_ns <= 0:
+        raise place.error("the duration must be more than 0")
+    return duration_ns
+
+
 def _moment(value: Any, place: Place) -> int:
     if not isinstance(value, datetime) or value.tzinfo is None:
         raise place.error(
@@ -189,7 +258,7 @@ def integer(low: int, high: int) -> Kind:
         if not isinstance(value, int) or isinstance(value, bool):
             raise place.error(f"a whole number is expected, found {_described(value)}")
         if not low <= value <= high:
-            raise place.error(f"{value} is out of range: {low} to {high}")
+            raise place.error(f"{value} is out of range: {low} to {high}", f"Write a number from {low} to {high}.")
         return value
 
     return Kind(f"whole number {low} to {high}", read)
@@ -202,7 +271,7 @@ def number(low: float, high: float) -> Kind:
         if not isinstance(value, int | float) or isinstance(value, bool):
             raise place.error(f"a number is expected, found {_described(value)}")
         if not low <= value <= high:
-            raise place.error(f"{value} is out of range: {low} to {high}")
+            raise place.error(f"{value} is out of range: {low} to {high}", f"Write a number from {low} to {high}.")
         return float(value)
 
     return Kind(f"number {low} to {high}", read)
@@ -260,4 +329,5 @@ TEXT = Kind("text", _text)
 FLAG = Kind("true or false", _flag)
 DURATION = Kind("duration", _duration)
 LENGTH = Kind("duration, not negative", _length)
+SPAN = Kind("duration above 0", _span)
 MOMENT = Kind("date and time with offset", _moment)

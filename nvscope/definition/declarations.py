@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from lark import Lark, Token, Transformer, UnexpectedToken, v_args
 
 from nvscope.definition.comments import Attribute, blank_comments
 from nvscope.definition.lexer import KEYWORDS, DeclarationLexer, NoToken
-from nvscope.definition.program_units import blank_program_units, keep_data_blocks
+from nvscope.definition.program_units import blank_program_units, holds_program_units, keep_data_blocks
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import (
     ArrayType,
+    Conversion,
     Declaration,
     EnumerationType,
     Expression,
@@ -32,6 +34,7 @@ from nvscope.definition.syntax import (
     TypeSyntax,
 )
 from nvscope.errors import ConfigurationError
+from nvscope.grammar import Grammar
 
 MAX_DEPTH = 100
 """How deep types may be nested; beyond it an expression counts as no constant."""
@@ -50,27 +53,39 @@ _CONTINUATIONS = (
 )
 _UNSAID = frozenset(_CONTINUATIONS.split())
 _BASED = re.compile(r"(2|8|10|16)#([0-9A-Fa-f]+)")
+_CONVERSION = re.compile(r"(?:\w+_)?TO_\w+", re.IGNORECASE)
 _MOST_DIGITS = 80
 _LONGEST_NAME = 1_000
 
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What a text declares, in its order."""
+    """What a text declares, in its order.
+
+    ``recognised`` is False where nothing tells that the text is of this language: there are neither declarations nor
+    comments, pragmas or program units.
+    """
 
     types: tuple[TypeDeclaration, ...]
     blocks: tuple[GlobalBlock, ...]
+    recognised: bool
 
 
 def parse_declarations(
-    source: Source, text: str | None = None, *, nested_comments: bool = True, only_data: bool = False
+    source: Source,
+    text: str | None = None,
+    *,
+    nested_comments: Callable[[int], bool] | None = None,
+    only_data: bool = False,
 ) -> Declared:
     """Return what a file declares; ``text`` is its text with everything blanked that is no declaration.
 
+    ``nested_comments`` tells whether comments that begin at an offset may hold others; without it all may.
     With ``only_data`` what stands between blocks of types and variables does not matter.
     Raises ConfigurationError with position, what was found and what was expected.
     """
-    without_comments, attributes = blank_comments(source.text if text is None else text, source, nested=nested_comments)
+    whole = source.text if text is None else text
+    without_comments, attributes = blank_comments(whole, source, nested=nested_comments)
     declarations, units = blank_program_units(without_comments)
     if only_data:
         declarations = keep_data_blocks(declarations)
@@ -80,15 +95,21 @@ def parse_declarations(
         next_step = "Declare the inner types with names of their own."
         raise source.error(f"types are nested deeper than {MAX_DEPTH}", error.offset, next_step) from None
     except NoToken as error:
-        what = f"found {declarations[error.offset]!r}, which no declaration holds"
-        raise source.error(what, error.offset, "Remove it.") from None
+        raise _no_token(declarations[error.offset], error.offset, source) from None
     except UnexpectedToken as error:
         raise _readable(error, source, declarations) from None
     blocks: list[TypeDeclaration | GlobalBlock] = parsed
     types = [replace(entry, source=source) for entry in blocks if isinstance(entry, TypeDeclaration)]
     types += [TypeDeclaration(Name(name, offset), None, source) for name, offset in units]
     found = [entry for entry in blocks if isinstance(entry, GlobalBlock)]
-    return Declared(tuple(types), tuple(_with_attributes(found, attributes) if attributes else found))
+    recognised = bool(types or found) or _is_only_commented(whole, without_comments)
+    return Declared(tuple(types), tuple(_with_attributes(found, attributes) if attributes else found), recognised)
+
+
+def _is_only_commented(text: str, without_comments: str) -> bool:
+    """Return whether a text that declares nothing is of the language all the same."""
+    rest = without_comments.strip()
+    return holds_program_units(rest) if rest else bool(text.strip())
 
 
 def parse_expression(text: str, source: Source, offset: int) -> Expression:
@@ -105,15 +126,23 @@ def _moved(expression: Expression, offset: int) -> Expression:
     if isinstance(expression, Operation):
         left, right = _moved(expression.left, offset), _moved(expression.right, offset)
         return replace(expression, left=left, right=right, offset=offset)
+    if isinstance(expression, Conversion):
+        return replace(expression, value=_moved(expression.value, offset), offset=offset)
     return replace(expression, offset=offset)
 
 
 @cache
 def _parser() -> Lark:
-    return Lark.open(
-        "declarations.lark", rel_to=__file__, parser="lalr", lexer=DeclarationLexer, start=["start", "argument"],
-        transformer=_Nodes(), maybe_placeholders=True,
-    )  # fmt: skip
+    return grammar().parser()
+
+
+def grammar() -> Grammar:
+    """Return the grammar of declarations, with what makes tokens and nodes of a text."""
+    return Grammar(
+        Path(__file__).with_name("declarations.lark"),
+        {"start": ["start", "argument"], "maybe_placeholders": True},
+        {"lexer": DeclarationLexer, "transformer": _Nodes()},
+    )
 
 
 class _TooDeepError(Exception):
@@ -252,7 +281,15 @@ class _Nodes(Transformer[Token, Any]):
             return Opaque(value.offset)
         return Name(f"{value.text}.{name}", value.offset)
 
-    def call(self, value: Expression, *_: Any) -> Expression:
+    def call(self, function: Expression, *arguments: Expression | None) -> Expression:
+        value = arguments[0] if len(arguments) == 1 else None
+        if value is not None and isinstance(function, Name) and _CONVERSION.fullmatch(function.text):
+            depth = 1 + value.depth
+            if depth <= MAX_DEPTH:
+                return Conversion(function.text, value, function.offset, depth)
+        return Opaque(function.offset)
+
+    def indexed(self, value: Expression, *_: Any) -> Expression:
         return Opaque(value.offset)
 
     def argument(self, value: Expression) -> Expression:
@@ -306,6 +343,14 @@ def _taken(waiting: list[Attribute], before: int) -> dict[str, str]:
         attribute = waiting.pop()
         taken[attribute.name] = attribute.value
     return taken
+
+
+def _no_token(character: str, offset: int, source: Source) -> ConfigurationError:
+    if character == "{":
+        # Of all pragmas only those with conditions are left.
+        what = "what is declared here depends on a condition that only the compiler knows"
+        return source.error(what, offset, "Keep only the branch that the controller compiles, without the pragmas.")
+    return source.error(f"found {character!r}, which no declaration holds", offset, "Remove it.")
 
 
 def _readable(error: UnexpectedToken, source: Source, text: str) -> ConfigurationError:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -35,6 +36,12 @@ _MARK = re.compile(
     r"\(\*\s*+@(GLOBAL_VARIABLE_LIST|OBJECT_END|NESTEDCOMMENTS)\s*+:=\s*+'?([^'\r\n*]*+)'?[^*\r\n]*+\*\)", re.IGNORECASE
 )
 _CONNECTIONS = re.compile(r"\(\*\s*+@CONNECTIONS\s*+:=[ \t]*+'?([^'\r\n*]*+)'?", re.IGNORECASE)
+_OBJECT = re.compile(
+    r"\(\*\s*+@(?i:NESTEDCOMMENTS|PATH|OBJECTFLAGS|SYMFILEFLAGS|GLOBAL_VARIABLE_LIST)\b"
+    r"|^(?:TYPE|VAR_GLOBAL|FUNCTION_BLOCK|FUNCTION|PROGRAM)\b",
+    re.MULTILINE,
+)
+_DECLARED = re.compile(r"\(\*\s*+@(?:END_DECLARATION|OBJECT_END)\b[^*\r\n]*+\*\)", re.IGNORECASE)
 _EXPORT = re.compile(r"\(\*\s*@(?:GLOBAL_VARIABLE_LIST|OBJECT_END|NESTEDCOMMENTS|CONNECTIONS|PATH)\b", re.IGNORECASE)
 
 
@@ -44,20 +51,32 @@ def is_export(text: str) -> bool:
 
 
 def read_exp(source: Source) -> FileSyntax:
-    """Return the lists, once for each connection, and the types of the file."""
+    """Return the lists, once for each connection, and the types of the file; neither where it holds programs only."""
     marks = list(_marks(source.text))
-    nested = not any(mark.kind == "NESTEDCOMMENTS" and mark.name.upper() in {"NO", "NEIN"} for mark in marks)
     # The values of a connection may hold what looks like a comment within a comment.
     text, connections = _split_connections(source)
-    declared = parse_declarations(source, text, nested_comments=nested, only_data=True)
-    if not declared.types and not declared.blocks:
-        next_step = "Export global variable lists, and the data types that they use."
-        raise source.error("the file declares neither types nor variables", 0, next_step)
+    declared = parse_declarations(source, _blank_bodies(text), nested_comments=_nesting(marks), only_data=True)
     lists = []
     for name, offset, blocks in _by_list(declared.blocks, marks, source):
         settings = tuple(connections.get(name.upper(), ())) or ({},)
         lists.append(ListSyntax(name, offset, blocks, source, settings))
     return FileSyntax(declared.types, tuple(lists))
+
+
+def _blank_bodies(text: str) -> str:
+    """Return the text without what follows a declaration up to the next object.
+
+    Networks, pictures and configurations have rules of their own: an apostrophe or ``(*`` in them begins nothing.
+    """
+    parts: list[str] = []
+    kept = 0
+    while (following := _OBJECT.search(text, kept)) is not None:
+        parts.append(blank(text[kept : following.start()]))
+        declared = _DECLARED.search(text, following.end())
+        kept = declared.end() if declared is not None else len(text)
+        parts.append(text[following.start() : kept])
+    parts.append(blank(text[kept:]))
+    return "".join(parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +89,18 @@ class _Mark:
 def _marks(text: str) -> Iterator[_Mark]:
     for found in _MARK.finditer(text):
         yield _Mark(found[1].upper(), found[2].strip(), found.start())
+
+
+def _nesting(marks: Sequence[_Mark]) -> Callable[[int], bool]:
+    """Return what tells whether comments nest at an offset: as the last mark before it says of its object."""
+    told = [mark for mark in marks if mark.kind == "NESTEDCOMMENTS"]
+    starts = [mark.offset for mark in told]
+
+    def nested(offset: int) -> bool:
+        last = bisect_right(starts, offset) - 1
+        return last < 0 or told[last].name.upper() not in {"NO", "NEIN"}
+
+    return nested
 
 
 def _by_list(

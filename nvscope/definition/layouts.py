@@ -2,33 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from nvscope.definition.model import Definition, ListDefinition
-from nvscope.definition.packing import TelegramLayout, pack
+from nvscope.definition.packing import TelegramLayout, known_part, pack
 
 
 class Layouts:
     """The telegrams of all lists of a definition, by port and list identifier.
 
-    ``left_out`` are the lists with elements whose size nobody knows: nothing of them can be decoded.
+    ``left_out`` are the lists with an element whose size nobody knows, with the first of them: what stands behind it
+    cannot be told apart.
     """
 
     def __init__(self, definition: Definition) -> None:
-        self._lists = definition.by_port_and_id()
-        self._telegrams = {key: pack(entry) for key, entry in self._lists.items()}
-        self.left_out = [
-            self._lists[key] for key, layouts in self._telegrams.items() if any(layout.unknown for layout in layouts)
-        ]
+        self._lists: dict[tuple[int, int], ListDefinition] = {}
+        self._candidates: dict[tuple[int, int], list[tuple[TelegramLayout, ...]]] = {}
+        self._partly: dict[tuple[int, int], tuple[TelegramLayout, ...]] = {}
+        for entry in definition.lists:
+            # A list of which only name and interval are known has nothing to decode.
+            if entry.list_id is not None and entry.protocol.upper() == "UDP" and entry.variables:
+                self._lists.setdefault((entry.port, entry.list_id), entry)
+                layouts = pack(entry)
+                if any(layout.unknown for layout in layouts):
+                    self._partly.setdefault((entry.port, entry.list_id), layouts)
+                else:
+                    self._candidates.setdefault((entry.port, entry.list_id), []).append(layouts)
+        self.left_out = {
+            key: next(layout.unknown for layout in layouts if layout.unknown)
+            for key, layouts in self._partly.items()
+            if key not in self._candidates
+        }
+
+    def lists(self) -> list[tuple[tuple[int, int], ListDefinition]]:
+        """Return all lists with their port and identifier, in the order of the definition."""
+        return list(self._lists.items())
 
     def list_of(self, port: int, index: int) -> ListDefinition | None:
         """Return the definition of a list, None where there is none."""
         return self._lists.get((port, index))
 
-    def telegrams_of(self, port: int, index: int) -> tuple[TelegramLayout, ...] | None:
-        """Return the telegrams of a list by SubIndex, None where there is none, or it is left out."""
-        layouts = self._telegrams.get((port, index))
-        return None if layouts is None or any(layout.unknown for layout in layouts) else layouts
+    def candidates_of(self, port: int, index: int) -> Sequence[tuple[TelegramLayout, ...]]:
+        """Return what each definition of a list says its telegrams are; those with elements of unknown size are not.
 
-    def telegram_of(self, port: int, index: int, subindex: int) -> TelegramLayout | None:
-        """Return one telegram of a list, None where the list does not have it."""
-        layouts = self.telegrams_of(port, index) or ()
-        return layouts[subindex] if subindex < len(layouts) else None
+        Several files may define one list: the sender's and the reader's.
+        """
+        return self._candidates.get((port, index), ())
+
+    def telegrams_of(self, port: int, index: int) -> tuple[TelegramLayout, ...] | None:
+        """Return the telegrams of a list by SubIndex, None where there is none, or it is left out.
+
+        Of several definitions it is the first.
+        """
+        return next(iter(self.candidates_of(port, index)), None)
+
+    def telegram_of(
+        self, port: int, index: int, subindex: int, shape: tuple[int, int] | None = None
+    ) -> TelegramLayout | None:
+        """Return one telegram of a list, None where the list does not have it.
+
+        Of several definitions it is the first that has the ``shape`` (Items and Length); if none has, or without a
+        shape, the first of all. Of a list that is left out, it is what is known of a telegram of this shape.
+        """
+        if shape and (port, index) in self._partly and (port, index) not in self._candidates:
+            return known_part(self._partly[port, index], subindex, *shape)
+        candidates = self.candidates_of(port, index)
+        found = [layouts[subindex] if subindex < len(layouts) else None for layouts in candidates]
+        fitting = (layout for layout in found if layout and (layout.items, layout.length) == shape)
+        return next(fitting, found[0] if found else None)

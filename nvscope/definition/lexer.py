@@ -38,7 +38,8 @@ class DeclarationLexer(Lexer):
             key=lambda term: (-term.priority, -term.pattern.max_width, -len(term.pattern.value), term.name),
         )
         tokens = "|".join(f"(?P<{term.name}>{term.pattern.to_regexp()})" for term in terminals)
-        self._next = re.compile(f"(?:{ignored})?(?:{tokens})").match
+        # What is skipped is never given back: behind long blanks, each of them would be tried as a token again.
+        self._next = re.compile(f"(?>{ignored})?+(?:{tokens})").match
         self._ignored = re.compile(f"(?:{ignored})?").match
 
     def lex(self, text: str) -> Iterator[Token]:  # type: ignore[override]

@@ -10,6 +10,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+DEFAULT_PORT = 1202
+"""The UDP port of lists for which nothing says one."""
+
 MAX_ELEMENTS = 100_000
 """Elements of one list that are believed; a bound mistyped must not fill the memory."""
 
@@ -140,7 +143,8 @@ class ListDefinition:
     """One network variables list.
 
     What no file says is None: ``list_id`` (the COB-ID), ``interval_ns``, ``min_gap_ns``. ``order`` of the variables is
-    that of the declarations. ``position`` is where the list is defined.
+    that of the declarations; a list of which only the project file knows has none. ``position`` is where the list is
+    defined.
     """
 
     name: str
@@ -148,7 +152,7 @@ class ListDefinition:
     variables: tuple[Variable, ...]
     list_id: int | None = None
     protocol: str = "UDP"
-    port: int = 1202
+    port: int = DEFAULT_PORT
     address: str = "255.255.255.255"
     pack: bool = True
     checksum: bool = False
@@ -175,6 +179,12 @@ class Definition:
                 found.setdefault((entry.port, entry.list_id), entry)
         return found
 
+    def cyclic_intervals_ns(self) -> dict[tuple[int, int], int]:
+        """Return at which interval the lists on UDP are sent that are sent cyclically, by port and identifier."""
+        return {
+            key: entry.interval_ns for key, entry in self.by_port_and_id().items() if entry.cyclic and entry.interval_ns
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class Element:
@@ -182,6 +192,11 @@ class Element:
 
     name: str
     type: Elementary
+
+
+def type_text(kind: Elementary) -> str:
+    """Return what a type is called, with what is special about it: of a UNION only the bytes are known."""
+    return f"UNION {kind.name}" if isinstance(kind, Union) else kind.name
 
 
 def scalar_of(kind: Elementary) -> Scalar | None:

@@ -12,32 +12,48 @@ Elements follow each other in the order of their declaration, without padding; n
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from dissectors.layout import Field, Layout
 from dissectors.netvar import HEADER
-from nvscope.definition.model import MAX_ELEMENTS, Element, Elementary, ListDefinition, elements, scalar_of
+from nvscope.definition.model import (
+    MAX_ELEMENTS,
+    Element,
+    Elementary,
+    Kind,
+    ListDefinition,
+    Scalar,
+    elements,
+    scalar_of,
+)
 from nvscope.errors import ConfigurationError
 from nvscope.units import count
 
 PACKED_DATA_BYTES = 256
+PDO_DATA_BYTES = 8
+"""Data of a CAN frame; that lists on CAN are packed by the same rule is inferred."""
+
 MAX_SUBINDEX = 65_535
 
 
 @dataclass(frozen=True)
 class TelegramLayout:
-    """One telegram of a list: what lies where in its data."""
+    """One telegram of a list: what lies where in its data.
+
+    ``sent_items`` is how many elements it has where some of them are told as one, since nobody knows their sizes.
+    """
 
     list: ListDefinition
     subindex: int
     elements: tuple[Element, ...]
+    sent_items: int | None = None
 
     @property
     def items(self) -> int:
         """What the header's Items says."""
-        return len(self.elements)
+        return len(self.elements) if self.sent_items is None else self.sent_items
 
     @property
     def length(self) -> int:
@@ -67,10 +83,37 @@ class TelegramLayout:
             yield self.layout.offset_of(str(place)), element
 
 
+def known_part(telegrams: Sequence[TelegramLayout], subindex: int, items: int, length: int) -> TelegramLayout | None:
+    """Return what is known of a telegram with these Items and Length, where sizes of some elements are not.
+
+    The elements in front of the first such one stand where they are declared; from there on, all bytes are one element
+    that nobody has described. None where the telegram is too short for what is known, or is all known and differs.
+    """
+    first = next(number for number, layout in enumerate(telegrams) if layout.unknown)
+    packed = telegrams[0].list.pack
+    own = telegrams[subindex] if subindex < len(telegrams) and (subindex <= first or not packed) else None
+    if own is not None and not own.unknown:
+        return own if (items, length) == (own.items, own.length) else None
+    known = own.elements[: own.elements.index(own.unknown)] if own and own.unknown else ()
+    cause = own.unknown if own and own.unknown else telegrams[first].unknown
+    assert cause
+    rest = length - HEADER.size_bytes - sum(element.type.size_bytes for element in known)
+    if rest < 0 or items < len(known):
+        return None
+    kind = Scalar(f"bytes from {cause.name} : {cause.type.name} on", Kind.RAW, f"V{rest}", rest)
+    undescribed = (Element(f"{cause.name} …", kind),) if rest else ()
+    return TelegramLayout(telegrams[0].list, subindex, (*known, *undescribed), items)
+
+
 def dtype_of(kind: Elementary) -> str:
     """Return the numpy type of an element's bytes."""
     scalar = scalar_of(kind)
     return scalar.dtype if scalar else f"V{kind.size_bytes}"
+
+
+def capacity_bytes(definition: ListDefinition) -> int:
+    """Return how many bytes of data a telegram of a packed list holds."""
+    return PDO_DATA_BYTES if definition.protocol.upper() == "CAN" else PACKED_DATA_BYTES
 
 
 def pack(definition: ListDefinition) -> tuple[TelegramLayout, ...]:
@@ -79,6 +122,7 @@ def pack(definition: ListDefinition) -> tuple[TelegramLayout, ...]:
     Raises ConfigurationError for a list with more elements than ``MAX_ELEMENTS`` or SubIndexes than there are.
     """
     groups: list[list[Element]] = []
+    capacity = capacity_bytes(definition)
     room = 0
     total = 0
     for variable in definition.variables:
@@ -93,7 +137,7 @@ def pack(definition: ListDefinition) -> tuple[TelegramLayout, ...]:
             size = element.type.size_bytes
             if not groups or not definition.pack or size > room:
                 groups.append([])
-                room = PACKED_DATA_BYTES
+                room = capacity
             groups[-1].append(element)
             room -= size
     if len(groups) > MAX_SUBINDEX + 1:

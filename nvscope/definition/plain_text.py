@@ -8,11 +8,15 @@ from nvscope.definition.syntax import FileSyntax, ListSyntax
 
 
 def read_plain_text(source: Source) -> FileSyntax:
-    """Return the types, and the variables of all VAR_GLOBAL blocks as one list, named like the file."""
+    """Return the types, and the variables of all VAR_GLOBAL blocks as one list, named like the file.
+
+    Comments and program units alone are a definition of nothing. Raises ConfigurationError for any other text.
+    """
     declared = parse_declarations(source)
-    if not declared.types and not declared.blocks:
+    if not declared.recognised:
         next_step = "Definitions are .gvl, .exp, .TcGVL, .TcDUT, PLCopen XML, or text with TYPE or VAR_GLOBAL."
-        raise source.error("the file declares neither types nor variables", 0, next_step)
+        what = "the file declares neither types nor variables" if source.text.strip() else "the file is empty"
+        raise source.error(what, 0, next_step)
     lists: tuple[ListSyntax, ...] = ()
     if declared.blocks:
         lists = (ListSyntax(source.stem, declared.blocks[0].offset, declared.blocks, source),)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
+from nvscope.definition.comments import blank_comments
 from nvscope.definition.declarations import parse_expression
 from nvscope.definition.syntax import (
     ArrayType,
@@ -16,6 +18,7 @@ from nvscope.definition.syntax import (
     Name,
     NamedType,
     Number,
+    Opaque,
     PointerType,
     StringType,
     StructureType,
@@ -23,29 +26,77 @@ from nvscope.definition.syntax import (
     TypeSyntax,
 )
 from nvscope.definition.xml_tree import Element
+from nvscope.errors import ConfigurationError
 
 _NEXT = "Export the project again as PLCopen XML."
+_PARTS = {"fileHeader", "contentHeader", "types", "instances"}
 _BLOCK_KINDS = {"functionBlock", "interface"}
+_EXTENDS = {"extends", "inheritance"}
+_ENUMERATION_END = re.compile(r"\)\s*+([^\W\d]\w*+)\s*+(?::=[^;()]*+)?;?\s*+END_TYPE", re.IGNORECASE)
 
 
 def read_plcopen(root: Element) -> FileSyntax:
-    """Return all data types and lists of global variables; ``root`` is the element project."""
+    """Return all data types and lists of global variables; ``root`` is the element project.
+
+    A project of programs only declares neither. Raises ConfigurationError where it is a project of something else.
+    """
     types: list[TypeDeclaration] = []
-    blocks: dict[str, list[GlobalBlock]] = {}
-    for element in root.below():
+    blocks: dict[tuple[int, str], list[GlobalBlock]] = {}
+    for owner, element in _objects(root):
         if element.tag in {"dataType", "union"} and "name" in element.attributes:
             types.append(TypeDeclaration(_name(element), _declared_type(element), root.source))
         elif element.tag == "pou" and element.attributes.get("pouType") in _BLOCK_KINDS:
             types.append(TypeDeclaration(_name(element), None, root.source))
         elif element.tag == "globalVars":
             name = element.attributes.get("name", "").strip() or "GlobalVariables"
-            constant = element.attributes.get("constant", "").strip().lower() in {"true", "1"}
-            block = GlobalBlock(element.start, constant, tuple(_variables(element)))
-            blocks.setdefault(name, []).append(block)
-    if not types and not blocks:
+            blocks.setdefault((owner, name), []).extend(_blocks(element))
+    if not types and not blocks and not any(child.tag in _PARTS for child in root.children):
         raise root.error("the file declares neither types nor variables", _NEXT)
-    lists = (ListSyntax(name, own[0].offset, tuple(own), root.source) for name, own in blocks.items())
+    lists = (ListSyntax(name, own[0].offset, tuple(own), root.source) for (_, name), own in blocks.items() if own)
     return FileSyntax(tuple(types), tuple(lists))
+
+
+def _objects(root: Element) -> Iterator[tuple[int, Element]]:
+    """Yield all elements in their order, each with the start of the resource that owns it, 0 without one.
+
+    Of a list of global variables nothing that is within it: that belongs to the list. Controllers of one project may
+    well have lists of one name.
+    """
+    waiting = [(0, root)]
+    while waiting:
+        owner, element = waiting.pop()
+        yield owner, element
+        if element.tag != "globalVars":
+            owner = element.start if element.tag == "resource" else owner
+            waiting += ((owner, child) for child in reversed(element.children))
+
+
+def _blocks(element: Element) -> Iterator[GlobalBlock]:
+    """Yield the blocks of a list: one, or that of its variables and that of its constants.
+
+    CODESYS writes a list of several VAR_GLOBAL blocks twice: whole and without qualifiers, as the element itself, and
+    within it as MixedAttrsVarList with a ``globalVars`` for each block. The whole has the order of the declaration.
+    """
+    parts = [part for part in element.below() if part.tag == "globalVars" and part is not element]
+    if not parts:
+        yield GlobalBlock(element.start, _is_constant(element), tuple(_variables(element)))
+        return
+    told = {variable.names[0].text.upper(): variable for variable in _variables(element)}
+    constants: set[str] = set()
+    for part in parts:
+        for variable in _variables(part):
+            name = variable.names[0].text.upper()
+            told.setdefault(name, variable)
+            if _is_constant(part):
+                constants.add(name)
+    for is_constant in (True, False):
+        own = tuple(variable for name, variable in told.items() if (name in constants) == is_constant)
+        if own:
+            yield GlobalBlock(element.start, is_constant, own)
+
+
+def _is_constant(element: Element) -> bool:
+    return element.attributes.get("constant", "").strip().lower() in {"true", "1"}
 
 
 def _declared_type(element: Element) -> TypeSyntax:
@@ -53,11 +104,23 @@ def _declared_type(element: Element) -> TypeSyntax:
         return _structure(element, is_union=True)
     kind = _type(_required(element, "baseType"))
     if isinstance(kind, StructureType) and not kind.is_union:
-        extends = next((part for part in element.below() if part.tag.lower() in {"extends", "inheritance"}), None)
-        if extends is not None and extends.text:
+        extends = next((part for part in element.below() if part.tag.lower() in _EXTENDS and part.text), None)
+        if extends is not None:
             base = Name(extends.text, extends.start)
             return StructureType(kind.offset, kind.members, base, False, kind.depth)
+    if isinstance(kind, EnumerationType) and kind.base is None:
+        return EnumerationType(kind.offset, kind.values, _base_in_plain_text(element))
     return kind
+
+
+def _base_in_plain_text(element: Element) -> Name | None:
+    """Return the base type of an enumeration as its declaration names it: CODESYS leaves it out of the XML."""
+    plain = next((part for part in element.below() if part.tag == "InterfaceAsPlainText"), None)
+    if plain is None:
+        return None
+    written = "".join(text for part in plain.below() for text in part.texts)
+    found = _ENUMERATION_END.search(blank_comments(written, element.source, plain.start)[0])
+    return None if found is None else Name(found[1], plain.start)
 
 
 def _variables(holder: Element) -> Iterator[Declaration]:
@@ -78,7 +141,12 @@ def _initial(variable: Element) -> Expression | None:
     if value is None or not (text := value.attributes.get("value", "").strip()):
         return None
     # Strings, times and whatever else a tool writes here are no constants that anything depends on.
-    return _expression(value, text) if text[:1].isalnum() or text[:1] in "+-(_" else None
+    if not (text[:1].isalnum() or text[:1] in "+-(_"):
+        return None
+    try:
+        return _expression(value, text)
+    except ConfigurationError:
+        return Opaque(value.start)  # refused only where a bound or length depends on it
 
 
 def _type(holder: Element) -> TypeSyntax:

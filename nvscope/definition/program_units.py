@@ -18,7 +18,13 @@ _WORD = re.compile(
 )
 
 
+_END = re.compile(r"\bEND_(?:VAR|PROGRAM|FUNCTION_BLOCK|FUNCTION|INTERFACE)\b", re.IGNORECASE)
 _DATA = re.compile(r"^[ \t]*(?P<begin>TYPE|VAR_GLOBAL)\b|\b(?P<end>END_TYPE|END_VAR)\b", re.IGNORECASE | re.MULTILINE)
+
+
+def holds_program_units(text: str) -> bool:
+    """Return whether a text without declarations is one of program units, and no prose that begins with such a word."""
+    return _END.search(text) is not None
 
 
 def keep_data_blocks(text: str) -> str:

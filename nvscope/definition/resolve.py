@@ -6,13 +6,13 @@ import difflib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from nvscope.definition.constants import evaluate
+from nvscope.definition.constants import INTEGERS, check_fits, evaluate
 from nvscope.definition.model import (
+    DEFAULT_PORT,
     MAX_ELEMENTS,
     Array,
     Definition,
     Enumeration,
-    Kind,
     ListDefinition,
     Member,
     Scalar,
@@ -45,19 +45,19 @@ MAX_STRING_LENGTH = 32_767
 _MOST_CALLS = 300
 _MOST_NAMESAKES = 100
 _MOST_COMPARED = 10_000
-_INTEGERS = {Kind.UNSIGNED, Kind.SIGNED}
 _ELEMENTARY = (*SCALARS, *ALIASES, "STRING", "WSTRING")
 
 
-def resolve(files: Sequence[FileSyntax]) -> Definition:
+def resolve(files: Sequence[FileSyntax], port: int = DEFAULT_PORT) -> Definition:
     """Return what the files declare together; types and constants of each are known to all.
 
-    Raises ConfigurationError, with position, for the first thing that cannot be.
+    ``port`` is that of lists whose file says none. Raises ConfigurationError, with position, for the first thing that
+    cannot be.
     """
     names = _Names(files)
     types = {key: names.declared(key, declaration.name, declaration.source) for key, declaration in names.types.items()}
     lists = [entry for file in files for entry in file.lists]
-    return Definition(tuple(found for entry in lists for found in _list_definitions(entry, names)), types)
+    return Definition(tuple(found for entry in lists for found in _list_definitions(entry, names, port)), types)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,11 +216,11 @@ class _Names:
             return sized
         low, high = (self._value(bound, source, scope) for bound in (syntax.low, syntax.high))
         base = sized.type
-        if not isinstance(base, Scalar) or base.kind not in _INTEGERS:
+        if not isinstance(base, Scalar) or base.kind not in INTEGERS:
             raise source.error(f"{text} has no subranges", syntax.name.offset, "Only integers have subranges.")
         _check_order(low, high, source, syntax.low.offset)
-        _check_fits(low, base, source, syntax.low.offset)
-        _check_fits(high, base, source, syntax.high.offset)
+        check_fits(low, base, source, syntax.low.offset)
+        check_fits(high, base, source, syntax.high.offset)
         return _Sized(replace(base, low=low, high=high), 1)
 
     def _type_key(self, text: str) -> str | None:
@@ -288,7 +288,7 @@ class _Names:
         base = SCALARS["INT"]
         if syntax.base is not None:
             found = self._named(NamedType(syntax.base), source, name.upper()).type
-            if not isinstance(found, Scalar) or found.kind not in _INTEGERS:
+            if not isinstance(found, Scalar) or found.kind not in INTEGERS:
                 what = f"{syntax.base.text} is no integer"
                 raise source.error(what, syntax.base.offset, "The base type of an enumeration is an integer.")
             base = found
@@ -299,7 +299,7 @@ class _Names:
             _check_new(value_name, seen, source)
             value = value + 1 if expression is None else self._value(expression, source, name.upper())
             values[value_name.text] = value
-            _check_fits(value, base, source, value_name.offset)
+            check_fits(value, base, source, value_name.offset)
         return Enumeration(name, base, values)
 
     def _value(self, expression: Expression, source: Source, scope: str) -> int:
@@ -355,13 +355,13 @@ class _Names:
             raise source.error("the definition is nested too deeply here", offset, next_step)
 
 
-def _list_definitions(entry: ListSyntax, names: _Names) -> Iterator[ListDefinition]:
+def _list_definitions(entry: ListSyntax, names: _Names, port: int) -> Iterator[ListDefinition]:
     """Yield a list for each of its connections; lists without variables hold constants and are never sent."""
     variables = tuple(names.variables(entry))
     position = entry.source.position(entry.offset)
     if variables or any(entry.settings):
         for settings in entry.settings:
-            yield ListDefinition(entry.name, position, variables, **settings)
+            yield ListDefinition(entry.name, position, variables, **{"port": port, **settings})
 
 
 def _check_new(name: Name, seen: dict[str, Name], source: Source) -> None:
@@ -374,16 +374,6 @@ def _check_new(name: Name, seen: dict[str, Name], source: Source) -> None:
 def _check_order(low: int, high: int, source: Source, offset: int) -> None:
     if high < low:
         raise source.error(f"the upper bound {high} is below the lower bound {low}", offset, "Exchange the bounds.")
-
-
-def _check_fits(value: int, base: Scalar, source: Source, offset: int) -> None:
-    bits = base.size_bytes * 8
-    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if base.kind is Kind.SIGNED else (0, (1 << bits) - 1)
-    low = low if base.low is None else base.low
-    high = high if base.high is None else base.high
-    if not low <= value <= high:
-        what = f"{value} does not fit into {base.name}"
-        raise source.error(what, offset, f"{base.name} holds {low} to {high} here.")
 
 
 def _too_many(source: Source, offset: int, what: str) -> ConfigurationError:

@@ -22,6 +22,13 @@ _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 _XML_ENCODING = re.compile(rb"""<\?xml[^>]{0,100}?encoding\s*=\s*["']([A-Za-z][\w.-]{0,40})["']""")
+_NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+_MOST_NO_TEXT = 0.05
+_END_OF_TEXT = "\x1a"
+# pcap and pcapng in both byte orders. The rooms of captures and of definitions do not know each other.
+_CAPTURE_MAGICS = (
+    b"\xa1\xb2\xc3\xd4", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d", b"\x4d\x3c\xb2\xa1", b"\n\r\r\n",
+)  # fmt: skip
 _CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]{3,}")
 _HIGH_LETTER = re.compile(rb"[\xa8\xb8\xc0-\xff]")
 
@@ -56,7 +63,8 @@ def read_source(path: str, encoding: str | None = None) -> Source:
     """Return the text of a file.
 
     Without ``encoding``: by byte order mark, by what an XML prolog says, UTF-8 where the bytes are that, and else the
-    Windows code page 1251 or 1252. Raises ConfigurationError where the file cannot be read or is too large.
+    Windows code page 1251 or 1252. A Ctrl-Z that ends the text, as MS-DOS wrote it, is left out. Raises
+    ConfigurationError where the file cannot be read, is too large, or is no text.
     """
     try:
         with Path(path).open("rb") as file:
@@ -67,7 +75,32 @@ def read_source(path: str, encoding: str | None = None) -> Source:
     if len(data) > MAX_FILE_BYTES:
         what = f"the file is larger than {data_size(MAX_FILE_BYTES)}"
         raise ConfigurationError(what, where=path, next_step="Export only the lists and the types that they use.")
-    return Source(path, decode(data, path, encoding))
+    source = Source(path, _without_end(decode(data, path, encoding)))
+    _check_text(source, data)
+    return source
+
+
+def _without_end(text: str) -> str:
+    """Return a text without the Ctrl-Z at its end and what fills up the file behind it."""
+    content = text.rstrip(f"{_END_OF_TEXT}\0 \t\r\n")
+    end = text.find(_END_OF_TEXT, len(content))
+    return text if end < 0 else text[:end]
+
+
+def _check_text(source: Source, data: bytes) -> None:
+    """Raise ConfigurationError where a file is no text: NUL or many other characters that nobody types."""
+    first = _NO_TEXT.search(source.text)
+    if first is None:
+        return
+    if "\0" not in source.text and len(_NO_TEXT.findall(source.text)) <= _MOST_NO_TEXT * len(source.text):
+        return
+    if data.startswith(_CAPTURE_MAGICS):
+        next_step = (
+            "Name captures without an option; definitions are .gvl, .exp, .TcGVL, .TcDUT, PLCopen XML or ST text."
+        )
+        raise ConfigurationError("a capture, no definition file", where=source.file, next_step=next_step)
+    next_step = "Export the lists and their types from the project as text; the project file itself cannot be read."
+    raise source.error("no definition file: binary data", first.start(), next_step)
 
 
 def decode(data: bytes, path: str, encoding: str | None = None) -> str:

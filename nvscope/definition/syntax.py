@@ -42,14 +42,24 @@ class Operation:
 
 
 @dataclass(frozen=True, slots=True)
+class Conversion:
+    """``INT_TO_DINT(value)``: a call of a function whose name says that it converts."""
+
+    function: str
+    value: Expression
+    offset: int
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
 class Opaque:
-    """A value that is no constant integer: a string, a time, a call, values of an array."""
+    """A value that is no constant integer: a string, a time, another call, values of an array."""
 
     offset: int
     depth: ClassVar[int] = 0
 
 
-Expression = Name | Number | Operation | Opaque
+Expression = Name | Number | Operation | Conversion | Opaque
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,16 @@ MAX_OBJECTS = 100
 
 
 def read_twincat(root: Element) -> FileSyntax:
-    """Return what the objects of the file declare; of function blocks and interfaces only the names."""
+    """Return what the objects of the file declare; of function blocks and interfaces only the names.
+
+    Objects of other kinds declare nothing. Raises ConfigurationError for a file without any object.
+    """
     types: list[TypeDeclaration] = []
     lists: list[ListSyntax] = []
     if len(root.children) > MAX_OBJECTS:
         raise root.error(f"the file holds more than {MAX_OBJECTS} objects", "Name the files of the objects themselves.")
+    if not root.children:
+        raise root.error("the file holds no object", "Name a .TcGVL or .TcDUT file.")
     for element in root.children:
         name = element.attributes.get("Name", "") or root.source.stem
         holder = element.child("Declaration")
@@ -26,6 +31,4 @@ def read_twincat(root: Element) -> FileSyntax:
             types += declared.types
             if declared.blocks:
                 lists.append(ListSyntax(name, declared.blocks[0].offset, declared.blocks, root.source))
-    if not types and not lists:
-        raise root.error("the file declares neither types nor variables", "Name a .TcGVL or .TcDUT file.")
     return FileSyntax(tuple(types), tuple(lists))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -69,12 +69,18 @@ Column = Numbers | AddressColumn | BytesColumn | TextColumn
 class Named:
     """What an expression may name: a field, or, with ``either``, a name that stands for several fields of one type.
 
-    ``udp.port`` is either of two ports. ``refused`` says why a field that exists cannot stand in an expression.
+    ``udp.port`` is either of two ports. ``refused`` says why a field that exists cannot stand in an expression,
+    ``instead`` what to write in its place.
+    ``values`` are names of its numbers, which may stand for them as texts. ``test`` is the expression that the name
+    stands for where it is no value: ``ip`` chooses the telegrams that have it.
     """
 
     type: FieldType
     either: tuple[str, ...] = ()
     refused: str = ""
+    values: Mapping[str, int] = field(default_factory=dict)
+    test: str = ""
+    instead: str = ""
 
 
 NameTable = Mapping[str, Named]

@@ -13,7 +13,7 @@ from nvscope.duration import UNITS_NS, parse_duration
 from nvscope.expression.columns import FieldType
 
 Number = int | Fraction
-LiteralKind = Literal["digits", "colons", "iec_time", "string", "raw_string", "bool", "number", "duration"]
+LiteralKind = Literal["digits", "colons", "iec_time", "string", "raw_string", "bool", "number", "duration", "pairs"]
 
 _MAX_DIGITS = 100
 _MAX_WHOLE, _MIN_WHOLE = (1 << 64) - 1, -(1 << 63)
@@ -24,7 +24,10 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A literal as it was written, or, of kind ``number`` and ``duration`` (ns), the result of computing with some."""
+    """A literal as it was written, or, of kind ``number`` and ``duration`` (ns), the result of computing with some.
+
+    Of kind ``pairs``, bytes such as ``00-2d`` that are no difference of numbers.
+    """
 
     kind: LiteralKind
     text: str
@@ -54,7 +57,7 @@ class Unfit(ValueError):
 
 
 def number(constant: Constant) -> Number:
-    """Return the number that a constant is; Unfit where it is none."""
+    """Return the number that a constant is, as in C one with a 0 in front is octal; Unfit where it is none."""
     if constant.kind == "number":
         return constant.value
     if constant.kind != "digits":
@@ -64,8 +67,12 @@ def number(constant: Constant) -> Number:
         raise Unfit(f"a number has at most {_MAX_DIGITS} digits")
     if re.fullmatch(r"0x[0-9a-f]+", text, re.IGNORECASE | re.ASCII):
         return int(text, 16)
+    if re.fullmatch(r"0b[01]+", text, re.IGNORECASE | re.ASCII):
+        return int(text, 2)
     if re.fullmatch(r"0[0-9]+", text, re.ASCII):
-        raise Unfit(f"{text}: a decimal number does not begin with 0, and there are no octal ones")
+        if not re.fullmatch(r"[0-7]+", text, re.ASCII):
+            raise Unfit(f"{text} is no number: one that begins with 0 is octal, and has no 8 and 9")
+        return int(text, 8)
     if re.fullmatch(r"[0-9]+", text, re.ASCII):
         return int(text)
     if match := re.fullmatch(r"[0-9]+(?:\.[0-9]+)?(?:e([-+]?[0-9]{1,3}))?", text, re.IGNORECASE | re.ASCII):
@@ -102,7 +109,7 @@ def fit(constant: Constant, kind: FieldType) -> Value:
     if kind in (FieldType.UNSIGNED, FieldType.SIGNED):
         return _whole(constant)
     if kind is FieldType.REAL:
-        return _real(number(constant), constant.text)
+        return _real(_decimal(constant), constant.text)
     if kind is FieldType.DURATION:
         return _duration(constant)
     if kind is FieldType.TIME:
@@ -114,6 +121,13 @@ def fit(constant: Constant, kind: FieldType) -> Value:
     if kind is FieldType.TEXT:
         return string(constant)
     return _bool(constant)
+
+
+def _decimal(constant: Constant) -> Number:
+    """Return the number that a constant is where it may have a fraction: there, 010 is 10."""
+    if constant.kind == "digits" and re.fullmatch(r"[0-9]+", constant.text, re.ASCII):
+        return number(Constant("digits", constant.text.lstrip("0") or "0"))
+    return number(constant)
 
 
 def _whole(constant: Constant) -> int:
@@ -141,11 +155,12 @@ def _duration(constant: Constant) -> int:
             return parse_duration(string(constant))
         except ValueError as error:
             raise Unfit(str(error)) from None
-    return _seconds(constant)
+    return seconds_ns(constant)
 
 
-def _seconds(constant: Constant) -> int:
-    value = Fraction(number(constant)) * UNITS_NS["s"]
+def seconds_ns(constant: Constant) -> int:
+    """Return the nanoseconds of a number of seconds; Unfit where they are no whole number, or too many."""
+    value = Fraction(_decimal(constant)) * UNITS_NS["s"]
     if value != int(value):
         raise Unfit(f"{constant.text} seconds are no whole number of nanoseconds")
     if abs(value) > _MAX_NS:
@@ -158,7 +173,7 @@ _DATE = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})(?:[ T]([0-9]{2}:[0-9]{2}(?::[0
 
 def _time(constant: Constant) -> int:
     if constant.kind not in ("string", "raw_string"):
-        return _seconds(constant)
+        return seconds_ns(constant)
     text = string(constant).strip()
     match = _DATE.fullmatch(text)
     zone = match[4].strip() if match else ""
@@ -194,16 +209,48 @@ def _network(constant: Constant) -> Network:
     return Network((bits & mask) >> 64, bits & mask & half, mask >> 64, mask & half, is_ipv4)
 
 
+_PAIRS = re.compile(r"[0-9a-f]{2}(?:-[0-9a-f]{2})+", re.IGNORECASE | re.ASCII)
+_BYTES = re.compile(
+    # 0x0102; 0102 and 01.0203; 01:02 and 01:02:; 01-02; and the one byte 7
+    r"0x(?:[0-9a-f]{2})+|(?:[0-9a-f]{2})+(?:\.(?:[0-9a-f]{2})+)*|[0-9a-f]{2}(?::[0-9a-f]{2})*:?"
+    rf"|{_PAIRS.pattern}|[0-9a-f]",
+    re.IGNORECASE | re.ASCII,
+)
+
+
+def is_pairs(text: str) -> bool:
+    """Tell whether a text can be bytes with dashes between them."""
+    return _PAIRS.fullmatch(text) is not None
+
+
 def byte_values(constant: Constant) -> bytes:
-    """Return the bytes that a literal is: pairs of hexadecimal digits, or the UTF-8 of a text."""
+    """Return the bytes that a literal is: hexadecimal digits, or what a text is in UTF-8, its escapes being bytes."""
     if constant.kind in ("string", "raw_string"):
-        return string(constant).encode("utf-8", "surrogatepass")
+        return _bytes_of_string(constant)
     text = constant.text
-    if constant.kind == "colons" and re.fullmatch(r"[0-9a-f]{2}(:[0-9a-f]{2})*:?", text, re.IGNORECASE | re.ASCII):
-        return bytes.fromhex(text.replace(":", ""))
-    if constant.kind == "digits" and re.fullmatch(r"(0x)?([0-9a-f]{2})+", text, re.IGNORECASE | re.ASCII):
-        return bytes.fromhex(text[2:] if text[:2] in ("0x", "0X") else text)
-    raise Unfit(f"{text[:60]} is no sequence of bytes such as 01:02:ff")
+    if not _BYTES.fullmatch(text):
+        raise Unfit(f"{text[:60]} is no sequence of bytes such as 01:02:ff")
+    digits = text[2:] if text[:2] in ("0x", "0X") else re.sub(r"[-:.]", "", text)
+    return bytes.fromhex(digits.zfill(2))
+
+
+def byte_text(constant: Constant) -> str:
+    """Return the bytes of a text as a text with a character of U+0000 to U+00FF for each; Unfit where it is none."""
+    if constant.kind not in ("string", "raw_string"):
+        raise Unfit(f"{constant.text[:60]} is no text; texts stand in double quotes")
+    return _bytes_of_string(constant).decode("latin-1")
+
+
+def _bytes_of_string(constant: Constant) -> bytes:
+    if constant.kind == "raw_string":
+        return string(constant).encode("utf-8", "surrogatepass")
+    found, at, text = bytearray(), 0, constant.text[1:-1]
+    for match in _ESCAPE.finditer(text):
+        found += text[at : match.start()].encode("utf-8", "surrogatepass")
+        meant = _meant(match)
+        found += meant.encode("utf-8", "surrogatepass") if match[2] else meant.encode("latin-1")
+        at = match.end()
+    return bytes(found + text[at:].encode("utf-8", "surrogatepass"))
 
 
 _ESCAPE = re.compile(r"\\(?:x([0-9a-fA-F]{2})|u([0-9a-fA-F]{4})|([0-7]{1,3})|(.))", re.DOTALL)
@@ -218,16 +265,17 @@ def string(constant: Constant) -> str:
     if constant.kind != "string":
         raise Unfit(f"{constant.text[:60]} is no text; texts stand in double quotes")
 
-    def meant(match: re.Match[str]) -> str:
-        if match[1] or match[2]:
-            return chr(int(match[1] or match[2], 16))
-        if match[3] and int(match[3], 8) <= _MOST_OCTAL:
-            return chr(int(match[3], 8))
-        if match[4] in _SINGLE:
-            return _SINGLE[match[4]]
-        raise Unfit(f'{match[0]} is no escape; a raw text needs none: r"\\d+"')
+    return _ESCAPE.sub(_meant, constant.text[1:-1])
 
-    return _ESCAPE.sub(meant, constant.text[1:-1])
+
+def _meant(escape: re.Match[str]) -> str:
+    if escape[1] or escape[2]:
+        return chr(int(escape[1] or escape[2], 16))
+    if escape[3] and int(escape[3], 8) <= _MOST_OCTAL:
+        return chr(int(escape[3], 8))
+    if escape[4] in _SINGLE:
+        return _SINGLE[escape[4]]
+    raise Unfit(f'{escape[0]} is no escape; a raw text needs none: r"\\d+"')
 
 
 def _bool(constant: Constant) -> bool:

@@ -39,51 +39,78 @@ class _State:
 
 
 class Pattern:
-    """A compiled pattern; PatternError where it is none, too long, or too large once its repeats are written out."""
+    """A compiled pattern; PatternError where it is none, too long, or too large once its repeats are written out.
 
-    def __init__(self, text: str) -> None:
+    With ``of_bytes``, the characters of pattern and texts stand for bytes: only ASCII letters match in either case.
+    """
+
+    def __init__(self, text: str, *, of_bytes: bool = False) -> None:
         if len(text) > MAX_PATTERN_CHARACTERS:
             raise PatternError(f"a pattern has at most {MAX_PATTERN_CHARACTERS} characters", MAX_PATTERN_CHARACTERS)
         self._states: list[_State] = []
-        tree, stop = _Reader(text).alternatives(0, 0)
+        tree, stop = _Reader(text, re.ASCII if of_bytes else re.NOFLAG).alternatives(0, 0)
         if stop < len(text):
             raise PatternError("a ) that closes nothing", stop)
         self._accept = self._add(_SPLIT)
         self._start = self._build(tree, self._accept)
+        self._entry = self._closure({self._start})
         self._steps: dict[tuple[frozenset[int], str], frozenset[int]] = {}
         self._cached_states = 0
+        self._singles: dict[tuple[int, str], frozenset[int]] = {}
 
     def search(self, text: str) -> bool:
         """Tell whether the pattern is found anywhere in the first 4 096 characters of a text."""
         text = text[:MAX_TEXT_CHARACTERS]
-        active = self._closure({self._start}, at_begin=True, at_end=not text)
-        entry = self._closure({self._start}, at_begin=False, at_end=False)
-        for position, character in enumerate(text):
-            if self._accept in active:
+        active = self.begun()
+        for character in text:
+            if self.is_found(active):
                 return True
-            following = self._step(active, character)
-            if position + 1 == len(text):
-                active = self._closure(following | {self._start}, at_begin=False, at_end=True)
-            else:
-                active = following | entry
+            active = self.after(active, character)
+        return self.is_found_at_end(active, at_begin=not text)
+
+    def begun(self) -> frozenset[int]:
+        """Return the states in front of a text."""
+        return self._closure({self._start}, at_begin=True)
+
+    def after(self, active: frozenset[int], character: str) -> frozenset[int]:
+        """Return the states behind a character; none where nothing can be found any more."""
+        return self._step(active, character) | self._entry
+
+    def is_found(self, active: frozenset[int]) -> bool:
+        """Tell whether the pattern is found, whatever follows."""
         return self._accept in active
+
+    def is_found_at_end(self, active: frozenset[int], *, at_begin: bool = False) -> bool:
+        """Tell whether it is found where the text ends; ``at_begin``: where it has no characters."""
+        return self._accept in self._closure(active, at_begin=at_begin, at_end=True)
 
     def _step(self, active: frozenset[int], character: str) -> frozenset[int]:
         found = self._steps.get((active, character))
         if found is None:
-            after: set[int] = set()
-            for number in active:
-                state = self._states[number]
-                if not isinstance(state.atom, str) and state.atom(character):
-                    after.update(state.following)
-            found = self._closure(after, at_begin=False, at_end=False)
+            found = frozenset().union(*(self._from(number, character) for number in active))
             if self._cached_states < _MAX_CACHED_STATES:
                 self._steps[active, character] = found
                 self._cached_states += len(found) + 1
         return found
 
-    def _closure(self, numbers: set[int] | frozenset[int], *, at_begin: bool, at_end: bool) -> frozenset[int]:
-        """Return the states and all that can be reached from them without reading; anchors stay, to be asked again."""
+    def _from(self, number: int, character: str) -> frozenset[int]:
+        """Return the states behind a character that is read in one state."""
+        found = self._singles.get((number, character))
+        if found is None:
+            atom = self._states[number].atom
+            fits = not isinstance(atom, str) and atom(character)
+            found = self._closure(set(self._states[number].following)) if fits else frozenset()
+            if len(self._singles) < _MAX_CACHED_STATES:
+                self._singles[number, character] = found
+        return found
+
+    def _closure(
+        self, numbers: set[int] | frozenset[int], *, at_begin: bool = False, at_end: bool = False
+    ) -> frozenset[int]:
+        """Return the states and all that can be reached from them without reading.
+
+        The end, which may come later, stays; a beginning that is not here is none anywhere behind.
+        """
         reached = set(numbers)
         waiting = list(numbers)
         while waiting:
@@ -92,7 +119,9 @@ class Pattern:
                 new = set(state.following) - reached
                 reached |= new
                 waiting += new
-        return frozenset(reached)
+        return frozenset(number for number in reached if self._states[number].atom not in (_BEGIN, _SPLIT)) | (
+            reached & {self._accept}
+        )
 
     def _add(self, atom: Atom | str, *following: int) -> int:
         if len(self._states) >= MAX_STATES:
@@ -142,8 +171,9 @@ _FIXED = {"*": (0, None), "+": (1, None), "?": (0, 1)}
 class _Reader:
     """Reads a pattern from left to right; the methods return what they read and where it ends."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, flags: re.RegexFlag) -> None:
         self._text = text
+        self._flags = flags
 
     def alternatives(self, start: int, depth: int) -> tuple[_Tree, int]:
         if depth > _MAX_NESTING:
@@ -188,7 +218,7 @@ class _Reader:
         if match is None:
             what = "a [ that is not closed" if character == "[" else "this escape is not understood here"
             raise PatternError(what, at)
-        return _Tree("atom", atom=_atom(match[0], at)), match.end()
+        return _Tree("atom", atom=_atom(match[0], at, self._flags)), match.end()
 
     @staticmethod
     def _repeated(item: _Tree, repeat: re.Match[str]) -> _Tree:
@@ -204,12 +234,12 @@ class _Reader:
         return _Tree("repeat", [item], least=least, most=most)
 
 
-def _atom(text: str, at: int) -> Atom:
+def _atom(text: str, at: int, flags: re.RegexFlag) -> Atom:
     if text[0] == "[":
         # What re may one day read as operations between sets stands for itself.
         text = "[" + _SET_SIGNS.sub(lambda match: match[0] if match[0][0] == "\\" else f"\\{match[0]}", text[1:])
     try:
-        one = re.compile(text, re.IGNORECASE | re.DOTALL)
+        one = re.compile(text, re.IGNORECASE | re.DOTALL | flags)
     except (re.error, OverflowError):
         raise PatternError("this set of characters is not understood", at) from None
     return lambda character: one.fullmatch(character) is not None

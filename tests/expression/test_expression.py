@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvscope.errors import UsageError
-from nvscope.expression.columns import FieldType, Named
+from nvscope.expression.columns import BytesColumn, FieldType, Named
 from nvscope.expression.expression import compile_expression
 from nvscope.expression.mistake import ExpressionError
 from tests.expression.random_expression import TESTS, Said
@@ -112,6 +112,117 @@ def test_fields_are_read_once_and_only_where_needed() -> None:
     assert table.reads == ["n.byte", "n.word"]
 
 
+def test_any_and_all_say_how_many_of_several_have_to_fit() -> None:
+    rows: list[Row] = [
+        {"n.byte": 1, "n.word": 2},
+        {"n.byte": 1, "n.word": 1},
+        {"n.byte": 2, "n.word": 2},
+        {"n.word": 1},
+    ]
+    table = Table([*rows, {}], [])
+    assert table.chosen("any n.small == 1") == [True, True, False, True, False]
+    assert table.chosen("all n.small == 1") == [False, True, False, True, False]
+    assert table.chosen("any n.small != 1") == [True, False, True, False, False]
+    assert table.chosen("all n.small != 1") == [False, False, True, False, False]
+    assert table.chosen("all n.small in {1, 7}") == [False, True, False, True, False]
+    assert table.chosen("any n.small not in {1, 7}") == [True, False, True, False, False]
+    assert table.chosen("all n.small not in {1, 7}") == [False, False, True, False, False]
+    assert table.chosen("!all n.small == 1 && n.small") == [True, False, True, False, False]
+    assert table.chosen("all 1 == n.small <= n.word") == [False, True, False, True, False]
+
+
+def test_all_of_several_bytes_contain_or_match() -> None:
+    table = Table([{"b.data": b"abc", "b.more": b"xbc"}, {"b.data": b"abc", "b.more": b"x"}, {"b.more": b"b"}, {}], [])
+    assert table.chosen('b.any contains "b"') == [True, True, True, False]
+    assert table.chosen('all b.any contains "b"') == [True, False, True, False]
+    assert table.chosen('all b.any matches "B"') == [True, False, True, False]
+
+
+def test_functions() -> None:
+    table = Table([{"n.byte": 1, "n.word": 2, "b.data": b"abc", "s.name": "ü"}, {"n.word": 1, "b.data": b""}, {}], [])
+    assert table.chosen("len(b.data) == 3") == [True, False, False]
+    assert table.chosen("len(b.data) * 2 < 6") == [False, True, False]
+    assert table.chosen("len (b.data[1:]) == 2") == [True, False, False]
+    assert table.chosen("LEN(s.name) == 1") == [True, False, False]
+    assert table.chosen("len(b.data)") == [True, False, False]
+    assert table.chosen("count(n.small) == 2") == [True, False, False]
+    assert table.chosen("count(n.small) < 2") == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("written", "means"),
+    [
+        ("n.byte == 0b101", "n.byte == 5"),
+        ("n.byte == 05", "n.byte == 5"),
+        ("n.word == 012", "n.word == 10"),
+        ("n.lreal == 012", "n.lreal == 12"),
+        ("t.took == 012", "t.took == 12"),
+        ("t.took == 10 - 5s", "t.took == 5"),
+        ("n.byte == 20-15", "n.byte == 5"),
+        ("b.data == 00-2d-53", "b.data == 00:2d:53"),
+        ("b.data == ff-1e-53", "b.data == ff:1e:53"),
+        ("b.data == 10-20", "b.data == 10:20"),
+        ("b.data == 5d-2d-01", "b.data == 5d:2d:01"),
+        ("b.data == 00.2d.5333", "b.data == 00:2d:53:33"),
+        ("b.data == ff.00.12", "b.data == ff:00:12"),
+        ("b.data == 10.20.30.40.50", "b.data == 10:20:30:40:50"),
+        ("b.data == 7", "b.data == 07"),
+        ("b.data == a", "b.data == 0a"),
+        ("b.data in {10.20..10.30}", "b.data in {10:20..10:30}"),
+        (r'b.data == "\xe9\377a"', "b.data == e9:ff:61"),
+        (r'b.data == "\u00e9"', "b.data == c3:a9"),
+    ],
+)
+def test_literals_written_in_other_ways(written: str, means: str) -> None:
+    hexadecimal = "002d53 ff1e53 1020 5d2d01 002d5333 ff0012 07 0a 1020304050 e9ff61 c3a9"
+    parts = [bytes.fromhex(part) for part in hexadecimal.split()]
+    rows: list[Row] = [{"b.data": part} for part in parts]
+    rows += [{"n.byte": n, "n.word": n, "n.lreal": float(n), "t.took": n * 10**9} for n in (5, 10, 12)]
+    table = Table(rows, [])
+    assert table.chosen(written) == table.chosen(means)
+    assert sum(table.chosen(written)) == 1
+
+
+def test_parts_are_joined() -> None:
+    table = Table([{"b.data": bytes(range(8)), "s.name": "press"}, {"b.data": b"\0\1\2", "s.name": "abs"}, {}], [])
+    assert table.chosen("b.data[0,2] == 00:02") == [True, True, False]
+    assert table.chosen("b.data[2:3, 0, -1] == 02:03:04:00:07") == [True, False, False]
+    assert table.chosen("b.data[0,2][1] == 02") == [True, True, False]
+    assert table.chosen("len(b.data[1:,0,:2]) == 5") == [False, True, False]
+    assert table.chosen("b.data[0,5]") == [True, False, False]
+    assert table.chosen('s.name[0,2:2,-1] == "pess"') == [True, False, False]
+
+
+def test_a_protocol_alone_is_the_test_it_stands_for() -> None:
+    table = Table([{"n.byte": 4}, {"n.byte": 6}, {}], [])
+    assert table.chosen("proto") == [True, False, False]
+    assert table.chosen("!proto && !PROTO") == [False, True, True]
+    assert table.reads == ["n.byte"] * 2
+
+
+def test_names_hold_letters_of_any_alphabet_and_negative_indexes() -> None:
+    numbers = {
+        "var.höhe": 1,
+        "var.Прес.давление": 2,
+        "var.a[-1]": 3,
+        "var.a[-1].x": 4,
+        "var.m[1,-2].x": 5,
+        "var.m[-1,2]": 6,
+    }
+    names: dict[str, Named] = {name: Named(FieldType.SIGNED) for name in numbers}
+    names["nv.data"] = Named(FieldType.BYTES)
+    for name, number in numbers.items():
+        for said in (f"{name.upper()} == {number}", f"{name} in {{{name}..{number}}}", f"{name}-1 == {number - 1}"):
+            expression = compile_expression(said, names)
+            assert expression.fields == (name,)
+            value = np.array([number])
+            assert expression.mask(lambda _, value=value: (value, None)).tolist() == [True]  # type: ignore[misc]
+    for part, wanted in {"-2:": "03:04", "-1": "04", "-1,0": "04:01", "1--1": "02:03:04"}.items():
+        column = BytesColumn(np.array([1, 2, 3, 4], np.uint8), np.array([0]), np.array([4]))
+        expression = compile_expression(f"nv.data[{part}] == {wanted}", names)
+        assert expression.mask(lambda _, column=column: (column, None)).tolist() == [True]  # type: ignore[misc]
+
+
 # --- mistakes
 
 
@@ -189,7 +300,8 @@ def test_a_mistake_is_shown_with_its_place(expression: str, message: str) -> Non
     ("expression", "told"),
     [
         ("", "empty"),
-        ("n.byte == 017", "no octal"),
+        ("n.byte == 018", "octal"),
+        ("n.byte == 0b12", "no number"),
         ("n.byte == 7.5", "no whole number"),
         ("n.byte == 99999999999999999999", "64 bits"),
         ("n.byte in {9..5}", "ends below"),
@@ -215,7 +327,27 @@ def test_a_mistake_is_shown_with_its_place(expression: str, message: str) -> Non
         (r's.name == "\d"', "no escape"),
         ("s.name == 'a'", "double quotes"),
         ("s.name == press", "no field is called press"),
-        ('b.data matches "x"', "contains finds bytes"),
+        ("n.byte matches 1", "matches is for texts and bytes"),
+        ("b.data matches 01:02", "no text"),
+        ('b.data matches "(a"', "not closed"),
+        ("b.data[0,1,2,3,4,5,6,7,8] == 00", "at most 8 parts"),
+        ("b.data == 01-2", "no sequence of bytes"),
+        ("b.data == 123", "no sequence of bytes"),
+        ("n.byte == 00-2d", "2d is no number"),
+        ("n.byte === 1", "equal is written =="),
+        ("n.byte !== 1", "different is written !="),
+        ("n.byte ~= 1", "different is written !="),
+        ("n.byte => 1", "at least is written >="),
+        ("any n.byte", "any needs a comparison"),
+        ("all (n.byte == 1 || n.word == 1)", "all needs a comparison"),
+        ("len(n.byte) > 1", "len is for bytes and texts"),
+        ("len(7) > 1", "needs a field"),
+        ("count(n.byte + 1) == 1", "count is for fields"),
+        ("proto == 1", "has no value"),
+        ("len(proto) == 1", "has no value"),
+        ("s.torn == 1", "s.torn: lists a and b have it with different types"),
+        ("s.torm == 1", "perhaps s.other"),
+        ("qqqqq == 1", "`nvscope keys --fields` lists them"),
         ('s.name matches "(a"', "not closed"),
         ("n.byte contains 01", "contains is for texts and bytes"),
         ("b.data contains b.more", "written out"),
@@ -253,7 +385,8 @@ PIECES = [
     "n.byte", "b.data", "s.name", "a.src", "t.at", "t.took", "f.on", "n.small", "==", "!=", "<", "in", "{", "}", "..",
     ",", "(", ")", "[", "]", "[0:2]", "[-1]", "&&", "||", "!", "^^", "&", "+", "-", "*", "/", "%", "7", "0x1f", "1.5",
     "1e400", "10.0.0.1", "10.0.0.0/33", "01:02", "::1", "50ms", "T#1m", '"a"', 'r"("', '"\\', "contains", "matches",
-    "~", "not", "true", "\0", "é", "\ud800", "²", "١", "99999999999999999999999", "9" * 30, ":", "1-2",
+    "~", "not", "any", "all", "len", "count", "len(", "proto", "0b1", "017", "00-2d", "10.20", "a", "[0,-1]", "=",
+    "true", "\0", "é", "\ud800", "²", "١", "99999999999999999999999", "9" * 30, ":", "1-2",
 ]  # fmt: skip
 
 

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+import random
 import re
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from nvscope.expression.byte_pattern import BytePattern
+from nvscope.expression.columns import BytesColumn
 from nvscope.expression.pattern import Pattern, PatternError
 
 ATOMS = st.sampled_from(
@@ -91,3 +95,37 @@ def test_mistakes_say_where(pattern: str, what: str, position: int) -> None:
     with pytest.raises(PatternError, match=re.escape(what)) as caught:
         Pattern(pattern)
     assert caught.value.position == position
+
+
+@pytest.mark.filterwarnings("ignore:Possible:FutureWarning")
+@given(
+    st.recursive(
+        st.one_of(ATOMS.filter(str.isascii), st.sampled_from([r"\xe9", "[\\x80-\\xff]"])), _extended, max_leaves=6
+    ),
+    st.lists(st.binary(max_size=6) | st.text("abAB.1 \n", max_size=8).map(str.encode), max_size=8),
+)
+@settings(max_examples=1000, deadline=None)
+def test_finds_in_bytes_what_re_finds(pattern: str, parts: list[bytes]) -> None:
+    theirs = re.compile(pattern.replace("$", r"\Z").encode(), re.IGNORECASE | re.DOTALL)
+    assert found_in(pattern, parts) == [theirs.search(part) is not None for part in parts]
+
+
+def found_in(pattern: str, parts: list[bytes]) -> list[bool]:
+    stop = np.cumsum([0, *map(len, parts)])
+    column = BytesColumn(np.frombuffer(b"".join(parts), np.uint8), stop[:-1], stop[1:])
+    found: list[bool] = BytePattern(pattern).found_in(column).tolist()
+    return found
+
+
+def test_only_ascii_letters_of_bytes_match_in_either_case() -> None:
+    assert found_in("k\xe9", [b"K\xe9", b"K\xc9", b"k\xe9", b"\xe2\x84\xaa\xe9"]) == [True, False, True, False]
+
+
+@pytest.mark.parametrize("pattern", ["a.{20}b", "(a.{0,9}){9}c", "[ab]c|a.{60}z"])
+def test_a_pattern_in_more_states_than_the_table_holds(pattern: str) -> None:
+    choice = random.Random(3)
+    parts = [bytes(choice.choices(b"abcz", (40, 40, 1, 1), k=choice.randrange(90))) for _ in range(300)]
+    theirs = re.compile(pattern.encode())
+    found = found_in(pattern, parts)
+    assert found == [theirs.search(part) is not None for part in parts]
+    assert 0 < sum(found) < len(found)

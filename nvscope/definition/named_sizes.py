@@ -1,0 +1,91 @@
+"""Array bounds and string lengths that are not plain numbers: where they stand, and which variables have them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from nvscope.definition.model import Position
+from nvscope.definition.source import Source
+from nvscope.definition.syntax import (
+    ArrayType,
+    Conversion,
+    Declaration,
+    Expression,
+    FileSyntax,
+    Name,
+    Operation,
+    StringType,
+    StructureType,
+    TypeSyntax,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class NamedSize:
+    """A bound or length that depends on a constant.
+
+    ``what`` it is, of which ``variable`` (with its type, where it is a member), in which list (empty: a type), and the
+    ``text`` that stands there.
+    """
+
+    position: Position
+    list_name: str
+    variable: str
+    what: str
+    text: str
+
+
+def named_sizes(file: FileSyntax) -> Iterator[NamedSize]:
+    """Yield the bounds and lengths of a file's types and lists that depend on constants, in their order."""
+    for declaration in file.types:
+        if declaration.type is not None:
+            yield from _of_type(declaration.type, declaration.name.text, declaration.source, "")
+    for entry in file.lists:
+        for block in entry.blocks:
+            for variable in block.declarations if not block.constant else ():
+                yield from _of_declaration(variable, "", entry.source, entry.name)
+
+
+def _of_declaration(declaration: Declaration, prefix: str, source: Source, list_name: str) -> Iterator[NamedSize]:
+    names = ", ".join(name.text for name in declaration.names[:3])
+    yield from _of_type(declaration.type, f"{prefix}{names}", source, list_name)
+
+
+def _of_type(syntax: TypeSyntax, name: str, source: Source, list_name: str) -> Iterator[NamedSize]:
+    if isinstance(syntax, StringType) and syntax.length is not None:
+        yield from _of_size(syntax.length, "the length", name, source, list_name)
+    elif isinstance(syntax, ArrayType):
+        for low, high in syntax.bounds:
+            yield from _of_size(low, "the lower bound", name, source, list_name)
+            yield from _of_size(high, "the upper bound", name, source, list_name)
+        yield from _of_type(syntax.element, name, source, list_name)
+    elif isinstance(syntax, StructureType):
+        for member in syntax.members:
+            yield from _of_declaration(member, f"{name}.", source, list_name)
+
+
+def _of_size(expression: Expression, what: str, name: str, source: Source, list_name: str) -> Iterator[NamedSize]:
+    if _depends(expression):
+        yield NamedSize(source.position(expression.offset), list_name, name, what, _text(expression))
+
+
+def _depends(expression: Expression) -> bool:
+    """Return whether the value of an expression is that of a name; a sum of numbers is the same on both sides."""
+    if isinstance(expression, Operation):
+        return _depends(expression.left) or _depends(expression.right)
+    if isinstance(expression, Conversion):
+        return _depends(expression.value)
+    return isinstance(expression, Name)
+
+
+def _text(expression: Expression) -> str:
+    if isinstance(expression, Operation):
+        sides = [
+            f"({_text(side)})" if isinstance(side, Operation) else _text(side)
+            for side in (expression.left, expression.right)
+        ]
+        return f" {expression.operator} ".join(sides)
+    if isinstance(expression, Conversion):
+        return f"{expression.function}({_text(expression.value)})"
+    return expression.text if isinstance(expression, Name) else str(getattr(expression, "value", "?"))
