@@ -70,14 +70,38 @@ def duration(duration_ns: int) -> str:
 
 def iec_time(duration_ns: int) -> str:
     """Return an IEC 61131-3 TIME literal such as ``T#1m2s345ms``, whole milliseconds, the rest cut off."""
-    sign = "-" if duration_ns < 0 else ""
-    rest_ms = abs(duration_ns) // _MS_NS
+    return _iec_duration("T", duration_ns, _MS_NS)
+
+
+def iec_ltime(duration_ns: int) -> str:
+    """Return an IEC 61131-3 LTIME literal such as ``LTIME#1s5us2ns``."""
+    return _iec_duration("LTIME", duration_ns, 1)
+
+
+_IEC_UNITS = (
+    (86_400 * _S_NS, "d"),
+    (3_600 * _S_NS, "h"),
+    (60 * _S_NS, "m"),
+    (_S_NS, "s"),
+    (_MS_NS, "ms"),
+    (1_000, "us"),
+    (1, "ns"),
+)
+
+
+def _iec_duration(prefix: str, duration_ns: int, least_ns: int) -> str:
+    """Return a duration in units down to ``least_ns``, the rest cut off."""
+    rest = abs(duration_ns) // least_ns * least_ns
+    sign = "-" if duration_ns < 0 and rest else ""
     parts: list[str] = []
-    for unit_ms, unit in ((86_400_000, "d"), (3_600_000, "h"), (60_000, "m"), (1_000, "s"), (1, "ms")):
-        number, rest_ms = divmod(rest_ms, unit_ms)
+    unit = ""
+    for unit_ns, unit in _IEC_UNITS:
+        number, rest = divmod(rest, unit_ns)
         if number:
             parts.append(f"{number}{unit}")
-    return f"T#{sign}{''.join(parts)}" if parts else "T#0ms"
+        if unit_ns == least_ns:
+            break
+    return f"{prefix}#{sign}{''.join(parts) or f'0{unit}'}"
 
 
 def clock_time(time_ns: int, *, utc: bool, digits: int = 3) -> str:

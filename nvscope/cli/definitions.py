@@ -1,10 +1,17 @@
-"""The option by which verbs are told what should be on the wire."""
+"""The options by which verbs are told what should be on the wire, and what nodes are called."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from nvscope.analysis import Inquiry
+    from nvscope.definition.project import Project
 
 GvlOption = Annotated[
     list[str] | None,
@@ -12,7 +19,60 @@ GvlOption = Annotated[
         "--gvl",
         metavar="FILE",
         help="Definition file: .gvl, .exp, PLCopen XML, .TcGVL, .TcDUT or ST text with types. Give all that belong "
-        "together.",
+        "together; they take the place of those that the project names.",
         show_default=False,
     ),
 ]
+ProjectOption = Annotated[
+    str | None,
+    typer.Option(
+        "--project",
+        metavar="FILE",
+        help="Project file with definitions, names of nodes, settings of lists, and limits. Without it, the next "
+        "nvscope.toml in the working directory or above it.",
+        show_default=False,
+    ),
+]
+NoNamesOption = Annotated[
+    bool, typer.Option("-n", "--no-names", help="Show addresses of nodes, not the names that the project gives them.")
+]
+
+
+def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
+    """Return what the project file says, or where there is none what the definition files alone do.
+
+    ``path`` is that of --project; without it the file is looked for upwards from the working directory. Files of
+    ``gvl`` take the place of the project's definitions; all else that it says stays. Raises ConfigurationError.
+    """
+    from nvscope.definition.project import find_project, read_project
+
+    found = Path(path) if path is not None else None
+    if path is None:
+        try:
+            here = Path.cwd()
+        except OSError:  # the working directory is gone
+            return read_project(None, gvl)
+        upwards = find_project(here)
+        # As short as a person would write it: messages name it.
+        found = upwards and Path(os.path.relpath(upwards, here))
+    return read_project(found, gvl or None)
+
+
+def tell_of_lists(inquiry: Inquiry) -> None:
+    """Say of which lists nothing can be shown, and why."""
+    from nvscope.view.escape import visible
+
+    layouts = inquiry.layouts
+    for key, element in layouts.left_out.items() if layouts else ():
+        entry = layouts.list_of(*key) if layouts else None
+        name, unknown = visible(entry.name if entry else ""), visible(f"{element.name} : {element.type.name}")
+        what = f"{name}: nobody knows how many bytes {unknown} has; from there on, bytes are bytes."
+        typer.echo(f"nvscope: {what}", err=True)
+    for entry in inquiry.project.definition.lists:
+        if entry.list_id is None and entry.variables:
+            name = visible(entry.name)
+            typer.echo(
+                f"nvscope: {name} was not looked for: no file says its list identifier. Write it into nvscope.toml: "
+                f'[lists.N] and below it name = "{name}".',
+                err=True,
+            )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
@@ -58,3 +59,8 @@ class ProgressBar:
     ) -> None:
         if self._bar is not None:
             self._bar.stop()
+
+
+def watching(*, quiet: bool) -> Callable[[Positioned], ProgressBar]:
+    """Return what makes the progress bar of a source."""
+    return lambda source: ProgressBar(source, quiet=quiet)

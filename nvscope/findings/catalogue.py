@@ -380,7 +380,7 @@ _CONSISTENCY = (
             "a list of another project on the same network",
             "an identifier or port that differs from the definition",
         ),
-        ("Add the definition (`--gvl`), or name the list in nvscope.toml.",),
+        ("Add the file that defines it: `--gvl`, or definitions in nvscope.toml.",),
     ),
     Kind(
         "NV407", "silent-list", _WARNING,

@@ -9,31 +9,21 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from nvscope.capture.source import SourceInfo
+from nvscope.definition.limits import Limits
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.state import TrackerState, finding_parts
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 
 if TYPE_CHECKING:
-    from nvscope.definition.model import Definition
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """From where on something is worth a finding. Shares are of the nominal interval, in percent."""
-
-    late_percent: int = 250
-    jitter_percent: int = 50
-    burst_percent: int = 10
-    stopped_percent: int = 1000
-    mirrored_percent: int = 80
+    from nvscope.definition.model import Definition, ListDefinition
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
     """A finding of the catalogue in one place; what it does not concern is None.
 
-    ``list_number`` and ``node`` are numbers of the state. ``frames`` are the first ten of its events, times those of
-    its first and last.
+    ``list_number`` is a number of the state, ``node`` one of the summary. ``frames`` are the first ten of its events
+    (of those whose frames are known), times those of its first and last.
     """
 
     code: str
@@ -84,6 +74,11 @@ class Facts:
             known = frames.get(stream, (first, last))
             frames[stream] = min(first, known[0]), max(last, known[1])
         return frames
+
+    @cached_property
+    def defined(self) -> dict[tuple[int, int], ListDefinition]:
+        """The defined lists, by port and identifier."""
+        return self.definition.by_port_and_id() if self.definition else {}
 
     @cached_property
     def streams_of_place(self) -> dict[tuple[int, int], list[StreamSummary]]:

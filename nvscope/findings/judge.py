@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from nvscope.capture.source import SourceInfo
+from nvscope.definition.limits import Limits
 from nvscope.findings.answers import judge_answers
 from nvscope.findings.capture import judge_capture
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.consistency import judge_consistency
 from nvscope.findings.definition import judge_definition
-from nvscope.findings.finding import Facts, Finding, Limits
+from nvscope.findings.finding import Facts, Finding
 from nvscope.findings.header import judge_headers
 from nvscope.findings.loss import judge_loss
 from nvscope.findings.timing import judge_timing
@@ -38,9 +39,9 @@ def judge(
     """Return the findings on a state: worst first, then by code, list, node and SubIndex.
 
     ``at_ns`` is the time to judge at, by default the latest time of the capture; ``definition`` is what should be on
-    the wire.
+    the wire. A ``summary`` that is given is to know of its intervals too.
     """
-    summary = summary or summarize(state)
+    summary = summary or summarize(state, intervals_ns=definition.cyclic_intervals_ns() if definition else {})
     now = at_ns if at_ns is not None else summary.end_ns or 0
     facts = Facts(state, summary, sources, now, limits or Limits(), definition)
     found = [finding for judge_some in JUDGES for finding in judge_some(facts)]

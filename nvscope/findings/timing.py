@@ -3,70 +3,101 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from nvscope.findings.finding import Facts, Finding
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.tracker.summary import ListSummary, StreamSummary
 from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM, Histograms, bucket_bounds
-from nvscope.units import count, count_of, divide, duration, percent
+from nvscope.units import count, count_of, duration, percent
 
 
 def judge_timing(facts: Facts) -> Iterator[Finding]:
-    """Yield NV501 to NV504 for each stream, and NV505 for each sender and list, sent at a nominal interval."""
+    """Yield NV501 to NV504 for each stream, and NV505 for each sender and list, sent at a nominal interval.
+
+    A MinGap that is defined is enough for NV503.
+    """
     histograms = facts.state.timing.histograms()
     for entry, stream in facts.streams():
+        yield from _burst(facts, histograms, entry, stream)
         if not stream.intervals.nominal:
             continue
         yield from _late(facts, histograms, entry, stream)
         yield from _jitter(facts, histograms, entry, stream)
-        yield from _burst(facts, histograms, entry, stream)
         yield from _stopped(facts, entry, stream)
     yield from _torn(facts)
 
 
 def _late(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
-    nominal, share = stream.intervals.nominal or 0, facts.limits.late_percent
-    bucket, loss, row = histograms.unusual(stream.stream)
-    low, high = bucket_bounds(bucket)
-    late = (50 * (low + high) > nominal * share) & ((loss & _loss_bit(stream)) == 0)
+    longest_ns = (stream.intervals.nominal or 0) * facts.limits.late_percent // 100
     message = (
-        f"longer than {duration(divide(nominal * share, 100))} without a loss; nominal is {duration(nominal)}, "
+        f"longer than {duration(longest_ns)} without a loss; {_nominal(facts, entry, stream)}, "
         f"the longest was {duration(stream.intervals.maximum or 0)}."
     )
-    yield from _unusual(facts, entry, stream, "NV501", row[late], message)
+    yield from _beyond(facts, histograms, entry, stream, "NV501", message, lambda low, _: low > longest_ns)
 
 
 def _burst(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
-    nominal, share = stream.intervals.nominal or 0, facts.limits.burst_percent
-    bucket, _, row = histograms.unusual(stream.stream)
-    low, high = bucket_bounds(bucket)
-    short = (50 * (low + high) < nominal * share) & (low >= 0)
-    message = (
-        f"shorter than {duration(divide(nominal * share, 100))}; nominal is {duration(nominal)}, "
-        f"the shortest was {duration(max(stream.intervals.minimum or 0, 0))}."
-    )
-    yield from _unusual(facts, entry, stream, "NV503", row[short], message)
+    """Compare with a share of the nominal interval or with the MinGap, whichever asks for more."""
+    defined = facts.defined.get((entry.port, entry.index))
+    min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
+    shortest_ns = -(-(stream.intervals.nominal or 0) * facts.limits.burst_percent // 100)
+    limit = f"{duration(shortest_ns)}; {_nominal(facts, entry, stream)},"
+    if min_gap_ns > shortest_ns:
+        shortest_ns, limit = min_gap_ns, f"the MinGap of the definition, {duration(min_gap_ns)};"
+    message = f"shorter than {limit} the shortest was {duration(max(stream.intervals.minimum or 0, 0))}."
+    choose = lambda low, high: (low >= 0) & (high < shortest_ns)  # noqa: E731
+    yield from _beyond(facts, histograms, entry, stream, "NV503", message, choose)
 
 
-def _unusual(
-    facts: Facts, entry: ListSummary, stream: StreamSummary, code: str, row: I64, message: str
-) -> Iterator[Finding]:
-    """Yield a finding about unusual intervals, given by their rows in the log."""
+def _nominal(facts: Facts, entry: ListSummary, stream: StreamSummary) -> str:
+    defined = facts.defined.get((entry.port, entry.index))
+    told = defined is not None and defined.cyclic and defined.interval_ns == stream.intervals.nominal
+    return f"nominal is {duration(stream.intervals.nominal or 0)}{' by the definition' if told else ''}"
+
+
+def _beyond(
+    facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary, code: str, message: str,
+    chosen: Callable[[I64, I64], Bool],
+) -> Iterator[Finding]:  # fmt: skip
+    """Yield a finding about the intervals of the buckets that are ``chosen`` by their bounds.
+
+    A bucket is chosen or not as a whole, so that intervals within 0.8 % of a limit may count as kept. Of intervals near
+    the usual one nobody knows when they were: they are as old and as young as the stream.
+    """
     rows = facts.state.timing.unusual.rows
-    if not len(row):
+    bucket, bits, row = histograms.unusual(stream.stream)
+    wanted = chosen(*bucket_bounds(bucket))
+    usual_bucket, usual_count = histograms.usual(stream.stream)
+    usual = int(usual_count[chosen(*bucket_bounds(usual_bucket))].sum())
+    doubtful = 0
+    if code == "NV501":
+        lossy = (bits & _loss_bit(stream)) != 0
+        wanted &= ~lossy
+        # Near the usual interval it is not known which ones have a loss in them, but how many there are at most.
+        doubtful = min(usual, max(0, _gaps(facts, stream) - int(rows.count[row[lossy]].sum())))
+    row = row[wanted]
+    events = int(rows.count[row].sum()) + usual - doubtful
+    if not events:
         return
-    events = int(rows.count[row].sum())
+    first_ns, last_ns = stream.first_ns, stream.last_ns
+    if not usual:
+        first_ns, last_ns = int(rows.first_ns[row].min()), int(rows.last_ns[row].max())
     frames = np.unique(rows.frames[row])
     yield Finding(
-        code, f"{count_of(events, 'interval')} {message}", events,
-        int(rows.first_ns[row].min()), int(rows.last_ns[row].max()),
+        code, f"{'At least ' if doubtful else ''}{count_of(events, 'interval')} {message}", events, first_ns, last_ns,
         tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), entry.number, stream.node, stream.subindex,
     )  # fmt: skip
+
+
+def _gaps(facts: Facts, stream: StreamSummary) -> int:
+    """Return in how many intervals of a stream, at most, telegrams were lost."""
+    loss = facts.state.loss
+    return stream.figures["gaps"] if stream.scope == Scope.STREAM else int(loss.nodes.gaps[stream.node])
 
 
 def _jitter(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
@@ -99,7 +130,7 @@ def _stopped(facts: Facts, entry: ListSummary, stream: StreamSummary) -> Iterato
     silent_ns = facts.at_ns - stream.last_ns
     if 100 * silent_ns <= facts.limits.stopped_percent * nominal:
         return
-    message = f"Silent for the last {duration(silent_ns)}; nominal is {duration(nominal)}."
+    message = f"Silent for the last {duration(silent_ns)}; {_nominal(facts, entry, stream)}."
     yield Finding(
         "NV504", message, 1, stream.last_ns, stream.last_ns, facts.frames_of_stream[stream.stream][1:],
         entry.number, stream.node, stream.subindex,

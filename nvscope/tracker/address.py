@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ipaddress import IPv4Address, IPv6Address
+from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from dissectors.link import IPV4_HIGH, IPV4_LOW
 
@@ -19,6 +19,12 @@ def text(high: int, low: int) -> str:
     if is_ipv4(high, low):
         return str(IPv4Address(low & 0xFFFFFFFF))
     return str(IPv6Address(high << 64 | low))
+
+
+def halves(address: str) -> tuple[int, int]:
+    """Return the halves of an address that ``text`` wrote; ValueError where it is none."""
+    number = ip_address(address)
+    return (_HIGH, _LOW | int(number)) if number.version == 4 else divmod(int(number), 1 << 64)
 
 
 def order(high: int, low: int) -> tuple[bool, int]:

@@ -6,7 +6,9 @@ Everything here is computed when asked for, from integers, and changes nothing i
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.tracker import address
@@ -14,11 +16,8 @@ from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.errors import LastError
 from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, Kind
+from nvscope.tracker.intervals import Intervals, intervals_of, percentiles_of
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.timing import Histogram
-
-CYCLIC_SPREAD_PERCENT = 50
-"""A stream is cyclic where its p5 and p95 are no further apart than this share of the median."""
 
 UNUSED_FROM_TELEGRAMS = 8
 
@@ -46,28 +45,6 @@ class Diagnosis:
     def blank(self) -> bool:
         """True where nothing was counted."""
         return not (self.nSendCount or self.nReceiveCount or self.nWriteCount or self.nErrorCount or self.nAcknowledges)
-
-
-@dataclass(frozen=True, slots=True)
-class Intervals:
-    """Intervals of a stream in ns; None where there is none. Percentiles are within 1 %, the rest is exact."""
-
-    count: int
-    minimum: int | None = None
-    mean: int | None = None
-    maximum: int | None = None
-    deviation: int | None = None
-    p50: int | None = None
-    p95: int | None = None
-    p99: int | None = None
-    nominal: int | None = None
-
-    @property
-    def jitter_percent(self) -> float | None:
-        """How far p99 lies from p50, of the nominal interval."""
-        if not self.nominal or self.p99 is None or self.p50 is None:
-            return None
-        return 100 * (self.p99 - self.p50) / self.nominal
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +90,11 @@ class ListSummary:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What follows from a state; lists by port and Index, nodes by address, streams by node and SubIndex."""
+    """What follows from a state; lists by port and Index, nodes by address, streams by node and SubIndex.
+
+    ``addresses`` and ``address_order`` are by number of node: those of the state, and behind them readers of which it
+    knows nothing.
+    """
 
     lists: list[ListSummary]
     addresses: list[str]
@@ -138,18 +119,31 @@ class _Tally:
         self.last = max(self.last, last, key=lambda entry: entry[0])
 
 
-def summarize(state: TrackerState) -> Summary:
-    """Compute the summary of a state."""
+def summarize(
+    state: TrackerState,
+    *,
+    intervals_ns: Mapping[tuple[int, int], int] = MappingProxyType({}),
+    readers: Mapping[str, Collection[tuple[int | None, int]]] = MappingProxyType({}),
+) -> Summary:
+    """Compute the summary of a state.
+
+    ``intervals_ns`` are the nominal intervals of lists that have to be sent at one, by port and Index. ``readers`` are
+    the lists that nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on
+    any port.
+    """
     flows = state.flows
     nodes = list(zip(flows.nodes.high.tolist(), flows.nodes.low.tolist(), strict=True))
+    known = {node: number for number, node in enumerate(nodes)}
+    reading = {known.setdefault(address.halves(text), len(known)): lists for text, lists in readers.items()}
+    nodes = list(known)
     order = [address.order(*node) for node in nodes]
     scopes = scopes_in_force(state)
     lists = [
         ListSummary(number, port, index)
         for number, (port, index) in enumerate(zip(flows.lists.high.tolist(), flows.lists.low.tolist(), strict=True))
     ]
-    _diagnose(state, lists, order)
-    _add_streams(state, lists, scopes, order)
+    _diagnose(state, lists, order, reading)
+    _add_streams(state, lists, scopes, order, intervals_ns)
     _count(state, lists)
     lists.sort(key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
@@ -203,9 +197,17 @@ class _Traffic:
         return {*self.sent, *self.direct, *self.acknowledged, *self.readers, *self.errors}
 
 
-def _diagnose(state: TrackerState, lists: list[ListSummary], order: list[tuple[bool, int]]) -> None:
+def _diagnose(
+    state: TrackerState,
+    lists: list[ListSummary],
+    order: list[tuple[bool, int]],
+    reading: Mapping[int, Collection[tuple[int | None, int]]],
+) -> None:
     """Sum the flows up into the diagnosis of every list and of every node on it."""
     traffic = _sum_up(state, lists)
+    for entry, seen in zip(lists, traffic, strict=True):
+        names = {(entry.port, entry.index), (None, entry.index)}
+        seen.readers.update(node for node, wanted in reading.items() if not names.isdisjoint(wanted))
     errors = state.errors
     for member, (number, node) in enumerate(
         zip(errors.members.high.tolist(), errors.members.low.tolist(), strict=True)
@@ -302,7 +304,11 @@ def _add_errors(diagnosis: Diagnosis, table: LastError, row: int | None) -> None
 
 
 def _add_streams(
-    state: TrackerState, lists: list[ListSummary], scopes: dict[int, Scope], order: list[tuple[bool, int]]
+    state: TrackerState,
+    lists: list[ListSummary],
+    scopes: dict[int, Scope],
+    order: list[tuple[bool, int]],
+    intervals_ns: Mapping[tuple[int, int], int],
 ) -> None:
     flows, memory, loss = state.flows, state.memory.columns, state.loss.streams
     histograms = state.timing.histograms()
@@ -310,6 +316,8 @@ def _add_streams(
     telegrams = memory.column("telegrams").tolist()
     for stream, (place, node) in enumerate(zip(flows.streams.high.tolist(), flows.streams.low.tolist(), strict=True)):
         scope = scopes[node]
+        entry = lists[int(flows.places.high[place])]
+        nominal = intervals_ns.get((entry.port, entry.index))
         counting = bool(loss.counting[stream])
         unused = not counting and telegrams[stream] >= UNUSED_FROM_TELEGRAMS
         signature = int(memory.signature[stream])
@@ -324,13 +332,13 @@ def _add_streams(
             scope=scope,
             counter_scope=SCOPE_UNUSED if unused else SCOPE_NAMES[scope],
             figures=_figures(state, stream, scope) if counting else dict.fromkeys(FIGURES, 0),
-            intervals=_intervals(state, stream, histograms.of(stream)),
-            last_minute=_percentiles(recent[stream]) if stream in recent else Intervals(0),
+            intervals=intervals_of(state.timing, stream, histograms.of(stream), nominal),
+            last_minute=percentiles_of(recent[stream], nominal) if stream in recent else Intervals(0, nominal=nominal),
             items=signature & 0xFFFF,
             length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
             checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_PRESENT.mask else None,
         )
-        lists[int(flows.places.high[place])].streams.append(summary)
+        entry.streams.append(summary)
     for entry in lists:
         entry.streams.sort(key=lambda stream: (order[stream.node], stream.subindex))
 
@@ -339,28 +347,6 @@ def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
     loss = state.loss.streams
     walk = min(scope, Scope.NODE_TELEGRAM)
     return {name: int(getattr(loss, name)[stream, scope if name == "duplicates" else walk]) for name in FIGURES}
-
-
-def _intervals(state: TrackerState, stream: int, histogram: Histogram) -> Intervals:
-    timing = state.timing
-    count = int(timing.columns.count[stream])
-    if count <= 0:
-        return Intervals(0)
-    known = _percentiles(histogram)
-    return replace(known, count=count, mean=timing.mean_ns(stream), deviation=timing.deviation_ns(stream))
-
-
-def _percentiles(histogram: Histogram) -> Intervals:
-    """Return what a histogram alone tells."""
-    p5, p50, p95, p99 = (histogram.percentile_ns(percent) for percent in (5, 50, 95, 99))
-    assert p5 is not None
-    assert p50 is not None
-    assert p95 is not None
-    cyclic = p50 > 0 and 100 * (p95 - p5) <= CYCLIC_SPREAD_PERCENT * p50
-    return Intervals(
-        int(histogram.count.sum()), histogram.least_ns, None, histogram.most_ns, None,
-        p50, p95, p99, p50 if cyclic else None,
-    )  # fmt: skip
 
 
 def _count(state: TrackerState, lists: list[ListSummary]) -> None:

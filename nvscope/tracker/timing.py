@@ -281,13 +281,18 @@ class Histograms:
         key = self._key[begin:end]
         return (key >> 2) - _BUCKET_OFFSET, key & 3, self._order[begin:end]
 
-    def of(self, stream: int) -> Histogram:
-        """Return the histogram of one stream."""
+    def usual(self, stream: int) -> tuple[I64, I64]:
+        """Return the other intervals of a stream, those near its usual one: bucket, rising, and how many."""
         dense = self._columns.dense[stream]
         inside = np.flatnonzero(dense)
+        return inside + self._columns.first_bucket[stream], dense[inside]
+
+    def of(self, stream: int) -> Histogram:
+        """Return the histogram of one stream."""
+        inside, dense = self.usual(stream)
         bucket, _, row = self.unusual(stream)
-        everything = np.concatenate([inside + self._columns.first_bucket[stream], bucket])
-        count = np.concatenate([dense[inside], self._rows.count[row]])
+        everything = np.concatenate([inside, bucket])
+        count = np.concatenate([dense, self._rows.count[row]])
         unique, place = np.unique(everything, return_inverse=True)
         merged = np.zeros(len(unique), np.int64)
         np.add.at(merged, place, count)

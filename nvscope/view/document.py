@@ -6,16 +6,18 @@ what is absent is None. The same state gives the same document.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from nvscope import __version__
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
+from nvscope.tracker.intervals import Intervals
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import Diagnosis, Intervals, ListSummary, StreamSummary, Summary
+from nvscope.tracker.summary import Diagnosis, ListSummary, StreamSummary, Summary
+from nvscope.version import __version__
 
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
@@ -29,12 +31,16 @@ def report_document(
     findings: Sequence[Finding],
     sources: Sequence[SourceInfo],
     definition: Definition | None = None,
+    values: Mapping[tuple[int, int], list[dict[str, Any]]] | None = None,
+    *,
+    node_names: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Return the document of a state, what was summarized and judged from it, and where it was read from.
 
-    Lists that are defined have the name of their ``definition``.
+    Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by port and
+    identifier of their list, each list has its own. ``node_names`` are by the text of the address.
     """
-    names = {key: entry.name for key, entry in definition.by_port_and_id().items()} if definition else {}
+    names = {key: entry.name or None for key, entry in definition.by_port_and_id().items()} if definition else {}
     keys = {entry.number: entry.key for entry in summary.lists}
     return {
         "schema": SCHEMA,
@@ -51,7 +57,11 @@ def report_document(
             "start_ns": _time(state.start_ns),
             "end_ns": _time(state.end_ns),
         },
-        "lists": [_list(entry, summary, names.get((entry.port, entry.index))) for entry in summary.lists],
+        "lists": [
+            _list(entry, summary, names.get((entry.port, entry.index)), node_names)
+            | ({} if values is None else {"values": values.get((entry.port, entry.index), [])})
+            for entry in summary.lists
+        ],
         "findings": [_finding(finding, keys, summary) for finding in findings],
     }
 
@@ -60,7 +70,7 @@ def _time(time_ns: int | None) -> str | None:
     return None if time_ns is None else str(time_ns)
 
 
-def _list(entry: ListSummary, summary: Summary, name: str | None) -> dict[str, Any]:
+def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Mapping[str, str]) -> dict[str, Any]:
     address = summary.addresses
     return {
         "key": entry.key,
@@ -73,7 +83,8 @@ def _list(entry: ListSummary, summary: Summary, name: str | None) -> dict[str, A
         "diag": _diagnosis(entry.diagnosis),
         "counters": {counter.name: entry.counters[counter.name] for counter in LIST_COUNTERS},
         "nodes": [
-            {"address": address[node], "name": None, "diag": _diagnosis(diagnosis)} for node, diagnosis in entry.nodes
+            {"address": address[node], "name": node_names.get(address[node]), "diag": _diagnosis(diagnosis)}
+            for node, diagnosis in entry.nodes
         ],
         "streams": [_stream(stream, summary) for stream in entry.streams],
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from math import isfinite
 
 import numpy as np
 
@@ -40,8 +41,9 @@ def texts(field: TelegramField, rows: TelegramRows) -> list[str]:
 def json_texts(field: TelegramField, rows: TelegramRows) -> list[str]:
     """Return a field as JSON values; null where it does not exist.
 
-    Numbers and bits are what they are in JSON. Absolute times are strings of nanoseconds, since JavaScript cannot hold
-    them as numbers, or of the date; durations are numbers of nanoseconds. Bytes are strings of hexadecimal digits.
+    Numbers and bits are what they are in JSON, null where they are not finite. Absolute times are strings of
+    nanoseconds, since JavaScript cannot hold them as numbers, or of the date; durations are numbers of nanoseconds.
+    Bytes are strings of hexadecimal digits.
     """
     column = field.read(rows)
     if isinstance(column, AddressColumn):
@@ -55,6 +57,8 @@ def json_texts(field: TelegramField, rows: TelegramRows) -> list[str]:
         cells = [_JSON_BITS[bit] for bit in column.tolist()]
     elif field.type is FieldType.TIME:
         cells = _quoted(moments.iso(column) if field.calendar else map(str, column.tolist()))
+    elif field.type is FieldType.REAL:
+        cells = [text if isfinite(float(text)) else "null" for text in map(str, column)]
     else:
         cells = list(map(str, column.tolist()))
     return _where_known(cells, field.known(rows), "null")
@@ -80,6 +84,9 @@ def _number_texts(field: TelegramField, column: Numbers) -> list[str]:
         return moments.seconds(column)
     if field.type is FieldType.TIME:
         return moments.iso(column)
+    if field.type is FieldType.REAL:
+        # As short as tells them from their neighbours of the same width.
+        return list(map(str, column))
     if not field.hex_digits:
         return list(map(str, column.tolist()))
     pattern = f"0x%0{field.hex_digits}x"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from dissectors.netvar import HEADER, PORT, Service
 from nvscope.report.packets import cells, moments, words
 from nvscope.report.packets.fit import cut
 from nvscope.tracker import address
+from nvscope.view.escape import visible
 from nvscope.view.fields import FIELDS
 from nvscope.view.table import GAP, Cell, Line, Tone, shorten
 from nvscope.view.telegrams import TelegramRows
@@ -117,11 +119,15 @@ class LineWriter:
     """Makes the lines of pieces that follow each other; columns never get narrower, so that lines stay aligned.
 
     No line is wider than ``width`` (None: as wide as it takes): first columns say less or go, then addresses are
-    shortened. What is wrong with a telegram takes the place of its figures where there is no room for both.
+    shortened. What is wrong with a telegram takes the place of its figures where there is no room for both. ``names``
+    of nodes, by the text of their address, stand in its place.
     """
 
-    def __init__(self, moment: Moment = "r", width: int | None = None) -> None:
+    def __init__(
+        self, moment: Moment = "r", width: int | None = None, names: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self._moment: Moment = moment
+        self._names = {node: visible(name) for node, name in names.items()}
         self._width = width
         self._form = 0
         self._widths: dict[str, int] = {}
@@ -208,8 +214,8 @@ class LineWriter:
         columns = [
             _Column("number", cells.texts(FIELDS["frame.number"], rows), Tone.FAINT, right=True),
             _Column("time", _moments(rows, self._moment, form.time_digits), right=True),
-            _Column("source", cells.texts(FIELDS["ip.src"], rows)),
-            _Column("destination", _destinations(rows, form.usual_port), before=" → "),
+            _Column("source", [self._names.get(text, text) for text in cells.texts(FIELDS["ip.src"], rows)]),
+            _Column("destination", _destinations(rows, form.usual_port, self._names), before=" → "),
             *_places(code, header["index"].tolist(), header["subindex"].tolist(), form.subindex_word),
             _Column(
                 "service",
@@ -269,23 +275,24 @@ def _moments(rows: TelegramRows, moment: Moment, digits: int) -> list[str]:
     return moments.clock(ts_ns, digits, utc=moment.startswith("u"), date=moment.endswith("d"))
 
 
-def _destinations(rows: TelegramRows, usual_port: bool) -> list[str]:
-    """Return address and port, or that a telegram goes to everybody in the network."""
+def _destinations(rows: TelegramRows, usual_port: bool, names: Mapping[str, str]) -> list[str]:
+    """Return name or address, and port, or that a telegram goes to everybody in the network."""
     datagram = rows.telegrams.datagram
     high, low, ports = datagram.destination_hi, datagram.destination_lo, datagram.destination_port
     keys = list(zip(high.tolist(), low.tolist(), ports.tolist(), strict=True))
-    told = {key: _destination(*key, usual_port=usual_port) for key in set(keys)}
+    told = {key: _destination(*key, usual_port=usual_port, names=names) for key in set(keys)}
     return [told[key] for key in keys]
 
 
-def _destination(high: int, low: int, port: int, *, usual_port: bool) -> str:
+def _destination(high: int, low: int, port: int, *, usual_port: bool, names: Mapping[str, str]) -> str:
     """Return where a telegram goes; the usual port goes without saying with a broadcast, or always."""
     if high == low == _EVERYBODY:
         return "broadcast" if port == PORT else f"broadcast:{port}"
     text = address.text(high, low)
+    name = names.get(text)
     if port == PORT and not usual_port:
-        return text
-    return f"[{text}]:{port}" if ":" in text else f"{text}:{port}"
+        return name or text
+    return f"[{text}]:{port}" if ":" in text and not name else f"{name or text}:{port}"
 
 
 def _tails(rows: TelegramRows) -> list[_Tail | None]:

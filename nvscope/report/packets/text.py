@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from dissectors.netvar import HEADER
@@ -21,8 +22,8 @@ class Text:
     """The text of pieces that follow each other, as a ``Face``.
 
     With ``trees`` a tree takes the place of the line. With ``dumps`` the captured bytes follow. ``width`` limits lines
-    and trees, not dumps; None for no limit. ``layouts`` name the variables in trees. With and without ``colour`` the
-    text is the same.
+    and trees, not dumps; None for no limit. ``layouts`` name the variables in trees, ``names`` the nodes in lines, by
+    the text of their address. With and without ``colour`` the text is the same.
     """
 
     def __init__(
@@ -34,13 +35,14 @@ class Text:
         width: int | None = None,
         colour: bool = False,
         layouts: Layouts | None = None,
+        names: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._layouts = layouts
         self._trees = trees
         self._dumps = dumps
         self._width = width
         self._colour = colour
-        self._lines = LineWriter(moment, width)
+        self._lines = LineWriter(moment, width, names)
 
     def begin(self) -> str:
         return ""

@@ -196,13 +196,17 @@ class Trees:
         header, port = telegrams.header[row], int(telegrams.datagram.destination_port[row])
         if self._layouts is None or telegrams.fault[row] != Fault.NONE or header["id"] != Service.ODStateFree:
             return []
-        from nvscope.view.variables import value_text  # noqa: PLC0415  # not without definitions
+        # Not without definitions.
+        from nvscope.definition.model import type_text  # noqa: PLC0415
+        from nvscope.view.variables import value_text  # noqa: PLC0415
 
         known = self._layouts.list_of(port, int(header["index"]))
         if known is None:
             return []
-        layout = self._layouts.telegram_of(port, int(header["index"]), int(header["subindex"]))
-        if layout and (header["items"], header["length"]) != (layout.items, layout.length):
+        shape = int(header["items"]), int(header["length"])
+        layout = self._layouts.telegram_of(port, int(header["index"]), int(header["subindex"]), shape)
+        known = layout.list if layout else known
+        if layout and shape != (layout.items, layout.length):
             layout = None
         title = Cell("Variables", Tone.STRONG)
         if layout is None or len(data) < layout.layout.size_bytes:
@@ -216,7 +220,7 @@ class Trees:
             raw = data[offset : offset + element.type.size_bytes]
             value = Cell(visible(value_text(element.type, raw)))
             line = [_place(data_at + offset, raw), _label(visible(element.name)), value]
-            entries.append(_Entry(line, visible(element.type.name)))
+            entries.append(_Entry(line, visible(type_text(element.type))))
         return entries
 
     def _bytes(self, title: str, facts: Sequence[Cell], content: bytes, first: int) -> Iterator[_Entry]:

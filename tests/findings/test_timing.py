@@ -1,0 +1,190 @@
+"""NV501 to NV504 against the interval and the MinGap of a definition, and against limits that are set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import accumulate
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nvscope.definition.limits import Limits
+from nvscope.definition.model import Definition
+from nvscope.findings.finding import Finding
+from nvscope.findings.judge import judge
+from nvscope.tracker.summary import Summary, summarize
+from nvscope.view.document import report_document
+from tests.definition.lists import BOOL, list_of, telegram
+from tests.oracle.frame import Frame
+from tests.packets import batch_of, tracked
+
+START_NS = 1_700_000_000_000_000_000
+MS = 1_000_000
+LIST = list_of([BOOL])
+
+
+def sent(intervals_ms: Iterable[float], *, step: int = 1, list_id: int = 7) -> list[Frame]:
+    """Return telegrams with these intervals in between, whose counters are ``step`` apart."""
+    times = accumulate((round(interval * MS) for interval in intervals_ms), initial=START_NS)
+    return [
+        telegram(b"\0", 1, subindex=0, counter=step * number, ts_ns=ts_ns, list_id=list_id)
+        for number, ts_ns in enumerate(times)
+    ]
+
+
+def defined(interval_ms: int | None = None, min_gap_ms: int | None = None, *, cyclic: bool = True) -> Definition:
+    """Return the definition of the list, sent at an interval, with a least gap."""
+    interval_ns, min_gap_ns = (None if ms is None else ms * MS for ms in (interval_ms, min_gap_ms))
+    return Definition((replace(LIST, interval_ns=interval_ns, min_gap_ns=min_gap_ns, cyclic=cyclic),))
+
+
+def judged(
+    frames: list[Frame], definition: Definition | None = None, limits: Limits | None = None
+) -> dict[str, Finding]:
+    """Return the findings on timing by code."""
+    found = judge(tracked([batch_of(frames)]), definition=definition, limits=limits)
+    return {finding.code: finding for finding in found if finding.code.startswith("NV5")}
+
+
+def nominal(frames: list[Frame], definition: Definition) -> int | None:
+    """Return the nominal interval that the report of the stream has."""
+    state = tracked([batch_of(frames)])
+    summary: Summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
+    document = report_document(state, summary, [], [], definition)
+    told: int | None = document["lists"][0]["streams"][0]["interval_ns"]["nominal"]
+    return told
+
+
+def test_a_list_that_is_sent_at_its_interval_is_no_finding() -> None:
+    frames = sent([50, 50.5, 49.5] * 30)
+    assert judged(frames, defined(50, 20)) == {}
+    assert nominal(frames, defined(50)) == 50 * MS
+
+
+def test_a_list_that_is_always_sent_too_slowly_is_always_late() -> None:
+    frames = sent([500] * 99)
+    found = judged(frames, defined(50))
+    assert set(found) == {"NV501"}
+    late = found["NV501"]
+    assert late.message == (
+        "99 intervals longer than 125.0 ms without a loss; nominal is 50.0 ms by the definition, "
+        "the longest was 500.0 ms."
+    )
+    assert (late.count, late.first_ns, late.last_ns) == (99, frames[0].ts_ns, frames[-1].ts_ns)
+    assert late.frames == tuple(range(2, 10))  # what came while the usual interval was not yet known
+    assert nominal(frames, defined(50)) == 50 * MS
+    assert judged(frames) == {}  # by itself it is regular
+
+
+def test_late_ones_among_others_are_named_by_their_frames() -> None:
+    late = judged(sent([50] * 20 + [200] + [50] * 20 + [126] + [50] * 5), defined(50))["NV501"]
+    assert (late.count, late.frames) == (2, (22, 43))
+    assert (late.first_ns, late.last_ns) == (START_NS + 1200 * MS, START_NS + 2326 * MS)
+
+
+def test_an_interval_at_the_limit_is_not_late() -> None:
+    assert judged(sent([50] * 80 + [125] + [50] * 80), defined(50)) == {}
+
+
+def test_a_list_that_is_always_sent_too_fast_is_a_burst() -> None:
+    found = judged(sent([20] * 99), defined(500))
+    assert set(found) == {"NV503"}
+    assert found["NV503"].count == 99
+    assert found["NV503"].message == (
+        "99 intervals shorter than 50.0 ms; nominal is 500.0 ms by the definition, the shortest was 20.0 ms."
+    )
+
+
+def test_half_of_the_intervals_beyond_the_limit() -> None:
+    slow = [110, 140] * 60  # all of them near the usual interval: 125 ms is the limit
+    late = judged(sent(slow), defined(50))["NV501"]
+    assert late.count == 60
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_intervals_below_the_least_gap(cyclic: bool) -> None:
+    burst = judged(sent([50] * 20 + [15, 35] + [50] * 20 + [5] + [50] * 9), defined(50, 20, cyclic=cyclic))["NV503"]
+    assert (burst.count, burst.frames) == (2, (22, 44))
+    assert burst.message == ("2 intervals shorter than the MinGap of the definition, 20.0 ms; the shortest was 5.0 ms.")
+
+
+def test_the_least_gap_of_a_list_that_is_sent_as_fast_as_it_may() -> None:
+    assert judged(sent([20] * 99), defined(min_gap_ms=20)) == {}
+    assert judged(sent([19] * 99), defined(min_gap_ms=20))["NV503"].count == 99
+
+
+def test_the_least_gap_without_any_regularity() -> None:
+    frames = sent([3000, 10, 700, 5, 90, 4000, 60, 1] * 4)
+    burst = judged(frames, defined(min_gap_ms=20, cyclic=False))["NV503"]
+    assert burst.count == 12
+    assert judged(frames, defined(cyclic=False)) == {}
+
+
+def test_intervals_with_a_loss_are_not_late() -> None:
+    assert "NV501" not in judged(sent([250] * 99, step=5), defined(50))
+    mixed = sent([250] * 40, step=5)
+    behind = sent([250] * 60)
+    for number, frame in enumerate(behind[1:], 1):
+        mixed.append(
+            telegram(b"\0", 1, subindex=0, counter=200 + number, ts_ns=mixed[40].ts_ns + frame.ts_ns - START_NS)
+        )
+    late = judged(mixed, defined(50))["NV501"]
+    assert late.count == 60
+    assert late.message.startswith("At least 60 intervals longer than 125.0 ms without a loss")
+
+
+def test_a_list_that_is_not_sent_cyclically_has_the_interval_that_it_shows() -> None:
+    frames = sent([500] * 50)
+    assert judged(frames, defined(50, cyclic=False)) == {}
+    observed = nominal(frames, defined(50, cyclic=False))
+    assert observed is not None
+    assert abs(observed - 500 * MS) <= 5 * MS
+
+
+def test_one_telegram_and_silence() -> None:
+    other = sent([100] * 10, list_id=8)
+    definition = Definition((*defined(50).lists, replace(LIST, list_id=8)))
+    stopped = judged([*sent([]), *other], definition)["NV504"]
+    assert (stopped.list_number, stopped.frames) == (0, (1,))
+    assert stopped.message == "Silent for the last 1.0 s; nominal is 50.0 ms by the definition."
+    assert judged([*sent([]), *other]) == {}
+
+
+def test_jitter_is_a_share_of_the_defined_interval() -> None:
+    frames = sent([40, 60] * 40)
+    assert "NV502" not in judged(frames, defined(50))
+    assert "NV502" in judged(frames, defined(20), Limits(late_percent=1000))
+
+
+def test_limits_that_are_set() -> None:
+    frames = sent([50] * 200 + [120] + [50] * 100 + [15, 50])
+    assert judged(frames, defined(50)) == {}
+    assert judged(frames, defined(50), Limits(late_percent=230))["NV501"].count == 1
+    assert judged(frames, defined(50), Limits(burst_percent=40))["NV503"].count == 1
+    uneven = sent([40, 70] * 40)
+    assert "NV502" in judged(uneven, defined(50))
+    assert "NV502" not in judged(uneven, defined(50), Limits(jitter_percent=70))
+    quiet = [*frames, *sent([60_000], list_id=8)[1:]]
+    assert "NV504" in judged(quiet, defined(50))
+    assert "NV504" not in judged(quiet, defined(50), Limits(stopped_percent=1_000_000))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    usual_ms=st.integers(5, 400),
+    interval_ms=st.integers(2, 1000),
+    factors=st.lists(st.floats(0.05, 4), min_size=1, max_size=60),
+)
+def test_counts_differ_from_exact_ones_only_near_the_limit(
+    usual_ms: int, interval_ms: int, factors: list[float]
+) -> None:
+    """Intervals are kept in buckets of 0.8 %: none within the limit counts, and none well beyond it is left out."""
+    intervals_ms = [usual_ms * factor for factor in [1.0] * 8 + factors]
+    exact_ns = [round(interval * MS) for interval in intervals_ms]
+    found = judged(sent(intervals_ms), defined(interval_ms))
+    late, burst = (found[code].count if code in found else 0 for code in ("NV501", "NV503"))
+    longest_ns, shortest_ns = interval_ms * MS * 250 // 100, interval_ms * MS * 10 // 100
+    assert sum(ns > longest_ns * 1.008 for ns in exact_ns) <= late <= sum(ns > longest_ns for ns in exact_ns)
+    assert sum(ns < shortest_ns * 0.992 for ns in exact_ns) <= burst <= sum(ns < shortest_ns for ns in exact_ns)
