@@ -2,40 +2,63 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from nvscope.cli.definitions import ProjectOption, project_of
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from nvscope.definition.project import Project
 
 app = typer.Typer(
-    help="Look at definition files: byte maps of the telegrams.", no_args_is_help=True, rich_markup_mode=None
+    help="Look at definition files: byte maps of the telegrams, mistakes, and what differs between two sides.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 FilesArgument = Annotated[
-    list[str],
+    list[str] | None,
     typer.Argument(
-        metavar="FILE...", help="Exported lists, and the files with the types they use.", show_default=False
+        metavar="[FILE...]",
+        help="Exported lists, and the files with the types they use; without any, those that the project names.",
+        show_default=False,
     ),
 ]
 
 
 @app.callback()
 def _verbs() -> None:
-    """Look at definition files: byte maps of the telegrams."""
+    """Look at definition files: byte maps of the telegrams, mistakes, and what differs between two sides."""
+
+
+def _plant(files: Sequence[str] | None, project: str | None) -> Project:
+    """Return what the files or the project define, without lists of which only the project's settings are known."""
+    plant = project_of(project, files)
+    if not files and not plant.files:
+        raise UsageError(
+            "no definition is given",
+            next_step="name the exported list and its types, or write them into nvscope.toml: definitions = [...]",
+        )
+    described = tuple(entry for entry in plant.definition.lists if entry.position.file in plant.files)
+    return replace(plant, definition=replace(plant.definition, lists=described))
 
 
 @app.command()
 def layout(
-    files: FilesArgument,
+    files: FilesArgument = None,
+    project: ProjectOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the byte maps as JSON (nvscope.layout/1).")] = False,
     colour: ColourOption = "auto",
 ) -> None:
     """Print what lies where in each telegram of each list."""
-    from nvscope.definition.load import load_definitions
     from nvscope.view.layout import layout_document
 
-    document = layout_document(load_definitions(files))
+    document = layout_document(_plant(files, project).definition)
     if as_json:
         from nvscope.report import json
 
@@ -45,3 +68,82 @@ def layout(
 
         text = face.render(document, colour=colour_wanted(colour), width=width())
     typer.echo(text, nl=not text.endswith("\n"), color=colour_wanted(colour))
+
+
+@app.command()
+def lint(
+    files: FilesArgument = None,
+    project: ProjectOption = None,
+    rules: Annotated[bool, typer.Option("--rules", help="Print all rules and what they are about.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the mistakes as JSON (nvscope.lint/1).")] = False,
+    colour: ColourOption = "auto",
+) -> None:
+    """Find what will not work on the wire, before it is sent.
+
+    Exits with 1 where there are errors or warnings, with 0 where there are none or only notes.
+    """
+    from nvscope.view.lint import lint_document, rules_document
+
+    if rules:
+        document = rules_document()
+    else:
+        from nvscope.definition.lint import lint as mistakes_in
+        from nvscope.definition.load import read_definitions
+
+        plant = _plant(files, project)
+        mistakes = mistakes_in(read_definitions(plant.files), plant.definition)
+        document = lint_document(list(dict.fromkeys(plant.files)), len(plant.definition.lists), mistakes)
+    if as_json:
+        from nvscope.report import json
+
+        text = json.render(document)
+    else:
+        from nvscope.report import lint as face
+
+        show = face.render_rules if rules else face.render
+        text = show(document, colour=colour_wanted(colour), width=width())
+    typer.echo(text, nl=not text.endswith("\n"), color=colour_wanted(colour))
+    if any(mistake["severity"] != "note" for mistake in document.get("mistakes", ())):
+        raise typer.Exit(ExitCode.ASSERTION_FAILED)
+
+
+def _types_option(name: str, whose: str) -> Any:
+    return typer.Option(
+        name, metavar="FILE", help=f"File with types and constants {whose}; may be repeated.", show_default=False
+    )
+
+
+@app.command()
+def diff(
+    a: Annotated[str, typer.Argument(metavar="A", help="Definition file of the sender.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="Definition file of the reader.")],
+    types: Annotated[list[str] | None, _types_option("--types", "of both sides")] = None,
+    a_types: Annotated[list[str] | None, _types_option("--a-types", "of A alone")] = None,
+    b_types: Annotated[list[str] | None, _types_option("--b-types", "of B alone")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON (nvscope.diff/1).")] = False,
+    colour: ColourOption = "auto",
+) -> None:
+    """Compare two definitions, and show where A's values land in B.
+
+    Exits with 0 where both are the same on the wire, whatever their variables are called, and with 1 where not.
+    """
+    from nvscope.definition.difference import difference
+    from nvscope.definition.load import load_definitions
+    from nvscope.view.difference import difference_document
+
+    sides = [load_definitions([file, *(types or ()), *(own or ())]) for file, own in ((a, a_types), (b, b_types))]
+    for file, side in zip((a, b), sides, strict=True):
+        if not side.lists:
+            raise UsageError("no list is defined", where=file, next_step="name the exported list; types go to --types")
+    document = difference_document(difference(*sides))
+    if as_json:
+        from nvscope.report import json
+
+        text = json.render(document)
+    else:
+        from nvscope.report import difference as face
+
+        text = face.render(document, colour=colour_wanted(colour), width=width())
+    typer.echo(text, nl=not text.endswith("\n"), color=colour_wanted(colour))
+    if not document["same_on_wire"]:
+        raise typer.Exit(ExitCode.ASSERTION_FAILED)

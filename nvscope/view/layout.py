@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from nvscope.definition.model import Definition, ListDefinition
+from nvscope.definition.model import Definition, ListDefinition, type_text
 from nvscope.definition.packing import TelegramLayout, pack
 
 
@@ -44,7 +44,7 @@ def _telegram(layout: TelegramLayout) -> dict[str, Any]:
                 "offset": offset if placed else None,
                 "bytes": size or None,
                 "name": element.name,
-                "type": element.type.name,
+                "type": type_text(element.type),
             }
         )
         placed &= bool(size)

@@ -1,0 +1,284 @@
+"""The searches behind the rules of ``lint``: where in definitions something is that will not work on the wire.
+
+``find_…`` yields places, ``tell_…`` returns the message about one list, None where there is nothing to say; what each
+is about, and why it matters, the rule says.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+from dissectors.canopen import MAX_COB_ID, services_within
+from nvscope.definition.difference import list_difference
+from nvscope.definition.model import Array, ListDefinition, Position, Structure, Union, elements
+from nvscope.definition.named_sizes import named_sizes
+from nvscope.definition.packing import TelegramLayout, capacity_bytes
+from nvscope.definition.syntax import FileSyntax
+from nvscope.units import count, count_of, duration
+
+MOST_TELEGRAMS = 20
+"""How many telegrams a receiver takes per task cycle, as one vendor states it."""
+
+_MOST_NAMESAKES = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Packed:
+    """A list, and its telegrams by SubIndex."""
+
+    list: ListDefinition
+    telegrams: tuple[TelegramLayout, ...]
+
+    @property
+    def on_can(self) -> bool:
+        """Whether the list is sent over CAN."""
+        return self.list.protocol.upper() == "CAN"
+
+    @property
+    def cob_ids(self) -> tuple[int, int]:
+        """The first and the last COB-ID that the list takes on CAN: one for each 8 bytes begun."""
+        first = self.list.list_id or 0
+        frames = sum(max(1, -(-telegram.layout.size_bytes // 8)) for telegram in self.telegrams)
+        return first, first + max(frames, 1) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What is looked at: the files as they are written, and the lists that follow from them."""
+
+    files: Sequence[FileSyntax]
+    lists: Sequence[Packed]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a rule found something, of which list (empty for types), and what."""
+
+    position: Position
+    list_name: str
+    message: str
+
+
+def each_list(test: Callable[[ListDefinition], str | None]) -> Callable[[Subject], Iterator[Place]]:
+    """Return a search that asks each list by itself; the answer is a message, or None."""
+
+    def find(subject: Subject) -> Iterator[Place]:
+        for packed in subject.lists:
+            message = test(packed.list)
+            if message is not None:
+                yield _of_list(packed.list, message)
+
+    return find
+
+
+def _of_list(entry: ListDefinition, message: str) -> Place:
+    return Place(entry.position, entry.name, message)
+
+
+def find_duplicates(subject: Subject) -> Iterator[Place]:
+    by_address: dict[tuple[int, int], list[ListDefinition]] = {}
+    for packed in subject.lists:
+        if packed.list.list_id is not None and not packed.on_can:
+            by_address.setdefault((packed.list.port, packed.list.list_id), []).append(packed.list)
+    for (port, number), entries in by_address.items():
+        first = entries[0]
+        for other in entries[1:_MOST_NAMESAKES]:
+            # The sender's and the reader's file of one list say the same, and are meant to.
+            if other.name.upper() == first.name.upper() and list_difference(first, other).same_on_wire:
+                continue
+            what = f"{other.name} has the identifier {number} on port {port}, which {first.name} has too"
+            yield _of_list(other, f"{what} ({first.position})")
+
+
+def tell_identifier_missing(entry: ListDefinition) -> str | None:
+    return f"{entry.name} has no list identifier" if entry.list_id is None else None
+
+
+def tell_identifier_large(entry: ListDefinition) -> str | None:
+    if entry.list_id is None or entry.list_id <= 255 or entry.protocol.upper() == "CAN":
+        return None
+    return f"the identifier {entry.list_id} of {entry.name} needs more than 8 bits"
+
+
+def tell_empty(entry: ListDefinition) -> str | None:
+    return None if entry.variables else f"{entry.name} has no variables"
+
+
+def tell_never_sent(entry: ListDefinition) -> str | None:
+    if entry.cyclic or entry.on_change or entry.on_event:
+        return None
+    return f"{entry.name} is sent neither cyclically, nor on change, nor on an event"
+
+
+def tell_interval_zero(entry: ListDefinition) -> str | None:
+    return f"{entry.name} is cyclic with an interval of 0" if entry.cyclic and entry.interval_ns == 0 else None
+
+
+def tell_interval_short(entry: ListDefinition) -> str | None:
+    if not entry.cyclic or not entry.interval_ns or not entry.min_gap_ns or entry.interval_ns >= entry.min_gap_ns:
+        return None
+    return (
+        f"the interval of {entry.name}, {duration(entry.interval_ns)}, is shorter than its minimum gap of "
+        f"{duration(entry.min_gap_ns)}"
+    )
+
+
+def tell_acknowledged_broadcast(entry: ListDefinition) -> str | None:
+    if not entry.acknowledge or not _goes_to_many(entry):
+        return None
+    return f"{entry.name} wants acknowledgements, and is sent to {entry.address}"
+
+
+def tell_checksum_broadcast(entry: ListDefinition) -> str | None:
+    if not entry.checksum or not _goes_to_many(entry):
+        return None
+    return f"{entry.name} carries a checksum, and is sent to {entry.address}"
+
+
+def _goes_to_many(entry: ListDefinition) -> bool:
+    """Return whether an address is a broadcast or multicast; of a subnet's, the usual form is recognised."""
+    address = ipaddress.ip_address(entry.address)
+    return entry.protocol.upper() != "CAN" and (address.is_multicast or address.packed[-1] == 255)
+
+
+def find_cut(subject: Subject) -> Iterator[Place]:
+    for packed in subject.lists:
+        if len(packed.telegrams) < 2 or packed.on_can:
+            continue  # on CAN every array is cut: nobody can help it
+        composite = [entry for entry in packed.list.variables if isinstance(entry.type, Array | Structure)]
+        if not packed.list.pack:
+            names = [variable.name for variable in composite]
+            if names:
+                more = f" and {count_of(len(names) - 1, 'more variable')}" if len(names) > 1 else ""
+                message = f"{names[0]}{more} of {packed.list.name} go in a telegram for each element: it is not packed"
+                yield Place(composite[0].position, packed.list.name, message)
+            continue
+        cuts = _cuts_of(packed.telegrams)
+        place = 0
+        for variable in packed.list.variables:
+            last = place + sum(1 for _ in elements(variable))
+            own = [cut for at, cut in cuts.items() if place < at < last]
+            place = last
+            if own:
+                before, behind, subindex = own[0]
+                more = f", and at {count_of(len(own) - 1, 'more place')}" if len(own) > 1 else ""
+                message = (
+                    f"{variable.name} is cut between {before} (SubIndex {subindex - 1}) and {behind} "
+                    f"(SubIndex {subindex}){more}"
+                )
+                yield Place(variable.position, packed.list.name, message)
+
+
+def _cuts_of(telegrams: Sequence[TelegramLayout]) -> dict[int, tuple[str, str, int]]:
+    """Return the elements before and behind the beginning of each SubIndex, by the place of the latter in the list."""
+    cuts: dict[int, tuple[str, str, int]] = {}
+    place = 0
+    for before, behind in pairwise(telegrams):
+        place += before.items
+        cuts[place] = before.elements[-1].name, behind.elements[0].name, behind.subindex
+    return cuts
+
+
+def find_long_elements(subject: Subject) -> Iterator[Place]:
+    for packed in subject.lists:
+        limit = capacity_bytes(packed.list)
+        if packed.on_can:
+            continue
+        for variable in packed.list.variables:
+            longest = max(elements(variable), key=lambda element: element.type.size_bytes, default=None)
+            if longest is not None and longest.type.size_bytes > limit:
+                message = f"{longest.name} : {longest.type.name} has {count_of(longest.type.size_bytes, 'byte')}"
+                yield Place(variable.position, packed.list.name, f"{message}, more than the {limit} of a telegram")
+
+
+def find_many_telegrams(subject: Subject) -> Iterator[Place]:
+    for packed in subject.lists:
+        number = len(packed.telegrams)
+        if number > MOST_TELEGRAMS and not packed.on_can:
+            how = "" if packed.list.pack else ", one for each element: it is not packed"
+            yield _of_list(packed.list, f"{packed.list.name} takes {count(number)} telegrams{how}")
+
+
+def find_unknown_sizes(subject: Subject) -> Iterator[Place]:
+    for packed in subject.lists:
+        for variable in packed.list.variables:
+            unknown = next((element for element in elements(variable) if not element.type.size_bytes), None)
+            if unknown is not None:
+                message = f"nobody knows how many bytes {unknown.name} : {unknown.type.name} has"
+                yield Place(variable.position, packed.list.name, message)
+
+
+def find_unions(subject: Subject) -> Iterator[Place]:
+    for packed in subject.lists:
+        for variable in packed.list.variables:
+            union = next((element for element in elements(variable) if isinstance(element.type, Union)), None)
+            if union is not None:
+                yield Place(variable.position, packed.list.name, f"{union.name} : {union.type.name} is a UNION")
+
+
+def find_sizes_by_name(subject: Subject) -> Iterator[Place]:
+    for file in subject.files:
+        for found in named_sizes(file):
+            yield Place(found.position, found.list_name, f"{found.what} of {found.variable} is {found.text}")
+
+
+def _can_lists(subject: Subject) -> list[Packed]:
+    return [packed for packed in subject.lists if packed.on_can and packed.list.list_id is not None]
+
+
+def find_can_overlaps(subject: Subject) -> Iterator[Place]:
+    for one, other in combinations(_can_lists(subject)[:_MOST_NAMESAKES], 2):
+        (first, last), (other_first, other_last) = one.cob_ids, other.cob_ids
+        if one.list.position != other.list.position and first <= other_last and other_first <= last:
+            what = f"{other.list.name} takes {_range(*other.cob_ids)}, {one.list.name} {_range(*one.cob_ids)}"
+            yield _of_list(other.list, f"{what} ({one.list.position})")
+
+
+def find_can_services(subject: Subject) -> Iterator[Place]:
+    for packed in _can_lists(subject):
+        services = services_within(*packed.cob_ids)
+        if services:
+            names = ", ".join(f"{service.name} ({_range(service.first, service.last)})" for service in services)
+            message = f"{packed.list.name} takes {_range(*packed.cob_ids)}, which CANopen uses for {names}"
+            yield _of_list(packed.list, message)
+
+
+def find_can_identifiers(subject: Subject) -> Iterator[Place]:
+    for packed in _can_lists(subject):
+        if packed.cob_ids[1] > MAX_COB_ID:
+            message = f"{packed.list.name} takes {_range(*packed.cob_ids)}, beyond {_hexadecimal(MAX_COB_ID)}"
+            yield _of_list(packed.list, message)
+
+
+def find_can_long(subject: Subject) -> Iterator[Place]:
+    for packed in subject.lists:
+        if packed.on_can:
+            for variable in packed.list.variables:
+                long = next((entry for entry in elements(variable) if entry.type.size_bytes > 8), None)
+                if long is not None:
+                    message = f"{long.name} : {long.type.name} has {count_of(long.type.size_bytes, 'byte')}"
+                    yield Place(variable.position, packed.list.name, f"{message}, more than a CAN frame")
+
+
+def tell_can_unsupported(entry: ListDefinition) -> str | None:
+    wanted = [
+        word
+        for word, on in (
+            ("a checksum", entry.checksum), ("acknowledgements", entry.acknowledge), ("an event", entry.on_event),
+        )
+        if on
+    ]  # fmt: skip
+    if entry.protocol.upper() != "CAN" or not wanted:
+        return None
+    return f"{entry.name} is sent over CAN with {' and '.join(wanted)}"
+
+
+def _range(first: int, last: int) -> str:
+    return _hexadecimal(first) if first == last else f"{_hexadecimal(first)} to {_hexadecimal(last)}"
+
+
+def _hexadecimal(number: int) -> str:
+    return f"{number:03X}h"
