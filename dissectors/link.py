@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Self
 
 import numpy as np
 
@@ -140,12 +139,12 @@ class DatagramBatch:
     def __len__(self) -> int:
         return len(self.row)
 
-    def take(self, rows: I64 | Bool) -> Self:
+    def take(self, rows: I64 | Bool) -> DatagramBatch:
         """Return the datagrams at the given positions or where the mask is set."""
-        return type(self)(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return DatagramBatch(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     @classmethod
-    def joined(cls, parts: list[Self]) -> Self:
+    def joined(cls, parts: list[DatagramBatch]) -> DatagramBatch:
         """Return several batches of one buffer as one, in the order of the packets."""
         if len(parts) == 1:
             return parts[0]

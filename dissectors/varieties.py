@@ -13,7 +13,7 @@ import numpy as np
 
 from dissectors.batch import I32, I64, U8, U16, U64, Bool, LinkType, PacketBatch, Records
 from dissectors.keys import KeyTable, first_rows
-from dissectors.layout import gather_bytes
+from dissectors.layout import gather_bytes, take_rows
 from dissectors.link import (
     ETHERNET,
     IPV4,
@@ -149,6 +149,12 @@ class Varieties:
     def truncated(self) -> Bool:
         """Tell of which varieties less was captured than sent."""
         return self.datagram.captured_bytes < self.datagram.payload_bytes
+
+    def telegrams(self, numbers: I64) -> TelegramBatch:
+        """Return what varieties have in common as telegrams, without bytes and times."""
+        nothing = np.zeros(len(numbers), np.int64)
+        header = take_rows(self.header, numbers)
+        return TelegramBatch(np.zeros(0, np.uint8), self.datagram.take(numbers), nothing, header, self.fault[numbers])
 
     def numbers(self, telegrams: TelegramBatch, packets: PacketBatch) -> I64:
         """Return the variety of each telegram of a packet batch, adding those that are new. Shape (n,)."""

@@ -11,6 +11,8 @@ from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.state import TrackerState
 
 if TYPE_CHECKING:
+    from dissectors.batch import Bool
+    from dissectors.varieties import SortedPackets
     from nvscope.tracker.values import Values
 
 
@@ -20,14 +22,15 @@ def track(
     ports: PortRules | None = None,
     timeout_ns: int = TIMEOUT_NS,
     values: Values | None = None,
+    choose: Callable[[SortedPackets], Bool] | None = None,
     progress: Callable[[], None] | None = None,
 ) -> TrackerState:
     """Run a source to its end and return what it showed.
 
     ``ports`` decides by hand which UDP payloads are telegrams; ``values`` is what takes the values of variables, if
-    they are wanted; ``progress`` is called after each batch.
+    they are wanted; ``choose`` is a filter (``TrackerState``); ``progress`` is called after each batch.
     """
-    state = TrackerState(timeout_ns, ports, values=values)
+    state = TrackerState(timeout_ns, ports, values=values, choose=choose)
     for batch in source:
         state.observe(batch)
         if progress:

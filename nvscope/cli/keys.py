@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from nvscope.cli.definitions import GvlOption, ProjectOption, project_of
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import UsageError
 
@@ -13,20 +14,24 @@ from nvscope.errors import UsageError
 def keys(
     fields: Annotated[bool, typer.Option("--fields", help="List every field, with its type and what it is.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The same for programs.")] = False,
+    gvl: GvlOption = None,
+    project: ProjectOption = None,
     colour: ColourOption = "auto",
 ) -> None:
-    """List the fields that a display filter (-Y) and -e may name."""
+    """List the fields that a display filter (-Y) and -e may name; with definitions also those of the variables."""
     if not fields:
         raise UsageError(
             "there are no key bindings, since there is no live screen yet",
             next_step="`nvscope keys --fields` lists the fields that -Y and -e may name",
         )
+    from nvscope.analysis import Inquiry
     from nvscope.report import fields as face
 
+    known = Inquiry([], project_of(project, gvl)).fields
     if as_json:
         from nvscope.report import json
 
-        typer.echo(json.render(face.document()), nl=False)
+        typer.echo(json.render(face.document(known)), nl=False)
         return
     shown = colour_wanted(colour)
-    typer.echo(face.render(colour=shown, width=width()), nl=False, color=shown)
+    typer.echo(face.render(known, colour=shown, width=width()), nl=False, color=shown)

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from nvscope.cli.definitions import GvlOption
-from nvscope.cli.sources import DecodeOption, ReadOption, SourcesArgument, chosen, port_rules, tell_of_losses
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of
+from nvscope.cli.sources import (
+    DecodeOption,
+    FilterOption,
+    ReadOption,
+    SourcesArgument,
+    chosen,
+    port_rules,
+    tell_of_losses,
+)
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from dissectors.batch import Bool
-    from nvscope.definition.layouts import Layouts
+    from nvscope.analysis import Inquiry
     from nvscope.report.packets.records import Face
-    from nvscope.view.display_filter import DisplayFilter
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
 Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
@@ -53,22 +60,15 @@ def packets(
             "-E", metavar="NAME=VALUE", help="For -T fields: header=y|n, separator=/t|/s|CHARACTER, quote=d|s|n."
         ),
     ] = None,
-    wanted: Annotated[
-        str | None,
-        typer.Option(
-            "-Y",
-            "--filter",
-            metavar="EXPR",
-            help="Show only telegrams for which it holds, such as 'nv.index == 7 && nv.flags.ack'; in Wireshark's "
-            "syntax, over the fields of `nvscope keys --fields`.",
-        ),
-    ] = None,
+    wanted: FilterOption = None,
     count: Annotated[
         int | None,
         typer.Option("-c", "--count", min=1, metavar="N", help="Stop after reading N telegrams, shown or not."),
     ] = None,
     moment: Annotated[Moment, typer.Option("-t", "--time", help=_MOMENT_HELP)] = "r",
     gvl: GvlOption = None,
+    project: ProjectOption = None,
+    no_names: NoNamesOption = False,
     decode: DecodeOption = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -80,9 +80,24 @@ def packets(
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
-    face = _face(output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour), gvl)
+    asked = trees or wanted is not None or bool(fields)
+    if gvl and not asked:
+        raise UsageError(
+            "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",
+            next_step="add one of them; `nvscope vars` shows last values",
+        )
+    plant = project_of(project, gvl)
+    inquiry = None
+    if asked:
+        from nvscope.analysis import Inquiry
+        from nvscope.cli.progress import watching
 
-    chosen_by = _display_filter(wanted)
+        inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
+    face = _face(
+        output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour),
+        {} if no_names else plant.node_names, inquiry,
+    )  # fmt: skip
+    chosen_by = inquiry.filter(wanted) if inquiry and wanted is not None else None
 
     from nvscope import units
     from nvscope.capture.open import open_source
@@ -121,23 +136,6 @@ def packets(
         raise typer.Exit(ExitCode.DATA_LOSS)
 
 
-def _layouts(gvl: Sequence[str] | None) -> Layouts | None:
-    if not gvl:
-        return None
-    from nvscope.definition.layouts import Layouts
-    from nvscope.definition.load import load_definitions
-
-    return Layouts(load_definitions(gvl))
-
-
-def _display_filter(text: str | None) -> DisplayFilter | None:
-    if text is None:
-        return None
-    from nvscope.view.display_filter import DisplayFilter
-
-    return DisplayFilter(text)
-
-
 def _face(
     output: Format | None,
     trees: bool,
@@ -146,11 +144,10 @@ def _face(
     settings: Sequence[str],
     moment: Moment,
     colour: bool,
-    gvl: Sequence[str] | None,
+    node_names: Mapping[str, str],
+    inquiry: Inquiry | None,
 ) -> Face:
     """Return the form that was asked for; UsageError where options contradict each other."""
-    if gvl and not trees:
-        raise UsageError("--gvl names the variables in trees", next_step="add -V; `nvscope vars` shows last values")
     chosen_format = output or ("fields" if names else "text")
     if chosen_format != "text" and (trees or dumps):
         raise UsageError(
@@ -163,19 +160,23 @@ def _face(
             raise UsageError("-e is not for -T text", next_step="write -T fields, json, ndjson or csv")
         from nvscope.report.packets.text import Text
 
-        layouts = _layouts(gvl) if trees else None
-        return Text(trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour, layouts=layouts)
+        layouts = inquiry.layouts if trees and inquiry else None
+        return Text(
+            trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour, layouts=layouts,
+            names=node_names,
+        )  # fmt: skip
 
     from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedFields, separation
-    from nvscope.view.fields import DEFAULT_FIELDS, find_field
+    from nvscope.view.fields import DEFAULT_FIELDS, output_field
 
+    found = [output_field(name, inquiry.fields) for name in names] if inquiry else []
     if chosen_format == "fields":
         if not names:
             raise UsageError(
                 "-T fields needs to know which fields", next_step="for example -e frame.number -e nv.counter"
             )
-        return SeparatedFields([find_field(name) for name in names], separation(settings))
-    fields = [find_field(name) for name in names] or DEFAULT_FIELDS
+        return SeparatedFields(found, separation(settings))
+    fields = found or DEFAULT_FIELDS
     if chosen_format == "csv":
         return Csv(fields)
     return JsonArray(fields) if chosen_format == "json" else JsonLines(fields)

@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from nvscope.cli.definitions import GvlOption
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.sources import (
     DecodeOption,
+    FilterOption,
     ReadOption,
     SourcesArgument,
     chosen,
@@ -28,48 +29,44 @@ def report(
     details: Annotated[
         bool, typer.Option("-v", "--details", help="Show the diagnosis structure and the streams of every list.")
     ] = False,
+    wanted: FilterOption = None,
     gvl: GvlOption = None,
+    project: ProjectOption = None,
+    no_names: NoNamesOption = False,
     decode: DecodeOption = None,
     timeout: Annotated[
-        str, typer.Option("--ack-timeout", metavar="DURATION", help="How long an answer may take.")
-    ] = "1s",
+        str | None,
+        typer.Option(
+            "--ack-timeout",
+            metavar="DURATION",
+            help="How long an answer may take; 1s, unless the project says otherwise.",
+            show_default=False,
+        ),
+    ] = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
 ) -> None:
     """Report the lists of a capture: who sends them, what was lost or not answered, and what to check next.
 
-    Exits with 3 where a capture could not be read to its end.
+    -Y chooses what is shown: lists, streams, nodes and findings to which a chosen telegram belongs, with the figures of
+    the whole capture, so that no filter makes up a loss. Exits with 3 where a capture could not be read to its end.
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
-    timeout_ns = duration_ns("--ack-timeout", timeout)
+    timeout_ns = None if timeout is None else duration_ns("--ack-timeout", timeout)
     if as_json and as_markdown:
         raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
+    plant = project_of(project, gvl)
 
-    from nvscope.capture.open import open_source
+    from nvscope.analysis import Inquiry
     from nvscope.cli.memory import keep_freed_memory
-    from nvscope.cli.progress import ProgressBar
-    from nvscope.engine import track
-    from nvscope.findings.judge import judge
-    from nvscope.tracker.summary import summarize
-    from nvscope.view.document import report_document
+    from nvscope.cli.progress import watching
 
-    definition = values = None
-    if gvl:
-        from nvscope.definition.layouts import Layouts
-        from nvscope.definition.load import load_definitions
-        from nvscope.tracker.values import Values
-
-        definition = load_definitions(gvl)
-        values = Values(Layouts(definition))
     keep_freed_memory()
-    source = open_source(paths)
-    with ProgressBar(source, quiet=quiet) as progress:
-        state = track(source, ports=ports, timeout_ns=timeout_ns, values=values, progress=progress)
-    summary = summarize(state)
-    findings = judge(state, source.infos, summary=summary, definition=definition)
-    document = report_document(state, summary, findings, source.infos, definition)
+    inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet))
+    found = inquiry.analyze(wanted, values=as_json)
+    document = inquiry.report(found, names=not no_names, values=as_json)
     shown = colour_wanted(colour)
     if as_json:
         from nvscope.report import json
@@ -84,7 +81,8 @@ def report(
 
         text = face.render(document, colour=shown, width=width(), utc=utc, details=details)
     typer.echo(text, nl=not text.endswith("\n"), color=shown)
-    if state.fragments:
-        typer.echo(f"nvscope: {state.fragments} IP fragments were counted but not put together.", err=True)
-    if tell_of_losses(source.infos):
+    tell_of_lists(inquiry)
+    if found.state.fragments:
+        typer.echo(f"nvscope: {found.state.fragments} IP fragments were counted but not put together.", err=True)
+    if tell_of_losses(found.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)

@@ -73,6 +73,8 @@ def headline(report: Report) -> Cell:
         if capture["frames"] == 1:
             return Cell("The only frame is not a telegram of network variables", Tone.WARNING)
         return Cell(f"None of {units.count(capture['frames'])} frames is a telegram of network variables", Tone.WARNING)
+    if not lists and "filter" in report:
+        return Cell("The filter chooses nothing that belongs to a list", Tone.WARNING)
     if not lists:
         return Cell("No list: no telegram belongs to a network variables list", Tone.WARNING)
     by_list = findings_by_list(findings)
@@ -149,13 +151,22 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     if start_ns is not None and end_ns is not None:
         start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)
         lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])
+    if chosen := report.get("filter"):
+        number = f"{units.count(chosen['telegrams'])} of {units.count_of(capture['telegrams'], 'telegram')}"
+        lines.append(
+            [
+                Cell("shown: what "),
+                Cell(chosen["expression"], Tone.STRONG),
+                Cell(f" chooses ({number}); figures are those of the whole capture"),
+            ]
+        )
     return lines
 
 
 def advice(report: Report) -> tuple[str, ...]:
-    """Return what to check where a capture shows no list at all; nothing where it shows one."""
+    """Return what to check where a capture shows no list at all; nothing where it shows one, or is not all shown."""
     capture = report["capture"]
-    if report["lists"]:
+    if report["lists"] or "filter" in report:
         return ()
     if not capture["frames"]:
         return (

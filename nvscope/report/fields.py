@@ -2,45 +2,63 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from nvscope.report.ansi import paint
-from nvscope.view.fields import EITHER_OF, EXPRESSION_NAMES, FIELDS
-from nvscope.view.table import Cell, Column, Tone, align
+from nvscope.view.escape import visible_document
+from nvscope.view.fields import EITHER_OF, TelegramField, expression_names
+from nvscope.view.table import GAP, Cell, Line, Tone, display_width, wrap
 
 _MIN_WIDTH = 40
 
 
-def render(*, colour: bool = False, width: int = 80) -> str:
+def render(fields: Mapping[str, TelegramField], *, colour: bool = False, width: int = 80) -> str:
     """Return a table of all fields: name, type, what it is."""
-    columns = [Column("field"), Column("type"), Column("meaning", shortest=16)]
-    rows = [[Cell(name, Tone.STRONG), Cell(kind), Cell(f"{label}: {text}")] for name, kind, label, text in _entries()]
-    return paint(align(columns, rows, max(width, _MIN_WIDTH)), colour=colour)
+    entries = visible_document(document(fields))["fields"]
+    widths = [max(display_width(entry[key]) for entry in entries) + GAP for key in ("name", "type")]
+    lines: list[Line] = []
+    for name, kind, meaning in [
+        ("field", "type", "meaning"),
+        *((entry["name"], entry["type"], f"{entry['label']}: {entry['help']}") for entry in entries),
+    ]:
+        tone = Tone.STRONG if lines else Tone.FAINT
+        head = [Cell(name + " " * (widths[0] - display_width(name)), tone), Cell(kind.ljust(widths[1]))]
+        room = max(width, _MIN_WIDTH)
+        lines += wrap([*head, Cell(meaning)], room, hanging=min(sum(widths), room // 2))
+    return paint(lines, colour=colour)
 
 
-def document() -> dict[str, Any]:
+def document(fields: Mapping[str, TelegramField]) -> dict[str, Any]:
     """Return all fields as data (schema ``nvscope.fields/1``), with an object for each.
 
-    ``filter`` and ``output`` tell whether -Y and -e may name it.
+    ``filter`` and ``output`` tell whether -Y and -e may name it, ``judged`` whether it is known only when the whole
+    capture was read.
     """
-    fields = [
+    names = expression_names(fields)
+    own = [
+        {
+            "name": field.name,
+            "type": field.type.value,
+            "label": field.label,
+            "help": field.help,
+            "filter": not names[field.name].refused,
+            "output": not field.judged,
+            "judged": field.judged,
+        }
+        for field in fields.values()
+        if not field.refused
+    ]
+    either = [
         {
             "name": name,
-            "type": kind,
-            "label": label,
-            "help": text,
-            "filter": not EXPRESSION_NAMES[name].refused,
-            "output": name in FIELDS,
+            "type": fields[parts[0]].type.value,
+            "label": "Either side",
+            "help": f"for -Y: {' or '.join(parts)}",
+            "filter": True,
+            "output": False,
+            "judged": False,
         }
-        for name, kind, label, text in _entries()
-    ]
-    return {"schema": "nvscope.fields/1", "fields": fields}
-
-
-def _entries() -> list[tuple[str, str, str, str]]:
-    own = [(field.name, field.type.value, field.label, field.help) for field in FIELDS.values()]
-    either = [
-        (name, FIELDS[parts[0]].type.value, "Either side", f"for -Y: {' or '.join(parts)}")
         for name, parts in EITHER_OF.items()
     ]
-    return own + either
+    return {"schema": "nvscope.fields/1", "fields": own + either}

@@ -98,7 +98,10 @@ class VarietyColumns(Columns):
 
 
 class FlowColumns(Columns):
-    """One row a flow; ``destination`` is -1 for broadcasts, ``stream`` -1 for flows that are no well-formed data."""
+    """One row a flow; ``destination`` is -1 for broadcasts, ``stream`` -1 for flows that are no well-formed data.
+
+    ``chosen`` counts the telegrams that a filter chose, where there is one.
+    """
 
     kind: I64
     list: I64
@@ -108,6 +111,7 @@ class FlowColumns(Columns):
     destination: I64
     count: I64
     mismatches: I64
+    chosen: I64
     first_ns: I64
     first_frame: I64
     last_ns: I64
@@ -115,7 +119,7 @@ class FlowColumns(Columns):
     COLUMNS: ClassVar = {
         name: (np.int64(0), 1)
         for name in (
-            "kind", "list", "place", "stream", "source", "destination", "count", "mismatches",
+            "kind", "list", "place", "stream", "source", "destination", "count", "mismatches", "chosen",
             "first_ns", "first_frame", "last_ns", "last_frame",
         )
     }  # fmt: skip
@@ -179,6 +183,12 @@ class Flows:
         self.columns.last_ns[flow] = batch.packets.ts_ns[last]
         self.columns.last_frame[flow] = last + first_frame
         return count
+
+    def choose(self, batch: SortedPackets, chosen: Bool) -> None:
+        """Count the telegrams of a batch, observed before, that a filter chose."""
+        count = np.bincount(batch.variety[chosen], minlength=len(self.varieties))
+        some = np.flatnonzero((count > 0) & (self.varieties.column("flow") >= 0))
+        np.add.at(self.columns.chosen, self.varieties.flow[some], count[some])
 
     def place_of(self, stream: I64) -> I64:
         """Return the places of streams."""

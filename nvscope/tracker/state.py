@@ -6,11 +6,12 @@ percentiles, the scope of a sender's Counter, findings) is computed when somebod
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U64, PacketBatch
+from dissectors.batch import I64, U64, Bool, PacketBatch
 from dissectors.netvar import (
     CHECKSUM_INVALID,
     HEADER,
@@ -79,14 +80,24 @@ class TrackerState:
 
     ``events`` are the events that are findings as they stand, keyed by ``finding_key``. Frame numbers count from 1
     across all that was observed. ``repeated`` counts telegrams that equal the one before them byte for byte.
-    ``values`` are those of the variables, where their definition is known.
+    ``values`` are those of the variables, where their definition is known; ``chosen`` counts the telegrams chosen.
+
+    ``choose`` is a filter: it is asked of each batch which packets hold telegrams that it chooses. Flows count these,
+    and only these give values; everything else looks at all telegrams, so that no filter makes up a loss.
     """
 
     def __init__(
-        self, timeout_ns: int = TIMEOUT_NS, ports: PortRules | None = None, *, values: Values | None = None
+        self,
+        timeout_ns: int = TIMEOUT_NS,
+        ports: PortRules | None = None,
+        *,
+        values: Values | None = None,
+        choose: Callable[[SortedPackets], Bool] | None = None,
     ) -> None:
         self._sorter = Sorter(ports)
         self.values = values
+        self.choose = choose
+        self.chosen = 0
         self.frames = 0
         self.telegrams = 0
         self.data_telegrams = 0
@@ -118,10 +129,15 @@ class TrackerState:
         first_frame = self.frames + 1
         self._observe_frames(batch, first_frame)
         count = self.flows.observe(batch, first_frame)
+        chosen = None
+        if self.choose is not None:
+            chosen = self.choose(batch)
+            self.chosen += int(np.count_nonzero(chosen))
+            self.flows.choose(batch, chosen)
         errors = self._observe_quoted(batch.quoted, first_frame)
         self.lists.resize(len(self.flows.lists))
         self._observe_headers(batch, first_frame)
-        errors += self._observe_lists(batch, count, first_frame)
+        errors += self._observe_lists(batch, count, first_frame, chosen)
         self.errors.observe(errors, len(self.flows.lists))
         self.frames += len(batch)
         self.telegrams += len(batch) - int(count[NO_TELEGRAM])
@@ -196,7 +212,9 @@ class TrackerState:
             errors.append(ErrorEvents(error, True, lists[row], node[row], quoted.ts_ns[row], frame[row]))
         return errors
 
-    def _observe_lists(self, batch: SortedPackets, count: I64, first_frame: int) -> list[ErrorEvents]:
+    def _observe_lists(
+        self, batch: SortedPackets, count: I64, first_frame: int, chosen: Bool | None
+    ) -> list[ErrorEvents]:
         acknowledgements = self._messages(batch, count, Kind.ACKNOWLEDGEMENT)
         requests = self._messages(batch, count, Kind.BOOT_UP_REQUEST)
         rows = self.memory.rows(batch, count, self.flows)
@@ -212,7 +230,7 @@ class TrackerState:
             self.cycles.observe(rows, rows.counter, intervals.usual, usual_ns, self.flows, first_frame)
             errors.append(self._observe_consistency(rows, first_frame))
             if self.values is not None:
-                self.values.observe(batch, rows, self.flows, first_frame)
+                self.values.observe(batch, rows, self.flows, first_frame, chosen)
         return errors
 
     def _messages(self, batch: SortedPackets, count: I64, kind: Kind) -> Messages:

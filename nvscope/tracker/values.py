@@ -6,6 +6,7 @@ element; the number of steps depends on the blocks of a list, not on its telegra
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -48,6 +49,12 @@ class Block:
         scalar = scalar_of(self.type)
         return scalar.dtype if scalar and scalar.kind is not Kind.RAW else None
 
+    @property
+    def is_bool(self) -> bool:
+        """Whether all bytes but 0 mean the same."""
+        scalar = scalar_of(self.type)
+        return scalar is not None and scalar.kind is Kind.BOOL
+
     def cells_of(self, data: U8) -> Table:
         """Return the elements of (n, data) telegrams as what can be compared: words, or bytes with leftovers as zeros.
 
@@ -58,6 +65,8 @@ class Block:
         shape, strides = (len(data), self.count), (data.shape[1], size)
         if size in _WORD_SIZES and not isinstance(self.type, String):
             words: Table = np.ndarray(shape, f"<u{size}", data, self.offset_bytes, strides)
+            if self.is_bool:
+                words = (words != 0).view(np.uint8)
             return np.ascontiguousarray(words[:, 0] if self.count == 1 else words)
         spans: Table = np.ndarray(shape, f"V{size}", data, self.offset_bytes, strides)
         cells = np.ascontiguousarray(spans).view(np.uint8).reshape(*shape, size)
@@ -114,31 +123,51 @@ class Values:
     """The values of all streams of defined lists, by stream number.
 
     Only well-formed data telegrams that were captured whole and have the Items and Length of ``layouts`` are decoded;
-    ``unfitting`` are those of another shape, by stream.
+    ``unfitting`` are those of another shape, by stream. Of several definitions of a list, the one that first fits a
+    stream stays that of the stream. Where they are not ``wanted``, only these are looked for.
     """
 
-    def __init__(self, layouts: Layouts) -> None:
+    def __init__(self, layouts: Layouts, *, wanted: bool = True) -> None:
         self.layouts = layouts
+        self._wanted = wanted
         self.streams: dict[int, StreamValues] = {}
+        self._chosen: dict[int, TelegramLayout] = {}
         self.unfitting = EventRows()
 
-    def observe(self, batch: SortedPackets, rows: DataRows, flows: Flows, first_frame: int) -> None:
-        """Take the data telegrams of a batch."""
+    def observe(
+        self, batch: SortedPackets, rows: DataRows, flows: Flows, first_frame: int, chosen: Bool | None = None
+    ) -> None:
+        """Take the data telegrams of a batch; only the values of those whose packets are ``chosen``."""
         self.unfitting.resize(len(flows.streams))
         for stream, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             place = int(flows.streams.high[stream])
             number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
             key = int(flows.lists.high[number]), int(flows.lists.low[number])
-            if self.layouts.telegrams_of(*key) is None:
+            if self.layouts.list_of(*key) is None:
                 continue
-            layout = self.layouts.telegram_of(*key, subindex)
+            candidates = self.layouts.candidates_of(*key)
+            layout = self._chosen.get(stream)
+            if layout is None:
+                if candidates:
+                    layout = _first_fitting(batch, rows.variety[start:stop], candidates, subindex)
+                else:
+                    header = batch.varieties.header[rows.variety[start]]
+                    shape = int(header["items"]), int(header["length"])
+                    layout = self.layouts.telegram_of(*key, subindex, shape)
+                if layout is not None:
+                    self._chosen[stream] = layout
             fits = _fitting(batch, rows.variety[start:stop], layout)
             own = np.arange(start, stop)
             misfits = own[~fits]
             if len(misfits):
                 bounds = np.array([0]), np.array([len(misfits)])
                 self.unfitting.add(np.array([stream]), *bounds, rows.time_ns, rows.packet + first_frame, misfits)
-            whole = own[fits & ~batch.varieties.truncated[rows.variety[start:stop]]]
+            if not self._wanted:
+                continue
+            fits &= ~batch.varieties.truncated[rows.variety[start:stop]]
+            if chosen is not None:
+                fits &= chosen[rows.packet[start:stop]]
+            whole = own[fits]
             if layout is not None and len(whole):
                 data = _data_of(batch, rows.packet[whole], rows.variety[whole], layout)
                 self._add(stream, layout, data, rows.time_ns[whole])
@@ -170,6 +199,20 @@ class Values:
                 known.most[place] = np.fmax(most, np.fmax.reduce(numbers, axis=0))
         known.telegrams += len(data)
         known.data, known.last_ns = data[-1].copy(), int(time_ns[-1])
+
+
+def _first_fitting(
+    batch: SortedPackets, variety: I64, candidates: Sequence[tuple[TelegramLayout, ...]], subindex: int
+) -> TelegramLayout | None:
+    """Return the candidate that fits the earliest of some telegrams, the first of several; None where none fits any."""
+    chosen, earliest = None, len(variety)
+    for layouts in candidates:
+        if subindex < len(layouts):
+            fits = _fitting(batch, variety, layouts[subindex])
+            first = int(fits.argmax()) if fits.any() else len(variety)
+            if first < earliest:
+                chosen, earliest = layouts[subindex], first
+    return chosen
 
 
 def _fitting(batch: SortedPackets, variety: I64, layout: TelegramLayout | None) -> Bool:

@@ -1,23 +1,156 @@
-"""The display filter: an expression over the fields of telegrams."""
+"""The display filter: an expression over the fields of telegrams, asked of telegrams or of whole packet batches."""
 
 from __future__ import annotations
 
-from dissectors.batch import Bool
-from nvscope.expression.columns import Column
+from collections.abc import Mapping
+
+import numpy as np
+
+from dissectors.batch import I64, Bool, PacketBatch
+from dissectors.netvar import Fault
+from dissectors.sorted_telegrams import SortedTelegrams
+from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
+from nvscope.expression.columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
 from nvscope.expression.expression import compile_expression
-from nvscope.view.fields import EXPRESSION_NAMES, FIELDS
+from nvscope.view.fields import FIELDS, TelegramField, expression_names
 from nvscope.view.telegrams import TelegramRows
+from nvscope.view.verdict_fields import Verdicts
 
 
 class DisplayFilter:
-    """Tells which telegrams an expression chooses; UsageError, with the place, where it cannot be understood."""
+    """Tells which telegrams an expression chooses; UsageError, with the place, where it cannot be understood.
 
-    def __init__(self, text: str) -> None:
-        self._expression = compile_expression(text, EXPRESSION_NAMES)
+    ``fields`` are what it may name. ``judged`` fields among those it does name need ``verdicts``, without which it can
+    be compiled, but not asked.
+    """
+
+    def __init__(
+        self, text: str, fields: Mapping[str, TelegramField] = FIELDS, verdicts: Verdicts | None = None
+    ) -> None:
+        self.text = text
+        self._fields = fields
+        self._verdicts = verdicts
+        self._expression = compile_expression(text, expression_names(fields))
+        named = [fields[name] for name in self._expression.fields]
+        self.constant = all(field.constant for field in named)
+        """It chooses all telegrams of a variety or none."""
+        self.judged = [field.name for field in named if field.judged]
+        """What it names that is known only when the whole capture was read."""
+        self.findings = any(field.name.startswith("finding.") for field in named)
+        """It asks for findings."""
+        self._seen: set[int] = set()
+        self._chosen: set[int] = set()
 
     def __call__(self, rows: TelegramRows) -> Bool:
+        if not self.findings or self._verdicts is None:
+            return self._ask(rows)
+        position, finding = self._verdicts.findings_of(rows)
+        told = self._ask(rows.take(position).looked_at_with(finding))
+        chosen = np.zeros(len(rows), np.bool_)
+        chosen[position[told]] = True
+        self._seen.update(finding.tolist())
+        self._chosen.update(finding[told].tolist())
+        return chosen
+
+    def chooses_finding(self, number: int) -> bool:
+        """Tell whether a telegram was chosen that shows a finding; of one that no telegram shows, ask it alone.
+
+        Of such a finding, only ``finding.*`` exists.
+        """
+        if number in self._seen:
+            return number in self._chosen
+
         def read(name: str) -> tuple[Column, Bool | None]:
-            field = FIELDS[name]
+            field = self._fields[name]
+            if name.startswith("finding."):
+                return field.read(_no_telegram().looked_at_with(np.array([number]))), None
+            return _blank(field.type), np.zeros(1, np.bool_)
+
+        return bool(self._expression.mask(read)[0])
+
+    def _ask(self, rows: TelegramRows) -> Bool:
+        def read(name: str) -> tuple[Column, Bool | None]:
+            field = self._fields[name]
             return field.read(rows), field.known(rows)
 
         return self._expression.mask(read)
+
+
+class PacketChoice:
+    """Tells which packets hold telegrams that a display filter chooses; it has to see all batches of a capture in turn.
+
+    What is the same for all telegrams of a variety is asked once of each variety, so that a filter on headers costs
+    next to nothing.
+    """
+
+    def __init__(self, chosen: DisplayFilter) -> None:
+        self._filter = chosen
+        self._frames = 0
+        self._start_ns = self._last_ns = 0
+        self._varieties: Varieties | None = None
+        self._answer = np.zeros(0, np.bool_)
+        self._undecided = np.zeros(0, np.bool_)
+
+    def __call__(self, batch: SortedPackets) -> Bool:
+        """Return a mask over the packets of the batch."""
+        if not len(batch):
+            return np.zeros(0, np.bool_)
+        if not self._frames:
+            self._start_ns = self._last_ns = int(batch.packets.ts_ns[0])
+        if self._filter.constant:
+            self._describe(batch)
+            chosen = self._answer[batch.variety]
+            if self._undecided.any():
+                self._ask(batch, np.flatnonzero(self._undecided[batch.variety]), chosen)
+        else:
+            chosen = np.zeros(len(batch), np.bool_)
+            self._ask(batch, np.flatnonzero(batch.variety != NO_TELEGRAM), chosen)
+        self._frames += len(batch)
+        self._last_ns = int(batch.packets.ts_ns[-1])
+        return chosen
+
+    def _ask(self, batch: SortedPackets, packet: I64, chosen: Bool) -> None:
+        """Ask of the telegrams in some packets one by one, and enter the answers."""
+        if len(packet):
+            telegrams = SortedTelegrams(batch, packet)
+            rows = TelegramRows(telegrams, batch.packets, self._frames, self._start_ns, self._last_ns, None)
+            chosen[packet] = self._filter(rows)
+
+    def _describe(self, batch: SortedPackets) -> None:
+        """Ask of the varieties that are new."""
+        if batch.varieties is not self._varieties:
+            self._varieties, self._answer, self._undecided = (
+                batch.varieties,
+                np.zeros(0, np.bool_),
+                np.zeros(0, np.bool_),
+            )
+        known = len(self._answer)
+        if len(batch.varieties) == known:
+            return
+        new = np.arange(known, len(batch.varieties))
+        telegrams = batch.varieties.telegrams(new)
+        answer = self._filter(TelegramRows(telegrams, batch.packets, 0, 0, 0, None)) & (new != NO_TELEGRAM)
+        # Of these, a variety does not tell all that was captured.
+        undecided = (telegrams.fault == Fault.HEADER_CUT) | (telegrams.fault == Fault.SHORT)
+        self._answer = np.concatenate([self._answer, answer & ~undecided])
+        self._undecided = np.concatenate([self._undecided, undecided])
+
+
+def _no_telegram() -> TelegramRows:
+    nothing = np.zeros(0, np.int64)
+    packets = PacketBatch(
+        np.zeros(0, np.uint8), nothing, nothing.astype(np.int32), nothing, nothing, nothing.view(np.uint16)
+    )
+    return TelegramRows(Varieties().telegrams(np.zeros(1, np.int64)), packets, 0, 0, 0, None)
+
+
+def _blank(kind: FieldType) -> Column:
+    """Return a column of one row, of which it is not known what it holds."""
+    nothing = np.zeros(1, np.int64)
+    if kind is FieldType.ADDRESS:
+        return AddressColumn(nothing.view(np.uint64), nothing.view(np.uint64))
+    if kind is FieldType.BYTES:
+        return BytesColumn(np.zeros(0, np.uint8), nothing, nothing)
+    if kind is FieldType.TEXT:
+        return TextColumn(nothing, ("",))
+    return nothing.view(np.bool_)[:1] if kind is FieldType.BOOL else nothing

@@ -6,8 +6,9 @@ table (``dissectors.netvar.HEADER``), a column for each of its fields and for ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from types import MappingProxyType
 
 import numpy as np
@@ -38,7 +39,10 @@ class TelegramField:
     ``read`` gives the column: unsigned integers of any width (UNSIGNED), int64 nanoseconds since 1970-01-01 UTC (TIME)
     or between two moments (DURATION), bool (BOOL), or the column class of the type. ``known`` tells in which telegrams
     the field exists, None for in all of them; where it does not, the column holds anything. ``hex_digits`` other than
-    0: people write the number in hexadecimal. ``calendar``: they write the time as a date.
+    0: people write the number in hexadecimal. ``calendar``: they write the time as a date. ``constant``: it is the same
+    in all telegrams of a variety (``dissectors.varieties``). ``judged``: it is known when the whole capture was read.
+    ``values`` are names of its numbers. ``refused`` says why the name can be neither filtered by nor written out,
+    ``instead`` which can.
     """
 
     name: str
@@ -49,16 +53,11 @@ class TelegramField:
     known: Callable[[TelegramRows], Bool | None] = lambda _: None
     hex_digits: int = 0
     calendar: bool = False
-
-
-def find_field(name: str) -> TelegramField:
-    """Return the field of a name, in any case; UsageError, with the nearest names, where there is none."""
-    field = FIELDS.get(name.strip().lower())
-    if field is None:
-        if parts := EITHER_OF.get(name.strip().lower()):
-            raise UsageError(f"{name.strip()} is for -Y only", next_step=f"write -e {' -e '.join(parts)}")
-        raise UsageError(f"no field is called {visible(name)!s}", next_step=nearest(name, FIELDS))
-    return field
+    constant: bool = False
+    judged: bool = False
+    values: Mapping[str, int] = dataclass_field(default_factory=dict)
+    refused: str = ""
+    instead: str = ""
 
 
 def _header_fields() -> Iterator[TelegramField]:
@@ -67,17 +66,24 @@ def _header_fields() -> Iterator[TelegramField]:
         known = _captured_to(HEADER.offset_of(entry.name) + entry.size_bytes)
         yield TelegramField(
             name, FieldType.UNSIGNED, entry.label, entry.help, _header_column(entry), known,
-            hex_digits=2 * entry.size_bytes if entry.base == "hex" else 0,
+            hex_digits=2 * entry.size_bytes if entry.base == "hex" else 0, constant=entry.name != "counter",
+            values={text: number for number, text in entry.values.items()},
         )  # fmt: skip
         for bit in entry.bits:
             help_text = f"bit {bit.position} of {entry.label}"
             yield TelegramField(
-                f"{name}.{bit.name}", FieldType.BOOL, bit.label, help_text, _bit_column(entry, bit), known
+                f"{name}.{bit.name}",
+                FieldType.BOOL,
+                bit.label,
+                help_text,
+                _bit_column(entry, bit),
+                known,
+                constant=True,
             )
         if entry.name == "id":
             yield TelegramField(
                 "nv.service", FieldType.TEXT, "Service", f"name of the service that {entry.label} stands for",
-                _service, _service_known,
+                _service, _service_known, constant=True,
             )  # fmt: skip
 
 
@@ -189,20 +195,22 @@ _TABLE = (
         "frame.cap_len", _UNSIGNED, "Captured length", "bytes of the frame that were captured",
         lambda rows: rows.packets.captured[rows.telegrams.datagram.row],
     ),
-    TelegramField("ip.version", _UNSIGNED, "IP version", "4 or 6", _ip_version),
-    TelegramField("ip.src", _ADDRESS, "Source address", "IPv4 or IPv6 address of the sender", _source),
-    TelegramField("ip.dst", _ADDRESS, "Destination address", "IPv4 or IPv6 address of the receiver", _destination),
+    TelegramField("ip.version", _UNSIGNED, "IP version", "4 or 6", _ip_version, constant=True),
+    TelegramField("ip.src", _ADDRESS, "Source address", "IPv4 or IPv6 address of the sender", _source, constant=True),
+    TelegramField(
+        "ip.dst", _ADDRESS, "Destination address", "IPv4 or IPv6 address of the receiver", _destination, constant=True
+    ),
     TelegramField(
         "udp.srcport", _UNSIGNED, UDP["source_port"].label, UDP["source_port"].help,
         lambda rows: rows.telegrams.datagram.source_port,
     ),
     TelegramField(
         "udp.dstport", _UNSIGNED, UDP["destination_port"].label, UDP["destination_port"].help,
-        lambda rows: rows.telegrams.datagram.destination_port,
+        lambda rows: rows.telegrams.datagram.destination_port, constant=True,
     ),
     TelegramField(
         "udp.length", _UNSIGNED, "UDP length", UDP["length"].help,
-        lambda rows: rows.telegrams.datagram.payload_bytes + UDP.size_bytes,
+        lambda rows: rows.telegrams.datagram.payload_bytes + UDP.size_bytes, constant=True,
     ),
     TelegramField("udp.payload", FieldType.BYTES, "UDP payload", "captured bytes of header and data", _payload),
     *_header_fields(),
@@ -212,15 +220,15 @@ _TABLE = (
     ),
     TelegramField(
         "nv.fault", FieldType.TEXT, "Fault",
-        "what is wrong with the telegram: " + ", ".join(filter(None, _FAULTS)), _fault, _has_fault,
+        "what is wrong with the telegram: " + ", ".join(filter(None, _FAULTS)), _fault, _has_fault, constant=True,
     ),
     TelegramField(
         "nv.truncated", FieldType.BOOL, "Truncated", "fewer bytes were captured than the payload has",
-        lambda rows: rows.telegrams.truncated,
+        lambda rows: rows.telegrams.truncated, constant=True,
     ),
     TelegramField(
         "nv.broadcast", FieldType.BOOL, "Broadcast", "sent to everybody or to a multicast group, not to one node",
-        lambda rows: rows.telegrams.datagram.broadcast,
+        lambda rows: rows.telegrams.datagram.broadcast, constant=True,
     ),
 )  # fmt: skip
 
@@ -241,11 +249,39 @@ DEFAULT_FIELDS = (
 EITHER_OF = MappingProxyType({"ip.addr": ("ip.src", "ip.dst"), "udp.port": ("udp.srcport", "udp.dstport")})
 """Names that expressions know beside the fields: each stands for the fields of both sides."""
 
-EXPRESSION_NAMES = MappingProxyType(
-    {
-        **{name: Named(field.type) for name, field in FIELDS.items()},
-        **{name: Named(FIELDS[parts[0]].type, parts) for name, parts in EITHER_OF.items()},
+PROTOCOLS = MappingProxyType(
+    {"frame": "ip.version", "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "ip.version", "nv": "ip.version"}
+)
+"""Names of protocols, each with the expression that chooses the telegrams that have it; as in Wireshark, ``ip`` is
+version 4 alone."""
+
+
+def expression_names(fields: Mapping[str, TelegramField]) -> dict[str, Named]:
+    """Return what an expression may name, given the fields there are."""
+    return {
+        **{
+            name: Named(field.type, values=field.values, refused=visible(field.refused), instead=visible(field.instead))
+            for name, field in fields.items()
+        },
+        **{name: Named(fields[parts[0]].type, parts) for name, parts in EITHER_OF.items()},
+        **{name: Named(FieldType.BOOL, test=test) for name, test in PROTOCOLS.items()},
         "frame.time_delta_displayed": Named(_DURATION, refused="what is displayed is still to be decided"),
     }
-)
-"""What a display filter may name."""
+
+
+def output_field(name: str, fields: Mapping[str, TelegramField] = FIELDS) -> TelegramField:
+    """Return the field of a name, in any case, that -e may name; UsageError, with the nearest names, where none is."""
+    wanted = "".join(name.split())
+    field = fields.get(wanted) or {known.lower(): one for known, one in fields.items()}.get(wanted.lower())
+    if field is None:
+        if parts := EITHER_OF.get(wanted.lower()):
+            raise UsageError(f"{name.strip()} is for -Y only", next_step=f"write -e {' -e '.join(parts)}")
+        raise UsageError(f"no field is called {visible(name)!s}", next_step=nearest(name, fields))
+    if field.refused:
+        raise UsageError(f"{field.name}: {visible(field.refused)!s}", next_step=visible(field.instead))
+    if field.judged:
+        raise UsageError(
+            f"{field.name} is for -Y only: it is known when the whole capture was read",
+            next_step="`nvscope report --json` tells it",
+        )
+    return field

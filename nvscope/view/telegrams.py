@@ -23,6 +23,8 @@ class TelegramRows:
     ``packets`` is the whole batch, over the same buffer as ``telegrams``; ``frames_before`` counts the frames of the
     capture before it. Times in ns: ``start_ns`` of the capture's first frame, ``frame_before_ns`` of the last frame
     before the batch, ``shown_before_ns`` of the last telegram before the first one here (None: there is none).
+    ``finding`` is the number of the finding with which a telegram is looked at, -1 for none; a telegram that shows
+    several is there as often (``nvscope.view.verdict_fields``).
     """
 
     telegrams: TelegramBatch
@@ -31,6 +33,7 @@ class TelegramRows:
     start_ns: int
     frame_before_ns: int
     shown_before_ns: int | None
+    finding: I64 | None = None
 
     def __len__(self) -> int:
         return len(self.telegrams)
@@ -61,7 +64,12 @@ class TelegramRows:
 
     def take(self, rows: I64 | Bool) -> TelegramRows:
         """Return the telegrams at the given positions or where the mask is set; the others count as not shown."""
-        return replace(self, telegrams=self.telegrams.take(rows))
+        finding = None if self.finding is None else self.finding[rows]
+        return replace(self, telegrams=self.telegrams.take(rows), finding=finding)
+
+    def looked_at_with(self, finding: I64) -> TelegramRows:
+        """Return the same telegrams, each looked at with a finding."""
+        return replace(self, finding=finding)
 
 
 class Telegrams:

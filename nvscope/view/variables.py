@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from nvscope import __version__
-from nvscope.definition.model import Elementary, Enumeration, Kind, Scalar
+from nvscope.definition.model import Elementary, Enumeration, Kind, Scalar, type_text
 from nvscope.definition.value import Value, value_of
 from nvscope.tracker import address
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import list_key
 from nvscope.tracker.values import StreamValues, Values
-from nvscope.units import clock_time, date, iec_time
+from nvscope.units import clock_time, date, iec_ltime, iec_time
+from nvscope.version import __version__
 
 _S_NS = 1_000_000_000
 
@@ -23,6 +23,27 @@ def variables_document(state: TrackerState, values: Values) -> dict[str, Any]:
     Numbers are numbers (``null`` where they are not finite), times of the type as numbers in its unit, bytes as
     hexadecimal text; absolute times are nanoseconds as decimal strings.
     """
+    return {
+        "schema": "nvscope.vars/1",
+        "tool": {"name": "nvscope", "version": __version__},
+        "variables": [
+            {"list": list_key(*listed), "list_name": known.layout.list.name, **row}
+            for listed, subindex, sender, known in _streams(state, values)
+            for row in _rows(subindex, sender, known)
+        ],
+    }
+
+
+def values_by_list(state: TrackerState, values: Values) -> dict[tuple[int, int], list[dict[str, Any]]]:
+    """Return the rows of ``variables_document`` without what they have of their list, by its port and identifier."""
+    found: dict[tuple[int, int], list[dict[str, Any]]] = {}
+    for listed, subindex, sender, known in _streams(state, values):
+        found.setdefault(listed, []).extend(_rows(subindex, sender, known))
+    return found
+
+
+def _streams(state: TrackerState, values: Values) -> list[tuple[tuple[int, int], int, str, StreamValues]]:
+    """Return port and identifier of the list, SubIndex, sender and values of each stream, in the order of the rows."""
     flows = state.flows
     entries = []
     for stream, known in values.streams.items():
@@ -33,18 +54,18 @@ def variables_document(state: TrackerState, values: Values) -> dict[str, Any]:
         listed = int(flows.lists.high[number]), int(flows.lists.low[number])
         entries.append(((listed, subindex, address.order(*halves)), address.text(*halves), known))
     entries.sort(key=lambda entry: entry[0])
-    return {
-        "schema": "nvscope.vars/1",
-        "tool": {"name": "nvscope", "version": __version__},
-        "variables": [
-            row
-            for (listed, subindex, _), sender, known in entries
-            for row in _rows(list_key(*listed), subindex, sender, known)
-        ],
-    }
+    return [(listed, subindex, sender, known) for (listed, subindex, _), sender, known in entries]
 
 
-def _rows(key: str, subindex: int, sender: str, known: StreamValues) -> list[dict[str, Any]]:
+def left_out(state: TrackerState, values: Values) -> tuple[int, int]:
+    """Return how many telegrams of defined lists have another shape, and how many were not captured whole."""
+    flows = state.flows
+    keys = zip(flows.lists.high.tolist(), flows.lists.low.tolist(), strict=True)
+    defined = [number for number, key in enumerate(keys) if values.layouts.telegrams_of(*key)]
+    return int(values.unfitting.column("count").sum()), int(state.lists.truncated[defined].sum())
+
+
+def _rows(subindex: int, sender: str, known: StreamValues) -> list[dict[str, Any]]:
     rows = []
     bounds = _bounds(known)
     for place, (offset, element) in enumerate(known.layout.spans()):
@@ -52,20 +73,18 @@ def _rows(key: str, subindex: int, sender: str, known: StreamValues) -> list[dic
         least, most = bounds[place]
         rows.append(
             {
-                "list": key,
-                "list_name": known.layout.list.name,
                 "name": element.name,
-                "type": element.type.name,
+                "type": type_text(element.type),
                 "sender": sender,
                 "subindex": subindex,
-                "value": _plain(value_of(element.type, raw)),
+                "value": plain_value(value_of(element.type, raw)),
                 "text": value_text(element.type, raw),
                 "last_ns": str(known.last_ns),
                 "changed_ns": str(int(known.changed_ns[place])),
                 "telegrams": known.telegrams,
                 "changes": int(known.changes[place]),
-                "min": None if least is None else _plain(value_of(element.type, least)),
-                "max": None if most is None else _plain(value_of(element.type, most)),
+                "min": None if least is None else plain_value(value_of(element.type, least)),
+                "max": None if most is None else plain_value(value_of(element.type, most)),
                 "min_text": None if least is None else value_text(element.type, least),
                 "max_text": None if most is None else value_text(element.type, most),
             }
@@ -84,7 +103,8 @@ def _bounds(known: StreamValues) -> list[tuple[bytes | None, bytes | None]]:
     return bounds
 
 
-def _plain(value: Value) -> bool | int | float | str | None:
+def plain_value(value: Value) -> bool | int | float | str | None:
+    """Return a value as JSON has it: bytes as hexadecimal text, None for a number that is not finite."""
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, float):
@@ -110,14 +130,18 @@ def value_text(kind: Elementary, raw: bytes) -> str:
 
 
 def _time_text(kind: Scalar, value: int) -> str:
-    """Return an IEC 61131-3 literal, with the short prefix that the type has."""
+    """Return an IEC 61131-3 literal with the short prefix of the type; of 64 bits with all that they tell."""
     time_ns = value * kind.unit_ns
+    is_long = kind.unit_ns == 1
     if kind.kind is Kind.DURATION:
-        return iec_time(time_ns)
+        return iec_ltime(time_ns) if is_long else iec_time(time_ns)
+    prefix = "L" if is_long else ""
+    seconds, rest_ns = divmod(time_ns, _S_NS)
+    digits = f"{rest_ns:09d}".rstrip("0")
+    fraction = f".{digits}" if digits else ""
     if kind.kind is Kind.TIME_OF_DAY:
-        seconds, rest_ns = divmod(time_ns, _S_NS)
-        digits = f"{rest_ns:09d}".rstrip("0")
-        minutes, hours = seconds // 60 % 60, seconds // 3_600
-        return f"TOD#{hours:02d}:{minutes:02d}:{seconds % 60:02d}{'.' if digits else ''}{digits}"
+        return f"{prefix}TOD#{seconds // 3_600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}{fraction}"
     day = date(time_ns, utc=True)
-    return f"D#{day}" if kind.kind is Kind.DATE else f"DT#{day}-{clock_time(time_ns, utc=True, digits=0)}"
+    if kind.kind is Kind.DATE:
+        return f"{prefix}D#{day}"
+    return f"{prefix}DT#{day}-{clock_time(time_ns, utc=True, digits=0)}{fraction}"

@@ -3,9 +3,13 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 from nvscope.expression.columns import FieldType
-from nvscope.view.fields import EITHER_OF, FIELDS
+from nvscope.view.fields import EITHER_OF
+from nvscope.view.vocabulary import vocabulary
+
+FIELDS = vocabulary()
 
 
 def keys(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -17,7 +21,8 @@ def keys(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_every_field_is_listed_with_its_type() -> None:
     done = keys("--fields")
     assert (done.returncode, done.stderr) == (0, "")
-    listed = [line.split()[:2] for line in done.stdout.splitlines()[1:]]
+    assert all(len(line) <= 80 for line in done.stdout.splitlines())
+    listed = [line.split()[:2] for line in done.stdout.splitlines()[1:] if not line.startswith(" ")]
     assert listed[: len(FIELDS)] == [[field.name, field.type.value] for field in FIELDS.values()]
     assert {name for name, _ in listed[len(FIELDS) :]} == set(EITHER_OF)
 
@@ -30,7 +35,18 @@ def test_the_same_for_programs() -> None:
     assert entries["nv.counter"]["help"] == FIELDS["nv.counter"].help
     assert {entry["type"] for entry in entries.values()} <= {kind.value for kind in FieldType}
     assert [name for name, entry in entries.items() if not entry["filter"]] == ["frame.time_delta_displayed"]
-    assert [name for name, entry in entries.items() if not entry["output"]] == list(EITHER_OF)
+    later = [name for name, field in FIELDS.items() if field.judged]
+    assert [name for name, entry in entries.items() if entry["judged"]] == later
+    assert [name for name, entry in entries.items() if not entry["output"]] == [*later, *EITHER_OF]
+
+
+def test_with_definitions_the_variables_are_listed_too() -> None:
+    peers = Path(__file__).parents[2] / "captures" / "peers"
+    given = [f"--gvl={peers / name}" for name in ("axis.gvl", "axis_types.st")]
+    document = json.loads(keys("--fields", "--json", *given).stdout)
+    entries = {entry["name"]: entry for entry in document["fields"]}
+    assert entries["var.stAxis.pos"]["type"] == entries["var.axis.stAxis.pos"]["type"] == "real"
+    assert entries["var.aLimits[3]"]["help"] == "DINT of list axis"
 
 
 def test_there_are_no_key_bindings_yet() -> None:

@@ -15,7 +15,7 @@ from nvscope.capture.source import SourceInfo
 from nvscope.errors import UsageError
 from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.tracker import address
-from nvscope.view.fields import DEFAULT_FIELDS, FIELDS, find_field
+from nvscope.view.fields import DEFAULT_FIELDS, FIELDS, output_field
 from nvscope.view.telegrams import TelegramRows, Telegrams
 from tests.oracle.frame import Datagram, Frame, peel
 from tests.oracle.traffic import LINKS, generate, mutate
@@ -189,14 +189,14 @@ def test_a_limit_stops_reading(limit: int, cuts: list[int]) -> None:
         ("index", "nv.index"),
         ("NV.INDX", "nv.index"),
         ("ip.source", "ip.src"),
-        ("zz", "nv."),
+        ("zz", "`nvscope keys --fields` lists them"),
     ],
 )
 def test_an_unknown_field_names_the_nearest(name: str, near: str) -> None:
     with pytest.raises(UsageError) as caught:
-        find_field(name)
+        output_field(name)
     assert near in caught.value.next_step
 
 
 def test_a_field_is_found_in_any_case() -> None:
-    assert find_field(" NV.Counter ") is FIELDS["nv.counter"]
+    assert output_field(" NV.Counter ") is FIELDS["nv.counter"]

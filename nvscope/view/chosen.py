@@ -1,0 +1,69 @@
+"""What a display filter leaves of a report: rows of it, none of them changed.
+
+A filter chooses telegrams. What is shown is what they belong to: their lists, their streams, their senders and
+receivers, and the findings on these. The figures are those of all telegrams: acknowledgements that a filter hides were
+sent all the same, and a Counter that runs over several lists has no gap because one of them is shown alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from nvscope.findings.finding import Finding
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import ListSummary, Summary
+from nvscope.view.display_filter import DisplayFilter
+
+_Place = tuple[int, int | None, int | None]
+_OF_CAPTURE = "NV9"
+"""Findings on the capture itself, which concern everything."""
+
+
+class Chosen:
+    """What the telegrams belong to that the filter of a state chose; ``findings`` are all there are.
+
+    Where a filter asks for findings, they are those that it was given, in the same order.
+    """
+
+    def __init__(self, state: TrackerState, chosen: DisplayFilter, findings: Sequence[Finding]) -> None:
+        self._filter = chosen
+        self.expression = chosen.text
+        self._streams: set[int] = set()
+        self._senders: set[int] = set()
+        self._places: set[_Place] = set()
+        for number, stream, sender, receiver, subindex in _flows(state):
+            self._streams.add(stream)
+            self._senders.add(sender)
+            ends: tuple[int | None, ...] = (sender, receiver, None)
+            self._places.update((number, node, part) for node in ends for part in (subindex, None))
+        self.findings = [finding for number, finding in enumerate(findings) if self._shows(number, finding)]
+        """Those that are to be shown."""
+        self._lists = {finding.list_number for finding in self.findings} | {place[0] for place in self._places}
+
+    def _shows(self, number: int, finding: Finding) -> bool:
+        if self._filter.findings:
+            return self._filter.chooses_finding(number)
+        if finding.list_number is not None:
+            return (finding.list_number, finding.node, finding.subindex) in self._places
+        return finding.node in self._senders or finding.code.startswith(_OF_CAPTURE)
+
+    def summary(self, whole: Summary) -> Summary:
+        """Return a summary with the lists, streams and nodes that are to be shown."""
+        return replace(whole, lists=[self._list(entry) for entry in whole.lists if entry.number in self._lists])
+
+    def _list(self, entry: ListSummary) -> ListSummary:
+        return replace(
+            entry,
+            nodes=[row for row in entry.nodes if (entry.number, row[0], None) in self._places],
+            streams=[stream for stream in entry.streams if stream.stream in self._streams],
+        )
+
+
+def _flows(state: TrackerState) -> Iterator[tuple[int, int, int, int, int]]:
+    """Yield list, stream, source, destination and SubIndex of each flow with a chosen telegram; -1 for what is none."""
+    columns, places = state.flows.columns, state.flows.places
+    names = ("chosen", "list", "stream", "source", "destination", "place")
+    for chosen, *ends, place in zip(*(columns.column(name).tolist() for name in names), strict=True):
+        if chosen:
+            yield *ends, int(places.low[place])

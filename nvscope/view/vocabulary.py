@@ -1,0 +1,24 @@
+"""Everything that an expression or -e may name: fields of telegrams, of variables, and of what is known in the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from nvscope.view.fields import FIELDS, TelegramField
+from nvscope.view.verdict_fields import Names, Verdicts, verdict_fields
+
+if TYPE_CHECKING:  # without definitions, nothing of them is imported
+    from nvscope.definition.layouts import Layouts
+
+
+def vocabulary(
+    layouts: Layouts | None = None, names: Names | None = None, verdicts: Verdicts | None = None
+) -> Mapping[str, TelegramField]:
+    """Return all fields by name: with ``layouts`` also ``var.*``; without ``verdicts``, judged ones cannot be read."""
+    variables: Mapping[str, TelegramField] = {}
+    if layouts is not None:
+        from nvscope.view.variable_fields import variable_fields  # noqa: PLC0415
+
+        variables = variable_fields(layouts)
+    return {**FIELDS, **verdict_fields(names, verdicts), **variables}

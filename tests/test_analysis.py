@@ -1,0 +1,144 @@
+"""Filters over whole captures: what they leave of a report are rows of it, none of them changed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nvscope.analysis import Inquiry
+from nvscope.capture.open import open_source
+from nvscope.definition.project import Project, read_project
+from nvscope.errors import UsageError
+from nvscope.view.telegrams import Telegrams
+
+CAPTURES = Path(__file__).parents[1] / "captures"
+PLANT, PEERS = str(CAPTURES / "plant.pcapng.gz"), str(CAPTURES / "peers" / "peers.pcap")
+AXIS = [str(CAPTURES / "peers" / name) for name in ("axis.gvl", "axis_types.st")]
+PRESS, BENCH, HMI = "192.168.1.10", "192.168.1.99", "192.168.1.20"
+PROJECT = f"""
+[nodes]
+"{PRESS}" = {{ name = "press" }}
+[lists.7]
+name = "axis"
+"""
+
+
+def report(path: str, expression: str | None = None, project: Project | None = None) -> dict[str, Any]:
+    inquiry = Inquiry([path], project or Project())
+    return inquiry.report(inquiry.analyze(expression))
+
+
+def frames(path: str, expression: str, project: Project | None = None) -> list[int]:
+    chosen = Inquiry([path], project or Project()).filter(expression)
+    return [number for rows in Telegrams(open_source([path]), chosen=chosen) for number in rows.frame_number.tolist()]
+
+
+def place(finding: dict[str, Any]) -> tuple[Any, ...]:
+    return finding["code"], finding["list"], finding["node"], finding["subindex"]
+
+
+EXPRESSIONS = [
+    "nv.index == 7",
+    f"ip.src == {BENCH}",
+    f"ip.src == {HMI}",
+    f"ip.addr == {PRESS} && nv.subindex == 1",
+    "nv.flags.ack",
+    "frame.time_relative < 1",
+    "nv.counter == 3",
+    "nv.id == 6",
+    "list.lost > 0",
+    "node.nErrorCount > 0",
+    'finding.severity == "warning"',
+    "nv.index == 77",
+]
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS)
+@pytest.mark.parametrize("path", [PLANT, PEERS])
+def test_what_a_filter_leaves_are_rows_of_the_whole_report(path: str, expression: str) -> None:
+    whole, part = report(path), report(path, expression)
+    chosen = frames(path, expression)
+    assert part["filter"] == {"expression": expression, "telegrams": len(chosen)}
+    assert part["capture"] == whole["capture"]
+    assert all(finding in whole["findings"] for finding in part["findings"])
+    lists = {entry["key"]: entry for entry in whole["lists"]}
+    for entry in part["lists"]:
+        full = lists[entry["key"]]
+        assert {**entry, "streams": [], "nodes": []} == {**full, "streams": [], "nodes": []}
+        assert all(stream in full["streams"] for stream in entry["streams"])
+        assert all(node in full["nodes"] for node in entry["nodes"])
+    assert bool(part["lists"]) == bool(chosen)
+
+
+def test_all_that_everything_chooses_is_everything() -> None:
+    whole, part = report(PLANT), report(PLANT, "frame.number")
+    assert {**part, "filter": None} == {**whole, "filter": None}
+
+
+def test_a_sender_alone_is_not_blamed_for_answers_that_the_filter_hides() -> None:
+    shown = report(PLANT, f"ip.src == {PRESS} && nv.index == 3")
+    (entry,) = shown["lists"]
+    assert [stream["node"] for stream in entry["streams"]] == [PRESS]
+    # Of the recipe's telegrams only those of the three seconds were not acknowledged, seen with the filter or without.
+    (finding,) = (one for one in shown["findings"] if one["code"] == "NV301")
+    assert finding["count"] == entry["counters"]["missing_acknowledgements"] == 6
+
+
+def test_streams_and_nodes_are_those_of_the_telegrams_chosen() -> None:
+    (entry,) = report(PLANT, f"nv.index == 7 && ip.src == {BENCH}")["lists"]
+    assert {(stream["node"], stream["subindex"]) for stream in entry["streams"]} == {(BENCH, 0), (BENCH, 1)}
+    assert [node["address"] for node in entry["nodes"]] == [BENCH]
+    codes = {place(finding) for finding in report(PLANT, f"nv.index == 7 && ip.src == {BENCH}")["findings"]}
+    assert ("NV402", "udp/1202/7", BENCH, 1) in codes
+    assert not [one for one in codes if one[2] == PRESS]
+
+
+def test_findings_are_chosen_one_by_one() -> None:
+    assert [place(one) for one in report(PLANT, 'finding.code == "NV402"')["findings"]] == [
+        ("NV402", "udp/1202/7", PRESS, 1),
+        ("NV402", "udp/1202/7", BENCH, 1),
+    ]
+    both = report(PLANT, f'finding.name == "shape-changed" && ip.src == {BENCH}')["findings"]
+    assert [place(one) for one in both] == [("NV402", "udp/1202/7", BENCH, 1)]
+    # Nothing on the wire shows this one: it is about the capture.
+    assert [one["code"] for one in report(PEERS, 'finding.code == "NV902"')["findings"]] == ["NV902"]
+    assert [one["code"] for one in report(PEERS, "finding.count > 100")["findings"]] == ["NV207"]
+    assert report(PLANT, 'finding.code == "NV999"')["findings"] == []
+
+
+def test_the_telegrams_that_show_a_finding_are_those_of_its_frames() -> None:
+    findings = {place(one): one for one in report(PLANT)["findings"]}
+    gap = findings["NV201", "udp/1202/7", PRESS, 1]
+    assert frames(PLANT, f'finding.code == "NV201" && node.address == {PRESS}') == gap["frames"]
+
+
+def test_names_come_from_the_project(tmp_path: Path) -> None:
+    (tmp_path / "nvscope.toml").write_text(PROJECT)
+    project = read_project(tmp_path / "nvscope.toml")
+    assert frames(PLANT, 'node.name == "press" && list.name == "axis"', project) == frames(
+        PLANT, f"ip.src == {PRESS} && nv.index == 7"
+    )
+    assert frames(PLANT, "!node.name", project) == frames(PLANT, f"ip.src != {PRESS}")
+
+
+def test_variables_are_fields() -> None:
+    inquiry = Inquiry([PEERS], read_project(None, AXIS))
+    whole = inquiry.analyze(values=True)
+    part = inquiry.analyze("var.stAxis.pos > 500 && var.bStart", values=True)
+    assert part.values
+    assert whole.values
+    (some,), (all_of,) = part.values.streams.values(), whole.values.streams.values()
+    sent = [entry["v"] for entry in json.loads((CAPTURES / "peers" / "sent-node-red.json").read_text())]
+    wanted = [values for values in sent if values["stAxis"]["pos"] > 500 and values["bStart"]]
+    assert some.telegrams == part.state.chosen == len(wanted)
+    assert all_of.telegrams == len(sent)
+    assert some.least[3] is not None
+    assert some.least[3][0] > 500
+
+
+def test_stdin_is_not_read_twice() -> None:
+    with pytest.raises(UsageError, match="stdin cannot be read twice"):
+        Inquiry(["-"]).analyze("list.lost > 0")
