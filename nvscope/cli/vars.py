@@ -2,21 +2,78 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from nvscope.cli.definitions import GvlOption
-from nvscope.cli.sources import DecodeOption, ReadOption, SourcesArgument, chosen, port_rules, tell_of_losses
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.sources import (
+    DecodeOption,
+    FilterOption,
+    ReadOption,
+    SourcesArgument,
+    chosen,
+    port_rules,
+    tell_of_losses,
+)
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
-from nvscope.errors import ExitCode, UsageError
+from nvscope.errors import CaptureError, ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from dissectors.batch import Bool
+    from dissectors.varieties import SortedPackets
+    from nvscope.analysis import Inquiry
+    from nvscope.capture.source import SourceInfo
+    from nvscope.definition.layouts import Layouts
 
 
 def variables(
     sources: SourcesArgument = None,
     read: ReadOption = None,
+    wanted: FilterOption = None,
     gvl: GvlOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the variables as JSON (nvscope.vars/1).")] = False,
+    project: ProjectOption = None,
+    no_names: NoNamesOption = False,
+    history: Annotated[
+        str | None,
+        typer.Option(
+            "--history",
+            metavar="NAME",
+            help="Show every change of a variable, of all elements of a structure or array, or of what a pattern "
+            "with * stands for. LIST:NAME where several lists have it.",
+        ),
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="With --history: every telegram, not only changes.")] = False,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            "--at",
+            metavar="TIME",
+            help="Show the values as they were: 5s after the first frame, -2s before the end, #1234 (a frame), "
+            "08:00:01.5, or '2026-01-31 08:00:01.5' (Z, +02:00).",
+        ),
+    ] = None,
+    infer: Annotated[
+        bool, typer.Option("--infer", help="Propose layouts of lists without a definition, from their values.")
+    ] = False,
+    listed: Annotated[
+        str | None,
+        typer.Option("--list", metavar="LIST", help="With --history or --infer: only this list (name or identifier)."),
+    ] = None,
+    write: Annotated[
+        str | None,
+        typer.Option(
+            "-w", "--write", metavar="FILE", help="With --infer: the drafted .gvl; of several lists, one file each."
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool,
+        typer.Option("--json", help="Print JSON (nvscope.vars/1, nvscope.history/1, nvscope.at/1, nvscope.infer/1)."),
+    ] = False,
     decode: DecodeOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
@@ -29,35 +86,263 @@ def variables(
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
-    if not gvl:
-        raise UsageError("no definition is given", next_step="name the exported list and its types with --gvl FILE")
+    _check(gvl, history, every, at, infer, listed, write)
+    plant = project_of(project, gvl)
+    if not infer and not plant.files:
+        raise UsageError(
+            "no definition is given",
+            next_step="name the exported list and its types with --gvl FILE or in nvscope.toml, or propose a layout "
+            "with --infer",
+        )
 
-    from nvscope.capture.open import open_source
-    from nvscope.cli.memory import keep_freed_memory
-    from nvscope.cli.progress import ProgressBar
-    from nvscope.definition.layouts import Layouts
-    from nvscope.definition.load import load_definitions
-    from nvscope.engine import track
-    from nvscope.tracker.values import Values
-    from nvscope.view.escape import visible
-    from nvscope.view.variables import variables_document
+    from nvscope.analysis import Inquiry
+    from nvscope.cli.progress import watching
 
-    values = Values(Layouts(load_definitions(gvl)))
-    keep_freed_memory()
-    source = open_source(paths)
-    with ProgressBar(source, quiet=quiet) as progress:
-        state = track(source, ports=ports, values=values, progress=progress)
-    document = variables_document(state, values)
-    if as_json:
+    inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
+    names = {} if no_names else plant.node_names
+    asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names)
+    if infer:
+        infos = _infer(asked, listed, write)
+    elif history is not None:
+        infos = _history(asked, history, listed, every)
+    elif at is not None:
+        infos = _at(asked, at)
+    else:
+        infos = _last_values(asked)
+    if not infer:
+        tell_of_lists(inquiry)
+    if tell_of_losses(infos):
+        raise typer.Exit(ExitCode.DATA_LOSS)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What was asked of which captures, and how it is to be told."""
+
+    inquiry: Inquiry
+    wanted: str | None
+    as_json: bool
+    utc: bool
+    quiet: bool
+    colour: bool
+    names: Mapping[str, str]
+
+    @property
+    def layouts(self) -> Layouts:
+        """The telegrams of the defined lists; UsageError where the files define none."""
+        layouts = self.inquiry.layouts
+        if layouts is None:
+            raise UsageError("the definition files declare types, but no list", next_step="name the exported list too")
+        return layouts
+
+    def choose(self) -> Callable[[SortedPackets], Bool] | None:
+        """Return the filter, to be asked of the batches of a capture in turn; None without one."""
+        if self.wanted is None:
+            return None
+        from nvscope.view.display_filter import PacketChoice
+
+        return PacketChoice(self.inquiry.filter(self.wanted))
+
+    def tell(self, document: Mapping[str, Any], render: Callable[[Mapping[str, Any]], str]) -> None:
+        """Print a document as JSON, or as ``render`` makes it."""
         from nvscope.report import json
 
-        text = json.render(document)
-    else:
-        from nvscope.report import variables as face
+        text = json.render(document) if self.as_json else render(document)
+        typer.echo(text, nl=not text.endswith("\n"), color=self.colour)
 
-        text = face.render(document, colour=colour_wanted(colour), width=width(), utc=utc)
-    typer.echo(text, nl=not text.endswith("\n"), color=colour_wanted(colour))
-    for entry in values.layouts.left_out:
-        typer.echo(f"nvscope: {visible(entry.name)} was not decoded: `nvscope gvl layout` shows why.", err=True)
-    if tell_of_losses(source.infos):
-        raise typer.Exit(ExitCode.DATA_LOSS)
+
+def _check(
+    gvl: Sequence[str] | None,
+    history: str | None,
+    every: bool,
+    at: str | None,
+    infer: bool,
+    listed: str | None,
+    write: str | None,
+) -> None:
+    """Raise UsageError for options that do not go together."""
+    asked = [
+        name
+        for name, given in (("--history", history is not None), ("--at", at is not None), ("--infer", infer))
+        if given
+    ]
+    if len(asked) > 1:
+        raise UsageError(f"{asked[0]} and {asked[1]} exclude each other", next_step="ask for one after the other")
+    if every and history is None:
+        raise UsageError("--all is for --history", next_step="add --history NAME, or leave --all out")
+    if listed is not None and history is None and not infer:
+        raise UsageError("--list is for --history and --infer", next_step="leave --list out")
+    if write is not None and not infer:
+        raise UsageError("-w is for --infer", next_step="`nvscope export` writes values to files")
+    if infer and gvl:
+        raise UsageError(
+            "--infer is for lists without a definition", next_step="leave --gvl out, or --infer to see the values"
+        )
+
+
+def _last_values(asked: _Asked) -> Sequence[SourceInfo]:
+    from nvscope import units
+    from nvscope.cli.memory import keep_freed_memory
+    from nvscope.report import variables as face
+    from nvscope.view.variables import left_out, variables_document
+
+    assert asked.layouts
+    keep_freed_memory()
+    found = asked.inquiry.analyze(asked.wanted, values=True)
+    assert found.values
+    unfitting, truncated = left_out(found.state, found.values)
+    asked.tell(
+        variables_document(found.state, found.values),
+        lambda document: face.render(
+            document, colour=asked.colour, width=width(), utc=asked.utc, node_names=asked.names,
+            some_came=bool(unfitting or truncated),
+        ),
+    )  # fmt: skip
+    if unfitting:
+        _tell_of_unfitting(unfitting)
+    if truncated:
+        told = units.count_of(truncated, "telegram")
+        typer.echo(f"nvscope: {told} of defined lists not captured whole, not decoded (NV107).", err=True)
+    return found.infos
+
+
+def _tell_of_unfitting(count: int) -> None:
+    from nvscope import units
+
+    told = units.count_of(count, "telegram")
+    typer.echo(
+        f"nvscope: {told} of another shape than the definition has, not decoded; "
+        "`nvscope report` with the same definitions tells where they differ (NV405).",
+        err=True,
+    )
+
+
+def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Sequence[SourceInfo]:
+    """Write changes as they are found."""
+    from nvscope.capture.open import open_source
+    from nvscope.cli.progress import ProgressBar
+    from nvscope.definition.selection import select
+    from nvscope.report.history import Json, Text
+    from nvscope.tracker.history import History
+    from nvscope.tracker.summary import list_key
+    from nvscope.view.history import change_row, change_summary
+
+    inquiry = asked.inquiry
+    wanted = select(asked.layouts, name, listed)
+    names = [element for elements in wanted.values() for element in elements]
+    lists = [list_key(port, index) for port, index, _ in wanted]
+    face = Json() if asked.as_json else Text(names, lists, width=width(), colour=asked.colour, utc=asked.utc)
+    history = History(asked.layouts, wanted, every=every, ports=inquiry.ports, choose=asked.choose())
+    source = open_source(inquiry.paths)
+    out = sys.stdout
+    with ProgressBar(source, quiet=asked.quiet or out.isatty()) as progress:
+        out.write(face.begin())
+        for batch in source:
+            for entry in history.observe(batch):
+                out.write(face.line(change_row(entry)))
+            out.flush()
+            progress()
+        out.write(face.end(change_summary(history)))
+        out.flush()
+    if history.unfitting:
+        _tell_of_unfitting(history.unfitting)
+    return source.infos
+
+
+def _at(asked: _Asked, text: str) -> Sequence[SourceInfo]:
+    """Show the values as they were at a time."""
+    from nvscope import units
+    from nvscope.capture.open import open_source
+    from nvscope.report import history as face
+    from nvscope.tracker.moment import Moment
+    from nvscope.view.asked_time import Reference, parse_time
+    from nvscope.view.history import at_document
+
+    inquiry, layouts = asked.inquiry, asked.layouts
+    moment_asked = parse_time("--at", text, utc=asked.utc)
+    end_ns: int | None = None
+    if moment_asked.reference is Reference.END:
+        if "-" in inquiry.paths:
+            raise UsageError(
+                f"--at {text}: stdin has no end that is known before it is there", next_step="name a file instead"
+            )
+        source = open_source(inquiry.paths)
+        with inquiry.watch(source) as progress:
+            for batch in source:
+                if len(batch):
+                    end_ns = max(int(batch.ts_ns.max()), batch.ts_ns[0] if end_ns is None else end_ns)
+                progress()
+    choose = asked.choose()
+    source = open_source(inquiry.paths)
+    moment, time_ns = Moment(layouts, frame=0), 0
+    with inquiry.watch(source) as progress:
+        for batch in source:
+            if not len(batch):
+                continue
+            if moment.start_ns is None:
+                if moment_asked.reference is Reference.FRAME:
+                    moment = Moment(layouts, frame=moment_asked.number, ports=inquiry.ports, choose=choose)
+                else:
+                    time_ns = moment_asked.absolute_ns(int(batch.ts_ns[0]), end_ns, utc=asked.utc)
+                    moment = Moment(layouts, time_ns=time_ns, ports=inquiry.ports, choose=choose)
+            moment.observe(batch)
+            progress()
+    if moment_asked.reference is Reference.FRAME:
+        if moment_asked.number > moment.frames:
+            raise UsageError(f"--at {text}: the capture has {units.count_of(moment.frames, 'frame')}")
+        time_ns = moment.last_frame_ns or 0
+    asked.tell(
+        at_document(moment, layouts, time_ns),
+        lambda document: face.render_at(document, colour=asked.colour, width=width(), utc=asked.utc),
+    )
+    return source.infos
+
+
+def _infer(asked: _Asked, listed: str | None, write: str | None) -> Sequence[SourceInfo]:
+    """Propose layouts, and draft definition files of them."""
+    from nvscope.capture.open import open_source
+    from nvscope.definition.gvl_text import gvl_text
+    from nvscope.report import inference as face
+    from nvscope.tracker.samples import Samples
+    from nvscope.view.inference import drafts, inference_document, proposals
+
+    samples = Samples(asked.inquiry.ports, asked.choose())
+    source = open_source(asked.inquiry.paths)
+    with asked.inquiry.watch(source) as progress:
+        for batch in source:
+            samples.observe(batch)
+            progress()
+    found = proposals(samples, listed)
+    asked.tell(
+        inference_document(found, samples), lambda document: face.render(document, colour=asked.colour, width=width())
+    )
+    if write is None:
+        return source.infos
+    made = drafts(found)
+    if not made:
+        typer.echo(f"nvscope: nothing to draft, {write} was not written.", err=True)
+    for draft, path in zip(made, _draft_paths(write, [(draft.port, draft.list_id) for draft in made]), strict=True):
+        try:
+            path.write_text(gvl_text(draft), encoding="utf-8")
+        except OSError as error:
+            raise CaptureError(
+                f"cannot be written: {error.strerror or error}", where=str(path), next_step="name another file"
+            ) from error
+        note = f"; it does not fit the wire: {draft.problem}" if draft.problem else ""
+        typer.echo(f"nvscope: {path}: draft of list {draft.list_id}, {_CHECK}{note}.", err=True)
+    return source.infos
+
+
+_CHECK = "to be checked against the PLC project"
+
+
+def _draft_paths(write: str, lists: list[tuple[int, int]]) -> list[Path]:
+    """Return the file of each list: as named, or with identifier (and port, if need be) where there are several."""
+    path = Path(write)
+    if len(lists) == 1:
+        return [path]
+    identifiers = [index for _, index in lists]
+    return [
+        path.with_name(f"{path.stem}-{f'{port}-' if identifiers.count(index) > 1 else ''}{index}{path.suffix}")
+        for port, index in lists
+    ]

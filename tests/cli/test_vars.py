@@ -101,10 +101,145 @@ def test_a_telegram_of_another_shape_keeps_its_bytes(tmp_path: Path) -> None:
     assert {entry["id"]: entry["name"] for entry in report["lists"]}[42] == "other"
     (mismatch,) = [finding for finding in report["findings"] if finding["code"] == "NV405"]
     assert (mismatch["list"], mismatch["count"]) == ("udp/1202/42", 199)
-    assert mismatch["message"].endswith("eState at byte 68 is the first that cannot be there, 2 bytes short.")
+    assert "eState at byte 68 is the first that cannot be there, 2 bytes short." in mismatch["message"]
 
 
 def test_variables_need_trees() -> None:
     done = nvscope("packets", str(PEERS / "peers.pcap"), "--gvl", AXIS[0])
     assert (done.returncode, done.stdout) == (2, "")
     assert "-V" in done.stderr
+
+
+PEERS_DEFINED = [
+    option for name in ("axis.gvl", "axis_types.st", "batch.gvl", "recipe.gvl", "counters.gvl")
+    for option in ("--gvl", str(PEERS / name))
+]  # fmt: skip
+CAPTURE = str(PEERS / "peers.pcap")
+
+
+def test_every_change_of_a_variable() -> None:
+    done = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--history", "NSPEED", "--utc")
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert lines[:3] == [
+        "2026-11-21 (UTC)",
+        "10:05:21.150        6  10.77.0.3        19133 (first)",
+        "10:05:21.186        8  10.77.0.3        19133 → -3419",
+    ]
+    assert len([line for line in lines if "→" in line]) == 198
+    assert lines[-3] == "nSpeed    udp/1202/42  10.77.0.3        199      198   47.9 ms  52.4 ms"
+
+
+def test_the_history_of_a_structure_as_data() -> None:
+    done = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--history", "axis:staxis", "--json", "--all")
+    document = json.loads(done.stdout)
+    assert document["schema"] == "nvscope.history/1"
+    assert {row["name"] for row in document["changes"]} == {"stAxis.pos", "stAxis.vel"}
+    assert len(document["changes"]) == 2 * 199
+    assert [(row["name"], row["changes"]) for row in document["variables"]] == [
+        ("stAxis.pos", 198),
+        ("stAxis.vel", 198),
+    ]
+
+
+def test_a_name_that_nothing_has() -> None:
+    done = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--history", "nSped")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "nvscope: no variable is named 'nSped'\n  near it: nSpeed, speed\n"
+    other = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--history", "nSpeed", "--list", "recipe")
+    assert other.returncode == 2
+    no_list = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--history", "nowhere:nSpeed")
+    assert "axis (udp/1202/42)" in no_list.stderr
+
+
+def test_values_as_they_were() -> None:
+    done = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--at", "#100", "--utc")
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert lines[0] == "2026-11-21 10:05:22.228 (UTC), 1.1 s after the first frame, up to frame 100"
+    assert "  speed     15362      INT         11.2 ms" in lines
+    at = {
+        time: json.loads(nvscope("vars", CAPTURE, *PEERS_DEFINED, "--utc", "--json", "--at", time).stdout)
+        for time in ("+1s", "2026-11-21 10:05:22.107Z", "-8.959s", "10:05:22.107", "0s")
+    }
+    assert {document["last_frame"] for time, document in at.items() if time != "0s"} == {88}
+    unseen = [row for row in at["0s"]["variables"] if row["text"] is None]
+    assert {row["list"] for row in unseen} >= {"udp/1202/42", "udp/1202/7"}
+
+
+def test_a_time_that_is_none() -> None:
+    for text, told in (
+        ("soon", "not a time"), ("#9999", "864 frames"), ("#0", "not a time"), ("25:00", "not a time"),
+        ("2026-02-30", "not a time"), ("5000d", "not a time"),
+    ):  # fmt: skip
+        done = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--at", text)
+        assert (done.returncode, done.stdout) == (2, ""), text
+        assert told in done.stderr
+    stdin = nvscope("vars", "-", *PEERS_DEFINED, "--at", "-2s")
+    assert (stdin.returncode, "stdin" in stdin.stderr) == (2, True)
+
+
+def test_layouts_without_a_definition(tmp_path: Path) -> None:
+    draft = tmp_path / "draft.gvl"
+    done = nvscope("vars", CAPTURE, "--infer", "--list", "42", "-w", str(draft))
+    assert done.returncode == 0
+    assert done.stdout.splitlines()[:7] == [
+        "udp/1202/42 from 10.77.0.3: 1 telegram a cycle, every 50.1 ms, 11 sure.",
+        "",
+        "  SubIndex 0: Items 11, Length 88, 199 telegrams",
+        "  Offset  Bytes  Type        Grade  Evidence                     Or",
+        "       0      1  BOOL        sure   FALSE and TRUE only",
+        "       1      2  INT         sure   -29686 to 29690              UINT",
+        "       3      4  REAL        sure   REAL 0.0131845 to 98.1761",
+    ]
+    assert str(draft) in done.stderr
+    shown = nvscope("vars", CAPTURE, "--gvl", str(draft))
+    assert shown.stdout.startswith("udp/1202/42 draft from 10.77.0.3, 199 telegrams")
+    known = [element["bytes"] for element in _elements(*AXIS)]
+    assert [element["bytes"] for element in _elements(str(draft))] == known
+
+
+def _elements(*files: str) -> list[dict[str, int]]:
+    (entry,) = json.loads(nvscope("gvl", "layout", "--json", *files).stdout)["lists"]
+    found: list[dict[str, int]] = entry["telegrams"][0]["elements"]
+    return found
+
+
+def test_each_list_has_a_draft_of_its_own(tmp_path: Path) -> None:
+    done = nvscope("vars", CAPTURE, "--infer", "--json", "-w", str(tmp_path / "draft.gvl"))
+    document = json.loads(done.stdout)
+    assert document["schema"] == "nvscope.infer/1"
+    assert [(entry["list"], entry["reproducible"]) for entry in document["lists"]] == [
+        ("udp/1202/1", True), ("udp/1202/3", True), ("udp/1202/7", True), ("udp/1202/42", True),
+    ]  # fmt: skip
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "draft-1.gvl", "draft-3.gvl", "draft-42.gvl", "draft-7.gvl",
+    ]  # fmt: skip
+    drafts = [option for path in tmp_path.iterdir() for option in ("--gvl", str(path))]
+    report = json.loads(nvscope("report", CAPTURE, "--json", *drafts).stdout)
+    assert not [finding for finding in report["findings"] if finding["code"] == "NV405"]
+
+
+def test_options_that_do_not_go_together() -> None:
+    for options in (
+        ["--history", "a", "--at", "1s"], ["--all"], ["--list", "7"], ["-w", "x.gvl"], ["--infer", "--at", "1s"],
+    ):  # fmt: skip
+        done = nvscope("vars", CAPTURE, *PEERS_DEFINED, *options)
+        assert (done.returncode, done.stdout) == (2, ""), options
+    both = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--infer")
+    assert (both.returncode, "--gvl" in both.stderr) == (2, True)
+    unknown = nvscope("vars", CAPTURE, "--infer", "--list", "77")
+    assert (unknown.returncode, "udp/1202/42" in unknown.stderr) == (2, True)
+
+
+def test_the_report_as_data_has_the_values_of_defined_lists() -> None:
+    plain = json.loads(nvscope("report", CAPTURE, "--json").stdout)
+    assert all("values" not in entry for entry in plain["lists"])
+    report = json.loads(nvscope("report", CAPTURE, "--json", *PEERS_DEFINED).stdout)
+    variables = json.loads(nvscope("vars", CAPTURE, "--json", *PEERS_DEFINED).stdout)["variables"]
+    told = [
+        {"list": entry["key"], "list_name": entry["name"], **row}
+        for entry in report["lists"]
+        for row in entry["values"]
+    ]
+    assert told == variables

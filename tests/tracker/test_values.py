@@ -52,7 +52,9 @@ def telegrams_of(definition: ListDefinition, seed: int, count: int) -> list[tupl
 
 
 def seen(kind: Any, raw: bytes) -> bytes:
-    """Return what of an element's bytes counts: of strings, what stands before the end."""
+    """Return what of an element's bytes counts: of strings, what stands before the end, of a BOOL, whether it is 0."""
+    if kind is BOOL:
+        return bytes([any(raw)])
     if not isinstance(kind, String):
         return raw
     step = 2 if kind.wide else 1

@@ -1,0 +1,123 @@
+"""Layouts that are proposed from values, against lists whose layout is known; and drafts, read again."""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nvscope.definition.gvl_text import drafted, gvl_text
+from nvscope.definition.infer import GUESS, SURE, Proposal, infer, least_first_bytes
+from nvscope.definition.load import load_definitions
+from nvscope.definition.packing import pack
+from tests.definition.realistic import realistic_list, telegrams_of
+
+ROWS = 200
+TIMES_NS = np.arange(ROWS) * 50_000_000
+
+
+def proposed(seed: int) -> tuple[set[tuple[int, int]], Proposal]:
+    """Return the spans that a random list has, and what is proposed from its telegrams."""
+    types, movements = realistic_list(seed)
+    data = telegrams_of(types, movements, ROWS, seed)
+    spans, offset = set(), 0
+    for kind in types:
+        spans.add((offset, kind.size_bytes))
+        offset += kind.size_bytes
+    return spans, infer(len(types), data, data, TIMES_NS)
+
+
+def test_most_fields_of_usual_lists_are_found_and_sure_ones_nearly_always() -> None:
+    found, right = Counter[str](), Counter[str]()
+    for seed in range(40):
+        spans, proposal = proposed(seed)
+        for field in proposal.layouts[0].fields:
+            found[field.grade] += 1
+            right[field.grade] += (field.offset, field.size_bytes) in spans
+    assert right.total() > 0.85 * found.total()
+    assert found[SURE] > 0.25 * found.total()
+    assert right[SURE] >= 0.98 * found[SURE]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.binary(min_size=1, max_size=40), st.integers(1, 12), st.integers(1, 40), st.integers(0, 99))
+def test_whatever_is_proposed_fills_the_telegram(raw: bytes, rows: int, items: int, seed: int) -> None:
+    choice = random.Random(seed)
+    data = np.array([[byte if choice.random() < 0.8 else choice.randrange(256) for byte in raw] for _ in range(rows)])
+    table = data.astype(np.uint8)
+    proposal = infer(items, table, table, np.arange(rows) * 1_000_000)
+    assert bool(proposal.layouts) != bool(proposal.reason)
+    if items <= len(raw):
+        assert proposal.layouts or items < 3
+    for layout in proposal.layouts:
+        assert len(layout.fields) == items
+        ends = [field.offset + field.size_bytes for field in layout.fields]
+        assert [field.offset for field in layout.fields] == [0, *ends[:-1]]
+        assert ends[-1] == len(raw)
+        assert all(0 <= field.probability <= 1.000001 for field in layout.fields)
+        assert all(field.evidence.isascii() and field.evidence.isprintable() for field in layout.fields)
+        if rows < 8:
+            assert {field.grade for field in layout.fields} == {GUESS}
+
+
+def test_what_speaks_for_a_field_is_said() -> None:
+    rows = [
+        struct.pack("<BHf11sI", number % 3 == 0, 1000 + number, 20 + 5 * np.sin(number / 9), b"Anlage 3", 50 * number)
+        for number in range(ROWS)
+    ]
+    data = np.frombuffer(b"".join(rows), np.uint8).reshape(ROWS, -1)
+    (best, *_) = infer(5, data, data, TIMES_NS).layouts
+    assert [(field.offset, field.type.name, field.evidence) for field in best.fields] == [
+        (0, "BOOL", "FALSE and TRUE only"),
+        (1, "UINT", "counts by 1, 1000 to 1199"),
+        (3, "REAL", "REAL 15 to 24.9994, smooth"),
+        (7, "STRING(10)", "text 'Anlage 3'"),
+        (18, "TIME", "milliseconds, running with the clock"),
+    ]
+
+
+def test_the_rule_of_packing_says_how_large_a_first_field_is() -> None:
+    assert least_first_bytes([256]) == 1
+    assert least_first_bytes([256, 250]) == 7
+    assert least_first_bytes([300]) == 0
+    zeros = np.zeros((ROWS, 9), np.uint8)
+    first = infer(2, zeros, zeros, TIMES_NS, least_first_bytes=7).layouts[0].fields[0]
+    assert first.size_bytes >= 7
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_a_draft_gives_the_telegrams_on_the_wire(tmp_path: Path, packed: bool) -> None:
+    telegrams = [(0, proposed(0)[1])] if packed else [(number, _lone(number)) for number in range(3)]
+    draft = drafted(
+        7, 1300, "10.0.0.255", telegrams, acknowledge=True, checksum=False, interval_ns=49_700_000, notes=["]]> *) {x"]
+    )
+    assert draft.problem == ""
+    path = tmp_path / "draft.gvl"
+    path.write_text(gvl_text(draft), encoding="utf-8")
+    (entry,) = load_definitions([str(path)]).lists
+    assert (entry.list_id, entry.port, entry.address, entry.pack) == (7, 1300, "10.0.0.255", packed)
+    assert (entry.acknowledge, entry.checksum, entry.cyclic, entry.interval_ns) == (True, False, True, 50_000_000)
+    assert [(layout.items, layout.length - 20) for layout in pack(entry)] == [
+        (proposal.items, proposal.size_bytes) for _, proposal in telegrams
+    ]
+
+
+def _lone(number: int) -> Proposal:
+    data = telegrams_of(*realistic_list(number), ROWS, number)[:, : 2 + number]
+    return infer(1, data, data, TIMES_NS)
+
+
+def test_a_draft_that_would_be_packed_differently_says_so() -> None:
+    zeros = np.zeros((ROWS, 8), np.uint8)
+    told = infer(8, zeros, zeros, TIMES_NS)
+    draft = drafted(7, 1202, "", [(0, told), (1, told)], acknowledge=False, checksum=False, interval_ns=None)
+    assert "cut elsewhere" in draft.problem
+    assert draft.problem in gvl_text(draft)
+    gap = drafted(7, 1202, "", [(0, told), (2, told)], acknowledge=False, checksum=False, interval_ns=None)
+    assert "SubIndex 1 was not captured" in gap.problem

@@ -1,0 +1,152 @@
+"""Changes of variables, values at a time, and samples, against what one telegram after the other says."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from typing import Any
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nvscope.definition.layouts import Layouts
+from nvscope.definition.model import Definition, Type
+from nvscope.definition.packing import pack
+from nvscope.definition.selection import select
+from nvscope.tracker import samples as sampling
+from nvscope.tracker.history import History
+from nvscope.tracker.moment import Moment
+from nvscope.tracker.samples import Samples
+from nvscope.view.history import at_document, change_row, change_summary
+from tests.definition.lists import INT, REAL, VARIABLES, list_of, telegram
+from tests.oracle.frame import Frame
+from tests.packets import batch_of
+from tests.tracker.test_values import START_NS, seen, telegrams_of
+
+
+def shaken(sent: list[tuple[Frame, int, list[bytes]]], seed: int) -> list[tuple[Frame, int, list[bytes]]]:
+    """Return frames with times that now and then step back."""
+    choice = random.Random(seed)
+    now, told = START_NS, []
+    for frame, subindex, parts in sent:
+        now += choice.choice([0, 1, 5, 5, -7]) * 1_000_000
+        told.append((Frame(now, frame.link, frame.data, frame.original), subindex, parts))
+    return told
+
+
+def told_by(history: History, frames: list[Frame], cut: int) -> list[dict[str, Any]]:
+    """Return the rows of a history that gets frames some at a time."""
+    whole = batch_of(frames)
+    return [
+        change_row(entry)
+        for begin in range(0, len(frames), cut)
+        for entry in history.observe(whole[begin : begin + cut])
+    ]
+
+
+@settings(deadline=None)
+@given(VARIABLES, st.booleans(), st.booleans(), st.integers(0, 10_000), st.integers(1, 40), st.integers(1, 40))
+def test_a_history_is_that_of_one_telegram_after_the_other(
+    types: list[Type], packed: bool, every: bool, seed: int, count: int, cut: int
+) -> None:
+    definition = list_of(types, pack=packed)
+    sent = shaken(telegrams_of(definition, seed, count), seed)
+    layouts = Layouts(Definition((definition,)))
+    history = History(layouts, select(layouts, "*"), every=every)
+    rows = told_by(history, [frame for frame, _, _ in sent], cut)
+
+    expected = []
+    before: dict[int, list[bytes]] = {}
+    changes: dict[tuple[int, int], list[int]] = {}
+    for number, (frame, subindex, parts) in enumerate(sent):
+        elements = pack(definition)[subindex].elements
+        old = before.get(subindex)
+        for place, element in enumerate(elements):
+            changed = old is not None and seen(element.type, old[place]) != seen(element.type, parts[place])
+            if changed:
+                changes.setdefault((subindex, place), []).append(frame.ts_ns)
+            if changed or old is None or every:
+                expected.append((number + 1, str(frame.ts_ns), element.name, changed, old is None))
+        before[subindex] = parts
+    assert [
+        (row["frame"], row["time_ns"], row["name"], row["changed"], row["old_text"] is None) for row in rows
+    ] == expected
+
+    for row in change_summary(history):
+        elements = pack(definition)[row["subindex"]].elements
+        place = [element.name for element in elements].index(row["name"])
+        times = changes.get((row["subindex"], place), [])
+        between = [later - sooner for sooner, later in itertools.pairwise(times) if later >= sooner]
+        assert row["changes"] == len(times)
+        assert (row["shortest_ns"], row["longest_ns"]) == (min(between, default=None), max(between, default=None))
+
+
+@settings(deadline=None)
+@given(VARIABLES, st.booleans(), st.integers(0, 10_000), st.integers(1, 40), st.integers(1, 40), st.integers(-3, 60))
+def test_a_moment_is_the_last_frame_that_is_not_later(
+    types: list[Type], packed: bool, seed: int, count: int, cut: int, at_ms: int
+) -> None:
+    definition = list_of(types, pack=packed)
+    sent = shaken(telegrams_of(definition, seed, count), seed)
+    layouts = Layouts(Definition((definition,)))
+    time_ns = START_NS + at_ms * 1_000_000
+    frames = [frame for frame, _, _ in sent]
+    moment, whole = Moment(layouts, time_ns=time_ns), batch_of(frames)
+    for begin in range(0, count, cut):
+        moment.observe(whole[begin : begin + cut])
+
+    counted = [number + 1 for number, frame in enumerate(frames) if frame.ts_ns <= time_ns]
+    until = max(counted, default=0)
+    by_frame = Moment(layouts, frame=until)
+    by_frame.observe(whole)
+    assert moment.last_frame == by_frame.last_frame == until
+    rows = at_document(moment, layouts, time_ns)["variables"]
+    assert rows == at_document(by_frame, layouts, time_ns)["variables"]
+    last = {subindex: (number + 1, parts) for number, (_, subindex, parts) in enumerate(sent[:until])}
+    for row in rows:
+        assert row["frame"] == (last[row["subindex"]][0] if row["subindex"] in last else None)
+        if row["frame"] is not None:
+            assert row["age_ns"] == time_ns - frames[row["frame"] - 1].ts_ns
+
+
+def test_a_change_has_its_old_value_and_strings_end_at_their_nul() -> None:
+    layouts = Layouts(Definition((list_of([INT, REAL]),)))
+    frames = [
+        telegram(bytes([number, 0, 0, 0, 0x48, 0x41]), 2, subindex=0, counter=number, ts_ns=START_NS + number)
+        for number in (1, 2, 2)
+    ]
+    history = History(layouts, select(layouts, "V0"))
+    rows = told_by(history, frames, 2)
+    assert [(row["frame"], row["old"], row["new"]) for row in rows] == [(1, None, 1), (2, 1, 2)]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 400), st.integers(1, 400), st.integers(0, 1000))
+def test_a_sample_does_not_depend_on_how_a_capture_is_cut(count: int, cut: int, seed: int) -> None:
+    choice = random.Random(seed)
+    frames = [
+        telegram(
+            choice.randbytes(choice.choice([5, 5, 5, 6])), 2, subindex=choice.randrange(2), counter=0,
+            ts_ns=START_NS + number,
+        )
+        for number in range(count)
+    ]  # fmt: skip
+    whole = batch_of(frames)
+    usual_rows, sampling.MOST_ROWS = sampling.MOST_ROWS, 16
+    try:
+        found = []
+        for step in (cut, count):
+            samples = Samples()
+            for begin in range(0, count, step):
+                samples.observe(whole[begin : begin + step])
+            found.append(samples.usual())
+        for (one, others), (two, others_too) in zip(*found, strict=True):
+            assert (one.stream.subindex, one.telegrams, one.every, others) == (
+                two.stream.subindex, two.telegrams, two.every, others_too,
+            )  # fmt: skip
+            assert np.array_equal(one.data, two.data)
+            assert np.array_equal(one.first_ns, two.first_ns)
+            assert len(one.data) <= 32
+    finally:
+        sampling.MOST_ROWS = usual_rows
