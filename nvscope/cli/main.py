@@ -9,15 +9,16 @@ from typing import NoReturn, cast
 
 import typer
 
-from nvscope import __version__
 from nvscope.cli import gvl
 from nvscope.cli.explain import explain
+from nvscope.cli.export import export
 from nvscope.cli.keys import keys
 from nvscope.cli.packets import packets
 from nvscope.cli.report import report
 from nvscope.cli.simulate import simulate
 from nvscope.cli.vars import variables
 from nvscope.errors import CaptureError, ExitCode, NvscopeError
+from nvscope.version import __version__
 
 app = typer.Typer(
     name="nvscope",
@@ -27,7 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for verb in (report, packets, explain, keys, simulate):
+for verb in (report, packets, export, explain, keys, simulate):
     app.command()(verb)
 app.command("vars")(variables)
 app.add_typer(gvl.app, name="gvl")

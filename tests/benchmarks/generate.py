@@ -302,8 +302,7 @@ class FrameWriter:
         sizes, firsts = np.unique(data_bytes[sorted_rows], return_index=True)
         for size, group in zip(sizes, np.split(sorted_rows, firsts[1:]), strict=True):
             if size:
-                variant = self.first_row[events.stream[group]] + (events.counter[group] >> 2) % PAYLOAD_VARIANTS
-                _scatter(block, starts[group] + FRAME.itemsize, self.pools[int(size)][variant])
+                _scatter(block, starts[group] + FRAME.itemsize, self.data(events[group], int(size)))
 
         for kind, frame in self.ready_made.items():
             group = np.flatnonzero(events.kind == kind)
@@ -313,6 +312,11 @@ class FrameWriter:
             records["frame"] = np.frombuffer(frame, np.uint8)
             _scatter(block, starts[group], records)
         file.write(block.data)
+
+    def data(self, events: Events, size: int) -> U8:
+        """Return what follows the headers of telegrams with equally many bytes of data, of shape (n, size)."""
+        variant = self.first_row[events.stream] + (events.counter >> 2) % PAYLOAD_VARIANTS
+        return self.pools[size][variant]
 
     def heads(self, events: Events, data_bytes: I64, numbers: I64) -> npt.NDArray[np.void]:
         """Return record, Ethernet, IP, UDP and telegram headers as a structured array of shape (n,)."""

@@ -1,0 +1,85 @@
+"""Columns as Arrow has them: what is there in numpy is not copied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from dissectors.batch import I64, Bool
+from nvscope.expression.columns import FieldType, Numbers
+from nvscope.view.utf8 import Utf8Column
+from nvscope.view.value_columns import ValueColumn
+
+MOMENT = pa.timestamp("ns", tz="UTC")
+"""When a telegram was captured."""
+
+LABEL = pa.dictionary(pa.int32(), pa.string())
+"""Texts of which few are different."""
+
+_TYPES = {
+    FieldType.BOOL: pa.bool_(),
+    FieldType.DURATION: pa.duration("ns"),
+    FieldType.TIME: pa.timestamp("ns"),  # that of the controller, whose zone nobody knows
+    FieldType.TEXT: pa.string(),
+    FieldType.BYTES: pa.binary(),
+}
+
+
+def arrow_type(kind: FieldType, dtype: str = "") -> Any:
+    """Return the Arrow type of a column; ``dtype`` is that of numpy where the column holds numbers."""
+    return _TYPES[kind] if kind in _TYPES else pa.from_numpy_dtype(np.dtype(dtype))
+
+
+class Spread:
+    """Where the rows of a column lie in one of ``count`` rows; the others are null."""
+
+    def __init__(self, at: I64, count: int) -> None:
+        self.at = at
+        self.count = count
+        self.valid: Bool = np.zeros(count, np.bool_)
+        self.valid[at] = True
+        self.bits = bits_of(self.valid)
+
+
+def bits_of(flags: Bool) -> Any:
+    """Return flags as Arrow lays them out, a bit each."""
+    return pa.py_buffer(np.packbits(flags, bitorder="little"))
+
+
+def array_of(column: ValueColumn, kind: Any, spread: Spread | None = None) -> Any:
+    """Return a column as an Arrow array of a type; where it is ``spread``, with nulls in between."""
+    if isinstance(column, Utf8Column):
+        return _spans(column.offset, column.data, kind, spread)
+    if column.ndim == 2:
+        offset = np.arange(len(column) + 1, dtype=np.int64) * column.shape[1]
+        return _spans(offset, np.ascontiguousarray(column).reshape(-1), kind, spread)
+    if spread is None:
+        return with_nulls(column, None, kind)
+    full = np.zeros(spread.count, column.dtype)
+    full[spread.at] = column
+    return with_nulls(full, spread.bits, kind)
+
+
+def with_nulls(column: Numbers, valid_bits: Any, kind: Any) -> Any:
+    """Return numbers or bools as an Arrow array; ``valid_bits`` (``bits_of``) tell which are no nulls, None: all."""
+    data = bits_of(column) if column.dtype == np.bool_ else pa.py_buffer(np.ascontiguousarray(column))
+    return pa.Array.from_buffers(kind, len(column), [valid_bits, data])
+
+
+def _spans(offset: I64, data: Numbers, kind: Any, spread: Spread | None) -> Any:
+    if spread is not None:
+        length = np.zeros(spread.count, np.int64)
+        length[spread.at] = np.diff(offset)
+        offset = np.append(0, np.cumsum(length))
+    # Arrow's offsets are 32 bits wide; what is written at once is far smaller.
+    buffers = [spread.bits if spread else None, pa.py_buffer(offset.astype(np.int32)), pa.py_buffer(data)]
+    return pa.Array.from_buffers(kind, len(offset) - 1, buffers)
+
+
+def labels(code: Any, texts: Sequence[str], valid: Bool | None = None) -> Any:
+    """Return texts by their place in a table; null where not ``valid``."""
+    mask = None if valid is None else ~valid
+    return pa.DictionaryArray.from_arrays(pa.array(code.astype(np.int32), mask=mask), pa.array(texts, pa.string()))

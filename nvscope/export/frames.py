@@ -1,0 +1,61 @@
+"""Values and telegrams as data frames in memory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from nvscope.export.long import SCHEMA, LongTable
+from nvscope.export.wide import WideTable, WideTables
+from nvscope.tracker.summary import list_key
+from nvscope.view.defined_telegrams import DefinedTelegrams
+
+if TYPE_CHECKING:
+    import polars as pl
+
+
+class Collected:
+    """Tables of one schema, kept; a ``TableFile`` that is no file."""
+
+    def __init__(self, schema: Any) -> None:
+        self._schema = schema
+        self._tables: list[Any] = []
+
+    def write(self, table: Any) -> None:
+        """Keep a table."""
+        self._tables.append(table)
+
+    def close(self) -> None:
+        """Nothing has to be done."""
+
+    def frame(self) -> pl.DataFrame:
+        """Return all that was written as one data frame."""
+        import polars as pl  # noqa: PLC0415
+
+        whole = pa.concat_tables(self._tables) if self._tables else self._schema.empty_table()
+        frame = pl.from_arrow(whole)
+        assert isinstance(frame, pl.DataFrame)
+        return frame
+
+
+def wide_frame(telegrams: DefinedTelegrams) -> pl.DataFrame:
+    """Return the telegrams of one list, a column a variable."""
+    table = WideTable([layout for _, layout in telegrams.places], lambda: telegrams.senders)
+    collected = Collected(table.schema)
+    wide = WideTables([table], lambda _: collected, telegrams.places)
+    for rows in telegrams:
+        wide.add(rows)
+    wide.finish()
+    return collected.frame()
+
+
+def long_frame(telegrams: DefinedTelegrams) -> pl.DataFrame:
+    """Return the values of all telegrams below each other."""
+    collected = Collected(SCHEMA)
+    keys = [list_key(*key) for key in telegrams.keys]
+    long = LongTable(telegrams.places, keys, lambda: telegrams.senders, collected)
+    for rows in telegrams:
+        long.add(rows)
+    long.finish()
+    return collected.frame()

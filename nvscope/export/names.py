@@ -1,0 +1,48 @@
+"""Names of columns, and of the values of enumerations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.definition.model import Element, Enumeration
+from nvscope.expression.columns import Numbers
+
+_NAME_SUFFIX = ".name"
+
+
+class Names:
+    """Gives each variable a column of its own name; ``var.`` goes in front of one that is taken already."""
+
+    def __init__(self, taken: set[str]) -> None:
+        self._taken = set(taken)
+
+    def free(self, element: Element) -> tuple[str, str]:
+        """Return the names of an element's column, and of the column with its value's name, empty where it has none."""
+        name = self._free(element.name)
+        return name, self._free(name + _NAME_SUFFIX) if isinstance(element.type, Enumeration) else ""
+
+    def _free(self, name: str) -> str:
+        while name in self._taken:
+            name = f"var.{name}"
+        self._taken.add(name)
+        return name
+
+
+def value_names(kind: Enumeration, numbers: Numbers) -> tuple[I64, Sequence[str]]:
+    """Return the names of an enumeration's values as places in a table, -1 where a number has none.
+
+    Of several names of one number, the first.
+    """
+    by_number: dict[int, str] = {}
+    for name, number in kind.values.items():
+        by_number.setdefault(number, name)
+    bounds = np.iinfo(numbers.dtype)
+    known = sorted(number for number in by_number if bounds.min <= number <= bounds.max)
+    if not known:
+        return np.full(len(numbers), -1), [""]
+    table = np.array(known, numbers.dtype)
+    place = np.minimum(np.searchsorted(table, numbers), len(table) - 1)
+    return np.where(table[place] == numbers, place, -1), [by_number[number] for number in known]

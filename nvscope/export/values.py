@@ -1,0 +1,87 @@
+"""The values of defined lists to files: wide, a file a list, or long, all in one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from nvscope.definition.model import ListDefinition
+from nvscope.errors import UsageError
+from nvscope.export.files import Files, table_file
+from nvscope.export.long import SCHEMA, LongTable
+from nvscope.export.wide import Slabs, WideTable, WideTables
+from nvscope.tracker.summary import list_key
+from nvscope.units import count
+from nvscope.view.defined_telegrams import DefinedTelegrams
+
+MAX_FILES = 500
+MAX_COLUMNS = 10_000
+
+_UNSAFE = re.compile(r"[^\w-]+")
+_MOST_NAME = 80
+
+
+def write_wide(
+    telegrams: DefinedTelegrams, paths: Sequence[str], files: Files, progress: Callable[[], None]
+) -> list[int]:
+    """Write the telegrams of each list to the file of its number; return how many there are of each.
+
+    Raises UsageError for more lists or columns than can be written side by side.
+    """
+    if len(paths) > MAX_FILES:
+        raise UsageError(
+            f"{count(len(paths))} lists are more than can be written side by side",
+            next_step="choose some with --list, or write one file of all with --form long",
+        )
+    layouts: list[list[Any]] = [[] for _ in paths]
+    for number, layout in telegrams.places:
+        layouts[number].append(layout)
+    for of_list in layouts:
+        columns = sum(layout.items for layout in of_list)
+        if columns > MAX_COLUMNS:
+            raise UsageError(
+                f"list {of_list[0].list.name} has {count(columns)} variables, more than a table can have columns",
+                next_step="write them below each other with --form long, or choose other lists with --list",
+            )
+    slabs = Slabs()
+    tables = [WideTable(of_list, lambda: telegrams.senders, slabs) for of_list in layouts]
+    # Opened at once: that one cannot be written is to be said before a long capture is read.
+    opened = [files.open(path) for path in paths]
+    wide = WideTables(
+        tables, lambda number: table_file(opened[number], tables[number].schema), telegrams.places
+    )  # fmt: skip
+    for rows in telegrams:
+        wide.add(rows)
+        progress()
+    wide.finish()
+    return wide.rows
+
+
+def write_long(telegrams: DefinedTelegrams, path: str, files: Files, progress: Callable[[], None]) -> int:
+    """Write the values of all telegrams to one file; return how many telegrams there are."""
+    keys = [list_key(*key) for key in telegrams.keys]
+    long = LongTable(telegrams.places, keys, lambda: telegrams.senders, table_file(files.open(path), SCHEMA))
+    for rows in telegrams:
+        long.add(rows)
+        progress()
+    long.finish()
+    return long.telegrams
+
+
+def paths_of(path: str, lists: Sequence[tuple[tuple[int, int], ListDefinition]]) -> list[str]:
+    """Return the file of each list: with one list ``path``, with several its name in front of the ending."""
+    if len(lists) == 1:
+        return [path]
+    whole = Path(path)
+    found: list[str] = []
+    taken: set[str] = set()
+    for (port, index), entry in lists:
+        name = _UNSAFE.sub("_", entry.name)[:_MOST_NAME] or "list"
+        # Names that differ in case only are one to some file systems.
+        if name.lower() in taken:
+            name = f"{name}-{port}-{index}"
+        taken.add(name.lower())
+        found.append(str(whole.with_name(f"{whole.stem}.{name}{whole.suffix}")))
+    return found

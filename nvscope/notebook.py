@@ -1,0 +1,201 @@
+"""Captures in notebooks and scripts: what the program knows of them, as polars data frames.
+
+::
+
+    import nvscope
+
+    plant = nvscope.open("plant.pcapng", definitions=["axis.gvl", "types.st"])
+    plant.findings
+    plant.values("axis")
+
+Nothing is read before it is asked for. Errors are those of ``nvscope.errors``.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from nvscope.analysis import Inquiry
+from nvscope.definition.project import find_project, read_project
+from nvscope.errors import UsageError
+from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
+from nvscope.tracker.summary import list_key
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from nvscope.definition.model import ListDefinition
+
+AnyPath = str | os.PathLike[str]
+
+
+def open_captures(
+    captures: AnyPath | Sequence[AnyPath],
+    definitions: AnyPath | Sequence[AnyPath] | None = None,
+    *,
+    project: AnyPath | bool | None = None,
+    where: str | None = None,
+) -> Captures:
+    """Return capture files, or all those of a directory, as one timeline that can be asked.
+
+    ``definitions`` are files that the PLC project exports, with those of the types they use; they take the place of
+    those that a project file names. ``project`` is that file; True looks for ``nvscope.toml`` upwards from the working
+    directory. ``where`` is a display filter.
+    """
+    files = None if definitions is None else _paths(definitions)
+    found = find_project(Path.cwd()) if project is True else Path(project) if project else None
+    return Captures(Inquiry(_paths(captures), read_project(found, files)), where)
+
+
+def _paths(given: AnyPath | Sequence[AnyPath]) -> list[str]:
+    if isinstance(given, str | os.PathLike):
+        return [os.fspath(given)]
+    return [os.fspath(path) for path in given]
+
+
+class Captures:
+    """Captures that were opened with ``nvscope.open``: their lists, streams, findings, telegrams and values."""
+
+    def __init__(self, inquiry: Inquiry, where: str | None = None) -> None:
+        self._inquiry = inquiry
+        self._where = where
+
+    def __repr__(self) -> str:
+        shown = f", where={self._where!r}" if self._where else ""
+        return f"nvscope.open({list(self._inquiry.paths)!r}{shown})"
+
+    def where(self, expression: str) -> Captures:
+        """Return the same captures with a display filter (-Y) of this expression instead of the present one."""
+        return Captures(self._inquiry, expression)
+
+    @cached_property
+    def report(self) -> dict[str, Any]:
+        """The report as data (schema ``nvscope.report/1``), as ``nvscope report --json`` prints it."""
+        return self._inquiry.report(self._inquiry.analyze(self._where))
+
+    @cached_property
+    def lists(self) -> pl.DataFrame:
+        """A row a list: key, who sends and reads it, NetVarUDPDiagStruct, and all counters."""
+        rows = [entry | entry["diag"] | entry["counters"] for entry in self.report["lists"]]
+        kinds: dict[str, _Kind] = {"key": str, "port": int, "id": int, "name": str, "senders": [str], "readers": [str]}
+        kinds |= {one.name: _KIND_OF_UNIT.get(one.unit, int) for one in (*DIAGNOSIS, *LIST_COUNTERS)}
+        return _frame(rows, kinds)
+
+    @cached_property
+    def streams(self) -> pl.DataFrame:
+        """A row a stream: list, node, SubIndex, its counters, and its intervals as ``interval_p50`` and so on."""
+        rows = []
+        for entry in self.report["lists"]:
+            for stream in entry["streams"]:
+                intervals = {f"interval_{name}": value for name, value in stream["interval_ns"].items()}
+                rows.append({"list": entry["key"]} | stream | intervals)
+        kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "telegrams": int, "counter_scope": str}
+        kinds |= dict.fromkeys(STREAM_FIGURES, int) | {"items": int, "length": int, "checksum": int}
+        kinds |= {"interval_count": int} | {f"interval_{name}": "duration" for name in _INTERVALS}
+        return _frame(rows, kinds)
+
+    @cached_property
+    def findings(self) -> pl.DataFrame:
+        """A row a finding, the worst first; ``first`` and ``last`` are the times of its events."""
+        rows = [one | {"first": one["first_ns"], "last": one["last_ns"]} for one in self.report["findings"]]
+        kinds: dict[str, _Kind] = dict.fromkeys(("code", "name", "severity", "list", "node"), str)
+        kinds |= {"subindex": int, "count": int, "first": "time", "last": "time", "frames": [int]}
+        return _frame(rows, kinds | {"message": str, "hint": str})
+
+    def telegrams(self, *fields: str) -> pl.DataFrame:
+        """Return a row a telegram and a column a field; without ``fields`` those of the header.
+
+        UsageError for a field that there is not: ``nvscope keys --fields`` lists them.
+        """
+        from nvscope.capture.open import open_source  # noqa: PLC0415
+        from nvscope.export.frames import Collected  # noqa: PLC0415
+        from nvscope.export.telegrams import TelegramTable  # noqa: PLC0415
+        from nvscope.view.fields import DEFAULT_FIELDS, output_field  # noqa: PLC0415
+        from nvscope.view.telegrams import Telegrams  # noqa: PLC0415
+
+        inquiry = self._inquiry
+        table = TelegramTable([output_field(name, inquiry.fields) for name in fields] or DEFAULT_FIELDS)
+        collected = Collected(table.schema)
+        table.open(collected)
+        chosen = None if self._where is None else inquiry.filter(self._where)
+        for rows in Telegrams(open_source(inquiry.paths), ports=inquiry.ports, chosen=chosen):
+            table.add(rows)
+        table.finish()
+        return collected.frame()
+
+    def values(self, name: str | None = None, *, form: Literal["wide", "long"] = "wide") -> pl.DataFrame:
+        """Return the values of the variables that definitions name.
+
+        ``wide``: a row a telegram and a column a variable, of the list that ``name`` says (name, identifier or key; not
+        needed where there is only one). ``long``: a row a variable and telegram, of all lists or of that one. What a
+        telegram did not send is null. Times of the type are durations or times; an enumeration has a second column with
+        the names. UsageError where no such list is defined.
+        """
+        from nvscope.capture.open import open_source  # noqa: PLC0415
+        from nvscope.export.frames import long_frame, wide_frame  # noqa: PLC0415
+        from nvscope.view.defined_telegrams import DefinedTelegrams  # noqa: PLC0415
+        from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
+
+        inquiry = self._inquiry
+        lists = self._defined(name)
+        if form == "wide" and len(lists) > 1:
+            raise UsageError(
+                "several lists are defined, and each is a table of its own",
+                next_step=f"name one of {_named(lists)}, or ask for form='long'",
+            )
+        assert inquiry.layouts is not None
+        choose = None if self._where is None else PacketChoice(inquiry.filter(self._where))
+        telegrams = DefinedTelegrams(
+            open_source(inquiry.paths), inquiry.layouts, keys=list(lists), ports=inquiry.ports, choose=choose
+        )
+        return wide_frame(telegrams) if form == "wide" else long_frame(telegrams)
+
+    def _defined(self, name: str | None) -> dict[tuple[int, int], ListDefinition]:
+        layouts = self._inquiry.layouts
+        lists = dict(layouts.lists()) if layouts else {}
+        lists = {key: entry for key, entry in lists.items() if layouts and layouts.telegrams_of(*key)}
+        if not lists:
+            raise UsageError("no list is defined", next_step="give nvscope.open the definitions of the PLC project")
+        if name is None:
+            return lists
+        wanted = name.strip().lower()
+        found = {
+            key: entry for key, entry in lists.items() if wanted in (entry.name.lower(), str(key[1]), list_key(*key))
+        }
+        if not found:
+            raise UsageError(f"no list is named {name[:80]!r}", next_step=f"there are {_named(lists)}")
+        return found
+
+
+def _named(lists: dict[tuple[int, int], ListDefinition]) -> str:
+    return ", ".join(f"{entry.name} ({list_key(*key)})" for key, entry in list(lists.items())[:10])
+
+
+_Kind = type | list[type] | Literal["time", "duration"]
+_KIND_OF_UNIT: dict[str, _Kind] = {"ns": "time", "": str}
+_INTERVALS = ("min", "mean", "max", "stddev", "p50", "p95", "p99", "nominal")
+
+
+def _frame(rows: Sequence[dict[str, Any]], kinds: Mapping[str, _Kind]) -> pl.DataFrame:
+    """Return some columns of rows; absolute times, in reports decimal strings, are times in UTC."""
+    import polars as pl  # noqa: PLC0415
+
+    plain = {str: pl.String, int: pl.Int64}
+    columns = []
+    for name, kind in kinds.items():
+        cells = [row[name] for row in rows]
+        if kind == "time":
+            moments = [None if cell is None else int(cell) for cell in cells]
+            columns.append(pl.Series(name, moments, pl.Int64).cast(pl.Datetime("ns", "UTC")))
+        elif kind == "duration":
+            columns.append(pl.Series(name, cells, pl.Int64).cast(pl.Duration("ns")))
+        elif isinstance(kind, list):
+            columns.append(pl.Series(name, cells, pl.List(plain[kind[0]])))
+        else:
+            assert isinstance(kind, type)
+            columns.append(pl.Series(name, cells, plain[kind]))
+    return pl.DataFrame(columns)

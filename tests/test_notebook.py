@@ -1,0 +1,102 @@
+"""The Python API: what a notebook sees is what the program says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+import nvscope
+from nvscope.analysis import Inquiry
+from nvscope.errors import ConfigurationError, UsageError
+
+CAPTURES = Path(__file__).parents[1] / "captures"
+PEERS, PLANT = CAPTURES / "peers" / "peers.pcap", CAPTURES / "plant.pcapng.gz"
+AXIS = [CAPTURES / "peers" / name for name in ("axis.gvl", "axis_types.st")]
+
+
+def test_lists_streams_and_findings_are_those_of_the_report() -> None:
+    plant = nvscope.open(PLANT)
+    inquiry = Inquiry([str(PLANT)])
+    report = inquiry.report(inquiry.analyze())
+    assert plant.report == report
+    assert plant.lists["key"].to_list() == [entry["key"] for entry in report["lists"]]
+    assert plant.lists["lost"].to_list() == [entry["counters"]["lost"] for entry in report["lists"]]
+    assert plant.lists["readers"].to_list() == [entry["readers"] for entry in report["lists"]]
+    streams = [(entry["key"], stream) for entry in report["lists"] for stream in entry["streams"]]
+    assert plant.streams["list"].to_list() == [key for key, _ in streams]
+    median = plant.streams["interval_p50"].cast(pl.Int64).to_list()
+    assert median == [stream["interval_ns"]["p50"] for _, stream in streams]
+    assert plant.findings["code"].to_list() == [finding["code"] for finding in report["findings"]]
+    assert plant.findings["frames"].to_list() == [finding["frames"] for finding in report["findings"]]
+    first = plant.findings["first"].cast(pl.Int64).to_list()
+    assert first == [int(finding["first_ns"]) for finding in report["findings"]]
+
+
+def test_values_are_those_that_were_sent() -> None:
+    values = nvscope.open(PEERS, definitions=AXIS).values("axis")
+    sent = [entry["v"] for entry in json.loads((CAPTURES / "peers" / "sent-node-red.json").read_text())]
+    assert values["stAxis.pos"].to_list() == [entry["stAxis"]["pos"] for entry in sent]
+    assert values["sText"].to_list() == [entry["sText"] for entry in sent]
+    assert values["bStart"].to_list() == [entry["bStart"] for entry in sent]
+    assert values["frame.time"].dtype == pl.Datetime("ns", "UTC")
+
+
+def test_a_filter_chooses_telegrams_values_and_lists() -> None:
+    peers = nvscope.open(PEERS, definitions=AXIS)
+    fast = peers.where("var.stAxis.pos > 500")
+    assert fast.values()["stAxis.pos"].min() > 500  # type: ignore[operator]
+    assert fast.values().height == peers.values().filter(pl.col("stAxis.pos") > 500).height
+    assert fast.lists["key"].to_list() == ["udp/1202/42"]
+    numbers = fast.telegrams("frame.number", "var.sText")
+    assert numbers["frame.number"].to_list() == fast.values()["frame.number"].to_list()
+    assert numbers["var.sText"].to_list() == fast.values()["sText"].to_list()
+    assert "var.stAxis.pos > 500" in repr(fast)
+
+
+def test_several_lists_are_long_or_one_by_one() -> None:
+    files = [CAPTURES / "peers" / name for name in ("axis.gvl", "axis_types.st", "recipe.gvl")]
+    peers = nvscope.open([PEERS], definitions=files)
+    with pytest.raises(UsageError, match="several lists") as error:
+        peers.values()
+    assert "recipe (udp/1202/7)" in error.value.next_step
+    long = peers.values(form="long")
+    assert set(long["list_name"].cast(pl.String)) == {"axis", "recipe"}
+    pos = long.filter(pl.col("variable").cast(pl.String) == "stAxis.pos")
+    assert pos["real"].to_list() == peers.values("udp/1202/42")["stAxis.pos"].to_list()
+    assert peers.values("7").height == peers.lists.filter(pl.col("id") == 7)["nSendCount"][0]
+
+
+def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no list is defined"):
+        nvscope.open(PEERS).values()
+    with pytest.raises(UsageError, match="no list is named 'axes'"):
+        nvscope.open(PEERS, definitions=AXIS).values("axes")
+    with pytest.raises(UsageError, match=r"no field is called nv\.cuonter"):
+        nvscope.open(PEERS).telegrams("nv.cuonter")
+    with pytest.raises(ConfigurationError):
+        nvscope.open(PEERS, definitions=tmp_path / "missing.gvl")
+    with pytest.raises(AttributeError, match="no attribute 'opne'"):
+        nvscope.opne  # noqa: B018
+
+
+def test_nothing_to_show_has_columns_all_the_same() -> None:
+    nothing = nvscope.open(PEERS, definitions=AXIS, where="nv.index == 4711")
+    assert nothing.lists.is_empty()
+    assert "lost" in nothing.lists.columns
+    assert nothing.findings.filter(pl.col("severity") == "error").is_empty()
+    assert nothing.values().is_empty()
+    assert "stAxis.pos" in nothing.values().columns
+
+
+def test_a_project_file_is_used_where_it_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "nvscope.toml").write_text('[lists.42]\nname = "press axis"\n')
+    monkeypatch.chdir(tmp_path)
+    names = [dict(zip(found["id"], found["name"], strict=True))[42] for found in (
+        nvscope.open(PEERS).lists,
+        nvscope.open(PEERS, project=True).lists,
+        nvscope.open(PEERS, project=tmp_path / "nvscope.toml").lists,
+    )]  # fmt: skip
+    assert names == [None, "press axis", "press axis"]

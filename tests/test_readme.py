@@ -1,0 +1,57 @@
+"""What the README shows is run: every command, and every example for notebooks and prompts."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from nvscope.definition.project import read_project
+
+ROOT = Path(__file__).parents[1]
+BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+COMMANDS = [
+    line.removeprefix("nvscope ")
+    for language, text in BLOCKS
+    for line in text.splitlines()
+    if not language and line.startswith("nvscope ")
+]
+EXAMPLES = [text for language, text in BLOCKS if language == "python"]
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    (tmp_path / "captures").symlink_to(ROOT / "captures")
+    return tmp_path
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands(command: str, here: Path) -> None:
+    done = subprocess.run(
+        f'"{sys.executable}" -m nvscope {command}', shell=True, cwd=here, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout or "-w" in command
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_examples(example: str, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(here)
+    exec(compile(example, "README.md", "exec"), {})
+
+
+def test_the_project_file(tmp_path: Path) -> None:
+    (text,) = (text for language, text in BLOCKS if language == "toml")
+    for name in tomllib.loads(text)["definitions"]:
+        file = tmp_path / name.replace("**/*", "press").replace("*", "types")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        source = "axis.gvl" if file.suffix == ".gvl" else "axis_types.st"
+        file.write_bytes((ROOT / "captures" / "peers" / source).read_bytes())
+    (tmp_path / "nvscope.toml").write_text(text)
+    project = read_project(tmp_path / "nvscope.toml")
+    assert {entry.list_id: entry.interval_ns for entry in project.definition.lists}[7] == 50_000_000
+    assert project.node_names == {"192.168.1.10": "press"}
