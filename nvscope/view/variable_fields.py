@@ -8,7 +8,7 @@ what nobody has described is bytes. In names of lists, what no identifier may ho
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,16 +50,25 @@ def variable_fields(layouts: Layouts) -> dict[str, TelegramField]:
     """
     places: dict[str, tuple[str, list[_Place]]] = {}
     sightings = _Sightings()
-    for key, entry in layouts.lists():
-        list_name = _typed(entry.name)
-        for layout in layouts.telegrams_of(*key) or ():
+    for key, _ in layouts.lists():
+        for layout in _told_apart(layouts.candidates_of(*key)):
             for offset, element in layout.spans():
                 place = _Place(*key, layout, offset, element, sightings)
                 name = element.name.replace(" ", "")
                 # Names of IEC 61131-3 are the same in any case.
-                for told in (f"var.{name}", f"var.{list_name}.{name}"):
+                for told in (f"var.{name}", f"var.{_typed(layout.list.name)}.{name}"):
                     places.setdefault(told.lower(), (told, []))[1].append(place)
     return {name: _field(name, found) for name, found in places.values()}
+
+
+def _told_apart(candidates: Iterable[Sequence[TelegramLayout]]) -> Iterator[TelegramLayout]:
+    """Yield the telegrams that the definitions of a list describe; of those of one shape only the first."""
+    seen = set()
+    for layout in (layout for candidate in candidates for layout in candidate):
+        shape = layout.subindex, layout.items, layout.length
+        if shape not in seen:
+            seen.add(shape)
+            yield layout
 
 
 def _typed(list_name: str) -> str:
@@ -88,7 +97,7 @@ class _Place:
 
     def rows_of(self, rows: TelegramRows) -> I64:
         """Return the positions of the telegrams in which it is."""
-        key = (self.port, self.index, self.layout.subindex)
+        key = (self.port, self.index, self.layout.subindex, self.layout.items, self.layout.length)
         seen = self.sightings.of(rows)
         if key not in seen:
             seen[key] = self._rows_of(rows)
@@ -120,9 +129,9 @@ class _Sightings:
     """
 
     def __init__(self) -> None:
-        self._last: tuple[TelegramRows | None, dict[tuple[int, int, int], I64]] = (None, {})
+        self._last: tuple[TelegramRows | None, dict[tuple[int, ...], I64]] = (None, {})
 
-    def of(self, rows: TelegramRows) -> dict[tuple[int, int, int], I64]:
+    def of(self, rows: TelegramRows) -> dict[tuple[int, ...], I64]:
         """Return the positions found so far, by port, list identifier and SubIndex, to be added to."""
         last = self._last
         if last[0] is not rows:
