@@ -1,8 +1,9 @@
 """The variables of defined lists as fields of telegrams: ``var.stAxis.pos``, or ``var.axis.stAxis.pos`` of one list.
 
 A variable exists in the telegrams in which its list sends it: data, well-formed, captured whole, of the Items and
-Length that the definition gives them. Times of day and TIME are durations, DATE and DT times; an ENUM is its number;
-what nobody has described is bytes. In names of lists, what no identifier may hold is written ``_``.
+Length that the definition gives them. Its type is that of its column (``nvscope.view.value_columns``); a time of 64
+bits that is more than a column of times holds does not exist. In names of lists, what no identifier may hold is written
+``_``.
 """
 
 from __future__ import annotations
@@ -18,26 +19,18 @@ from dissectors.batch import I64, U8, Bool
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, Fault, Service
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Element, Elementary, Enumeration, Kind, String, scalar_of
+from nvscope.definition.model import Element, Enumeration, Kind, scalar_of
 from nvscope.definition.packing import TelegramLayout
 from nvscope.definition.value import value_of
 from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
 from nvscope.tracker.values import Block
 from nvscope.view.fields import TelegramField
 from nvscope.view.telegrams import TelegramRows
+from nvscope.view.value_columns import fits_time, value_type
 
-_TYPES = {
-    Kind.BOOL: FieldType.BOOL,
-    Kind.UNSIGNED: FieldType.UNSIGNED,
-    Kind.SIGNED: FieldType.SIGNED,
-    Kind.REAL: FieldType.REAL,
-    Kind.DURATION: FieldType.DURATION,
-    Kind.TIME_OF_DAY: FieldType.DURATION,
-    Kind.DATE: FieldType.TIME,
-    Kind.DATE_AND_TIME: FieldType.TIME,
-    Kind.RAW: FieldType.BYTES,
-}
-_MOST_NS = np.iinfo(np.int64).max
+_TIME_BYTES = 8
+"""Times of so many bytes may be more than a column of times holds."""
+
 _MAX_LISTED = 4
 _ODD = np.uint64(0x9E3779B97F4A7C15)
 
@@ -76,14 +69,6 @@ def _typed(list_name: str) -> str:
     return re.sub(r"\W", "_", list_name) or "_"
 
 
-def type_of(kind: Elementary) -> FieldType:
-    """Return the type that an element has as a field."""
-    if isinstance(kind, String):
-        return FieldType.TEXT
-    scalar = scalar_of(kind)
-    return _TYPES[scalar.kind] if scalar else FieldType.BYTES
-
-
 @dataclass(frozen=True, slots=True)
 class _Place:
     """Where an element is sent: in which telegram of which list, from which byte of its data on."""
@@ -96,7 +81,18 @@ class _Place:
     sightings: _Sightings
 
     def rows_of(self, rows: TelegramRows) -> I64:
-        """Return the positions of the telegrams in which it is."""
+        """Return the positions of the telegrams in which it is, with a value that its column can hold."""
+        which = self._telegrams_of(rows)
+        if not self._may_not_fit:
+            return which
+        return which[fits_time(_raw(self.bytes_of(rows, which), self.element.type.size_bytes).view("<u8"))]
+
+    @property
+    def _may_not_fit(self) -> bool:
+        scalar = scalar_of(self.element.type)
+        return scalar is not None and bool(scalar.unit_ns) and scalar.size_bytes == _TIME_BYTES
+
+    def _telegrams_of(self, rows: TelegramRows) -> I64:
         key = (self.port, self.index, self.layout.subindex, self.layout.items, self.layout.length)
         seen = self.sightings.of(rows)
         if key not in seen:
@@ -142,8 +138,8 @@ class _Sightings:
 
 def _field(name: str, places: list[_Place]) -> TelegramField:
     first = places[0]
-    kind = type_of(first.element.type)
-    if any(type_of(place.element.type) is not kind for place in places):
+    kind = value_type(first.element.type)
+    if any(value_type(place.element.type) is not kind for place in places):
         return _refused(name, places)
     named = [place.element.type for place in places if isinstance(place.element.type, Enumeration)]
     values = named[0].values if len({tuple(one.values.items()) for one in named}) == 1 else {}
@@ -209,9 +205,7 @@ def _numbers(place: _Place, rows: TelegramRows, which: I64) -> Numbers:
         return np.asarray(cells != 0)
     if not scalar.unit_ns:
         return np.asarray(cells)
-    # What does not fit into 64 bits of nanoseconds is the most that does.
-    units = np.minimum(cells.astype(np.uint64), np.uint64(_MOST_NS // scalar.unit_ns))
-    return np.asarray(units.astype(np.int64) * scalar.unit_ns)
+    return np.asarray(cells.astype(np.int64) * scalar.unit_ns)
 
 
 def _texts(found: Iterable[tuple[_Place, I64]], rows: TelegramRows) -> TextColumn:
