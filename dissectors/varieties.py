@@ -7,6 +7,7 @@ the first of each kind, and everything that is not of the plain shape. What come
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -123,6 +124,10 @@ class SortedPackets:
 
     def __len__(self) -> int:
         return len(self.variety)
+
+
+Choose = Callable[[SortedPackets], Bool]
+"""Tells which packets of a batch hold telegrams that are chosen, as a mask with an entry a packet."""
 
 
 class Varieties:

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from dissectors.batch import Bool
 from dissectors.netvar import PortRules
-from dissectors.varieties import SortedPackets
+from dissectors.varieties import Choose
 from nvscope.capture.capture_file import STDIN, CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.source import SourceInfo
@@ -124,12 +123,9 @@ class Inquiry:
         if expression is None:
             return self._read(values=values)
         from nvscope.view.chosen import Chosen  # noqa: PLC0415
-        from nvscope.view.display_filter import DisplayFilter, PacketChoice  # noqa: PLC0415
+        from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
 
-        chosen = DisplayFilter(expression, self.fields)
-        if chosen.judged:
-            self._check_rereadable(chosen)
-            chosen = self._judged(expression, self._read())
+        chosen = self.filter(expression)
         found = self._read(values=values, choose=PacketChoice(chosen))
         left = Chosen(found.state, chosen, found.findings)
         return Analysis(found.infos, found.state, found.summary, found.findings, found.values, left)
@@ -155,7 +151,7 @@ class Inquiry:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": found.state.chosen}
         return document
 
-    def _read(self, *, values: bool = False, choose: Callable[[SortedPackets], Bool] | None = None) -> Analysis:
+    def _read(self, *, values: bool = False, choose: Choose | None = None) -> Analysis:
         taken = None
         if self.layouts is not None:
             from nvscope.tracker.values import Values  # noqa: PLC0415

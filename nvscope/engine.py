@@ -11,8 +11,7 @@ from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.state import TrackerState
 
 if TYPE_CHECKING:
-    from dissectors.batch import Bool
-    from dissectors.varieties import SortedPackets
+    from dissectors.varieties import Choose
     from nvscope.tracker.values import Values
 
 
@@ -22,7 +21,7 @@ def track(
     ports: PortRules | None = None,
     timeout_ns: int = TIMEOUT_NS,
     values: Values | None = None,
-    choose: Callable[[SortedPackets], Bool] | None = None,
+    choose: Choose | None = None,
     progress: Callable[[], None] | None = None,
 ) -> TrackerState:
     """Run a source to its end and return what it showed.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from nvscope.cli.definitions import ProjectOption, project_of
-from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -56,18 +57,12 @@ def layout(
     colour: ColourOption = "auto",
 ) -> None:
     """Print what lies where in each telegram of each list."""
+    from nvscope.report import layout as face
     from nvscope.view.layout import layout_document
 
     document = layout_document(_plant(files, project).definition)
-    if as_json:
-        from nvscope.report import json
-
-        text = json.render(document)
-    else:
-        from nvscope.report import layout as face
-
-        text = face.render(document, colour=colour_wanted(colour), width=width())
-    typer.echo(text, nl=not text.endswith("\n"), color=colour_wanted(colour))
+    shown = colour_wanted(colour)
+    tell(document, partial(face.render, colour=shown, width=width()), as_json=as_json, colour=shown)
 
 
 @app.command()
@@ -82,6 +77,7 @@ def lint(
 
     Exits with 1 where there are errors or warnings, with 0 where there are none or only notes.
     """
+    from nvscope.report import lint as face
     from nvscope.view.lint import lint_document, rules_document
 
     if rules:
@@ -93,16 +89,9 @@ def lint(
         plant = _plant(files, project)
         mistakes = mistakes_in(read_definitions(plant.files), plant.definition)
         document = lint_document(list(dict.fromkeys(plant.files)), len(plant.definition.lists), mistakes)
-    if as_json:
-        from nvscope.report import json
-
-        text = json.render(document)
-    else:
-        from nvscope.report import lint as face
-
-        show = face.render_rules if rules else face.render
-        text = show(document, colour=colour_wanted(colour), width=width())
-    typer.echo(text, nl=not text.endswith("\n"), color=colour_wanted(colour))
+    render = face.render_rules if rules else face.render
+    shown = colour_wanted(colour)
+    tell(document, partial(render, colour=shown, width=width()), as_json=as_json, colour=shown)
     if any(mistake["severity"] != "note" for mistake in document.get("mistakes", ())):
         raise typer.Exit(ExitCode.ASSERTION_FAILED)
 
@@ -129,6 +118,7 @@ def diff(
     """
     from nvscope.definition.difference import difference
     from nvscope.definition.load import load_definitions
+    from nvscope.report import difference as face
     from nvscope.view.difference import difference_document
 
     sides = [load_definitions([file, *(types or ()), *(own or ())]) for file, own in ((a, a_types), (b, b_types))]
@@ -136,14 +126,7 @@ def diff(
         if not side.lists:
             raise UsageError("no list is defined", where=file, next_step="name the exported list; types go to --types")
     document = difference_document(difference(*sides))
-    if as_json:
-        from nvscope.report import json
-
-        text = json.render(document)
-    else:
-        from nvscope.report import difference as face
-
-        text = face.render(document, colour=colour_wanted(colour), width=width())
-    typer.echo(text, nl=not text.endswith("\n"), color=colour_wanted(colour))
+    shown = colour_wanted(colour)
+    tell(document, partial(face.render, colour=shown, width=width()), as_json=as_json, colour=shown)
     if not document["same_on_wire"]:
         raise typer.Exit(ExitCode.ASSERTION_FAILED)

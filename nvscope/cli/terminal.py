@@ -1,11 +1,12 @@
-"""What the terminal can do, and what it was asked to do."""
+"""The terminal: what it can do, what it was asked to do, and what is printed on it."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import sys
-from typing import Annotated, Literal
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -25,3 +26,16 @@ def width() -> int:
     if not os.environ.get("COLUMNS") and not sys.stdout.isatty() and sys.stderr.isatty():
         return os.get_terminal_size(sys.stderr.fileno()).columns
     return shutil.get_terminal_size((100, 24)).columns
+
+
+def tell(
+    document: Mapping[str, Any], render: Callable[[Mapping[str, Any]], str], *, as_json: bool, colour: bool
+) -> None:
+    """Print a document as JSON, or as ``render`` makes it, ending with one line break."""
+    if as_json:
+        from nvscope.report import json
+
+        text = json.render(document)
+    else:
+        text = render(document)
+    typer.echo(text, nl=not text.endswith("\n"), color=colour)

@@ -20,12 +20,11 @@ from nvscope.cli.sources import (
     port_rules,
     tell_of_losses,
 )
-from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import CaptureError, ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from dissectors.batch import Bool
-    from dissectors.varieties import SortedPackets
+    from dissectors.varieties import Choose
     from nvscope.analysis import Inquiry
     from nvscope.capture.source import SourceInfo
     from nvscope.definition.layouts import Layouts
@@ -144,7 +143,7 @@ class _Asked:
 
         return {key for key, _ in lists_named(names_of_lists(layouts), listed)}
 
-    def choose(self) -> Callable[[SortedPackets], Bool] | None:
+    def choose(self) -> Choose | None:
         """Return the filter, to be asked of the batches of a capture in turn; None without one."""
         if self.wanted is None:
             return None
@@ -154,10 +153,7 @@ class _Asked:
 
     def tell(self, document: Mapping[str, Any], render: Callable[[Mapping[str, Any]], str]) -> None:
         """Print a document as JSON, or as ``render`` makes it."""
-        from nvscope.report import json
-
-        text = json.render(document) if self.as_json else render(document)
-        typer.echo(text, nl=not text.endswith("\n"), color=self.colour)
+        tell(document, render, as_json=self.as_json, colour=self.colour)
 
 
 def _check(

@@ -152,17 +152,16 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
         start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)
         lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])
     if chosen := report.get("filter"):
-        number = f"{units.count(chosen['telegrams'])} of {units.count_of(capture['telegrams'], 'telegram')}"
-        if "finding." in chosen["expression"]:
-            number += ", of each finding the first ten"
-        lines.append(
-            [
-                Cell("shown: what "),
-                Cell(chosen["expression"], Tone.STRONG),
-                Cell(f" chooses ({number}); figures are those of the whole capture"),
-            ]
-        )
+        lines.append(filter_cells(chosen, capture["telegrams"], "; figures are those of the whole capture"))
     return lines
+
+
+def filter_cells(chosen: Mapping[str, Any], all_telegrams: int, besides: str = "") -> list[Cell]:
+    """Return the line that says what a filter chooses, and of how many telegrams; ``besides`` ends it."""
+    number = f"{units.count(chosen['telegrams'])} of {units.count_of(all_telegrams, 'telegram')}"
+    if "finding." in chosen["expression"]:
+        number += ", of each finding the first ten"
+    return [Cell("shown: what "), Cell(chosen["expression"], Tone.STRONG), Cell(f" chooses ({number}){besides}")]
 
 
 def advice(report: Report) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from nvscope import units
 from nvscope.report.ansi import paint
-from nvscope.report.content import nanoseconds
+from nvscope.report.content import filter_cells, nanoseconds
 from nvscope.view.escape import visible, visible_document
 from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
 
@@ -60,10 +60,7 @@ def filter_lines(chosen: Mapping[str, Any] | None, width: int) -> list[Line]:
     """Return what is said of a filter in front of what it leaves, nothing where there is none."""
     if chosen is None:
         return []
-    number = f"{units.count(chosen['telegrams'])} of {units.count_of(chosen['all_telegrams'], 'telegram')}"
-    if "finding." in chosen["expression"]:
-        number += ", of each finding the first ten"
-    return wrap([Cell("shown: what "), Cell(chosen["expression"], Tone.STRONG), Cell(f" chooses ({number})")], width)
+    return wrap(filter_cells(chosen, chosen["all_telegrams"]), width)
 
 
 def _nothing_told(chosen: Mapping[str, Any] | None, some_came: bool, of_one_list: bool) -> str:

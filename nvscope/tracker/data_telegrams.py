@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool, PacketBatch
+from dissectors.batch import I64, U8, PacketBatch
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, PortRules
-from dissectors.varieties import NO_TELEGRAM, SortedPackets, Sorter
+from dissectors.varieties import NO_TELEGRAM, Choose, SortedPackets, Sorter
 from nvscope.tracker import address
 from nvscope.tracker.flows import LENGTH_SHIFT, Flows
 from nvscope.tracker.rows import StreamMemory
 
-Choose = Callable[[SortedPackets], Bool]
 _PIECE_PACKETS = 1 << 14
 
 
@@ -121,14 +120,10 @@ class DataTelegrams:
     def _stream(self, number: int) -> Stream:
         known = self._streams.get(number)
         if known is None:
-            flows = self._flows
-            place, node = int(flows.streams.high[number]), int(flows.streams.low[number])
-            halves = int(flows.nodes.high[node]), int(flows.nodes.low[node])
-            listed = int(flows.places.high[place])
+            listed, subindex, halves = self._flows.stream_key(number)
             known = self._streams[number] = Stream(
-                number, int(flows.lists.high[listed]), int(flows.lists.low[listed]), int(flows.places.low[place]),
-                address.text(*halves), address.order(*halves),
-            )  # fmt: skip
+                number, *listed, subindex, address.text(*halves), address.order(*halves)
+            )
         return known
 
 

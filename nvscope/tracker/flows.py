@@ -198,6 +198,16 @@ class Flows:
         """Return the nodes that send streams."""
         return self.streams.low[stream].astype(np.int64)
 
+    def stream_key(self, stream: int) -> tuple[tuple[int, int], int, tuple[int, int]]:
+        """Return port and identifier of a stream's list, its SubIndex, and the halves of its sender's address."""
+        place, node = int(self.streams.high[stream]), int(self.streams.low[stream])
+        listed, subindex = int(self.places.high[place]), int(self.places.low[place])
+        return (
+            (int(self.lists.high[listed]), int(self.lists.low[listed])),
+            subindex,
+            (int(self.nodes.high[node]), int(self.nodes.low[node])),
+        )
+
     def _describe(self, batch: SortedPackets, known: int, first_frame: int) -> None:
         """Fill in the columns of new varieties, numbering what is new in them as it appeared."""
         varieties, columns = batch.varieties, self.varieties

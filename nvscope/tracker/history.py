@@ -9,9 +9,10 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool, PacketBatch
 from dissectors.netvar import HEADER, PortRules
+from dissectors.varieties import Choose
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout
-from nvscope.tracker.data_telegrams import Choose, DataTelegrams, Stream, Telegrams, joined
+from nvscope.tracker.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 from nvscope.tracker.values import MOST_LAYOUTS, Block, blocks_of
 
 Wanted = Callable[[int, int, int], frozenset[str]]

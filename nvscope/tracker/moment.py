@@ -12,9 +12,10 @@ import numpy as np
 
 from dissectors.batch import U8, PacketBatch
 from dissectors.netvar import HEADER, PortRules
+from dissectors.varieties import Choose
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout
-from nvscope.tracker.data_telegrams import Choose, DataTelegrams, Stream
+from nvscope.tracker.data_telegrams import DataTelegrams, Stream
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ import numpy as np
 
 from dissectors.batch import I64, U8, PacketBatch
 from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT, PortRules
-from nvscope.tracker.data_telegrams import Choose, DataTelegrams, Stream, Telegrams, joined
+from dissectors.varieties import Choose
+from nvscope.tracker.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 from nvscope.tracker.intervals import CYCLIC_SPREAD_PERCENT
 
 MOST_ROWS = 512

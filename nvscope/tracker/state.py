@@ -6,7 +6,6 @@ percentiles, the scope of a sender's Counter, findings) is computed when somebod
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -22,7 +21,7 @@ from dissectors.netvar import (
     Service,
     TelegramBatch,
 )
-from dissectors.varieties import NO_TELEGRAM, SortedPackets, Sorter
+from dissectors.varieties import NO_TELEGRAM, Choose, SortedPackets, Sorter
 from nvscope.tracker.acknowledgement import TIMEOUT_NS, Acknowledgement, Messages
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.consistency import Consistency
@@ -92,7 +91,7 @@ class TrackerState:
         ports: PortRules | None = None,
         *,
         values: Values | None = None,
-        choose: Callable[[SortedPackets], Bool] | None = None,
+        choose: Choose | None = None,
     ) -> None:
         self._sorter = Sorter(ports)
         self.values = values

@@ -195,9 +195,7 @@ class Values:
         header = batch.varieties.header
         signs = (header["items"].astype(np.int64) << 16) | header["length"]
         for stream, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
-            place = int(flows.streams.high[stream])
-            number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
-            key = int(flows.lists.high[number]), int(flows.lists.low[number])
+            key, subindex, _ = flows.stream_key(stream)
             if self.layouts.list_of(*key) is None:
                 continue
             variety, own = rows.variety[start:stop], np.arange(start, stop)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool
+from dissectors.batch import I64, U8
 from dissectors.keys import KeyTable
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, PortRules, Service
-from dissectors.varieties import NO_TELEGRAM, SortedPackets, Sorter, Varieties
+from dissectors.varieties import NO_TELEGRAM, Choose, Sorter, Varieties
 from nvscope.capture.source import Source
 from nvscope.capture.spans import copy_spans
 from nvscope.definition.layouts import Layouts
@@ -24,7 +24,6 @@ from nvscope.tracker.flows import Kind, kinds
 from nvscope.view.value_columns import SpanColumn
 
 ListKey = tuple[int, int]
-Choose = Callable[[SortedPackets], Bool]
 
 _OTHER = -1
 

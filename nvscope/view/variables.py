@@ -73,14 +73,9 @@ class _Stream:
 
 def _streams(state: TrackerState, values: Values) -> list[_Stream]:
     """Return the streams in the order of their rows."""
-    flows = state.flows
     entries = []
     for stream in values.streams:
-        place = int(flows.streams.high[stream])
-        number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
-        node = int(flows.streams.low[stream])
-        halves = int(flows.nodes.high[node]), int(flows.nodes.low[node])
-        listed = int(flows.lists.high[number]), int(flows.lists.low[number])
+        listed, subindex, halves = state.flows.stream_key(stream)
         order = listed, subindex, address.order(*halves)
         entries.append((order, _Stream(listed, subindex, address.text(*halves), values.sequence(stream))))
     return [stream for _, stream in sorted(entries, key=lambda entry: entry[0])]

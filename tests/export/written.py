@@ -9,12 +9,13 @@ from pathlib import Path
 import polars as pl
 
 from dissectors.batch import PacketBatch
+from dissectors.varieties import Choose
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.export.files import Files
 from nvscope.export.values import paths_of, write_long, write_wide
-from nvscope.view.defined_telegrams import Choose, DefinedTelegrams
+from nvscope.view.defined_telegrams import DefinedTelegrams
 from tests.oracle.frame import Frame
 from tests.packets import batch_of
 
