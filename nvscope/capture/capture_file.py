@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -77,6 +77,7 @@ class CaptureFile:
         self._small_file_bytes = small_file_bytes
         self._chunk_bytes = chunk_bytes
         self._position = 0
+        self._channels: list[str] = []
         opened = self._open()
         self._opened: _Opened | None = None
         self._batches: Iterator[PacketBatch] | None = None
@@ -89,6 +90,11 @@ class CaptureFile:
     @property
     def infos(self) -> list[SourceInfo]:
         return [self.info]
+
+    @property
+    def channels(self) -> Sequence[str]:
+        """The names of the channels of the packets read so far, by number; empty where the file tells none."""
+        return self._channels
 
     @property
     def position_bytes(self) -> int:
@@ -115,6 +121,7 @@ class CaptureFile:
     def _read(self, share: int, opened: _Opened | None = None) -> Iterator[PacketBatch]:
         self._opened = opened = opened or self._open(share)
         reader, window = opened.reader, opened.window
+        self._channels = reader.channels
         try:
             while not reader.finished:
                 for batch in reader.read(window.view(reader.position)):

@@ -53,6 +53,7 @@ class RecordReader(ABC):
     """Turns views of a file into batches, and tells in ``info`` about frames and faults.
 
     ``position`` is how far the file has been read, ``finished`` whether there is nothing more to read from it.
+    ``channels`` are the names of the packets' channels, by number, as far as the file tells them.
     """
 
     framing: Framing
@@ -61,6 +62,7 @@ class RecordReader(ABC):
         self.info = info
         self.position = position
         self.finished = False
+        self.channels: list[str] = []
         self._sizes = sizes
         self._record_bytes = 0.0
 
