@@ -168,7 +168,9 @@ class Inquiry:
             state = track(
                 source, ports=self.ports, timeout_ns=timeout_ns, values=taken, choose=choose, progress=progress
             )
-        summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers)
+        summary = summarize(
+            state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, channels=source.channels
+        )
         findings = judge(state, source.infos, summary=summary, limits=project.limits, definition=definition)
         return Analysis(source.infos, state, summary, findings, taken)
 
