@@ -14,6 +14,7 @@ from nvscope.tracker.columns import Columns
 
 _S_NS = 1_000_000_000
 _BEFORE_1970 = 1 << 62
+_FEW_KEYS = 1 << 16
 
 
 class SecondColumns(Columns):
@@ -42,8 +43,9 @@ class CanLoad:
 
     def observe(self, frames: CanBatch) -> None:
         """Take the frames of a batch."""
-        second = frames.ts_ns // _S_NS + _BEFORE_1970
-        number = self.keys.numbers(frames.channel.astype(np.uint64), second.view(np.uint64))
+        if not len(frames):
+            return
+        number = self._numbers(frames)
         columns = self.columns
         columns.resize(len(self.keys))
         exact, worst = wire_bits(frames, Stuffing.EXACT), wire_bits(frames, Stuffing.WORST)
@@ -54,6 +56,25 @@ class CanLoad:
         ):  # fmt: skip
             # Sums of a batch stay far below the 2^53 up to which they are exact.
             column[:rows] += np.bincount(number, bits, minlength=rows).astype(np.int64)
+
+    def _numbers(self, frames: CanBatch) -> I64:
+        """Return the row of each frame's channel and second."""
+        second = frames.ts_ns // _S_NS
+        first, last = int(second.min()), int(second.max())
+        channels = int(frames.channel.max()) + 1
+        if (last - first + 1) * channels > _FEW_KEYS:
+            return self.keys.numbers(
+                frames.channel.astype(np.uint64), (second + _BEFORE_1970).astype(np.uint64)
+            )  # fmt: skip
+        # Of the few that a batch mostly has, each is looked up once.
+        local = (second - first) * channels + frames.channel
+        seen = np.flatnonzero(np.bincount(local))
+        number = np.zeros((last - first + 1) * channels, np.int64)
+        number[seen] = self.keys.numbers(
+            (seen % channels).astype(np.uint64), (seen // channels + first + _BEFORE_1970).astype(np.uint64)
+        )
+        own: I64 = number[local]
+        return own
 
     def seconds_of(self, channel: int) -> tuple[I64, SecondColumns]:
         """Return the rows of a channel by time, as places in ``columns``, and these."""

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool
+from dissectors.batch import I64, U8, U16, U32, Bool
 from dissectors.can import CanBatch, Fault
 from dissectors.can_error import classes_of
 from dissectors.keys import KeyTable
@@ -26,6 +26,7 @@ EXTENDED_KEY = 1 << 31
 """The bit by which the key of an extended identifier differs from that of a standard one."""
 
 _NO_LENGTH = -1
+_STANDARD = 1 << 11
 
 
 class CanColumns(Columns):
@@ -75,6 +76,8 @@ class CanState:
         self.data_frames = 0
         self.error_frames = 0
         self.streams = KeyTable()
+        # The streams of standard identifiers, by channel and identifier: nearly all frames are found here.
+        self._standard = np.empty(0, np.int64)
         self.columns = CanColumns()
         self.timing = Timing()
         self.load = CanLoad()
@@ -95,15 +98,30 @@ class CanState:
         row = np.flatnonzero(told)
         if not len(row):
             return
-        word = batch.identifier.astype(np.uint64)
-        word |= batch.extended.astype(np.uint64) << np.uint64(31)
-        stream = self.streams.numbers(batch.channel[row].astype(np.uint64), word[row])
+        stream = self._numbers(batch.channel[row], batch.identifier[row], batch.extended[row])
         self.columns.resize(len(self.streams))
         remote = batch.remote[row]
         if remote.any():
             np.add.at(self.columns.remote, stream[remote], 1)
             row, stream = row[~remote], stream[~remote]
         self._observe_data(batch, row, stream, first_frame)
+
+    def _numbers(self, channel: U16, identifier: U32, extended: Bool) -> I64:
+        """Return the streams of frames, adding those that are new, as they come."""
+        channels = int(channel.max()) + 1
+        known = self._standard
+        if channels * _STANDARD > len(known):
+            known = self._standard = np.concatenate([known, np.full(channels * _STANDARD - len(known), -1)])
+        place = channel.astype(np.int64) * _STANDARD + (identifier & np.uint32(_STANDARD - 1))
+        stream = known[place]
+        stream[extended] = -1
+        other = np.flatnonzero(stream < 0)
+        if len(other):
+            word = identifier[other].astype(np.uint64) | (extended[other].astype(np.uint64) << np.uint64(31))
+            stream[other] = self.streams.numbers(channel[other].astype(np.uint64), word)
+            short = other[~extended[other]]
+            known[place[short]] = stream[short]
+        return stream
 
     def _observe_faults(self, batch: CanBatch, first_frame: int) -> None:
         wrong = np.flatnonzero(batch.fault)

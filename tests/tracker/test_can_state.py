@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import struct
 from collections import defaultdict
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -79,8 +80,8 @@ def test_identifiers_are_counted_as_they_come(seed: int) -> None:
         assert (stream["telegrams"], entry["diag"]["tLastSend"]) == (len(sent), str(times[-1]))
         assert stream["length"] == sent[-1][2]
         assert stream["interval_ns"]["count"] == len(sent) - 1
-        assert stream["interval_ns"]["max"] == max(b - a for a, b in zip(times, times[1:], strict=False))
-        changed = [now[0] for before, now in zip(sent, sent[1:], strict=False) if before[2] != now[2]]
+        assert stream["interval_ns"]["max"] == max(b - a for a, b in pairwise(times))
+        changed = [now[0] for before, now in pairwise(sent) if before[2] != now[2]]
         if changed:
             expected.add((entry["key"], len(changed), tuple(changed[:10])))
     assert changes == expected
