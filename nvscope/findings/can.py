@@ -1,4 +1,4 @@
-"""NV603 and NV606: frames of one COB-ID whose length changes, and error frames."""
+"""NV603 and NV606: frames that are not as long as their definition says, or as the one before, and error frames."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 from dissectors.can_error import CLASSES
+from nvscope.definition.pdos import Pdos
 from nvscope.findings.finding import Facts, Finding, events_of
 from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.units import count_of
@@ -20,11 +21,24 @@ def judge_can(facts: Facts) -> Iterator[Finding]:
 
 
 def _lengths(facts: Facts) -> Iterator[Finding]:
-    lengths = facts.state.can.lengths
+    lengths, pdos = facts.state.can.lengths, Pdos(facts.definition).by_cob_id if facts.definition else {}
     row_of = {stream: row for row, stream in enumerate(lengths.keys.high.tolist())}
     for entry in facts.summary.can.lists:
         for stream in entry.streams:
-            if stream.stream in row_of:
+            pdo = None if stream.extended else pdos.get(stream.cob_id)
+            if pdo is not None and pdo.layout is not None:
+                told = pdo.layout.layout.size_bytes
+                wrong = stream.frames - stream.by_length[told]
+                if wrong:
+                    message = (
+                        f"{count_of(wrong, 'frame')} of {stream.frames} not of {count_of(told, 'byte')}, as the "
+                        f"definition has it if packed as assumed; the last one had {count_of(stream.length, 'byte')}."
+                    )
+                    yield Finding(
+                        "NV603", message, wrong, stream.first_ns, stream.last_ns, (), entry.number, None,
+                        stream.subindex,
+                    )  # fmt: skip
+            elif stream.stream in row_of:
                 events = events_of(lengths.rows, row_of[stream.stream])
                 message = (
                     f"The length of the frames changed {count_of(events.count, 'time')}; "

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, Bool
-from dissectors.can import CanBatch, Fault
+from dissectors.can import DLC_OF_LENGTH, FD_LENGTHS, MAX_FD_DATA_BYTES, CanBatch, Fault
 from dissectors.can_error import classes_of
 from dissectors.keys import KeyTable
 from nvscope.tracker.can_load import CanLoad
@@ -27,12 +27,14 @@ EXTENDED_KEY = 1 << 31
 
 _NO_LENGTH = -1
 _STANDARD = 1 << 11
+_LENGTHS = len(FD_LENGTHS)
 
 
 class CanColumns(Columns):
     """One row a stream: how many data frames it had, when the first and the last, and how long the last one was.
 
-    ``remote`` counts frames that ask for data of this identifier; they are no transmission.
+    ``remote`` counts frames that ask for data of this identifier; they are no transmission. ``by_length`` has an entry
+    for each of ``dissectors.can.FD_LENGTHS``: how many frames had as much data, or, in CAN FD, no more.
     """
 
     frames: I64
@@ -42,9 +44,16 @@ class CanColumns(Columns):
     first_frame: I64
     last_frame: I64
     length: I64
+    by_length: I64
     COLUMNS: ClassVar = {
-        name: (np.int64(_NO_LENGTH if name == "length" else 0), 1)
-        for name in ("frames", "remote", "first_ns", "last_ns", "first_frame", "last_frame", "length")
+        "frames": (np.int64(0), 1),
+        "remote": (np.int64(0), 1),
+        "first_ns": (np.int64(0), 1),
+        "last_ns": (np.int64(0), 1),
+        "first_frame": (np.int64(0), 1),
+        "last_frame": (np.int64(0), 1),
+        "length": (np.int64(_NO_LENGTH), 1),
+        "by_length": (np.int64(0), _LENGTHS),
     }
 
 
@@ -159,6 +168,10 @@ class CanState:
         columns.frames[run] += stop - start
         columns.last_ns[run], columns.last_frame[run] = rows.time_ns[last], frame[last]
         length = batch.length[row].astype(np.int64)
+        code = DLC_OF_LENGTH[np.minimum(length, MAX_FD_DATA_BYTES)]
+        streams = len(columns)
+        counts = np.bincount(stream * _LENGTHS + code, minlength=streams * _LENGTHS)
+        columns.by_length[:streams] += counts.reshape(streams, _LENGTHS)
         before = np.empty_like(length)
         before[1:] = length[:-1]
         before[start] = columns.length[run]

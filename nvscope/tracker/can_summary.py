@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from dissectors.can import EXTENDED_MASK
 from nvscope.tracker.can_state import EXTENDED_KEY, CanState
@@ -17,7 +19,10 @@ def can_key(channel: str, cob_id: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class CanStreamSummary:
-    """The frames of one COB-ID of a channel; ``subindex`` is its place in its list, ``length`` that of the last one."""
+    """The frames of one COB-ID of a channel.
+
+    ``subindex`` is its place in its list, ``length`` that of the last one; ``by_length`` as in ``CanColumns``.
+    """
 
     stream: int
     cob_id: int
@@ -30,6 +35,7 @@ class CanStreamSummary:
     first_frame: int
     last_frame: int
     length: int
+    by_length: tuple[int, ...]
     intervals: Intervals
 
 
@@ -81,27 +87,42 @@ class CanSummary:
         return _name(self.channels, number)
 
 
-def summarize_can(state: CanState, channels: Sequence[str] = (), first_number: int = 0) -> CanSummary:
+def summarize_can(
+    state: CanState,
+    channels: Sequence[str] = (),
+    first_number: int = 0,
+    *,
+    parts: Mapping[int, tuple[int, int]] = MappingProxyType({}),
+    intervals_ns: Mapping[int, int] = MappingProxyType({}),
+) -> CanSummary:
     """Compute the summary of a state; ``channels`` are the names by number, ``can0`` and so on where there are none.
 
-    ``first_number`` is the number of the first list.
+    ``first_number`` is the number of the first list. ``parts`` tells of standard COB-IDs to which list (by its COB-ID)
+    they belong, and as which part; another COB-ID is a list alone. ``intervals_ns`` are the nominal intervals of lists.
     """
-    keys = list(zip(state.streams.high.tolist(), state.streams.low.tolist(), strict=True))
-    order = sorted(range(len(keys)), key=lambda stream: (_name(channels, keys[stream][0]), keys[stream][1]))
     histograms = state.timing.histograms()
-    lists: list[CanListSummary] = []
-    for stream in order:
-        channel, word = keys[stream]
+    streams: dict[tuple[str, int], list[CanStreamSummary]] = defaultdict(list)
+    keys = zip(state.streams.high.tolist(), state.streams.low.tolist(), strict=True)
+    for stream, (channel, word) in enumerate(keys):
         columns = state.columns
-        known = {name: int(getattr(columns, name)[stream]) for name in columns.COLUMNS}
+        known = {name: int(getattr(columns, name)[stream]) for name in columns.COLUMNS if name != "by_length"}
         if not known["frames"]:
             continue
-        summary = CanStreamSummary(
-            stream=stream, cob_id=word & EXTENDED_MASK, extended=bool(word & EXTENDED_KEY), subindex=0,
-            intervals=intervals_of(state.timing, stream, histograms.of(stream)), **known,
+        extended, cob_id = bool(word & EXTENDED_KEY), word & EXTENDED_MASK
+        base, subindex = (word, 0) if extended else parts.get(cob_id, (cob_id, 0))
+        intervals = intervals_of(state.timing, stream, histograms.of(stream), intervals_ns.get(base))
+        streams[_name(channels, channel), base].append(
+            CanStreamSummary(
+                stream=stream, cob_id=cob_id, extended=extended, subindex=subindex, intervals=intervals,
+                by_length=tuple(columns.by_length[stream].tolist()), **known
+            )
         )  # fmt: skip
-        number = first_number + len(lists)
-        lists.append(CanListSummary(number, _name(channels, channel), summary.cob_id, (summary,)))
+    lists = [
+        CanListSummary(
+            first_number + number, channel, base & EXTENDED_MASK, sorted(own, key=lambda stream: stream.subindex)
+        )
+        for number, ((channel, base), own) in enumerate(sorted(streams.items()))
+    ]
     return CanSummary(lists, _buses(state, channels), channels)
 
 

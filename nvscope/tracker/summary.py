@@ -127,12 +127,14 @@ def summarize(
     intervals_ns: Mapping[tuple[int, int], int] = MappingProxyType({}),
     readers: Mapping[str, Collection[tuple[int | None, int]]] = MappingProxyType({}),
     channels: Sequence[str] = (),
+    can_parts: Mapping[int, tuple[int, int]] = MappingProxyType({}),
+    can_intervals_ns: Mapping[int, int] = MappingProxyType({}),
 ) -> Summary:
     """Compute the summary of a state.
 
     ``intervals_ns`` are the nominal intervals of lists that have to be sent at one, by port and Index. ``readers`` are
     the lists that nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on
-    any port. ``channels`` are the names of CAN channels, by number.
+    any port. ``channels``, ``can_parts`` and ``can_intervals_ns`` are as for ``summarize_can``.
     """
     flows = state.flows
     nodes = list(zip(flows.nodes.high.tolist(), flows.nodes.low.tolist(), strict=True))
@@ -150,7 +152,7 @@ def summarize(
     _count(state, lists)
     lists.sort(key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
-    can = summarize_can(state.can, channels, len(lists))
+    can = summarize_can(state.can, channels, len(lists), parts=can_parts, intervals_ns=can_intervals_ns)
     timeout_ns = state.acknowledgement.timeout_ns
     return Summary(lists, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
 

@@ -5,7 +5,7 @@ A frame names neither sender nor reader, and carries no counter: what cannot be 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary, CanSummary
@@ -13,15 +13,15 @@ from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
 from nvscope.view.intervals import interval_row
 
 
-def can_lists(summary: CanSummary) -> Iterator[dict[str, Any]]:
-    """Yield the lists on CAN, with their COB-IDs as streams."""
+def can_lists(summary: CanSummary, names: Mapping[int, str]) -> Iterator[dict[str, Any]]:
+    """Yield the lists on CAN, with their COB-IDs as streams; ``names`` are those of lists, by COB-ID."""
     for entry in summary.lists:
         yield {
             "key": entry.key,
             "transport": "can",
             "channel": entry.channel,
             "id": entry.cob_id,
-            "name": None,
+            "name": None if entry.streams[0].extended else names.get(entry.cob_id),
             "senders": [],
             "readers": [],
             "diag": _diagnosis(entry),

@@ -42,6 +42,11 @@ def report_document(
     identifier of their list, each list has its own. ``node_names`` are by the text of the address.
     """
     names = {key: entry.name or None for key, entry in definition.by_port_and_id().items()} if definition else {}
+    can_names = {
+        entry.list_id: entry.name
+        for entry in reversed(definition.lists if definition else ())
+        if entry.protocol.upper() == "CAN" and entry.list_id is not None and entry.name
+    }
     keys = {entry.number: entry.key for entry in summary.lists}
     keys |= {entry.number: entry.key for entry in summary.can.lists}
     document = {
@@ -61,7 +66,7 @@ def report_document(
             "end_ns": _time(state.end_ns),
         },
         "lists": [
-            *can_lists(summary.can),
+            *can_lists(summary.can, can_names),
             *(
                 _list(entry, summary, names.get((entry.port, entry.index)), node_names)
                 | ({} if values is None else {"values": values.get((entry.port, entry.index), [])})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import struct
 from collections import defaultdict
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -12,10 +13,13 @@ import numpy as np
 import pytest
 
 from dissectors.batch import LinkType, PacketBatch
+from nvscope.definition.model import Definition
+from nvscope.definition.pdos import Pdos
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.view.document import report_document
+from tests.definition.lists import INT, LREAL, list_of
 
 START_NS = 1_700_000_000_000_000_000
 Frame = tuple[int, int, int, bytes]  # time in ns, channel, identifier word, data
@@ -117,3 +121,26 @@ def test_the_bits_of_a_bus_are_those_of_its_frames_by_second() -> None:
     assert bus["peak_bits"] == bus["bits"] // 15 * 10
     assert bus["worst_bits"] == 135 * 10
     assert 111 * 15 <= bus["bits"] <= 135 * 15
+
+
+def test_frames_of_a_defined_list_are_one_list_and_have_its_lengths() -> None:
+    """LREAL fills the first frame; two INTs are in the second, which once comes too short."""
+    definition = Definition((replace(list_of([LREAL, INT, INT], list_id=0x190), protocol="CAN", name="press"),))
+    pdos = Pdos(definition)
+    sizes = {0x190: [8, 8, 8], 0x191: [4, 2, 4], 0x192: [1, 1, 1]}
+    frames = [
+        (START_NS + number * 10_000_000 + place, 0, cob_id, bytes(sent[number]))
+        for number in range(3)
+        for place, (cob_id, sent) in enumerate(sizes.items())
+    ]
+    state = TrackerState()
+    state.observe(batch(frames))
+    summary = summarize(state, can_parts=pdos.parts)
+    found = report_document(state, summary, judge(state, summary=summary, definition=definition), [], definition)
+    assert [(entry["key"], entry["name"]) for entry in found["lists"]] == [
+        ("can/can0/400", "press"), ("can/can0/402", None),
+    ]  # fmt: skip
+    assert [(s["cob_id"], s["subindex"]) for s in found["lists"][0]["streams"]] == [(0x190, 0), (0x191, 1)]
+    (mismatch,) = [one for one in found["findings"] if one["code"] == "NV603"]
+    assert (mismatch["list"], mismatch["subindex"], mismatch["count"]) == ("can/can0/400", 1, 1)
+    assert "1 frame of 3 not of 4 bytes" in mismatch["message"]
