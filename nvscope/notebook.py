@@ -8,18 +8,22 @@
     plant.findings
     plant.values("axis")
 
-Nothing is read before it is asked for. Errors are those of ``nvscope.errors``.
+Captures are opened at once, so that a wrong path is told there, and read when something is asked of them. Errors are
+those of ``nvscope.errors``; what could not be shown is a warning.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from nvscope.analysis import Inquiry
+from nvscope.capture.capture_file import STDIN
+from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project, read_project
 from nvscope.errors import UsageError
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
@@ -28,9 +32,10 @@ from nvscope.tracker.summary import list_key
 if TYPE_CHECKING:
     import polars as pl
 
-    from nvscope.definition.model import ListDefinition
+    from nvscope.export.lists import Lists
 
 AnyPath = str | os.PathLike[str]
+_MOST_NAMED = 10
 
 
 def open_captures(
@@ -44,17 +49,33 @@ def open_captures(
 
     ``definitions`` are files that the PLC project exports, with those of the types they use; they take the place of
     those that a project file names. ``project`` is that file; True looks for ``nvscope.toml`` upwards from the working
-    directory. ``where`` is a display filter.
+    directory. ``where`` is a display filter. UsageError where it cannot be understood, UnreadableInput where a file
+    cannot be opened or is no capture.
     """
-    files = None if definitions is None else _paths(definitions)
+    paths = _paths("captures", captures)
+    files = None if definitions is None else _paths("definitions", definitions)
     found = find_project(Path.cwd()) if project is True else Path(project) if project else None
-    return Captures(Inquiry(_paths(captures), read_project(found, files)), where)
+    inquiry = Inquiry(paths, read_project(found, files))
+    if not paths:
+        raise UsageError("no capture file is given", next_step="name one, or a directory of them")
+    # A pipe can be opened only once: it has to wait until something is asked.
+    openable = [path for path in paths if path != STDIN and (not Path(path).exists() or _is_stored(path))]
+    if openable:
+        open_source(openable)
+    return Captures(inquiry, where)
 
 
-def _paths(given: AnyPath | Sequence[AnyPath]) -> list[str]:
-    if isinstance(given, str | os.PathLike):
-        return [os.fspath(given)]
-    return [os.fspath(path) for path in given]
+def _is_stored(path: str) -> bool:
+    return Path(path).is_file() or Path(path).is_dir()
+
+
+def _paths(what: str, given: AnyPath | Sequence[AnyPath]) -> list[str]:
+    several = [given] if isinstance(given, str | os.PathLike) else given
+    if not isinstance(several, Iterable) or not all(isinstance(path, str | os.PathLike) for path in several):
+        raise UsageError(
+            f"{what} are not {given!r:.80}", next_step="give the path of a file as text or Path, or a list of them"
+        )
+    return [os.fspath(path) for path in several]
 
 
 class Captures:
@@ -63,13 +84,20 @@ class Captures:
     def __init__(self, inquiry: Inquiry, where: str | None = None) -> None:
         self._inquiry = inquiry
         self._where = where
+        if where is not None:
+            from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
+
+            DisplayFilter(where, inquiry.fields)  # raises where it cannot be understood
 
     def __repr__(self) -> str:
         shown = f", where={self._where!r}" if self._where else ""
         return f"nvscope.open({list(self._inquiry.paths)!r}{shown})"
 
     def where(self, expression: str) -> Captures:
-        """Return the same captures with a display filter (-Y) of this expression instead of the present one."""
+        """Return the same captures with a display filter (-Y) of this expression instead of the present one.
+
+        UsageError, with the place, where it cannot be understood.
+        """
         return Captures(self._inquiry, expression)
 
     @cached_property
@@ -111,7 +139,6 @@ class Captures:
 
         UsageError for a field that there is not: ``nvscope keys --fields`` lists them.
         """
-        from nvscope.capture.open import open_source  # noqa: PLC0415
         from nvscope.export.frames import Collected  # noqa: PLC0415
         from nvscope.export.telegrams import TelegramTable  # noqa: PLC0415
         from nvscope.view.fields import DEFAULT_FIELDS, output_field  # noqa: PLC0415
@@ -127,52 +154,50 @@ class Captures:
         table.finish()
         return collected.frame()
 
-    def values(self, name: str | None = None, *, form: Literal["wide", "long"] = "wide") -> pl.DataFrame:
+    def values(self, name: str | int | None = None, *, form: Literal["wide", "long"] = "wide") -> pl.DataFrame:
         """Return the values of the variables that definitions name.
 
         ``wide``: a row a telegram and a column a variable, of the list that ``name`` says (name, identifier or key; not
         needed where there is only one). ``long``: a row a variable and telegram, of all lists or of that one. What a
-        telegram did not send is null. Times of the type are durations or times; an enumeration has a second column with
-        the names. UsageError where no such list is defined.
+        telegram did not send is null. Times of the type are durations, or times without a zone; one that is beyond 292
+        years or the year 2262 is null, and in the long form in ``unsigned``. An enumeration has a second column with
+        the names. What nobody has described is bytes.
+
+        Telegrams that were left out are a warning. UsageError where no such list is defined.
         """
-        from nvscope.capture.open import open_source  # noqa: PLC0415
         from nvscope.export.frames import long_frame, wide_frame  # noqa: PLC0415
+        from nvscope.export.unwritten import beyond_time, left_out  # noqa: PLC0415
         from nvscope.view.defined_telegrams import DefinedTelegrams  # noqa: PLC0415
         from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
 
+        if form not in ("wide", "long"):
+            raise UsageError(f"form is not {form!r:.80}", next_step="give form='wide' or form='long'")
         inquiry = self._inquiry
         lists = self._defined(name)
         if form == "wide" and len(lists) > 1:
+            told = ", ".join(f"{entry.name} ({list_key(*key)})" for key, entry in lists[:_MOST_NAMED])
             raise UsageError(
                 "several lists are defined, and each is a table of its own",
-                next_step=f"name one of {_named(lists)}, or ask for form='long'",
+                next_step=f"name one of {told}, or ask for form='long'",
             )
         assert inquiry.layouts is not None
         choose = None if self._where is None else PacketChoice(inquiry.filter(self._where))
         telegrams = DefinedTelegrams(
-            open_source(inquiry.paths), inquiry.layouts, keys=list(lists), ports=inquiry.ports, choose=choose
-        )
-        return wide_frame(telegrams) if form == "wide" else long_frame(telegrams)
+            open_source(inquiry.paths), inquiry.layouts, keys=[key for key, _ in lists], ports=inquiry.ports,
+            choose=choose,
+        )  # fmt: skip
+        frame, beyond = wide_frame(telegrams) if form == "wide" else (long_frame(telegrams), 0)
+        for sentence in [*([beyond_time(beyond)] if beyond else []), *left_out(telegrams)]:
+            warnings.warn(sentence, stacklevel=2)
+        return frame
 
-    def _defined(self, name: str | None) -> dict[tuple[int, int], ListDefinition]:
+    def _defined(self, name: str | int | None) -> Lists:
+        from nvscope.export.lists import lists_to_write  # noqa: PLC0415
+
         layouts = self._inquiry.layouts
-        lists = dict(layouts.lists()) if layouts else {}
-        lists = {key: entry for key, entry in lists.items() if layouts and layouts.telegrams_of(*key)}
-        if not lists:
+        if layouts is None:
             raise UsageError("no list is defined", next_step="give nvscope.open the definitions of the PLC project")
-        if name is None:
-            return lists
-        wanted = name.strip().lower()
-        found = {
-            key: entry for key, entry in lists.items() if wanted in (entry.name.lower(), str(key[1]), list_key(*key))
-        }
-        if not found:
-            raise UsageError(f"no list is named {name[:80]!r}", next_step=f"there are {_named(lists)}")
-        return found
-
-
-def _named(lists: dict[tuple[int, int], ListDefinition]) -> str:
-    return ", ".join(f"{entry.name} ({list_key(*key)})" for key, entry in list(lists.items())[:10])
+        return lists_to_write(layouts, () if name is None else (str(name),))
 
 
 _Kind = type | list[type] | Literal["time", "duration"]

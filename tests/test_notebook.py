@@ -10,7 +10,7 @@ import pytest
 
 import nvscope
 from nvscope.analysis import Inquiry
-from nvscope.errors import ConfigurationError, UsageError
+from nvscope.errors import ConfigurationError, UnreadableInput, UsageError
 
 CAPTURES = Path(__file__).parents[1] / "captures"
 PEERS, PLANT = CAPTURES / "peers" / "peers.pcap", CAPTURES / "plant.pcapng.gz"
@@ -66,6 +66,7 @@ def test_several_lists_are_long_or_one_by_one() -> None:
     assert set(long["list_name"].cast(pl.String)) == {"axis", "recipe"}
     pos = long.filter(pl.col("variable").cast(pl.String) == "stAxis.pos")
     assert pos["real"].to_list() == peers.values("udp/1202/42")["stAxis.pos"].to_list()
+    assert peers.values(7).equals(peers.values("7"))
     assert peers.values("7").height == peers.lists.filter(pl.col("id") == 7)["nSendCount"][0]
 
 
@@ -78,8 +79,38 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
         nvscope.open(PEERS).telegrams("nv.cuonter")
     with pytest.raises(ConfigurationError):
         nvscope.open(PEERS, definitions=tmp_path / "missing.gvl")
+    with pytest.raises(UsageError, match="captures are not 5"):
+        nvscope.open(5)  # type: ignore[arg-type]
+    with pytest.raises(UnreadableInput, match=r"missing\.pcap"):
+        nvscope.open(tmp_path / "missing.pcap")
+    with pytest.raises(UsageError, match="no field is called nv\\.cuonter"):
+        nvscope.open(PEERS, where="nv.cuonter == 1")
+    with pytest.raises(UsageError, match="column 12"):
+        nvscope.open(PEERS).where("nv.index == ")
+    with pytest.raises(UsageError, match="form is not 'broad'"):
+        nvscope.open(PEERS, definitions=AXIS).values(form="broad")  # type: ignore[arg-type]
     with pytest.raises(AttributeError, match="no attribute 'opne'"):
         nvscope.opne  # noqa: B018
+
+
+def test_what_values_do_not_show_is_a_warning(tmp_path: Path) -> None:
+    changed = tmp_path / "axis.gvl"
+    changed.write_text(AXIS[0].read_text().replace("nSpeed : INT;", "nSpeed : DINT;"))
+    for form in ("wide", "long"):
+        with pytest.warns(UserWarning, match=r"axis: 199 telegrams left out, not of the shape .* \(NV405\)"):
+            assert nvscope.open(PEERS, definitions=[changed, AXIS[1]]).values("axis", form=form).is_empty()
+
+
+def test_of_a_list_with_a_pointer_there_is_what_is_known(tmp_path: Path) -> None:
+    changed = tmp_path / "axis.gvl"
+    changed.write_text(AXIS[0].read_text().replace("fTemp : REAL;", "fTemp : POINTER TO REAL;"))
+    found = nvscope.open(PEERS, definitions=[changed, AXIS[1]]).values("axis")
+    whole = nvscope.open(PEERS, definitions=AXIS).values()
+    assert found.columns[4:] == ["bStart", "nSpeed", "fTemp …"]
+    assert found["nSpeed"].to_list() == whole["nSpeed"].to_list()
+    assert {len(rest) for rest in found["fTemp …"]} == {
+        nvscope.open(PEERS).telegrams("nv.length", "nv.index").filter(pl.col("nv.index") == 42)["nv.length"][0] - 20 - 3
+    }
 
 
 def test_nothing_to_show_has_columns_all_the_same() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -21,19 +21,17 @@ from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis import Inquiry
-    from nvscope.definition.layouts import Layouts
-    from nvscope.definition.model import ListDefinition
     from nvscope.export.files import Files
-    from nvscope.view.defined_telegrams import DefinedTelegrams, LeftOut
+    from nvscope.export.lists import Lists
+    from nvscope.view.defined_telegrams import DefinedTelegrams
     from nvscope.view.fields import TelegramField
     from nvscope.view.telegrams import Telegrams
-
-    Lists = list[tuple[tuple[int, int], ListDefinition]]
 
 What = Literal["values", "telegrams"]
 Form = Literal["wide", "long"]
 
-_MOST_NAMED = 6
+Written = tuple[str, int, int]
+"""The name of a file, how many telegrams are in it, and how many times that are null since no column holds them."""
 
 
 def export(
@@ -85,6 +83,12 @@ def export(
     With several lists, the name of each stands in the name of its file: values.parquet becomes values.axis.parquet.
     What a telegram does not send is null. Files appear when they are complete. Exits with 3 where a capture could not
     be read to its end.
+
+    TIME, LTIME and times of day are durations: in CSV seconds, in NDJSON numbers of nanoseconds, in the long form
+    nanoseconds (integer). DATE, DT, LDATE and LDT are times without a zone, to the nanosecond (in the long form
+    nanoseconds since 1970). Times beyond 292 years or the year 2262 are null and counted; the long form has them in
+    the column unsigned. What nobody has described, such as a POINTER and all behind it, is bytes: in CSV and NDJSON
+    hexadecimal digits. What is no number is NaN, inf or -inf in CSV, null in NDJSON.
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
@@ -111,7 +115,9 @@ def export(
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
     if layouts is not None:
-        lists = _chosen_lists(layouts, listed)
+        from nvscope.export.lists import lists_to_write
+
+        lists = lists_to_write(layouts, listed or ())
     elif not wants_telegrams and (what == "values" or form_text or gvl):
         raise UsageError("no list is defined", next_step="name the exported lists and their types with --gvl FILE")
     if not lists and form_text:
@@ -144,7 +150,7 @@ def export(
         files.discard()
         raise
     if lists:
-        _tell_of_values(told, lists, written, write, quiet=quiet, all_lists=not listed)
+        _tell_of_values(told, written, write, quiet=quiet, all_lists=not listed)
         if not listed:
             tell_of_lists(inquiry)
     else:
@@ -157,31 +163,16 @@ def export(
         raise typer.Exit(ExitCode.DATA_LOSS)
 
 
-def _chosen_lists(layouts: Layouts, names: Sequence[str] | None) -> Lists:
-    """Return the lists to be written, in the order of the definition; UsageError for a name that none has."""
-    lists = [(key, entry) for key, entry in layouts.lists() if layouts.telegrams_of(*key)]
-    if not lists:
-        raise UsageError(
-            "of no defined list is the size of all variables known", next_step="`nvscope gvl layout` shows why"
-        )
-    if not names:
-        return lists
-    from nvscope.definition.selection import lists_named
-
-    found = {key for name in names for key, _ in lists_named(lists, name)}
-    return [(key, entry) for key, entry in lists if key in found]
-
-
 def _write_values(
     telegrams: DefinedTelegrams, lists: Lists, path: str, form: Form, files: Files, progress: Callable[[], None]
-) -> list[tuple[str, int]]:
-    """Write values; return the files with the number of telegrams in each."""
+) -> list[Written]:
     from nvscope.export.values import paths_of, write_long, write_wide
 
     if form == "long":
-        return [(path, write_long(telegrams, path, files, progress))]
+        return [(path, write_long(telegrams, path, files, progress), 0)]
     paths = paths_of(path, lists)
-    return list(zip(paths, write_wide(telegrams, paths, files, progress), strict=True))
+    told = write_wide(telegrams, paths, files, progress)
+    return [(name, rows, beyond) for name, (rows, beyond) in zip(paths, told, strict=True)]
 
 
 def _fields(names: Sequence[str], inquiry: Inquiry) -> Sequence[TelegramField]:
@@ -218,54 +209,29 @@ def _write_telegrams(
 
 
 def _tell_of_values(
-    telegrams: DefinedTelegrams,
-    lists: Lists,
-    written: list[tuple[str, int]],
-    path: str,
-    *,
-    quiet: bool,
-    all_lists: bool,
+    telegrams: DefinedTelegrams, written: list[Written], path: str, *, quiet: bool, all_lists: bool
 ) -> None:
     """Say what was written where several files were, and always what was not."""
-    from nvscope.tracker.summary import list_key
+    from nvscope.export.unwritten import beyond_time, left_out, why_nothing
     from nvscope.units import count_of
-    from nvscope.view.defined_telegrams import LeftOut
     from nvscope.view.escape import visible
 
     def tell(text: str) -> None:
         typer.echo(f"nvscope: {text}", err=True)
 
-    if not any(count for _, count in written):
+    if not any(count for _, count, _ in written):
         where = f"{visible(path)} has" if len(written) == 1 else f"the {len(written)} files have"
-        tell(f"{count_of(telegrams.frames, 'frame')}, no telegram of a defined list; {where} columns, but no rows.")
+        tell(f"{why_nothing(telegrams)}; {where} columns, but no rows.")
     elif len(written) > 1 and not quiet:
-        for name, count in written:
+        for name, count, _ in written:
             tell(f"{visible(name)}: {count_of(count, 'telegram')}")
-    names = dict(lists)
-    left_out = telegrams.left_out
-    for key, reasons in list(left_out.items())[:_MOST_NAMED]:
-        tell(f"{list_key(*key)} {visible(names[key].name)}: {_left_out(reasons)}.")
-    if others := list(left_out.values())[_MOST_NAMED:]:
-        total = {reason: sum(reasons.get(reason, 0) for reasons in others) for reason in LeftOut}
-        summed = {reason: count for reason, count in total.items() if count}
-        tell(f"{count_of(len(others), 'more list')}: {_left_out(summed)}.")
+    for name, _, beyond in written:
+        if beyond:
+            tell(f"{visible(name)}: {beyond_time(beyond)}")
+    for sentence in left_out(telegrams):
+        tell(sentence)
     if telegrams.undefined and all_lists:
         tell(f"{count_of(telegrams.undefined, 'data telegram')} of lists without a definition left out.")
-
-
-def _left_out(reasons: Mapping[LeftOut, int]) -> str:
-    from nvscope.units import count, count_of
-
-    words = {
-        "MALFORMED": "malformed",
-        "UNFITTING": "not of the shape that the definition has (NV405)",
-        "CUT": "not captured whole",
-    }
-    if len(reasons) == 1:
-        ((reason, number),) = reasons.items()
-        return f"{count_of(number, 'telegram')} left out, {words[reason.name]}"
-    told = ", ".join(f"{count(number)} {words[reason.name]}" for reason, number in reasons.items())
-    return f"{count_of(sum(reasons.values()), 'telegram')} left out: {told}"
 
 
 def _tell_of_telegrams(telegrams: Telegrams, path: str) -> None:

@@ -130,6 +130,8 @@ def packets(
     elif not telegrams.shown:
         read_count = units.count_of(telegrams.telegrams, "telegram")
         typer.echo(f"nvscope: {read_count} read, the filter chooses none of them.", err=True)
+    elif chosen_by and chosen_by.findings:
+        typer.echo("nvscope: a finding is shown by the telegrams of its first ten events, not by all.", err=True)
     if telegrams.fragments:
         typer.echo(f"nvscope: {units.count_of(telegrams.fragments, 'IP fragment')}, not put together.", err=True)
     if tell_of_losses(source.infos):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -44,7 +44,7 @@ def variables(
             "--history",
             metavar="NAME",
             help="Show every change of a variable, of all elements of a structure or array, or of what a pattern "
-            "with * stands for. LIST:NAME where several lists have it.",
+            "with * stands for, in each list that has it. LIST:NAME, or --list, for one of them.",
         ),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="With --history: every telegram, not only changes.")] = False,
@@ -62,7 +62,7 @@ def variables(
     ] = False,
     listed: Annotated[
         str | None,
-        typer.Option("--list", metavar="LIST", help="With --history or --infer: only this list (name or identifier)."),
+        typer.Option("--list", metavar="LIST", help="Only this list: its name, identifier, or key as udp/1202/7."),
     ] = None,
     write: Annotated[
         str | None,
@@ -86,7 +86,7 @@ def variables(
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
-    _check(gvl, history, every, at, infer, listed, write)
+    _check(gvl, history, every, at, infer, write)
     plant = project_of(project, gvl)
     if not infer and not plant.files:
         raise UsageError(
@@ -106,9 +106,9 @@ def variables(
     elif history is not None:
         infos = _history(asked, history, listed, every)
     elif at is not None:
-        infos = _at(asked, at)
+        infos = _at(asked, at, listed)
     else:
-        infos = _last_values(asked)
+        infos = _last_values(asked, listed)
     if not infer:
         tell_of_lists(inquiry)
     if tell_of_losses(infos):
@@ -135,6 +135,15 @@ class _Asked:
             raise UsageError("the definition files declare types, but no list", next_step="name the exported list too")
         return layouts
 
+    def keys(self, listed: str | None) -> Collection[tuple[int, int]] | None:
+        """Return port and identifier of the lists of a name, None for all; UsageError where there is none."""
+        layouts = self.layouts
+        if listed is None:
+            return None
+        from nvscope.definition.selection import lists_named, names_of_lists
+
+        return {key for key, _ in lists_named(names_of_lists(layouts), listed)}
+
     def choose(self) -> Callable[[SortedPackets], Bool] | None:
         """Return the filter, to be asked of the batches of a capture in turn; None without one."""
         if self.wanted is None:
@@ -157,7 +166,6 @@ def _check(
     every: bool,
     at: str | None,
     infer: bool,
-    listed: str | None,
     write: str | None,
 ) -> None:
     """Raise UsageError for options that do not go together."""
@@ -170,8 +178,6 @@ def _check(
         raise UsageError(f"{asked[0]} and {asked[1]} exclude each other", next_step="ask for one after the other")
     if every and history is None:
         raise UsageError("--all is for --history", next_step="add --history NAME, or leave --all out")
-    if listed is not None and history is None and not infer:
-        raise UsageError("--list is for --history and --infer", next_step="leave --list out")
     if write is not None and not infer:
         raise UsageError("-w is for --infer", next_step="`nvscope export` writes values to files")
     if infer and gvl:
@@ -180,22 +186,22 @@ def _check(
         )
 
 
-def _last_values(asked: _Asked) -> Sequence[SourceInfo]:
+def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
     from nvscope import units
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
     from nvscope.view.variables import left_out, variables_document
 
-    assert asked.layouts
+    keys = asked.keys(listed)
     keep_freed_memory()
     found = asked.inquiry.analyze(asked.wanted, values=True)
     assert found.values
-    unfitting, truncated = left_out(found.state, found.values)
+    unfitting, truncated = left_out(found.state, found.values, keys)
     asked.tell(
-        variables_document(found.state, found.values),
+        variables_document(found.state, found.values, keys=keys, expression=asked.wanted),
         lambda document: face.render(
             document, colour=asked.colour, width=width(), utc=asked.utc, node_names=asked.names,
-            some_came=bool(unfitting or truncated),
+            some_came=bool(unfitting or truncated), of_one_list=keys is not None,
         ),
     )  # fmt: skip
     if unfitting:
@@ -221,18 +227,24 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
     """Write changes as they are found."""
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
-    from nvscope.definition.selection import select
+    from nvscope.definition.selection import names_of_lists, select, unplaced_text
     from nvscope.report.history import Json, Text
     from nvscope.tracker.history import History
     from nvscope.tracker.summary import list_key
+    from nvscope.view.escape import visible
     from nvscope.view.history import change_row, change_summary
+    from nvscope.view.variables import filter_told
 
-    inquiry = asked.inquiry
-    wanted = select(asked.layouts, name, listed)
-    names = [element for elements in wanted.values() for element in elements]
-    lists = [list_key(port, index) for port, index, _ in wanted]
-    face = Json() if asked.as_json else Text(names, lists, width=width(), colour=asked.colour, utc=asked.utc)
-    history = History(asked.layouts, wanted, every=every, ports=inquiry.ports, choose=asked.choose())
+    inquiry, layouts = asked.inquiry, asked.layouts
+    wanted = select(layouts, name, listed)
+    keys = wanted.lists()
+    lists = [(list_key(*key), known.name) for key, known in names_of_lists(layouts) if key in keys]
+    face = (
+        Json()
+        if asked.as_json
+        else Text(wanted.names(), lists, subindexes=wanted.repeated, width=width(), colour=asked.colour, utc=asked.utc)
+    )
+    history = History(layouts, wanted.names_in, every=every, ports=inquiry.ports, choose=asked.choose())
     source = open_source(inquiry.paths)
     out = sys.stdout
     with ProgressBar(source, quiet=asked.quiet or out.isatty()) as progress:
@@ -242,14 +254,18 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
                 out.write(face.line(change_row(entry)))
             out.flush()
             progress()
-        out.write(face.end(change_summary(history)))
+        chosen = filter_told(asked.wanted, history.read.chosen, history.read.telegrams)
+        some_came = not history.read.lists.isdisjoint(keys)
+        out.write(face.end(change_summary(history), chosen, some_came=some_came))
         out.flush()
+    if wanted.unplaced:
+        typer.echo(f"nvscope: {visible(unplaced_text(wanted.unplaced))}.", err=True)
     if history.unfitting:
         _tell_of_unfitting(history.unfitting)
     return source.infos
 
 
-def _at(asked: _Asked, text: str) -> Sequence[SourceInfo]:
+def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
     """Show the values as they were at a time."""
     from nvscope import units
     from nvscope.capture.open import open_source
@@ -259,6 +275,7 @@ def _at(asked: _Asked, text: str) -> Sequence[SourceInfo]:
     from nvscope.view.history import at_document
 
     inquiry, layouts = asked.inquiry, asked.layouts
+    keys = asked.keys(listed)
     moment_asked = parse_time("--at", text, utc=asked.utc)
     end_ns: int | None = None
     if moment_asked.reference is Reference.END:
@@ -292,7 +309,7 @@ def _at(asked: _Asked, text: str) -> Sequence[SourceInfo]:
             raise UsageError(f"--at {text}: the capture has {units.count_of(moment.frames, 'frame')}")
         time_ns = moment.last_frame_ns or 0
     asked.tell(
-        at_document(moment, layouts, time_ns),
+        at_document(moment, layouts, time_ns, keys=keys, expression=asked.wanted),
         lambda document: face.render_at(document, colour=asked.colour, width=width(), utc=asked.utc),
     )
     return source.infos

@@ -49,6 +49,15 @@ class Layouts:
         """
         return self._candidates.get((port, index), ())
 
+    def partly_of(self, port: int, index: int) -> Sequence[TelegramLayout]:
+        """Return the telegrams of a list that is left out, of which ``packing.known_fronts`` tells something."""
+        return self._partly[port, index] if (port, index) in self.left_out else ()
+
+    def definitions_of(self, port: int, index: int) -> Sequence[ListDefinition]:
+        """Return all definitions of a list of which something can be told; of those that are left out, the first."""
+        telegrams = [*filter(None, self.candidates_of(port, index)), *filter(None, [self.partly_of(port, index)])]
+        return [one[0].list for one in telegrams]
+
     def telegrams_of(self, port: int, index: int) -> tuple[TelegramLayout, ...] | None:
         """Return the telegrams of a list by SubIndex, None where there is none, or it is left out.
 

@@ -83,26 +83,51 @@ class TelegramLayout:
             yield self.layout.offset_of(str(place)), element
 
 
+def known_fronts(telegrams: Sequence[TelegramLayout]) -> list[tuple[TelegramLayout, Element | None]]:
+    """Return what is known of the telegrams of a list, by SubIndex, where sizes of some elements are not.
+
+    Of each it is the elements in front, and the element of unknown size behind them, from which on nothing can be
+    placed; None where all is known. The last entry is that of all further SubIndexes.
+    """
+    first = _first_unknown(telegrams)
+    count = first + 1 if telegrams[0].list.pack else len(telegrams)
+    return [_front(telegrams, subindex, first) for subindex in range(count + 1)]
+
+
+def _first_unknown(telegrams: Sequence[TelegramLayout]) -> int:
+    return next(number for number, layout in enumerate(telegrams) if layout.unknown)
+
+
+def _front(telegrams: Sequence[TelegramLayout], subindex: int, first: int) -> tuple[TelegramLayout, Element | None]:
+    definition = telegrams[0].list
+    own = telegrams[subindex] if subindex < len(telegrams) and (subindex <= first or not definition.pack) else None
+    cause = (own or telegrams[first]).unknown
+    if own is not None and cause is None:
+        return own, None
+    known = own.elements[: own.elements.index(cause)] if own and cause else ()
+    return TelegramLayout(definition, subindex, known), cause
+
+
+def undescribed(cause: Element, size_bytes: int) -> Element:
+    """Return the element that all bytes are from the one on whose size nobody knows."""
+    kind = Scalar(f"bytes from {cause.name} : {cause.type.name} on", Kind.RAW, f"V{size_bytes}", size_bytes)
+    return Element(f"{cause.name} …", kind)
+
+
 def known_part(telegrams: Sequence[TelegramLayout], subindex: int, items: int, length: int) -> TelegramLayout | None:
     """Return what is known of a telegram with these Items and Length, where sizes of some elements are not.
 
     The elements in front of the first such one stand where they are declared; from there on, all bytes are one element
     that nobody has described. None where the telegram is too short for what is known, or is all known and differs.
     """
-    first = next(number for number, layout in enumerate(telegrams) if layout.unknown)
-    packed = telegrams[0].list.pack
-    own = telegrams[subindex] if subindex < len(telegrams) and (subindex <= first or not packed) else None
-    if own is not None and not own.unknown:
-        return own if (items, length) == (own.items, own.length) else None
-    known = own.elements[: own.elements.index(own.unknown)] if own and own.unknown else ()
-    cause = own.unknown if own and own.unknown else telegrams[first].unknown
-    assert cause
-    rest = length - HEADER.size_bytes - sum(element.type.size_bytes for element in known)
-    if rest < 0 or items < len(known):
+    front, cause = _front(telegrams, subindex, _first_unknown(telegrams))
+    if cause is None:
+        return front if (items, length) == (front.items, front.length) else None
+    rest = length - front.length
+    if rest < 0 or items < len(front.elements):
         return None
-    kind = Scalar(f"bytes from {cause.name} : {cause.type.name} on", Kind.RAW, f"V{rest}", rest)
-    undescribed = (Element(f"{cause.name} …", kind),) if rest else ()
-    return TelegramLayout(telegrams[0].list, subindex, (*known, *undescribed), items)
+    behind = (undescribed(cause, rest),) if rest else ()
+    return TelegramLayout(front.list, subindex, (*front.elements, *behind), items)
 
 
 def dtype_of(kind: Elementary) -> str:

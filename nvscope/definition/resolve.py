@@ -42,6 +42,10 @@ from nvscope.errors import ConfigurationError
 from nvscope.units import count
 
 MAX_STRING_LENGTH = 32_767
+MAX_NESTING = 100
+"""Types within one another, across all files."""
+MAX_NAME_CHARACTERS = 20_000_000
+"""Characters that the names of all elements of a list have together: ten times what a large list has."""
 _MOST_CALLS = 300
 _MOST_NAMESAKES = 100
 _MOST_COMPARED = 10_000
@@ -62,10 +66,15 @@ def resolve(files: Sequence[FileSyntax], port: int = DEFAULT_PORT) -> Definition
 
 @dataclass(frozen=True, slots=True)
 class _Sized:
-    """A resolved type. ``parts`` bounds both its elements and what has to be visited to describe it."""
+    """A resolved type. ``parts`` bounds both its elements and what has to be visited to describe it.
+
+    ``depth`` is how many types lie within it, one in another, ``characters`` what all its elements add to their names.
+    """
 
     type: Type
     parts: int
+    depth: int = 0
+    characters: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +114,7 @@ class _Names:
     def variables(self, entry: ListSyntax) -> Iterator[Variable]:
         """Yield the variables of a list, checked. Constants are none: each side has its own (inferred)."""
         seen: dict[str, Name] = {}
-        parts = 0
+        parts = characters = 0
         scope = entry.name.upper()
         for block in entry.blocks:
             if block.constant:
@@ -117,6 +126,11 @@ class _Names:
                     parts += sized.parts
                     if parts > MAX_ELEMENTS:
                         raise _too_many(entry.source, name.offset, f"the list has {count(parts)} elements up to here")
+                    characters += sized.characters + sized.parts * len(name.text)
+                    if characters > MAX_NAME_CHARACTERS:
+                        what = f"the names of the list's elements have {count(characters)} characters up to here"
+                        next_step = f"They may have {count(MAX_NAME_CHARACTERS)}: shorten names, or the arrays."
+                        raise entry.source.error(what, name.offset, next_step)
                     yield Variable(
                         name.text, sized.type, entry.source.position(name.offset), dict(declaration.attributes)
                     )
@@ -258,12 +272,15 @@ class _Names:
             parts *= high - low + 1
             if parts > MAX_ELEMENTS:
                 raise _too_many(source, low_syntax.offset, f"the array has {count(parts)} elements")
-        return _Sized(Array(tuple(bounds), element.type), parts)
+        # An array of several dimensions is arrays of arrays.
+        depth = _deeper(element.depth + len(bounds) - 1, source, syntax.offset)
+        characters = element.characters * (parts // element.parts) + parts * len(bounds) * len("[0]")
+        return _Sized(Array(tuple(bounds), element.type), parts, depth, characters)
 
     def _structure(self, syntax: StructureType, name: str, source: Source, scope: str) -> _Sized:
         members: list[Member] = []
         seen: dict[str, Name] = {}
-        parts = 0
+        parts = characters = depth = 0
         if syntax.extends is not None:
             base = self._named(NamedType(syntax.extends), source, scope)
             if not isinstance(base.type, Structure):
@@ -271,18 +288,21 @@ class _Names:
                 raise source.error(what, syntax.extends.offset, "Name a structure behind EXTENDS.")
             members += base.type.members
             seen = {member.name.upper(): syntax.extends for member in members}
-            parts = base.parts
+            parts, characters, depth = base.parts, base.characters, base.depth - 1
         for declaration in syntax.members:
             for member_name in declaration.names:
                 _check_new(member_name, seen, source)
                 member = self._type(declaration.type, f"{name}.{member_name.text}", source, scope)
                 members.append(Member(member_name.text, member.type))
                 parts += member.parts
+                characters += member.characters + member.parts * len(f".{member_name.text}")
+                depth = max(depth, member.depth)
                 if parts > MAX_ELEMENTS:
                     raise _too_many(source, member_name.offset, f"{name} has {count(parts)} elements up to here")
         # An empty structure sends nothing, but an array of them has to be walked through all the same.
         made = Union if syntax.is_union else Structure
-        return _Sized(made(name, tuple(members)), max(parts, 1))
+        depth = _deeper(depth, source, syntax.offset)
+        return _Sized(made(name, tuple(members)), max(parts, 1), depth, characters)
 
     def _enumeration(self, syntax: EnumerationType, name: str, source: Source) -> Enumeration:
         base = SCALARS["INT"]
@@ -362,6 +382,14 @@ def _list_definitions(entry: ListSyntax, names: _Names, port: int) -> Iterator[L
     if variables or any(entry.settings):
         for settings in entry.settings:
             yield ListDefinition(entry.name, position, variables, **{"port": port, **settings})
+
+
+def _deeper(depth: int, source: Source, offset: int) -> int:
+    """Return the depth of a type around another; what walks through types goes down into them."""
+    if depth >= MAX_NESTING:
+        next_step = "Declare it with fewer structures and arrays in one another."
+        raise source.error(f"types are nested deeper than {MAX_NESTING}", offset, next_step)
+    return depth + 1
 
 
 def _check_new(name: Name, seen: dict[str, Name], source: Source) -> None:

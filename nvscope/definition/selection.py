@@ -3,18 +3,53 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import ListDefinition
+from nvscope.definition.model import Element, ListDefinition
+from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
 from nvscope.errors import UsageError
-
-Selection = dict[tuple[int, int, int], frozenset[str]]
-"""Names of elements, by port, list identifier and SubIndex of the telegrams that have them."""
+from nvscope.units import count
 
 _MOST_NEAR = 3
 _MOST_LISTS = 6
+_MOST_NAMED = 4
+
+
+@dataclass(slots=True)
+class Selection:
+    """Names of elements, by port, list identifier and SubIndex of the telegrams that have them.
+
+    ``others`` are those in all other telegrams of a list of which not all is known. ``unplaced`` are names that were
+    meant too, of elements that nobody can find, each with the element of unknown size in front of it.
+    """
+
+    telegrams: dict[tuple[int, int, int], frozenset[str]] = field(default_factory=dict)
+    others: dict[tuple[int, int], frozenset[str]] = field(default_factory=dict)
+    unplaced: list[tuple[str, Element]] = field(default_factory=list)
+
+    def names_in(self, port: int, index: int, subindex: int) -> frozenset[str]:
+        """Return the names of the elements that are meant in a telegram."""
+        found = self.telegrams.get((port, index, subindex))
+        return self.others.get((port, index), frozenset()) if found is None else found
+
+    @property
+    def repeated(self) -> bool:
+        """Whether several telegrams of a list have an element of one name."""
+        entries = [*((key[:2], names) for key, names in self.telegrams.items()), *self.others.items()]
+        places = [(key, name) for key, names in entries for name in names]
+        return len(set(places)) < len(places)
+
+    def names(self) -> set[str]:
+        """Return all names of elements that are meant."""
+        return set().union(*self.telegrams.values(), *self.others.values())
+
+    def lists(self) -> list[tuple[int, int]]:
+        """Return port and identifier of the lists that have some of them, sorted."""
+        meant = [key[:2] for key, names in self.telegrams.items() if names]
+        return sorted({*meant, *(key for key, names in self.others.items() if names)})
 
 
 def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selection:
@@ -22,36 +57,93 @@ def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selecti
 
     Letters are the same in any case, spaces do not count. The name of a structure or array stands for all its elements;
     ``*`` stands for any text and ``?`` for one character. In front of a colon, or as ``list_name``, a list may stand:
-    its name, its identifier, or its key such as udp/1202/7. Raises UsageError, with the nearest names, where there is
-    nothing of that name.
+    its name, its identifier, or its key such as udp/1202/7. The name of an element of unknown size stands for all bytes
+    from it on. Raises UsageError, with the nearest names, where there is nothing of that name.
     """
     listed, colon, rest = name.rpartition(":")
-    lists = [entry for entry in layouts.lists() if layouts.telegrams_of(*entry[0]) is not None]
+    lists = names_of_lists(layouts)
     for given in [listed.strip()] if colon else []:
         lists = lists_named(lists, given)
     if list_name is not None:
         lists = lists_named(lists, list_name)
     wanted = _plain(rest)
     matches = re.compile(rf"{_pattern(wanted)}(?:[.\[].*)?", re.DOTALL).fullmatch
-    found: Selection = {}
+    found = Selection()
     names: dict[str, str] = {}
-    for key, _ in lists:
+
+    def chosen(elements: Iterable[Element]) -> frozenset[str]:
+        own = {_plain(element.name): element.name for element in elements}
+        names.update(own)
+        meant = {name for text, name in own.items() if matches(text) or matches(text.removesuffix("…"))}
+        return frozenset(meant if wanted else ())
+
+    for key in dict.fromkeys(key for key, _ in lists):
         for layout in (layout for candidate in layouts.candidates_of(*key) for layout in candidate):
-            own = {_plain(element.name): element.name for element in layout.elements}
-            names |= own
-            chosen = frozenset(name for text, name in own.items() if matches(text)) if wanted else frozenset()
-            if chosen:
+            if meant := chosen(layout.elements):
                 place = (*key, layout.subindex)
-                found[place] = found.get(place, frozenset()) | chosen
-    if not found:
-        whole = {text.split(".")[0].split("[")[0] for text in names}
-        near = get_close_matches(wanted, [*names, *(whole - names.keys())], _MOST_NEAR, 0.5)
-        told = ", ".join(names.get(text, text) for text in near)
-        raise UsageError(
-            f"no variable is named {rest.strip()[:80]!r}",
-            next_step=f"near it: {told}" if told else "`nvscope gvl layout` shows all names of the definition files",
-        )
+                found.telegrams[place] = found.telegrams.get(place, frozenset()) | meant
+        if telegrams := layouts.partly_of(*key):
+            _select_known(found, key, telegrams, chosen)
+    if not found.lists():
+        raise _nothing_named(rest, wanted, names, found)
     return found
+
+
+def _select_known(
+    found: Selection,
+    key: tuple[int, int],
+    telegrams: Sequence[TelegramLayout],
+    chosen: Callable[[Iterable[Element]], frozenset[str]],
+) -> None:
+    """Add what is meant of a list of which not all is known."""
+    fronts = known_fronts(telegrams)
+    for subindex, (front, cause) in enumerate(fronts):
+        meant = chosen([*front.elements, *([undescribed(cause, 1)] if cause else [])])
+        if subindex < len(fronts) - 1:
+            found.telegrams[*key, subindex] = meant
+        else:
+            found.others[key] = meant
+    for layout in telegrams:
+        front, cause = fronts[min(layout.subindex, len(fronts) - 1)]
+        # What has an unknown size is told by its bytes, what follows it cannot be told.
+        behind = [element for element in layout.elements[len(front.elements) :] if element != cause]
+        if cause:
+            found.unplaced += [(name, cause) for name in _in_order(chosen(behind), behind)]
+
+
+def _in_order(names: frozenset[str], elements: Sequence[Element]) -> list[str]:
+    return [element.name for element in elements if element.name in names]
+
+
+def unplaced_text(unplaced: Sequence[tuple[str, Element]]) -> str:
+    """Return which elements nobody can find, and why; of many, the first few."""
+    names = ", ".join(name for name, _ in unplaced[:_MOST_NAMED])
+    more = f" and {count(len(unplaced) - _MOST_NAMED)} more" if len(unplaced) > _MOST_NAMED else ""
+    cause, verb = unplaced[0][1], "is" if len(unplaced) == 1 else "are"
+    return f"nobody knows where {names}{more} {verb}, behind {cause.name} : {cause.type.name}, whose size is not known"
+
+
+def _nothing_named(rest: str, wanted: str, names: Mapping[str, str], found: Selection) -> UsageError:
+    if found.unplaced:
+        cause = found.unplaced[0][1]
+        return UsageError(unplaced_text(found.unplaced), next_step=f"{cause.name} stands for all bytes from there on")
+    whole = {text.split(".")[0].split("[")[0].removesuffix("…") for text in names}
+    near = get_close_matches(wanted, [*names, *(whole - names.keys())], _MOST_NEAR, 0.5)
+    told = ", ".join(names.get(text, text) for text in near)
+    return UsageError(
+        f"no variable is named {rest.strip()[:80]!r}",
+        next_step=f"near it: {told}" if told else "`nvscope gvl layout` shows all names of the definition files",
+    )
+
+
+def names_of_lists(layouts: Layouts) -> list[tuple[tuple[int, int], ListDefinition]]:
+    """Return all lists with port and identifier; one that several definitions name, by each of its names."""
+    named = {
+        (key, known.name): (key, known)
+        for key, entry in layouts.lists()
+        for known in [entry, *layouts.definitions_of(*key)]
+    }
+    return list(named.values())
 
 
 def lists_named(
@@ -72,7 +164,7 @@ def lists_named(
 
 
 def _plain(name: str) -> str:
-    return "".join(name.split()).lower()
+    return "".join(name.split()).lower().replace("...", "…")
 
 
 def _pattern(wanted: str) -> str:

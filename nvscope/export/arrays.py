@@ -11,7 +11,7 @@ import pyarrow as pa
 from dissectors.batch import I64, Bool
 from nvscope.expression.columns import FieldType, Numbers
 from nvscope.view.utf8 import Utf8Column
-from nvscope.view.value_columns import ValueColumn
+from nvscope.view.value_columns import SpanColumn, ValueColumn, fits_time
 
 MOMENT = pa.timestamp("ns", tz="UTC")
 """When a telegram was captured."""
@@ -50,17 +50,24 @@ def bits_of(flags: Bool) -> Any:
 
 
 def array_of(column: ValueColumn, kind: Any, spread: Spread | None = None) -> Any:
-    """Return a column as an Arrow array of a type; where it is ``spread``, with nulls in between."""
-    if isinstance(column, Utf8Column):
+    """Return a column as an Arrow array of a type; where it is ``spread``, with nulls in between.
+
+    A time that the type cannot hold is null (``fits_time``).
+    """
+    if isinstance(column, Utf8Column | SpanColumn):
         return _spans(column.offset, column.data, kind, spread)
     if column.ndim == 2:
         offset = np.arange(len(column) + 1, dtype=np.int64) * column.shape[1]
         return _spans(offset, np.ascontiguousarray(column).reshape(-1), kind, spread)
-    if spread is None:
-        return with_nulls(column, None, kind)
-    full = np.zeros(spread.count, column.dtype)
-    full[spread.at] = column
-    return with_nulls(full, spread.bits, kind)
+    valid_bits = spread.bits if spread else None
+    full = column
+    if spread is not None:
+        full = np.zeros(spread.count, column.dtype)
+        full[spread.at] = column
+    if column.dtype == np.uint64 and (pa.types.is_duration(kind) or pa.types.is_timestamp(kind)):
+        fits = fits_time(full)
+        valid_bits = valid_bits if fits.all() else bits_of(fits & spread.valid if spread else fits)
+    return with_nulls(full, valid_bits, kind)
 
 
 def with_nulls(column: Numbers, valid_bits: Any, kind: Any) -> Any:
@@ -77,6 +84,17 @@ def _spans(offset: I64, data: Numbers, kind: Any, spread: Spread | None) -> Any:
     # Arrow's offsets are 32 bits wide; what is written at once is far smaller.
     buffers = [spread.bits if spread else None, pa.py_buffer(offset.astype(np.int32)), pa.py_buffer(data)]
     return pa.Array.from_buffers(kind, len(offset) - 1, buffers)
+
+
+def spread_parts(parts: Sequence[tuple[I64, Any]], count: int, kind: Any) -> Any:
+    """Return arrays of a type put to their rows, of ``count``; the others are null."""
+    if not parts:
+        return pa.nulls(count, kind)
+    source = np.full(count, -1)
+    at = np.concatenate([where for where, _ in parts])
+    source[at] = np.arange(len(at))
+    places = pa.array(source, mask=source < 0)
+    return pa.concat_arrays([array for _, array in parts]).take(places)
 
 
 def labels(code: Any, texts: Sequence[str], valid: Bool | None = None) -> Any:

@@ -39,15 +39,15 @@ class Collected:
         return frame
 
 
-def wide_frame(telegrams: DefinedTelegrams) -> pl.DataFrame:
-    """Return the telegrams of one list, a column a variable."""
-    table = WideTable([layout for _, layout in telegrams.places], lambda: telegrams.senders)
+def wide_frame(telegrams: DefinedTelegrams) -> tuple[pl.DataFrame, int]:
+    """Return the telegrams of one list, a column a variable, and how many times in them no column of times holds."""
+    table = WideTable(telegrams.places, lambda: telegrams.senders)
     collected = Collected(table.schema)
     wide = WideTables([table], lambda _: collected, telegrams.places)
     for rows in telegrams:
         wide.add(rows)
     wide.finish()
-    return collected.frame()
+    return collected.frame(), table.beyond_time
 
 
 def long_frame(telegrams: DefinedTelegrams) -> pl.DataFrame:

@@ -3,9 +3,9 @@
 What a value is decides in which column it stands; the others are null:
 
     ========  =====================================================================================
-    integer   BOOL as 0 and 1, integers that an int64 holds, ENUM; times in nanoseconds (TIME and
-              the time of day as durations, DATE and DT since 1970-01-01)
-    unsigned  ULINT, LWORD, and times of 64 bits in nanoseconds
+    integer   BOOL as 0 and 1, integers that an int64 holds, ENUM; times in nanoseconds (TIME, LTIME
+              and times of day as durations, dates since 1970-01-01)
+    unsigned  ULINT, LWORD, and the nanoseconds of a time that an int64 does not hold
     real      REAL, LREAL
     text      STRING, WSTRING; of an ENUM the name of its number
     bytes     what nobody has described
@@ -22,15 +22,14 @@ import pyarrow as pa
 
 from dissectors.batch import I64
 from nvscope.capture.spans import stretches
-from nvscope.definition.model import Enumeration
-from nvscope.definition.packing import TelegramLayout
-from nvscope.export.arrays import LABEL, MOMENT, array_of, bits_of, labels, with_nulls
+from nvscope.definition.model import Element, Enumeration
+from nvscope.export.arrays import LABEL, MOMENT, array_of, bits_of, labels, spread_parts, with_nulls
 from nvscope.export.files import TableFile
 from nvscope.export.names import value_names
-from nvscope.expression.columns import Numbers
-from nvscope.view.defined_telegrams import DefinedRows
+from nvscope.expression.columns import FieldType, Numbers
+from nvscope.view.defined_telegrams import DefinedRows, Place
 from nvscope.view.utf8 import Utf8Column
-from nvscope.view.value_columns import ColumnDecoder, ValueColumn
+from nvscope.view.value_columns import ColumnDecoder, SpanColumn, ValueColumn, fits_time, value_type
 
 PIECE_VALUES = 1 << 18
 PIECE_BYTES = 8 << 20
@@ -59,32 +58,30 @@ class LongTable:
 
     def __init__(
         self,
-        places: Sequence[tuple[int, TelegramLayout]],
+        places: Sequence[Place],
         keys: Sequence[str],
         senders: Callable[[], Sequence[str]],
         file: TableFile,
     ) -> None:
         self._places = places
         self._keys = keys
-        self._names = {number: layout.list.name for number, layout in places}
+        self._list_names = [place.layout.list.name for place in places]
         self._senders = senders
         self._file = file
-        self._decoders = [ColumnDecoder(layout) for _, layout in places]
-        elements = [element for _, layout in places for element in layout.elements]
+        self._decoders = [ColumnDecoder(place.layout) for place in places]
+        elements = [element for place in places for element in place.elements]
         self._variables = [element.name for element in elements]
         self._types = [element.type.name for element in elements]
-        self._elements = np.array([len(layout.elements) for _, layout in places], np.int64)
+        self._elements = np.array([len(place.elements) for place in places], np.int64)
         self._first = np.cumsum(self._elements) - self._elements
-        self._list = np.array([number for number, _ in places], np.int64)
-        self._subindex = np.array([layout.subindex for _, layout in places], np.uint16)
-        self._bytes = np.array([layout.layout.size_bytes for _, layout in places], np.int64)
+        self._list = np.array([place.number for place in places], np.int64)
         self.telegrams = self.rows = 0
 
     def add(self, rows: DefinedRows) -> None:
         """Write the values of the telegrams of a batch."""
         # A telegram of many values weighs as if it were longer, so that both are bounded by one number.
-        weight = np.maximum(self._elements * (PIECE_BYTES // PIECE_VALUES), self._bytes)
-        for piece in stretches(weight[rows.place], PIECE_VALUES, PIECE_BYTES):
+        weight = np.maximum(self._elements[rows.place] * (PIECE_BYTES // PIECE_VALUES), rows.size_bytes)
+        for piece in stretches(weight, PIECE_VALUES, PIECE_BYTES):
             self._write(rows.take(piece))
 
     def finish(self) -> None:
@@ -96,27 +93,23 @@ class LongTable:
         after = np.cumsum(elements)
         start = after - elements
         cells = _Cells(int(after[-1]))
-        for place, which in rows.by_place():
-            size_bytes = int(self._bytes[place])
-            columns = self._decoders[place].columns(rows.bytes_of(which, size_bytes))
-            elements_here = self._places[place][1].elements
-            for position, (element, column) in enumerate(zip(elements_here, columns, strict=True)):
-                names = None
-                if isinstance(element.type, Enumeration):
-                    assert isinstance(column, np.ndarray)
-                    names = value_names(element.type, column)
-                cells.put(start[which] + position, column, names)
+        for number, which in rows.by_place():
+            place = self._places[number]
+            size_bytes = place.layout.layout.size_bytes
+            columns = self._decoders[number].columns(rows.bytes_of(which, size_bytes))
+            if place.rest is not None:
+                columns.append(rows.bytes_behind(which, size_bytes))
+            for position, (element, column) in enumerate(zip(place.elements, columns, strict=True)):
+                cells.put(start[which] + position, element, column)
         places = np.repeat(rows.place, elements)
         told = self._first[places] + np.arange(cells.count) - np.repeat(start, elements)
-        of_list = self._list[places]
-        list_names = [self._names.get(number, "") for number in range(len(self._keys))]
         arrays = [
             array_of(np.repeat(rows.ts_ns, elements), MOMENT),
             array_of(np.repeat(rows.frame, elements), pa.int64()),
             labels(np.repeat(rows.sender, elements), self._senders()),
-            labels(of_list, self._keys),
-            labels(of_list, list_names),
-            array_of(self._subindex[places], pa.uint16()),
+            labels(self._list[places], self._keys),
+            labels(places, self._list_names),
+            array_of(np.repeat(rows.subindex.astype(np.uint16), elements), pa.uint16()),
             labels(told, self._variables),
             labels(told, self._types),
             *cells.arrays(),
@@ -138,23 +131,32 @@ class _Cells:
         self._texts: list[tuple[I64, Any]] = []
         self._bytes: list[tuple[I64, Any]] = []
 
-    def put(self, at: I64, column: ValueColumn, names: tuple[I64, Sequence[str]] | None) -> None:
-        """Take the values of a variable, whose rows are ``at``; ``names`` are those of an enumeration's values."""
+    def put(self, at: I64, element: Element, column: ValueColumn) -> None:
+        """Take the values of an element, whose rows are ``at``."""
         if isinstance(column, Utf8Column):
             self._texts.append((at, array_of(column, pa.string())))
             return
-        if column.ndim == 2:
+        if isinstance(column, SpanColumn) or column.ndim == 2:
             self._bytes.append((at, array_of(column, pa.binary())))
             return
-        name = "real" if column.dtype.kind == "f" else "unsigned" if column.dtype == np.uint64 else "integer"
+        if column.dtype == np.uint64 and value_type(element.type) is not FieldType.UNSIGNED:
+            fits = fits_time(column)
+            self._put_numbers("integer", at[fits], column[fits])
+            self._put_numbers("unsigned", at[~fits], column[~fits])
+            return
+        self._put_numbers(
+            "real" if column.dtype.kind == "f" else "unsigned" if column.dtype == np.uint64 else "integer", at, column
+        )
+        if isinstance(element.type, Enumeration):
+            code, texts = value_names(element.type, column)
+            named = code >= 0
+            self._texts.append((at[named], labels(code[named], texts).cast(pa.string())))
+
+    def _put_numbers(self, name: str, at: I64, column: Numbers) -> None:
         values, valid = self._numbers[name]
         with np.errstate(invalid="ignore"):  # of the many kinds of NaN, some cannot be widened as they are
             values[at] = column
         valid[at] = True
-        if names is not None:
-            code, texts = names
-            named = code >= 0
-            self._texts.append((at[named], labels(code[named], texts).cast(pa.string())))
 
     def arrays(self) -> list[Any]:
         """Return the columns."""
@@ -163,14 +165,8 @@ class _Cells:
             with_nulls(values, bits_of(valid), kind)
             for (values, valid), kind in zip(self._numbers.values(), kinds, strict=True)
         ]
-        return [*numbers, self._spread(self._texts, pa.string()), self._spread(self._bytes, pa.binary())]
-
-    def _spread(self, parts: list[tuple[I64, Any]], kind: Any) -> Any:
-        """Put variables' texts, or bytes, to their rows."""
-        if not parts:
-            return pa.nulls(self.count, kind)
-        source = np.full(self.count, -1)
-        at = np.concatenate([where for where, _ in parts])
-        source[at] = np.arange(len(at))
-        places = pa.array(source, mask=source < 0)
-        return pa.concat_arrays([array for _, array in parts]).take(places)
+        return [
+            *numbers,
+            spread_parts(self._texts, self.count, pa.string()),
+            spread_parts(self._bytes, self.count, pa.binary()),
+        ]

@@ -14,14 +14,18 @@ _NAME_SUFFIX = ".name"
 
 
 class Names:
-    """Gives each variable a column of its own name; ``var.`` goes in front of one that is taken already."""
+    """Gives each variable a column of its own name; ``var.`` goes in front of one that is taken already.
+
+    Where two definitions of a list have a variable with different types, the column of the second has the type behind
+    its name: ``pos : LREAL``.
+    """
 
     def __init__(self, taken: set[str]) -> None:
         self._taken = set(taken)
 
-    def free(self, element: Element) -> tuple[str, str]:
+    def free(self, element: Element, *, typed: bool = False) -> tuple[str, str]:
         """Return the names of an element's column, and of the column with its value's name, empty where it has none."""
-        name = self._free(element.name)
+        name = self._free(f"{element.name} : {element.type.name}" if typed else element.name)
         return name, self._free(name + _NAME_SUFFIX) if isinstance(element.type, Enumeration) else ""
 
     def _free(self, name: str) -> str:

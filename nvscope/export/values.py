@@ -5,16 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from nvscope.definition.model import ListDefinition
 from nvscope.errors import UsageError
 from nvscope.export.files import Files, table_file
+from nvscope.export.held import Slabs
 from nvscope.export.long import SCHEMA, LongTable
-from nvscope.export.wide import Slabs, WideTable, WideTables
+from nvscope.export.wide import WideTable, WideTables
 from nvscope.tracker.summary import list_key
 from nvscope.units import count
-from nvscope.view.defined_telegrams import DefinedTelegrams
+from nvscope.view.defined_telegrams import DefinedTelegrams, Place
 
 MAX_FILES = 500
 MAX_COLUMNS = 10_000
@@ -25,28 +25,29 @@ _MOST_NAME = 80
 
 def write_wide(
     telegrams: DefinedTelegrams, paths: Sequence[str], files: Files, progress: Callable[[], None]
-) -> list[int]:
+) -> list[tuple[int, int]]:
     """Write the telegrams of each list to the file of its number; return how many there are of each.
 
-    Raises UsageError for more lists or columns than can be written side by side.
+    The second number is how many times in them no column of times holds: they are null. Raises UsageError for more
+    lists or columns than can be written side by side.
     """
     if len(paths) > MAX_FILES:
         raise UsageError(
             f"{count(len(paths))} lists are more than can be written side by side",
             next_step="choose some with --list, or write one file of all with --form long",
         )
-    layouts: list[list[Any]] = [[] for _ in paths]
-    for number, layout in telegrams.places:
-        layouts[number].append(layout)
-    for of_list in layouts:
-        columns = sum(layout.items for layout in of_list)
-        if columns > MAX_COLUMNS:
+    places: list[list[Place]] = [[] for _ in paths]
+    for place in telegrams.places:
+        places[place.number].append(place)
+    slabs = Slabs()
+    tables = [WideTable(of_list, lambda: telegrams.senders, slabs) for of_list in places]
+    for table, (first, *_) in zip(tables, places, strict=True):
+        if table.variables > MAX_COLUMNS:
             raise UsageError(
-                f"list {of_list[0].list.name} has {count(columns)} variables, more than a table can have columns",
+                f"list {first.layout.list.name} has {count(table.variables)} variables, more than a table can have "
+                "columns",
                 next_step="write them below each other with --form long, or choose other lists with --list",
             )
-    slabs = Slabs()
-    tables = [WideTable(of_list, lambda: telegrams.senders, slabs) for of_list in layouts]
     # Opened at once: that one cannot be written is to be said before a long capture is read.
     opened = [files.open(path) for path in paths]
     wide = WideTables(
@@ -56,7 +57,7 @@ def write_wide(
         wide.add(rows)
         progress()
     wide.finish()
-    return wide.rows
+    return [(rows, table.beyond_time) for rows, table in zip(wide.rows, tables, strict=True)]
 
 
 def write_long(telegrams: DefinedTelegrams, path: str, files: Files, progress: Callable[[], None]) -> int:

@@ -1,22 +1,26 @@
-"""Values with a row a telegram and a column a variable, a file a list."""
+"""Values with a row a telegram and a column a variable, a file a list.
+
+A list of several definitions has the variables of all of them as columns, one where they have the same of one type.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from dissectors.batch import I64, U8
+from dissectors.batch import I64
 from nvscope.capture.spans import stretches
 from nvscope.definition.model import Element, Enumeration, scalar_of
-from nvscope.definition.packing import TelegramLayout
-from nvscope.export.arrays import LABEL, MOMENT, Spread, array_of, arrow_type, labels
+from nvscope.export.arrays import LABEL, MOMENT, Spread, array_of, arrow_type, labels, spread_parts
 from nvscope.export.files import TableFile
+from nvscope.export.held import OpenPart, Part, Slabs
 from nvscope.export.names import Names, value_names
-from nvscope.view.defined_telegrams import DefinedRows
-from nvscope.view.value_columns import ColumnDecoder, ValueColumn, value_type
+from nvscope.expression.columns import FieldType
+from nvscope.view.defined_telegrams import DefinedRows, Place
+from nvscope.view.value_columns import ValueColumn, fits_time, value_type
 
 PIECE_BYTES = 16 << 20
 """Data that is taken from a batch at once."""
@@ -34,138 +38,118 @@ HEAD = (
 )
 """What stands in front of the variables; named as the fields of telegrams are."""
 
-_HEAD_BYTES = 3 * 8
-_SLAB_BYTES = 256 << 10
-_LEAST_SLAB_BYTES = 4 << 10
 
+class _Column:
+    """A variable, as one or several telegrams of a list have it."""
 
-class Slabs:
-    """Memory in pieces of few sizes, which any list takes and gives back: what is held of many leaves no holes."""
+    def __init__(self, element: Element, names: Names, *, typed: bool) -> None:
+        self.name, self.text_name = names.free(element, typed=typed)
+        self.type = _number_type(element)
+        self.iec_type = element.type.name
 
-    def __init__(self) -> None:
-        self._free: dict[int, list[U8]] = {}
-
-    def take(self, size_bytes: int) -> U8:
-        free = self._free.get(size_bytes)
-        return free.pop() if free else np.empty(size_bytes, np.uint8)
-
-    def give_back(self, slabs: list[U8]) -> None:
-        if slabs:
-            self._free.setdefault(len(slabs[0]), []).extend(slabs)
-        slabs.clear()
-
-
-class _Part:
-    """Telegrams of one SubIndex that were not written yet, in slabs of at least so many bytes."""
-
-    def __init__(self, layout: TelegramLayout, slabs: Slabs, slab_bytes: int) -> None:
-        self.layout = layout
-        self.decoder = ColumnDecoder(layout)
-        self.rows = 0
-        self._size_bytes = layout.layout.size_bytes
-        self._slab_bytes = max(slab_bytes, _HEAD_BYTES + self._size_bytes)
-        self._rows_a_slab = self._slab_bytes // (_HEAD_BYTES + self._size_bytes)
-        self._pool = slabs
-        self._slabs: list[U8] = []
-
-    def add(self, rows: DefinedRows, which: I64) -> None:
-        while len(which):
-            at = self.rows % self._rows_a_slab
-            if not at:
-                self._slabs.append(self._pool.take(self._slab_bytes))
-            piece, which = np.split(which, [self._rows_a_slab - at])
-            numbers, data = self._views(self._slabs[-1], slice(at, at + len(piece)))
-            for target, source in zip(numbers, (rows.frame, rows.ts_ns, rows.sender), strict=True):
-                target[:] = source[piece]
-            data[:] = rows.bytes_of(piece, self._size_bytes)
-            self.rows += len(piece)
-
-    def take(self) -> tuple[I64, U8]:
-        """Return frame numbers, times in ns and senders, (3, rows), and data, (rows, bytes), and hold nothing."""
-        last = self.rows - (len(self._slabs) - 1) * self._rows_a_slab
-        used = [self._rows_a_slab] * (len(self._slabs) - 1) + [last]
-        views = [self._views(slab, slice(count)) for slab, count in zip(self._slabs, used, strict=True)]
-        taken = np.hstack([numbers for numbers, _ in views]), np.concatenate([data for _, data in views])
-        self._pool.give_back(self._slabs)
-        self.rows = 0
-        return taken
-
-    def _views(self, slab: U8, rows: slice) -> tuple[I64, U8]:
-        head, stop = _HEAD_BYTES * self._rows_a_slab, (_HEAD_BYTES + self._size_bytes) * self._rows_a_slab
-        numbers = slab[:head].view(np.int64).reshape(3, self._rows_a_slab)
-        return numbers[:, rows], slab[head:stop].reshape(self._rows_a_slab, self._size_bytes)[rows]
+    def fields(self) -> Iterator[Any]:
+        """Yield what stands of it in the schema: itself, and where it has names of its numbers these."""
+        yield pa.field(self.name, self.type, metadata={"iec_type": self.iec_type})
+        if self.text_name:
+            yield pa.field(self.text_name, LABEL)
 
 
 class WideTable:
     """The telegrams of one list, held until there are enough of them for a row group.
 
-    Rows are in the order of the capture. The variables of other SubIndexes than a row's own are null. ``senders`` are
-    the addresses that the numbers of senders stand for; several tables share ``slabs``.
+    Rows are in the order of the capture. The variables that a row's own telegram does not have are null. ``senders``
+    are the addresses that the numbers of senders stand for; several tables share ``slabs``. ``beyond_time`` counts the
+    times that are null because no column of times holds them.
     """
 
     def __init__(
-        self, layouts: Sequence[TelegramLayout], senders: Callable[[], Sequence[str]], slabs: Slabs | None = None
+        self, places: Sequence[Place], senders: Callable[[], Sequence[str]], slabs: Slabs | None = None
     ) -> None:
         pool = slabs or Slabs()
-        # Of a list that is not packed, each variable has slabs of its own.
-        slab_bytes = max(_SLAB_BYTES // len(layouts) & -_LEAST_SLAB_BYTES, _LEAST_SLAB_BYTES)
-        self._parts = [_Part(layout, pool, slab_bytes) for layout in layouts]
+        self._parts: list[Part | OpenPart] = [
+            Part(place, pool, len(places)) if place.rest is None else OpenPart(place) for place in places
+        ]
         self._senders = senders
-        taken = {entry.name for entry in HEAD}
-        names = Names(taken)
-        self._names = [[names.free(element) for element in layout.elements] for layout in layouts]
-        self.schema = pa.schema([*HEAD, *self._fields()])
-        self.rows = self.held_bytes = 0
+        self._columns, self._column_of = _columns(places)
+        self.schema = pa.schema([*HEAD, *(field for column in self._columns for field in column.fields())])
+        self.rows = self.held_bytes = self.beyond_time = 0
 
-    def add(self, subindex: int, rows: DefinedRows, which: I64) -> None:
-        """Take some telegrams of one SubIndex."""
-        part = self._parts[subindex]
-        part.add(rows, which)
+    @property
+    def variables(self) -> int:
+        """How many variables have a column."""
+        return len(self._columns)
+
+    def add(self, position: int, rows: DefinedRows, which: I64) -> None:
+        """Take some telegrams, all of one place."""
+        self.held_bytes += self._parts[position].add(rows, which)
         self.rows += len(which)
-        self.held_bytes += len(which) * (_HEAD_BYTES + part.layout.layout.size_bytes)
 
     def take(self) -> Any:
         """Return what is held as an Arrow table, and hold nothing."""
-        parts = [part for part in self._parts if part.rows]
-        counts = [part.rows for part in parts]
-        taken = {part.layout.subindex: part.take() for part in parts}
-        frame, ts_ns, sender = np.hstack([numbers for numbers, _ in taken.values()])
-        subindex = np.repeat(np.array([part.layout.subindex for part in parts], np.uint16), counts)
-        spreads: dict[int, Spread | None] = {part.layout.subindex: None for part in parts}
-        if len(self._parts) > 1:
-            order = np.argsort(frame, kind="stable")
-            frame, ts_ns, sender, subindex = frame[order], ts_ns[order], sender[order], subindex[order]
-            place = np.empty(len(order), np.int64)
-            place[order] = np.arange(len(order))
-            ends = np.cumsum(counts)
-            for part, end, count in zip(parts, ends.tolist(), counts, strict=True):
-                spreads[part.layout.subindex] = Spread(place[end - count : end], len(order))
+        held = [(position, part.take()) for position, part in enumerate(self._parts) if part.rows]
+        frame = np.concatenate([taken.frame for _, taken in held])
+        whole = len(held) == 1
+        order = slice(None) if whole else np.argsort(frame, kind="stable")
+        row_of = np.empty(len(frame), np.int64)
+        row_of[order] = np.arange(len(frame))
+        parts: dict[int, list[tuple[Element, ValueColumn, Spread | None]]] = {}
+        start = 0
+        for position, taken in held:
+            stop = start + len(taken.frame)
+            spread = None if whole else Spread(row_of[start:stop], len(frame))
+            start = stop
+            elements = self._parts[position].place.elements
+            for number, element, column in zip(self._column_of[position], elements, taken.columns, strict=True):
+                parts.setdefault(number, []).append((element, column, spread))
+                self.beyond_time += _beyond_time(element, column)
+        ts_ns, sender, subindex = (
+            np.concatenate([getattr(taken, name) for _, taken in held])[order]
+            for name in ("ts_ns", "sender", "subindex")
+        )
         arrays = [
             array_of(ts_ns, MOMENT),
-            array_of(frame, pa.int64()),
+            array_of(frame[order], pa.int64()),
             labels(sender, self._senders()),
-            array_of(subindex, pa.uint16()),
+            array_of(subindex.astype(np.uint16), pa.uint16()),
         ]
-        for part in self._parts:
-            if part.layout.subindex in taken:
-                columns = part.decoder.columns(taken[part.layout.subindex][1])
-                arrays += _arrays(part.layout, columns, spreads[part.layout.subindex])
-            else:
-                # Of these, not one telegram is among what is held.
-                fields = self.schema.names[len(arrays) :][: self._width(part.layout)]
-                arrays += [pa.nulls(len(frame), self.schema.field(name).type) for name in fields]
+        for number, variable in enumerate(self._columns):
+            arrays += _arrays(variable, parts.get(number, []), len(frame))
         self.rows = self.held_bytes = 0
         return pa.table(arrays, schema=self.schema)
 
-    def _fields(self) -> Iterator[Any]:
-        for part, names in zip(self._parts, self._names, strict=True):
-            for element, (name, text_name) in zip(part.layout.elements, names, strict=True):
-                yield pa.field(name, _number_type(element), metadata={"iec_type": element.type.name})
-                if text_name:
-                    yield pa.field(text_name, LABEL)
 
-    def _width(self, layout: TelegramLayout) -> int:
-        return sum(1 + isinstance(element.type, Enumeration) for element in layout.elements)
+def _columns(places: Sequence[Place]) -> tuple[list[_Column], list[list[int]]]:
+    """Return the columns of all variables, and which of them those of each place are.
+
+    Telegrams of several definitions share the column of a variable that is of one type in all of them; the same holds
+    for the bytes that nobody has described.
+    """
+    names = Names({entry.name for entry in HEAD})
+    columns: list[_Column] = []
+    known: dict[tuple[object, ...], int] = {}
+    column_of = []
+    seen: dict[tuple[object, ...], int] = {}
+    told: list[Element] = []
+    earlier: set[str] = set()
+    definition = None
+    for place in places:
+        if place.layout.list is not definition:
+            definition, seen = place.layout.list, {}
+            earlier = {element.name for element in told}
+        numbers = []
+        for element in place.elements:
+            key: tuple[object, ...] = (element.name, _number_type(element), isinstance(element.type, Enumeration))
+            if element is not place.rest:
+                # Should a definition have a name twice, these are two variables.
+                seen[key] = seen.get(key, 0) + 1
+                key = (*key, seen[key])
+            if key not in known:
+                known[key] = len(columns)
+                columns.append(_Column(element, names, typed=element.name in earlier))
+            numbers.append(known[key])
+            told.append(element)
+        column_of.append(numbers)
+    return columns, column_of
 
 
 class WideTables:
@@ -175,28 +159,29 @@ class WideTables:
         self,
         tables: Sequence[WideTable],
         open_file: Callable[[int], TableFile],
-        places: Sequence[tuple[int, TelegramLayout]],
+        places: Sequence[Place],
     ) -> None:
         self._tables = tables
         self._open = open_file
-        self._places = places
-        self._bytes = np.array([layout.layout.size_bytes for _, layout in places], np.int64)
+        # The places of a list follow each other.
+        self._number = [place.number for place in places]
+        self._first = np.searchsorted(self._number, self._number).tolist()
         self._files: dict[int, TableFile] = {}
         self._held_bytes = 0
         self.rows = [0] * len(tables)
 
     def add(self, rows: DefinedRows) -> None:
         """Take the telegrams of a batch."""
-        for piece in stretches(self._bytes[rows.place], len(rows), PIECE_BYTES):
+        for piece in stretches(rows.size_bytes, len(rows), PIECE_BYTES):
             self._add(rows if piece.stop - piece.start == len(rows) else rows.take(piece))
 
     def _add(self, rows: DefinedRows) -> None:
         # Nothing is written before the telegrams of all SubIndexes are there: a list's rows would lose their order.
         for place, which in rows.by_place():
-            number, layout = self._places[place]
+            number = self._number[place]
             table = self._tables[number]
             before = table.held_bytes
-            table.add(layout.subindex, rows, which)
+            table.add(place - self._first[place], rows, which)
             self._held_bytes += table.held_bytes - before
         for number, table in enumerate(self._tables):
             if table.rows >= GROUP_ROWS or table.held_bytes >= GROUP_BYTES:
@@ -228,10 +213,22 @@ def _number_type(element: Element) -> Any:
     return arrow_type(value_type(element.type), scalar.dtype if scalar else "")
 
 
-def _arrays(layout: TelegramLayout, columns: Iterable[ValueColumn], spread: Spread | None) -> Iterator[Any]:
-    for element, column in zip(layout.elements, columns, strict=True):
-        yield array_of(column, _number_type(element), spread)
-        if isinstance(element.type, Enumeration):
+def _beyond_time(element: Element, column: ValueColumn) -> int:
+    is_time = value_type(element.type) in (FieldType.DURATION, FieldType.TIME)
+    if not is_time or not isinstance(column, np.ndarray) or column.dtype != np.uint64:
+        return 0
+    return int(np.count_nonzero(~fits_time(column)))
+
+
+def _arrays(
+    variable: _Column, parts: Sequence[tuple[Element, ValueColumn, Spread | None]], count: int
+) -> Iterator[Any]:
+    """Yield the arrays of a variable, put together from those of the telegrams that have it."""
+    if len(parts) == 1:
+        ((element, column, spread),) = parts
+        yield array_of(column, variable.type, spread)
+        if variable.text_name:
+            assert isinstance(element.type, Enumeration)
             assert isinstance(column, np.ndarray)
             code, texts = value_names(element.type, column)
             if spread is not None:
@@ -239,3 +236,20 @@ def _arrays(layout: TelegramLayout, columns: Iterable[ValueColumn], spread: Spre
                 full[spread.at] = code
                 code = full
             yield labels(code, texts, code >= 0)
+        return
+    rows = [spread.at for _, _, spread in parts if spread]
+    yield spread_parts(
+        [(at, array_of(column, variable.type)) for at, (_, column, _) in zip(rows, parts, strict=True)],
+        count,
+        variable.type,
+    )
+    if variable.text_name:
+        named = [(at, _names(element, column)) for at, (element, column, _) in zip(rows, parts, strict=True)]
+        yield spread_parts(named, count, pa.string()).dictionary_encode()
+
+
+def _names(element: Element, column: ValueColumn) -> Any:
+    assert isinstance(element.type, Enumeration)
+    assert isinstance(column, np.ndarray)
+    code, texts = value_names(element.type, column)
+    return labels(code, texts, code >= 0).cast(pa.string())

@@ -13,7 +13,9 @@ from nvscope.duration import UNITS_NS, parse_duration
 from nvscope.expression.columns import FieldType
 
 Number = int | Fraction
-LiteralKind = Literal["digits", "colons", "iec_time", "string", "raw_string", "bool", "number", "duration", "pairs"]
+LiteralKind = Literal[
+    "digits", "colons", "iec_time", "iec_date", "string", "raw_string", "bool", "number", "duration", "pairs"
+]
 
 _MAX_DIGITS = 100
 _MAX_WHOLE, _MIN_WHOLE = (1 << 64) - 1, -(1 << 63)
@@ -86,12 +88,23 @@ def duration_ns(constant: Constant) -> int | None:
     """Return the duration that a constant with a unit is, None for one without; Unfit where it is a wrong one."""
     if constant.kind == "duration":
         return int(constant.value)
+    if constant.kind == "iec_time" and ":" in constant.text:
+        return _time_of_day_ns(constant.text)
     if constant.kind == "iec_time" or (constant.kind == "digits" and _has_unit(constant.text)):
         try:
             return parse_duration(constant.text)
         except ValueError as error:
             raise Unfit(str(error)) from None
     return None
+
+
+def _time_of_day_ns(text: str) -> int:
+    """Return the time since midnight of a literal such as TOD#14:30:05.25; Unfit where there is no such time."""
+    hours, minutes, seconds = (*text.partition("#")[2].split(":"), "0")[:3]
+    whole, _, part = seconds.partition(".")
+    if int(hours) > 23 or int(minutes) > 59 or int(whole) > 59:
+        raise Unfit(f"{text[:60]} is no time of day")
+    return (int(hours) * 3_600 + int(minutes) * 60 + int(whole)) * UNITS_NS["s"] + int(part[:9].ljust(9, "0"))
 
 
 def _has_unit(text: str) -> bool:
@@ -172,6 +185,12 @@ _DATE = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})(?:[ T]([0-9]{2}:[0-9]{2}(?::[0
 
 
 def _time(constant: Constant) -> int:
+    if constant.kind == "iec_date":
+        # D#2026-1-31 and DT#2026-1-31-12:00 as the dates that are written in quotes.
+        year, month, day, *clock = constant.text.partition("#")[2].split("-")
+        parts = [part.partition(".") for part in (clock or ["0:0:0"])[0].split(":")]
+        hour = ":".join(f"{whole.zfill(2)}{dot}{part}" for whole, dot, part in parts)
+        return _time(Constant("string", f'"{year}-{int(month):02}-{int(day):02} {hour}"'))
     if constant.kind not in ("string", "raw_string"):
         return seconds_ns(constant)
     text = string(constant).strip()

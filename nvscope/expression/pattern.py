@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 MAX_PATTERN_CHARACTERS = 500
+_ANY_CASE = "(?i)"
 MAX_STATES = 1_000
 MAX_TEXT_CHARACTERS = 4_096
 _MAX_NESTING = 40
@@ -48,7 +49,9 @@ class Pattern:
         if len(text) > MAX_PATTERN_CHARACTERS:
             raise PatternError(f"a pattern has at most {MAX_PATTERN_CHARACTERS} characters", MAX_PATTERN_CHARACTERS)
         self._states: list[_State] = []
-        tree, stop = _Reader(text, re.ASCII if of_bytes else re.NOFLAG).alternatives(0, 0)
+        # What "(?i)" asks for is done anyway.
+        begin = len(_ANY_CASE) if text.startswith(_ANY_CASE) else 0
+        tree, stop = _Reader(text, re.ASCII if of_bytes else re.NOFLAG).alternatives(begin, 0)
         if stop < len(text):
             raise PatternError("a ) that closes nothing", stop)
         self._accept = self._add(_SPLIT)

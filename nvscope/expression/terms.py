@@ -67,7 +67,7 @@ _TESTS = {
     "some", "every",
 }  # fmt: skip
 _HEXADECIMAL = re.compile(r"[0-9a-f]|(?:[0-9a-f]{2})+(?:\.(?:[0-9a-f]{2})+)*", re.IGNORECASE | re.ASCII)
-_LITERALS = {"digits", "colons", "iec_time", "string", "raw_string"}
+_LITERALS = {"digits", "colons", "iec_time", "iec_date", "string", "raw_string"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,9 @@ class Terms:
 
     def _unknown(self, text: str, span: Span) -> ExpressionError:
         offered = [name for name, named in self._names.items() if not named.refused]
-        return self._error(f"no field is called {text[:60]}", span, nearest(text, offered))
+        # Where a value stands, a word without a dot is more often a text.
+        quoted = f'a text stands in quotes: "{text}"; ' if span.start and text.isidentifier() else ""
+        return self._error(f"no field is called {text[:60]}", span, quoted + nearest(text, offered))
 
     def _function(self, word: Token | Node, argument: Token | Node, *, span: Span) -> Typed:
         name = str(word).lower()

@@ -361,11 +361,14 @@ _CONSISTENCY = (
     ),
     Kind(
         "NV405", "definition-mismatch", _ERROR,
-        "The telegrams do not fit the definition file: the first variable that does not fit is named, with the shift.",
+        "The telegrams do not fit the definition file: the first variable that does not fit is named, with the shift. "
+        "Or several files define the list, and do not agree: it is said which of them fit, since when, and where they "
+        "differ.",
         (
             "the file is not the one of the running project: another version, or not exported after the last change",
             "types (structures, enumerations) that differ between the projects, or a STRING of another length",
             "packing switched on on one side only",
+            "a download while the capture ran: one file fits the telegrams before it, another those behind it",
             "a safety protocol that uses an ordinary list identifier: its payload is not a list of variables",
         ),
         (
@@ -404,6 +407,7 @@ _TIMING = (
         "A telegram came much later than the interval promises (by default more than 2.5 times the nominal "
         "interval), and the Counter shows no loss in between: it was sent late, or held up.",
         (
+            "where all of them are late: another interval in the sender than in the definition, or a slower task cycle",
             "the task that sends was late: overload, a task of higher priority, a download, file access",
             "a PC sender whose operating system let it wait",
             "a burst of other traffic, or a wireless link",

@@ -2,39 +2,40 @@
 
 from __future__ import annotations
 
-import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from nvscope.findings.definition_names import file_name, together
 from nvscope.findings.finding import Facts, Finding, events_of
-from nvscope.tracker.state import SHAPE_CODE
+from nvscope.findings.misfits import judge_misfits, shapes_of
+from nvscope.findings.several_definitions import judge_several
 from nvscope.tracker.summary import ListSummary, StreamSummary, list_key
-from nvscope.units import count_of
 
 if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.model import ListDefinition
-    from nvscope.definition.packing import TelegramLayout
 
-    Telegrams = tuple[TelegramLayout, ...]
+    Key = tuple[int, int]
+    Shape = frozenset[tuple[int, tuple[int, int]]]
 
 
 def judge_definition(facts: Facts) -> Iterator[Finding]:
-    """Yield NV405 for each stream, NV406 for each list seen, NV407 for each list defined; none without a definition.
+    """Yield NV405 for each stream or sender, NV406 for each list seen, NV407 for each defined; none without definition.
 
     A list of which only name and interval are known is missed where it is silent, but is no definition of what is sent.
     """
     defined = facts.defined
     described = {key: known for key, known in defined.items() if known.variables}
-    seen = set()
-    for entry in facts.summary.lists:
-        seen.add((entry.port, entry.index))
-        if (entry.port, entry.index) in described:
+    seen = {(entry.port, entry.index): entry for entry in facts.summary.lists}
+    silent = [key for key in defined if key not in seen]
+    alike = _alike(facts, silent, [entry for key, entry in seen.items() if key not in described])
+    for key, entry in seen.items():
+        if key in described:
             yield from _mismatches(facts, entry)
         elif entry.streams and described:
-            yield _unknown(facts, entry, described)
-    for key, known in defined.items():
-        if key not in seen:
-            yield Finding("NV407", _silent_sentence(key, known), 1, facts.summary.start_ns, facts.summary.end_ns)
+            yield _unknown(facts, entry, described, [other for other, keys in alike.items() if key in keys])
+    for key in silent:
+        yield _silent(facts, key, alike.get(key, ()))
 
 
 def _mismatches(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
@@ -42,134 +43,52 @@ def _mismatches(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
     candidates = values.layouts.candidates_of(entry.port, entry.index) if values else ()
     if values is None or not candidates:
         return
-    senders: dict[int, list[StreamSummary]] = {}
-    for stream in entry.streams:
-        senders.setdefault(stream.node, []).append(stream)
-    for streams in senders.values():
-        unfitting = [
-            stream
+    for streams in _senders(entry).values():
+        if len(candidates) > 1:
+            yield from judge_several(facts, entry, streams, candidates)
+            continue
+        misfits = [
+            (stream, events_of(values.unfitting, stream.stream))
             for stream in streams
             if stream.stream < len(values.unfitting) and values.unfitting.count[stream.stream]
         ]
-        if not unfitting and len(candidates) > 1:
-            yield from _who_is_wrong(facts, entry, streams, candidates)
-        for number, stream in enumerate(unfitting):
-            events = events_of(values.unfitting, stream.stream)
-            message = f"{count_of(events.count, 'telegram')} of {stream.telegrams}: {_told(stream, candidates)}"
-            cause = _cause(facts, entry, streams, candidates) if number == 0 else ""
-            yield Finding(
-                "NV405", f"{message} {cause}".strip(), events.count, events.first_ns, events.last_ns, events.frames,
-                entry.number, stream.node, stream.subindex,
-            )  # fmt: skip
+        yield from judge_misfits(facts, entry, streams, misfits, candidates)
 
 
-def _who_is_wrong(
-    facts: Facts, entry: ListSummary, streams: Sequence[StreamSummary], candidates: Sequence[Telegrams]
-) -> Iterator[Finding]:
-    """Yield for each definition that is not what a sender sends where another one is; every telegram fits that one."""
-    # Not before it is needed: a report without definitions does without them.
-    from nvscope.definition.causes import fits  # noqa: PLC0415
-
-    shapes = {stream.subindex: (stream.items, stream.length) for stream in streams}
-    names = _labels(candidates)
-    right = [place for place, layouts in enumerate(candidates) if fits(layouts, shapes)]
-    for wrong, layouts in enumerate(candidates):
-        if not right or wrong in right:
-            continue
-        first = min(
-            (stream for stream in streams if not fits(layouts, {stream.subindex: (stream.items, stream.length)})),
-            key=lambda stream: stream.subindex,
-        )
-        fitting = " and ".join(names[place] for place in right)
-        verb = "fit" if len(right) > 1 else "fits"
-        where = _first_divergence(candidates[right[0]], layouts, names[right[0]])
-        message = f"{fitting} {verb} what {facts.address(first.node)} sends; {names[wrong]} does not{where}."
-        files = " ".join(layouts[0].list.position.file for layouts in (candidates[right[0]], layouts))
-        hint = f"`nvscope gvl diff {files}` shows what a reader of the latter gets."
-        yield Finding(
-            "NV405", message, first.telegrams, first.first_ns, first.last_ns, facts.frames_of_stream[first.stream][:1],
-            entry.number, first.node, first.subindex, hint=hint,
-        )  # fmt: skip
+def _senders(entry: ListSummary) -> dict[int, list[StreamSummary]]:
+    senders = defaultdict(list)
+    for stream in entry.streams:
+        senders[stream.node].append(stream)
+    return senders
 
 
-def _first_divergence(right: Telegrams, wrong: Telegrams, name: str) -> str:
-    """Return where a definition first says something else than the right one, as the end of a sentence."""
-    from nvscope.definition.byte_map import Relation  # noqa: PLC0415
-    from nvscope.definition.difference import list_difference  # noqa: PLC0415
-
-    alike = {Relation.SAME, Relation.RENAMED}
-    for telegram in list_difference(right[0].list, wrong[0].list).telegrams:
-        of_telegram = f" of SubIndex {telegram.subindex}" if len(right) > 1 or len(wrong) > 1 else ""
-        run = next((run for run in telegram.runs if run.relation not in alike), None)
-        if run is None:
-            continue
-        reads, has = (f"{part.first} : {part.first_type}" if part else "" for part in (run.b, run.a))
-        at = f"at byte {run.first_byte}{of_telegram}"
-        if not reads:
-            return f": it has nothing {at}, where {name} has {has}"
-        if not has:
-            return f": it reads {reads} {at}, where {name} has nothing"
-        return f": it reads {reads} {at}, where {name} has {has}"
-    return ""
+def _alike(facts: Facts, silent: Sequence[Key], unknown: Sequence[ListSummary]) -> dict[Key, list[Key]]:
+    """Return for silent lists which unknown ones have their shape: Items and Length of every SubIndex, and no other."""
+    sent: dict[Shape, list[Key]] = defaultdict(list)
+    for entry in unknown:
+        for shape in {frozenset(shapes_of(streams).items()) for streams in _senders(entry).values()}:
+            sent[shape].append((entry.port, entry.index))
+    values, found = facts.state.values, {}
+    for key in silent if values and sent else ():
+        for layouts in values.layouts.candidates_of(*key) if values else ():
+            shape = frozenset((layout.subindex, (layout.items, layout.length)) for layout in layouts)
+            if shape in sent:
+                found[key] = sent[shape]
+    return found
 
 
-def _labels(candidates: Sequence[Telegrams]) -> list[str]:
-    """Return what people call the definitions: the names of their files, with as much before or behind as needed."""
-    lists = [layouts[0].list for layouts in candidates]
-    files = [entry.position.file for entry in lists]
-    short = [re.split(r"[/\\]", file)[-1] for file in files]
-    for names in (short, files):
-        if len(set(names)) == len(names):
-            return names
-    return [f"{entry.name} in {file}, line {entry.position.line}" for entry, file in zip(lists, short, strict=True)]
-
-
-def _told(stream: StreamSummary, candidates: Sequence[Telegrams]) -> str:
-    if len(candidates) == 1:
-        return _shift(stream, candidates[0])
-    told = zip(_labels(candidates), candidates, strict=True)
-    return " ".join(f"{name}: {_shift(stream, layouts)}" for name, layouts in told)
-
-
-def _cause(facts: Facts, entry: ListSummary, streams: Sequence[StreamSummary], candidates: Sequence[Telegrams]) -> str:
-    """Return after which change of the only definition the sender's last telegrams would fit, where it can be told."""
-    if len(candidates) > 1:
-        return ""
-    from nvscope.definition.causes import likely_cause  # noqa: PLC0415
-
-    shapes = {stream.subindex: (stream.items, stream.length) for stream in streams}
-    nodes = {stream.node for stream in streams}
-    varying = any(number == entry.number and node in nodes for number, node, _, _ in facts.logged(SHAPE_CODE))
-    return likely_cause(candidates[0][0].list, shapes, varying=varying)
-
-
-def _shift(stream: StreamSummary, layouts: Telegrams) -> str:
-    """Say what of the last telegram cannot be as the definition has it."""
-    if stream.subindex >= len(layouts):
-        return f"SubIndex {stream.subindex} is sent, by the definition the list ends with {len(layouts) - 1}."
-    layout = layouts[stream.subindex]
-    sent, told = stream.length - (layout.length - layout.layout.size_bytes), layout.layout.size_bytes
-    if (stream.items, sent) == (layout.items, told):
-        return "the last one fits again."
-    shape = f"{count_of(stream.items, 'item')} in {sent} bytes, by the definition {layout.items} in {told}"
-    if sent == told:
-        return f"{shape}: other variables of the same size together."
-    if sent > told:
-        return f"{shape}: {count_of(sent - told, 'byte')} more than up to the end of {layout.elements[-1].name}."
-    for offset, element in layout.spans():
-        if offset + element.type.size_bytes > sent:
-            missing = count_of(told - sent, "byte")
-            return f"{shape}: {element.name} at byte {offset} is the first that cannot be there, {missing} short."
-    return f"{shape}."
-
-
-def _unknown(facts: Facts, entry: ListSummary, defined: Mapping[tuple[int, int], ListDefinition]) -> Finding:
+def _unknown(facts: Facts, entry: ListSummary, defined: Mapping[Key, ListDefinition], alike: Sequence[Key]) -> Finding:
     known = facts.defined.get((entry.port, entry.index))
     first = min(entry.streams, key=lambda stream: facts.frames_of_stream[stream.stream])
     other = [port for port, number in defined if number == entry.index]
     near = f" The definition has list {entry.index} on port {other[0]}." if other else ""
     message = f"No definition is for list {entry.index} on port {entry.port}.{near}"
     hint = ""
+    if alike:
+        lists = together([f"{_place(key, entry.port)} ({file_name(facts.defined[key])})" for key in alike])
+        verb, have = ("is", "has") if len(alike) == 1 else ("are", "have")
+        question = _question(alike, (entry.port, entry.index))
+        hint = f"{_capital(lists)} {verb} silent and {have} exactly this shape: {question}"
     if known is not None:
         message = f"List {entry.index} on port {entry.port} is known by its settings only, not by its variables.{near}"
         hint = "Add the file that defines it: definitions in nvscope.toml, or `--gvl`."
@@ -178,6 +97,29 @@ def _unknown(facts: Facts, entry: ListSummary, defined: Mapping[tuple[int, int],
     return Finding("NV406", message, 1, first.first_ns, last_ns, (frame,), entry.number, hint=hint)
 
 
-def _silent_sentence(key: tuple[int, int], known: ListDefinition) -> str:
+def _silent(facts: Facts, key: Key, alike: Sequence[Key]) -> Finding:
+    known = facts.defined[key]
     name = f"{known.name} ({list_key(*key)})" if known.name else list_key(*key)
-    return f"List {name} is defined, but not one telegram of it was seen."
+    message = f"List {name} is defined, but not one telegram of it was seen."
+    hint = ""
+    if alike:
+        lists = together([_place(other, key[0]) for other in alike])
+        verb, have = ("is", "has") if len(alike) == 1 else ("are", "have")
+        hint = f"{_capital(lists)} {verb} sent, {have} exactly this shape and no definition: {_question(alike, key)}"
+    return Finding("NV407", message, 1, facts.summary.start_ns, facts.summary.end_ns, hint=hint)
+
+
+def _place(key: Key, port: int) -> str:
+    """Return what a list is called beside another one, on ``port``."""
+    return f"list {key[1]}" if key[0] == port else f"list {key[1]} on port {key[0]}"
+
+
+def _question(alike: Sequence[Key], key: Key) -> str:
+    """Return what may be the reason that a list is there under another key."""
+    port, number = any(other[0] != key[0] for other in alike), any(other[1] != key[1] for other in alike)
+    what = "identifier and port" if port and number else "port" if port else "identifier"
+    return f"does the sender use another {what}?"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -38,7 +38,13 @@ def _late(facts: Facts, histograms: Histograms, entry: ListSummary, stream: Stre
         f"longer than {duration(longest_ns)} without a loss; {_nominal(facts, entry, stream)}, "
         f"the longest was {duration(stream.intervals.maximum or 0)}."
     )
-    yield from _beyond(facts, histograms, entry, stream, "NV501", message, lambda low, _: low > longest_ns)
+    median_ns, hint = stream.intervals.p50 or 0, ""
+    # Where many telegrams are missing, nobody knows how often the sender sends.
+    seldom_lost = _MOST_LOST * _gaps(facts, stream) <= stream.intervals.count
+    if median_ns > longest_ns and seldom_lost and _told(facts, entry, stream):
+        message += f" {_other_setting(median_ns)}"
+        hint = _COMPARE_INTERVAL
+    yield from _beyond(facts, histograms, entry, stream, "NV501", message, lambda low, _: low > longest_ns, hint)
 
 
 def _burst(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
@@ -46,38 +52,71 @@ def _burst(facts: Facts, histograms: Histograms, entry: ListSummary, stream: Str
     defined = facts.defined.get((entry.port, entry.index))
     min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
     shortest_ns = -(-(stream.intervals.nominal or 0) * facts.limits.burst_percent // 100)
-    limit = f"{duration(shortest_ns)}; {_nominal(facts, entry, stream)},"
+    median_ns = stream.intervals.p50 or 0
+    why = ""
     if min_gap_ns > shortest_ns:
         shortest_ns, limit = min_gap_ns, f"the MinGap of the definition, {duration(min_gap_ns)};"
+        why = f"The sender does not keep the MinGap of the definition, its median interval is {duration(median_ns)}."
+    else:
+        limit = f"{duration(shortest_ns)}; {_nominal(facts, entry, stream)},"
+        # What is sent on change too may well be sent more often.
+        if defined and not defined.on_change and not defined.on_event and _told(facts, entry, stream):
+            why = _other_setting(median_ns)
     message = f"shorter than {limit} the shortest was {duration(max(stream.intervals.minimum or 0, 0))}."
+    hint = ""
+    if why and 0 < median_ns < shortest_ns:
+        message += f" {why}"
+        hint = _COMPARE_INTERVAL
     choose = lambda low, high: (low >= 0) & (high < shortest_ns)  # noqa: E731
-    yield from _beyond(facts, histograms, entry, stream, "NV503", message, choose)
+    yield from _beyond(facts, histograms, entry, stream, "NV503", message, choose, hint)
+
+
+_MOST_LOST = 10
+"""Every tenth interval at most may have a loss in it where the median is told."""
+
+_COMPARE_INTERVAL = (
+    "Compare interval, MinGap and the cycle of the task in the sender's project with the definition; if they differ, "
+    "export it again."
+)
+
+
+def _other_setting(median_ns: int) -> str:
+    return f"It is sent every {duration(median_ns)}: another definition or setting runs in the sender."
+
+
+def _told(facts: Facts, entry: ListSummary, stream: StreamSummary) -> bool:
+    """Tell whether the nominal interval is that of the definition."""
+    defined = facts.defined.get((entry.port, entry.index))
+    return defined is not None and defined.cyclic and defined.interval_ns == stream.intervals.nominal
 
 
 def _nominal(facts: Facts, entry: ListSummary, stream: StreamSummary) -> str:
-    defined = facts.defined.get((entry.port, entry.index))
-    told = defined is not None and defined.cyclic and defined.interval_ns == stream.intervals.nominal
-    return f"nominal is {duration(stream.intervals.nominal or 0)}{' by the definition' if told else ''}"
+    by_definition = " by the definition" if _told(facts, entry, stream) else ""
+    return f"nominal is {duration(stream.intervals.nominal or 0)}{by_definition}"
 
 
 def _beyond(
     facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary, code: str, message: str,
-    chosen: Callable[[I64, I64], Bool],
+    chosen: Callable[[I64, I64], Bool], hint: str,
 ) -> Iterator[Finding]:  # fmt: skip
     """Yield a finding about the intervals of the buckets that are ``chosen`` by their bounds.
 
     A bucket is chosen or not as a whole, so that intervals within 0.8 % of a limit may count as kept. Of intervals near
-    the usual one nobody knows when they were: they are as old and as young as the stream.
+    the usual one nobody knows when they were: they are as old and as young as the stream. Of the first ten of them, the
+    frames are known.
     """
     rows = facts.state.timing.unusual.rows
     bucket, bits, row = histograms.unusual(stream.stream)
     wanted = chosen(*bucket_bounds(bucket))
     usual_bucket, usual_count = histograms.usual(stream.stream)
     usual = int(usual_count[chosen(*bucket_bounds(usual_bucket))].sum())
+    first_bucket, first_bits, first_frames = histograms.first_usual(stream.stream)
+    first = chosen(*bucket_bounds(first_bucket))
     doubtful = 0
     if code == "NV501":
         lossy = (bits & _loss_bit(stream)) != 0
         wanted &= ~lossy
+        first &= (first_bits & _loss_bit(stream)) == 0
         # Near the usual interval it is not known which ones have a loss in them, but how many there are at most.
         doubtful = min(usual, max(0, _gaps(facts, stream) - int(rows.count[row[lossy]].sum())))
     row = row[wanted]
@@ -87,10 +126,10 @@ def _beyond(
     first_ns, last_ns = stream.first_ns, stream.last_ns
     if not usual:
         first_ns, last_ns = int(rows.first_ns[row].min()), int(rows.last_ns[row].max())
-    frames = np.unique(rows.frames[row])
+    frames = np.union1d(rows.frames[row], first_frames[first])
     yield Finding(
         code, f"{'At least ' if doubtful else ''}{count_of(events, 'interval')} {message}", events, first_ns, last_ns,
-        tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), entry.number, stream.node, stream.subindex,
+        tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), entry.number, stream.node, stream.subindex, hint,
     )  # fmt: skip
 
 

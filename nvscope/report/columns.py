@@ -128,8 +128,8 @@ def _count(number: int | None, tone: Tone = Tone.PLAIN) -> Cell:
     return Cell(units.count(number), tone if number > 0 else Tone.PLAIN if number else Tone.FAINT)
 
 
-def _duration(duration_ns: int | None) -> Cell:
-    return Cell(NOTHING, Tone.FAINT) if duration_ns is None else Cell(units.duration(duration_ns))
+def _duration(duration_ns: int | None, tone: Tone = Tone.PLAIN) -> Cell:
+    return Cell(NOTHING, Tone.FAINT) if duration_ns is None else Cell(units.duration(duration_ns), tone)
 
 
 def _error_name(name: object) -> Cell:
@@ -160,13 +160,30 @@ def _lost(entry: Row) -> Cell:
 
 
 def _interval(entry: Row) -> Cell:
+    """Return at which interval a list is sent, measured; marked where a definition says otherwise."""
     known = [stream["interval_ns"] for stream in entry["streams"] if stream["interval_ns"]["count"]]
-    nominal = [interval["nominal"] for interval in known if interval["nominal"] is not None]
-    return Cell("on change", Tone.FAINT) if known and not nominal else _spread(nominal)
+    regular = [interval for interval in known if interval["nominal"] is not None]
+    if known and not regular:
+        return Cell("on change", Tone.FAINT)
+    told = _spread([interval["p50"] for interval in regular if interval["p50"] is not None])
+    return Cell(told.text, Tone.WARNING) if any(map(_departs, regular)) else told
+
+
+def _defined(entry: Row) -> Cell:
+    """Return the interval of the definition where the list is sent at another one."""
+    intervals = [stream["interval_ns"] for stream in entry["streams"]]
+    return _spread([interval["nominal"] for interval in intervals if _departs(interval)])
+
+
+def _departs(interval: Row) -> bool:
+    """Tell whether the median is further from the nominal interval than a tenth of it: then a definition gave that."""
+    if not interval["nominal"] or interval["p50"] is None:
+        return False
+    return bool(10 * abs(interval["p50"] - interval["nominal"]) > interval["nominal"])
 
 
 def _median(entry: Row) -> Cell:
-    """Return the median interval of a list without a nominal one; elsewhere they are the same."""
+    """Return the median interval of a list without a nominal one; elsewhere it is the interval."""
     if all(stream["interval_ns"]["nominal"] for stream in entry["streams"]):
         return Cell(NOTHING, Tone.FAINT)
     medians = [stream["interval_ns"]["p50"] for stream in entry["streams"]]
@@ -193,6 +210,7 @@ _OVERVIEW = (
     Measure(Column("sender", shortest=16), lambda row: _text(row["from"]), identifier=True),
     Measure(Column("reader", importance=1, shortest=16), lambda row: _text(row["to"]), identifier=True),
     Measure(Column("interval", right=True, importance=9), _interval),
+    Measure(Column("defined", right=True, importance=9), _defined),
     Measure(Column("median", right=True, importance=2), _median),
     Measure(Column("jitter", right=True, importance=4), _jitter),
     Measure(Column("sent", right=True, importance=10), lambda row: _count(row["diag"]["nSendCount"])),
@@ -227,7 +245,10 @@ _INTERVALS = (
     *_STREAM,
     Measure(Column("nominal", right=True, importance=8), lambda row: _duration(row["nominal"])),
     Measure(Column("min", right=True, importance=6), lambda row: _duration(row["min"])),
-    Measure(Column("p50", right=True, importance=9), lambda row: _duration(row["p50"])),
+    Measure(
+        Column("p50", right=True, importance=9),
+        lambda row: _duration(row["p50"], Tone.WARNING if _departs(row) else Tone.PLAIN),
+    ),
     Measure(Column("p95", right=True, importance=3), lambda row: _duration(row["p95"])),
     Measure(Column("p99", right=True, importance=7), lambda row: _duration(row["p99"])),
     Measure(Column("max", right=True, importance=9), lambda row: _duration(row["max"])),

@@ -154,6 +154,8 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
         lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])
     if chosen := report.get("filter"):
         number = f"{units.count(chosen['telegrams'])} of {units.count_of(capture['telegrams'], 'telegram')}"
+        if "finding." in chosen["expression"]:
+            number += ", of each finding the first ten"
         lines.append(
             [
                 Cell("shown: what "),

@@ -6,12 +6,13 @@ Each face is used so: ``begin``, then ``line`` for each change, then ``end``. No
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from nvscope import units
 from nvscope.report.ansi import paint
 from nvscope.report.content import nanoseconds
+from nvscope.report.variables import VALUE_WIDTH, filter_lines
 from nvscope.view.escape import visible, visible_document
 from nvscope.view.history import HISTORY_SCHEMA, TOOL
 from nvscope.view.table import NO_BREAK, Cell, Column, Line, Tone, align, display_width, shorten, wrap
@@ -23,7 +24,11 @@ Row = Mapping[str, Any]
 _CLOCK_WIDTH, _FRAME_WIDTH, _SENDER_WIDTH = 12, 7, 15
 _ARROW = " → "
 _FIRST = " (first)"
-_FRAMES_FROM_WIDTH = 60
+_FIRST_FROM_WIDTH = 20
+_LIST_WIDTH = 16
+_SUBINDEX = "SubIndex"
+_LEAST_REST = 33
+"""Columns that variable and values keep: what else there is in a line has to fit beside them."""
 _SUMMARY = (
     Column("Variable", shortest=12),
     Column("List", importance=1),
@@ -36,46 +41,80 @@ _SUMMARY = (
 
 
 class Text:
-    """A line a change, of at most ``width`` columns: time of day, frame, sender, variable, old and new value.
+    """A line a change, of at most ``width`` columns: time of day, frame, list, sender, variable, old and new value.
 
-    ``names`` and ``lists`` are all that can occur: columns that would say the same in each line are left out.
+    ``names`` of variables and ``lists`` (their keys and names) are all that can occur: columns that would say the same
+    in each line are left out. ``subindexes``: a name alone does not say which telegram has it.
     """
 
     def __init__(
-        self, names: Sequence[str], lists: Sequence[str], *, width: int = 80, colour: bool = False, utc: bool = False
+        self,
+        names: Collection[str],
+        lists: Collection[tuple[str, str]],
+        *,
+        subindexes: bool = False,
+        width: int = 80,
+        colour: bool = False,
+        utc: bool = False,
     ) -> None:
         self._width = max(width, MIN_WIDTH)
         self._colour = colour
         self._utc = utc
         self._day = ""
         shown = [visible(name) for name in set(names)]
-        self._frame = self._width >= _FRAMES_FROM_WIDTH
-        room = self._width - _CLOCK_WIDTH - 2 - (_FRAME_WIDTH + 2 if self._frame else 0)
-        self._sender = _SENDER_WIDTH if room >= 50 else 0
+        keys, labels = {key for key, _ in lists}, {name for _, name in lists}
+        # Lists of one name are told apart by their keys.
+        self._label = "list_name" if len(set(lists)) == len(labels) else "list"
+        room = self._width - _CLOCK_WIDTH - 2
+        self._list = 0
+        if len(keys) > 1:
+            told = (visible(name) for name in labels) if self._label == "list_name" else keys
+            longest = max(map(display_width, [*told, "List"]))
+            self._list = min(longest, _LIST_WIDTH, max(room // 4, 4))
+            room -= self._list + 2
+        self._subindex = len(_SUBINDEX) if subindexes else 0
+        room -= self._subindex + 2 if subindexes else 0
+        self._sender = _SENDER_WIDTH if room - _SENDER_WIDTH - 2 >= _LEAST_REST else 0
         room -= self._sender + 2 if self._sender else 0
-        self._list = max(map(len, lists)) if len(set(lists)) > 1 and room >= 50 else 0
-        room -= self._list + 2 if self._list else 0
-        longest = max(map(display_width, shown), default=0)
-        self._name = min(longest, max(room // 2, 12)) if len(shown) > 1 else 0
+        self._frame = room - _FRAME_WIDTH - 2 >= _LEAST_REST
+        room -= _FRAME_WIDTH + 2 if self._frame else 0
+        longest = max(map(display_width, [*shown, "Variable"]))
+        self._name = min(longest, max(room // 2, 8)) if len(shown) > 1 else 0
         self._change = room - (self._name + 2 if self._name else 0)
 
     def begin(self) -> str:
         return ""
+
+    def _headings(self) -> Line:
+        frame = f"{'Frame':>{_FRAME_WIDTH}}  " if self._frame else ""
+        columns = (
+            (self._list, "List"),
+            (self._sender, "Sender"),
+            (self._subindex, _SUBINDEX),
+            (self._name, "Variable"),
+        )
+        told = "".join(title.ljust(width + 2) for width, title in columns if width)
+        return [Cell(f"{'Time':<{_CLOCK_WIDTH}}  {frame}{told}Value", Tone.FAINT)]
 
     def line(self, row: Row) -> str:
         time_ns = int(row["time_ns"])
         lines: list[Line] = []
         day = units.date(time_ns, utc=self._utc)
         if day != self._day:
+            if not self._day:
+                lines.append(self._headings())
             self._day = day
             lines.append([Cell(f"{day} ({'UTC' if self._utc else units.zone(time_ns, utc=False)})", Tone.FAINT)])
         clock = Cell(units.clock_time(time_ns, utc=self._utc).ljust(_CLOCK_WIDTH))
         cells = [clock, Cell("  ")]
         if self._frame:
             cells.append(Cell(f"{row['frame']:>{_FRAME_WIDTH}}  ", Tone.FAINT))
-        for width, key in ((self._sender, "sender"), (self._list, "list"), (self._name, "name")):
+        listed, sender, name = (visible(row[key]) for key in (self._label, "sender", "name"))
+        subindex = str(row["subindex"]).rjust(self._subindex)
+        columns = ((self._list, listed), (self._sender, sender), (self._subindex, subindex), (self._name, name))
+        for width, column in columns:
             if width:
-                text = shorten(visible(row[key]), width)
+                text = shorten(column, width)
                 cells.append(Cell(text + " " * (width - display_width(text) + 2)))
         lines.append([*cells, *self._values(row)])
         return paint(lines, colour=self._colour)
@@ -83,7 +122,9 @@ class Text:
     def _values(self, row: Row) -> list[Cell]:
         new = visible(row["new_text"])
         if row["old_text"] is None:
-            return [Cell(shorten(new, max(self._change - len(_FIRST), 1)), Tone.STRONG), Cell(_FIRST, Tone.FAINT)]
+            # Where there is room for one of the two only, it is the value.
+            first = _FIRST if self._change >= _FIRST_FROM_WIDTH else ""
+            return [Cell(shorten(new, max(self._change - len(first), 1)), Tone.STRONG), Cell(first, Tone.FAINT)]
         if not row["changed"]:
             return [Cell(shorten(new, max(self._change, 1)))]
         room = max(self._change - len(_ARROW), 2)
@@ -93,17 +134,24 @@ class Text:
             Cell(old, Tone.FAINT), Cell(_ARROW), Cell(shorten(new, max(room - display_width(old), 1)), Tone.STRONG)
         ]  # fmt: skip
 
-    def end(self, summary: Sequence[Row]) -> str:
-        """Return how often each variable changed."""
+    def end(self, summary: Sequence[Row], chosen: Row | None = None, *, some_came: bool = False) -> str:
+        """Return how often each variable changed, and what the filter chose.
+
+        ``some_came``: telegrams of the lists came, of whatever shape.
+        """
         rows = visible_document(summary)
-        lines: list[Line] = []
-        if not rows:
+        told_filter = None if chosen is None else visible_document(chosen)
+        lines: list[Line] = filter_lines(told_filter, self._width)
+        if not rows and told_filter is None and not some_came:
             text = (
                 "No telegram with this variable was found: compare the identifiers and ports of the definition files "
                 "with `nvscope report`."
             )
             lines += wrap([Cell(text, Tone.WARNING)], self._width)
+        elif not rows:
+            lines += wrap([Cell(_no_history(told_filter), Tone.WARNING)], self._width)
         else:
+            lines[:0] = [[]] if lines else []
             lines += [[], *align(_SUMMARY, [_figures(row) for row in rows], self._width)]
             steps = sum(row["changes"] for row in rows)
             told = f"{units.count_of(steps, 'change')}; shortest and longest are times between two changes."
@@ -121,6 +169,14 @@ def _figures(row: Row) -> list[Cell]:
         Cell(units.count(row["changes"])),
         *(Cell(text or "-") for text in between),
     ]
+
+
+def _no_history(chosen: Row | None) -> str:
+    if chosen is None:
+        return "Telegrams of this list came, but none with this variable that could be decoded."
+    if not chosen["telegrams"]:
+        return "No value: the filter chooses no telegram."
+    return "No value: no telegram that the filter chooses has this variable."
 
 
 class Json:
@@ -141,19 +197,24 @@ class Json:
         self._any = True
         return separator + _ascii(row)
 
-    def end(self, summary: Sequence[Row]) -> str:
+    def end(self, summary: Sequence[Row], chosen: Row | None = None, *, some_came: bool = False) -> str:
         rows = ",\n".join(_ascii(row) for row in summary)
-        return f'\n], "variables": [\n{rows}\n]}}\n'
+        return f'\n], "variables": [\n{rows}\n], "filter": {_ascii(chosen)}}}\n'
 
 
 def _ascii(value: Any) -> str:
     return json.dumps(value, ensure_ascii=True, allow_nan=False).replace("\x7f", "\\u007f")
 
 
+_NEVER = {
+    "not sent": "nobody sends it in this capture",
+    "not chosen": "sent, but the filter chooses none of its telegrams",
+    "not decoded": "sent, but no telegram that could be decoded",
+}
 _AT = (
     Column("Variable", shortest=12),
-    Column("Value", shortest=8),
-    Column("Type", importance=1),
+    Column("Value", shortest=VALUE_WIDTH),
+    Column("Type", importance=1, shortest=12),
     Column("Age", right=True),
 )
 
@@ -162,7 +223,7 @@ def render_at(document: Row, *, colour: bool = False, width: int = 80, utc: bool
     """Return variables at a time (schema ``nvscope.at/1``) as text of at most ``width`` columns."""
     width = max(width, MIN_WIDTH)
     shown = visible_document(document)
-    lines = [*wrap(_moment(shown, utc), width)]
+    lines = [*wrap(_moment(shown, utc), width), *filter_lines(shown["filter"], width)]
     groups: dict[tuple[str, str, str | None], list[Row]] = {}
     for row in shown["variables"]:
         groups.setdefault((row["list"], row["list_name"], row["sender"]), []).append(row)
@@ -170,10 +231,11 @@ def render_at(document: Row, *, colour: bool = False, width: int = 80, utc: bool
         lines.append([])
         title = [Cell(f"{key} {name}", Tone.STRONG)]
         if sender is None:
-            lines += wrap([*title, Cell(": nobody sends it in this capture", Tone.WARNING)], width)
+            lines += wrap([*title, Cell(f": {_NEVER[rows[0]['missing']]}", Tone.WARNING)], width)
             continue
         lines += wrap([*title, Cell(f" from {sender}")], width)
-        lines += align(_AT, [_at_cells(row) for row in rows], width, 2)
+        unseen = "not yet seen" if shown["filter"] is None else "not yet chosen"
+        lines += align(_AT, [_at_cells(row, unseen) for row in rows], width, 2)
     if not groups:
         lines += wrap([Cell("The definition files have no list that can be decoded.", Tone.WARNING)], width)
     return paint(lines, colour=colour)
@@ -196,9 +258,9 @@ def _moment(document: Row, utc: bool) -> list[Cell]:
     return cells
 
 
-def _at_cells(row: Row) -> list[Cell]:
+def _at_cells(row: Row, unseen: str) -> list[Cell]:
     if row["text"] is None:
-        return [Cell(row["name"]), Cell("not yet seen", Tone.WARNING), Cell(row["type"], Tone.FAINT), Cell("-")]
+        return [Cell(row["name"]), Cell(unseen, Tone.WARNING), Cell(row["type"], Tone.FAINT), Cell("-")]
     return [
         Cell(row["name"]),
         Cell(row["text"], Tone.STRONG),

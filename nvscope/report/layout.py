@@ -11,6 +11,7 @@ from nvscope.view.escape import visible_document
 from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40
+_ASSUMED = "How lists are packed on CAN is described nowhere: this is the rule of UDP with 8 bytes a frame."
 
 _COLUMNS = (
     Column("Offset", right=True),
@@ -33,9 +34,14 @@ def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
         if number:
             yield []
         yield from wrap([Cell(entry["name"], Tone.STRONG), Cell(f": {_summary(entry)}")], width, hanging=2)
+        if entry["assumed"]:
+            yield from wrap([Cell(_ASSUMED, Tone.WARNING)], width, 2)
         for telegram in entry["telegrams"]:
             yield []
             head = f"SubIndex {telegram['subindex']}: Items {telegram['items']}, Length {_known(telegram['length'])}"
+            if "cob_id" in telegram:
+                cob_id = "?" if telegram["cob_id"] is None else f"{telegram['cob_id']:03X}h"
+                head = f"COB-ID {cob_id}: DLC {_known(telegram['length'])}"
             yield from wrap([Cell(head)], width, 2)
             rows = [
                 [
@@ -51,7 +57,8 @@ def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
 
 def _summary(entry: Mapping[str, Any]) -> str:
     identifier = "list without identifier" if entry["id"] is None else f"list {entry['id']}"
-    parts = [f"{identifier} on {entry['protocol']} port {entry['port']}"]
+    port = "" if entry["port"] is None else f" port {entry['port']}"
+    parts = [f"{identifier} on {entry['protocol']}{port}"]
     parts.append("packed" if entry["pack"] else "a telegram a variable")
     if entry["interval_ns"] is not None:
         parts.append(f"every {units.duration(entry['interval_ns'])}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -14,14 +14,18 @@ from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40
 _NOTHING_CAME = "No telegram of a defined list was found: compare the identifiers and ports of the definition files."
+_NOT_ONE_CAME = "No telegram of this list was found: compare its identifier and port with what `nvscope report` shows."
+
+VALUE_WIDTH = 40
+"""Values up to this width are shown whole: everything else about a variable gives way first."""
 
 _COLUMNS = (
     Column("Variable", shortest=12),
-    Column("Value", shortest=8),
-    Column("Type", importance=1),
+    Column("Value", shortest=VALUE_WIDTH),
+    Column("Type", importance=1, shortest=12),
     Column("Changed", importance=4),
     Column("Changes", right=True, importance=5),
-    Column("Min", right=True, importance=3),
+    Column("Min", right=True, importance=2),
     Column("Max", right=True, importance=2),
 )
 
@@ -34,30 +38,72 @@ def render(
     utc: bool = False,
     node_names: Mapping[str, str] = MappingProxyType({}),
     some_came: bool = False,
+    of_one_list: bool = False,
 ) -> str:
     """Return variables (schema ``nvscope.vars/1``) as text of at most ``width`` columns, ending with a line break.
 
     Senders are called by ``node_names``, where these have one by their address. ``some_came``: if there are none, it is
-    not because no telegram came.
+    not because no telegram came. ``of_one_list``: others were not asked for.
     """
     names = {node: visible(name) for node, name in node_names.items()}
-    rows = visible_document(document)["variables"]
-    if not rows:
-        missing = "Telegrams of defined lists came, but none that could be decoded." if some_came else _NOTHING_CAME
-        return paint(wrap([Cell(missing, Tone.WARNING)], max(width, MIN_WIDTH)), colour=colour)
-    return paint(_lines(rows, max(width, MIN_WIDTH), utc, names), colour=colour)
+    shown, width = visible_document(document), max(width, MIN_WIDTH)
+    lines = [*filter_lines(shown["filter"], width)]
+    if shown["variables"]:
+        lines += [[]] if lines else []
+        lines += _lines(shown, width, utc, names)
+    else:
+        lines += wrap([Cell(_nothing_told(shown["filter"], some_came, of_one_list), Tone.WARNING)], width)
+    return paint(lines, colour=colour)
 
 
-def _lines(rows: list[Mapping[str, Any]], width: int, utc: bool, names: Mapping[str, str]) -> Iterator[Line]:
-    groups: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
-    for row in rows:
-        groups.setdefault((row["list"], row["list_name"], row["sender"]), []).append(row)
-    for number, ((key, name, sender), members) in enumerate(groups.items()):
+def filter_lines(chosen: Mapping[str, Any] | None, width: int) -> list[Line]:
+    """Return what is said of a filter in front of what it leaves, nothing where there is none."""
+    if chosen is None:
+        return []
+    number = f"{units.count(chosen['telegrams'])} of {units.count_of(chosen['all_telegrams'], 'telegram')}"
+    if "finding." in chosen["expression"]:
+        number += ", of each finding the first ten"
+    return wrap([Cell("shown: what "), Cell(chosen["expression"], Tone.STRONG), Cell(f" chooses ({number})")], width)
+
+
+def _nothing_told(chosen: Mapping[str, Any] | None, some_came: bool, of_one_list: bool) -> str:
+    """Return why there are no values: what the filter chose, or what else came."""
+    if chosen is not None and not chosen["telegrams"]:
+        return "No value: the filter chooses no telegram."
+    if chosen is not None:
+        which = "this" if of_one_list else "a defined"
+        return f"No value: no telegram that the filter chooses is one of {which} list that could be decoded."
+    if some_came:
+        return f"Telegrams of {'this list' if of_one_list else 'defined lists'} came, but none that could be decoded."
+    return _NOT_ONE_CAME if of_one_list else _NOTHING_CAME
+
+
+def _lines(document: Mapping[str, Any], width: int, utc: bool, names: Mapping[str, str]) -> Iterator[Line]:
+    # What a layout of before gave stands behind what that of now gives.
+    places: dict[tuple[str, str], int] = {}
+    groups: dict[tuple[int, bool, str], list[Mapping[str, Any]]] = {}
+    for earlier in (False, True):
+        for row in document["earlier" if earlier else "variables"]:
+            place = places.setdefault((row["list"], row["sender"]), len(places))
+            groups.setdefault((place, earlier, row["list_name"]), []).append(row)
+    for number, ((_, earlier, name), rows) in enumerate(sorted(groups.items(), key=lambda group: group[0][:2])):
         if number:
             yield []
-        title = [Cell(f"{key} {name}", Tone.STRONG), Cell(f" from {names.get(sender, sender)}, ")]
-        yield from wrap([*title, Cell(units.count_of(max(row["telegrams"] for row in members), "telegram"))], width)
-        yield from align(_COLUMNS, [_cells(row, utc) for row in members], width, 2)
+        key, sender = rows[0]["list"], rows[0]["sender"]
+        title = [Cell(f"{key} {name}", Tone.STRONG), Cell(f" from {names.get(sender, sender)}, {_telegrams(rows)}")]
+        if earlier:
+            last_ns = max(nanoseconds(row["last_ns"]) or 0 for row in rows)
+            told = f" until {units.clock_time(last_ns, utc=utc)}; later ones have another shape (above)"
+            title.append(Cell(told, Tone.WARNING))
+        yield from wrap(title, width)
+        yield from align(_COLUMNS, [_cells(row, utc) for row in rows], width, 2)
+
+
+def _telegrams(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return how many telegrams the values of a list come from, of all its SubIndexes together."""
+    telegrams = {row["subindex"]: row["telegrams"] for row in rows}
+    told = units.count_of(sum(telegrams.values()), "telegram")
+    return told if len(telegrams) == 1 else f"{told} in {len(telegrams)} SubIndexes"
 
 
 def _cells(row: Mapping[str, Any], utc: bool) -> list[Cell]:

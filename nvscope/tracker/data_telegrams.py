@@ -53,7 +53,8 @@ class DataTelegrams:
     """The data telegrams of packet batches that follow each other; ``ports`` as for ``dissectors.netvar.dissect``.
 
     ``choose`` tells of each batch which packets are wanted, None for all. ``frames`` counts those seen so far,
-    ``telegrams`` the telegrams of any service.
+    ``telegrams`` the telegrams of any service, ``chosen`` those of them that are wanted. ``lists`` are port and Index
+    of the lists of which data telegrams came, ``chosen_lists`` those of which some were wanted.
     """
 
     def __init__(self, ports: PortRules | None = None, choose: Choose | None = None) -> None:
@@ -64,6 +65,9 @@ class DataTelegrams:
         self._streams: dict[int, Stream] = {}
         self.frames = 0
         self.telegrams = 0
+        self.chosen = 0
+        self.lists: set[tuple[int, int]] = set()
+        self.chosen_lists: set[tuple[int, int]] = set()
 
     def pieces(self, packets: PacketBatch) -> Iterator[list[Telegrams]]:
         """Yield the telegrams of a batch, a small piece of it at a time.
@@ -81,16 +85,23 @@ class DataTelegrams:
         count = self._flows.observe(batch, self.frames + 1)
         self.telegrams += len(batch) - int(count[NO_TELEGRAM])
         rows = self._memory.rows(batch, count, self._flows)
-        chosen = None if self._choose is None else self._choose(batch)
+        chosen = None
+        if self._choose is not None:
+            chosen = self._choose(batch)
+            self.chosen += int(np.count_nonzero(chosen))
         signatures, truncated = self._flows.varieties.signature, batch.varieties.truncated
         for number, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             packet, variety = rows.packet[start:stop], rows.variety[start:stop]
-            if truncated.any():
-                whole = ~truncated[variety]
-                packet, variety = packet[whole], variety[whole]
+            stream = self._stream(number)
+            self.lists.add((stream.port, stream.index))
             if chosen is not None:
                 own_chosen = chosen[packet]
                 packet, variety = packet[own_chosen], variety[own_chosen]
+            if len(packet):
+                self.chosen_lists.add((stream.port, stream.index))
+            if truncated.any():
+                whole = ~truncated[variety]
+                packet, variety = packet[whole], variety[whole]
             for kind in np.unique(variety).tolist():
                 own = packet[variety == kind]
                 size = (int(signatures[kind]) >> int(LENGTH_SHIFT) & 0xFFFF) - HEADER.size_bytes
@@ -102,7 +113,7 @@ class DataTelegrams:
                 )
                 datagram, header = batch.varieties.datagram, batch.varieties.header[kind]
                 yield Telegrams(
-                    self._stream(number), int(header["items"]), data, own + (self.frames + 1),
+                    stream, int(header["items"]), data, own + (self.frames + 1),
                     batch.packets.ts_ns[own], int(header["flags"]),
                     address.text(int(datagram.destination_hi[kind]), int(datagram.destination_lo[kind])),
                 )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,19 +12,19 @@ from dissectors.netvar import HEADER, PortRules
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout
 from nvscope.tracker.data_telegrams import Choose, DataTelegrams, Stream, Telegrams, joined
-from nvscope.tracker.values import Block, blocks_of
+from nvscope.tracker.values import MOST_LAYOUTS, Block, blocks_of
 
-Wanted = Mapping[tuple[int, int, int], frozenset[str]]
-"""Which elements are wanted: their names, by port, Index and SubIndex of the telegram."""
+Wanted = Callable[[int, int, int], frozenset[str]]
+"""Given port, Index and SubIndex of a telegram, returns the names of its elements that are wanted."""
 
 
 @dataclass(slots=True)
 class Track:
-    """What is known of the wanted elements of one stream; columns have an entry a wanted element, as ``places`` has.
+    """What is known of the wanted elements of one stream in one layout.
 
-    ``changes`` counts the changes, of which the last was at ``changed_ns``; ``shortest_ns`` and ``longest_ns`` are
-    times between two changes, -1 where there is none. Where a clock steps back, a time between changes is left out.
-    ``data`` are the bytes of the last telegram.
+    Columns have an entry a wanted element, as ``places`` has. ``changes`` counts the changes, of which the last was at
+    ``changed_ns``; ``shortest_ns`` and ``longest_ns`` are times between two changes, -1 where there is none. Where a
+    clock steps back, a time between changes is left out. ``data`` are the bytes of the last telegram.
     """
 
     stream: Stream
@@ -59,9 +59,11 @@ class Entry:
 class History:
     """The changes of wanted elements, told as batches come; however these are cut, it is the same.
 
-    Strings count as far as their first NUL. With ``every`` the elements of each telegram are told, changed or not.
-    ``tracks`` are what was seen, by stream; ``unfitting`` counts the telegrams that have the list and SubIndex of a
-    wanted element, but other Items or Length than its definition.
+    What is a change is said in ``tracker.values``. With ``every`` the elements of each telegram are told, changed or
+    not. Of several definitions of a list, the first that fits a telegram is taken; where another one fits, what comes
+    is compared with what that one fitted before. ``tracks`` are what was seen, by stream, Items and bytes of data;
+    ``unfitting`` counts the telegrams that have the list and SubIndex of a wanted element, but other Items or Length
+    than its definitions.
     """
 
     def __init__(
@@ -77,31 +79,44 @@ class History:
         self._wanted = wanted
         self._every = every
         self.read = DataTelegrams(ports, choose)
-        self.tracks: dict[int, Track] = {}
+        self.tracks: dict[tuple[int, int, int], Track] = {}
+        self._shapes: dict[int, int] = {}
         self.unfitting = 0
 
     def observe(self, packets: PacketBatch) -> Iterator[Entry]:
         """Yield what the packets that follow those observed so far tell; a batch must be taken to its end."""
         for piece in self.read.pieces(packets):
-            own = [
-                part for part in piece if (part.stream.port, part.stream.index, part.stream.subindex) in self._wanted
-            ]
+            own = [part for part in piece if self._names(part.stream)]
             shown = [found for telegrams in joined(own) if (found := self._add(telegrams)) is not None]
             yield from _merged(shown)
 
+    def _names(self, stream: Stream) -> frozenset[str]:
+        return self._wanted(stream.port, stream.index, stream.subindex)
+
+    def _new_track(self, stream: Stream, telegrams: Telegrams) -> Track | None:
+        """Return what is to be known of telegrams of a new shape; None where no definition has that shape."""
+        shape = telegrams.items, HEADER.size_bytes + telegrams.data.shape[1]
+        layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
+        shapes = self._shapes.get(stream.number, 0)
+        if layout is None or shape != (layout.items, layout.length):
+            return None
+        if shapes >= MOST_LAYOUTS and not self._layouts.candidates_of(stream.port, stream.index):
+            return None
+        self._shapes[stream.number] = shapes + 1
+        return _new_track(stream, layout, self._names(stream), int(telegrams.time_ns[0]))
+
     def _add(self, telegrams: Telegrams) -> _Shown | None:
         stream = telegrams.stream
-        place = stream.port, stream.index, stream.subindex
-        shape = telegrams.items, HEADER.size_bytes + telegrams.data.shape[1]
-        track = self.tracks.get(stream.number)
-        # Of several definitions, that which fits the first telegram is taken for all of a stream.
-        layout = track.layout if track else self._layouts.telegram_of(*place, shape)
-        if layout is None or shape != (layout.items, layout.length):
-            self.unfitting += len(telegrams.frame)
-            return None
+        key = stream.number, telegrams.items, telegrams.data.shape[1]
+        track = self.tracks.get(key)
         if track is None:
-            wanted = self._wanted[place]
-            track = self.tracks[stream.number] = _new_track(stream, layout, wanted, int(telegrams.time_ns[0]))
+            track = self._new_track(stream, telegrams)
+            if track is None:
+                self.unfitting += len(telegrams.frame)
+                return None
+            self.tracks[key] = track
+        if not track.places:
+            return None
         fresh = track.data is None
         before = telegrams.data[:1] if track.data is None else track.data[np.newaxis]
         whole = np.concatenate([before, telegrams.data])

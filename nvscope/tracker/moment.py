@@ -33,7 +33,8 @@ class Moment:
 
     Exactly one of ``time_ns`` and ``frame`` is given. ``streams`` are what was seen until then, by stream number;
     ``last_frame`` is the last frame that counts (0: none), ``frames`` those observed. ``known`` are all streams seen,
-    also after the moment; ``start_ns`` is the time of the first frame, ``end_ns`` the latest one of any.
+    also after the moment; ``start_ns`` is the time of the first frame, ``end_ns`` the latest one of any. ``read`` tells
+    what was looked at.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class Moment:
         self._layouts = layouts
         self._time_ns = time_ns
         self._frame = frame
-        self._read = DataTelegrams(ports, choose)
+        self.read = DataTelegrams(ports, choose)
         self._now: dict[int, LastTelegram] = {}
         self.streams: dict[int, LastTelegram] = {}
         self.last_frame = 0
@@ -59,7 +60,7 @@ class Moment:
 
     @property
     def frames(self) -> int:
-        return self._read.frames
+        return self.read.frames
 
     def observe(self, packets: PacketBatch) -> None:
         """Take the packets that follow those observed so far."""
@@ -87,7 +88,7 @@ class Moment:
         return int(counts[-1]) + 1 if len(counts) else 0
 
     def _take(self, packets: PacketBatch) -> None:
-        for piece in self._read.pieces(packets):
+        for piece in self.read.pieces(packets):
             for telegrams in piece:
                 stream = telegrams.stream
                 shape = telegrams.items, HEADER.size_bytes + telegrams.data.shape[1]

@@ -4,7 +4,8 @@ An interval's bucket is the upper part of its binary floating-point number: 128 
 middle of a bucket is within 0.4 % of all that is in it. Nearly all intervals of a stream lie near one value; these have
 a dense row of counters, from three quarters of the median of the stream's first intervals to one and a half of it. The
 others are kept as events, with time, frames and whether telegrams were lost in them; an interval with a loss in it is
-longer than that. Late telegrams and bursts are told by these.
+longer than that. Late telegrams and bursts are told by these. Of the usual ones the first ten have their frames kept
+too: where a stream is always late, they are the events.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.tracker.columns import Columns
-from nvscope.tracker.events import EventLog
+from nvscope.tracker.events import FRAMES_KEPT, EventLog
 from nvscope.tracker.loss import NodeSteps
 from nvscope.tracker.sequence import Step, Steps
 from nvscope.units import divide
@@ -41,7 +42,8 @@ LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 class IntervalColumns(Columns):
     """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares.
 
-    ``usual_ns`` is the median of the first intervals, 0 before these are known.
+    ``usual_ns`` is the median of the first intervals, 0 before these are known. ``usual_frames`` are the frames that
+    ended the first ``usual_kept`` intervals of the dense buckets, ``usual_keys`` their keys as in ``Timing.unusual``.
     """
 
     last_ns: I64
@@ -55,6 +57,9 @@ class IntervalColumns(Columns):
     usual_ns: I64
     first_bucket: I64
     dense: I64
+    usual_kept: I64
+    usual_frames: I64
+    usual_keys: I64
     COLUMNS: ClassVar = {
         "last_ns": (np.int64(0), 1),
         "node_gaps": (np.int64(0), 1),  # of the node's sequence, at the last telegram
@@ -67,6 +72,9 @@ class IntervalColumns(Columns):
         "usual_ns": (np.int64(0), 1),
         "first_bucket": (np.int64(0), 1),
         "dense": (np.int64(0), DENSE_BUCKETS),
+        "usual_kept": (np.int64(0), 1),
+        "usual_frames": (np.int64(0), FRAMES_KEPT),
+        "usual_keys": (np.int64(0), FRAMES_KEPT),
     }
 
 
@@ -187,6 +195,7 @@ class Timing:
         dense = bucket - np.repeat(columns.first_bucket[run], length)
         outside = dense.view(np.uint64) >= DENSE_BUCKETS
         outside[learned] = True
+        self._keep_usual(rows, ends, outside, bucket, loss, first_frame)
         place = np.flatnonzero(outside)
         dense += stream * DENSE_BUCKETS
         dense[place] = columns.dense.size - 1  # taken back below: cheaper than leaving them out
@@ -198,10 +207,31 @@ class Timing:
             # As they happened, so that new keys come in that order.
             order = np.argsort(rows.packet[row])
             row, place = row[order], place[order]
-            key = (bucket[place] + _BUCKET_OFFSET) << 2 | loss.bits(row)
+            key = _key(bucket[place], loss.bits(row))
             when, frame = rows.time_ns[row], rows.packet[row] + first_frame
             self.unusual.record(stream[place].astype(np.uint64), key.astype(np.uint64), when, frame)
         return learned
+
+    def _keep_usual(
+        self, rows: DataRows, ends: _Kept, outside: Bool, bucket: I64, loss: _LossBefore, first_frame: int
+    ) -> None:
+        """Keep the frames of the first intervals that are not ``outside`` of the dense buckets."""
+        columns = self.columns
+        room = np.flatnonzero(columns.usual_kept[ends.run] < FRAMES_KEPT)
+        if not len(room):
+            return
+        run, inside = ends.run[room], np.flatnonzero(~outside)
+        start, stop = np.searchsorted(inside, ends.start[room]), np.searchsorted(inside, ends.stop[room])
+        before = columns.usual_kept[run]
+        columns.usual_kept[run] = np.minimum(before + stop - start, FRAMES_KEPT)
+        for number in range(FRAMES_KEPT):
+            fits = (start + number < stop) & (before + number < FRAMES_KEPT)
+            if not fits.any():
+                break
+            place = inside[start[fits] + number]
+            row, entry = ends.rows(place), before[fits] + number
+            columns.usual_frames[run[fits], entry] = rows.packet[row] + first_frame
+            columns.usual_keys[run[fits], entry] = _key(bucket[place], loss.bits(row))
 
     def _learn(self, interval: I64, start: I64, length: I64, run: I64, before: I64, young: Bool) -> I64:
         """Take the first intervals of young streams, place their dense buckets, and return the places of these."""
@@ -301,14 +331,19 @@ class Histograms:
     def unusual(self, stream: int) -> tuple[I64, I64, I64]:
         """Return the unusual intervals of a stream: bucket, loss bits, and their rows in ``Timing.unusual``."""
         begin, end = np.searchsorted(self._stream, (stream, stream + 1))
-        key = self._key[begin:end]
-        return (key >> 2) - _BUCKET_OFFSET, key & 3, self._order[begin:end]
+        return *_parts(self._key[begin:end]), self._order[begin:end]
 
     def usual(self, stream: int) -> tuple[I64, I64]:
         """Return the other intervals of a stream, those near its usual one: bucket, rising, and how many."""
         dense = self._columns.dense[stream]
         inside = np.flatnonzero(dense)
         return inside + self._columns.first_bucket[stream], dense[inside]
+
+    def first_usual(self, stream: int) -> tuple[I64, I64, I64]:
+        """Return the first ten of those: bucket, loss bits, and the frames that ended them, rising."""
+        kept = int(self._columns.usual_kept[stream])
+        frames, keys = self._columns.usual_frames[stream, :kept], self._columns.usual_keys[stream, :kept]
+        return *_parts(keys), frames
 
     def of(self, stream: int) -> Histogram:
         """Return the histogram of one stream."""
@@ -350,6 +385,15 @@ class Histogram:
         place = int(np.searchsorted(np.cumsum(self.count), rank))
         low, high = bucket_bounds(self.bucket[place : place + 1])
         return min(max((int(low[0]) + int(high[0])) // 2, self.least_ns), self.most_ns)
+
+
+def _key(bucket: I64, loss: I64) -> I64:
+    key: I64 = (bucket + _BUCKET_OFFSET) << 2 | loss
+    return key
+
+
+def _parts(key: I64) -> tuple[I64, I64]:
+    return (key >> 2) - _BUCKET_OFFSET, key & 3
 
 
 def bucket_of(interval: I64) -> I64:

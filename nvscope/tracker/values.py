@@ -2,11 +2,14 @@
 
 Elements of one type that follow each other are one block, looked at as a table with a row a telegram and a column an
 element; the number of steps depends on the blocks of a list, not on its telegrams.
+
+A change is another value, not other bytes: 0.0 and -0.0 are equal, any NaN is as any other, all TRUE are one, and what
+stands behind the end of a string does not count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -21,13 +24,19 @@ from dissectors.varieties import SortedPackets
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Elementary, Kind, String, scalar_of
 from nvscope.definition.packing import TelegramLayout
-from nvscope.tracker.events import EventRows
+from nvscope.tracker.events import FRAMES_KEPT, EventRows
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.rows import DataRows
 
 Table = npt.NDArray[Any]
 
 _WORD_SIZES = (1, 2, 4, 8)
+
+MOST_LAYOUTS = 16
+"""Layouts of one stream that are kept, of a list of which not all is known: there, each shape sent has its own."""
+
+Shape = tuple[int, int]
+"""Items and Length of a telegram."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +64,17 @@ class Block:
         scalar = scalar_of(self.type)
         return scalar is not None and scalar.kind is Kind.BOOL
 
+    @property
+    def is_real(self) -> bool:
+        """Whether equal values may have different bytes, as REAL and LREAL."""
+        scalar = scalar_of(self.type)
+        return scalar is not None and scalar.kind is Kind.REAL
+
     def cells_of(self, data: U8) -> Table:
         """Return the elements of (n, data) telegrams as what can be compared: words, or bytes with leftovers as zeros.
 
-        Words have shape (n, elements), or (n,) of a lone element, which numpy goes through several times as fast; bytes
-        have shape (n, elements, bytes).
+        Equal cells are equal values: there is one 0.0, one NaN, one TRUE. Words have shape (n, elements), or (n,)
+        of a lone element, which numpy goes through several times as fast; bytes have shape (n, elements, bytes).
         """
         size = self.type.size_bytes
         shape, strides = (len(data), self.count), (data.shape[1], size)
@@ -67,7 +82,8 @@ class Block:
             words: Table = np.ndarray(shape, f"<u{size}", data, self.offset_bytes, strides)
             if self.is_bool:
                 words = (words != 0).view(np.uint8)
-            return np.ascontiguousarray(words[:, 0] if self.count == 1 else words)
+            words = np.ascontiguousarray(words[:, 0] if self.count == 1 else words)
+            return _plain_reals(words) if self.is_real else words
         spans: Table = np.ndarray(shape, f"V{size}", data, self.offset_bytes, strides)
         cells = np.ascontiguousarray(spans).view(np.uint8).reshape(*shape, size)
         if isinstance(self.type, String):
@@ -79,13 +95,16 @@ class Block:
 
     def numbers_of(self, cells: Table) -> Table | None:
         """Return the numbers in cells, None where they are none."""
-        if self.number_dtype is None:
-            return None
-        numbers: Table = cells.view(self.number_dtype)
-        # Of the many kinds of NaN, some are not left aside by numpy's fmin.
-        return (
-            np.where(np.isnan(numbers), numbers.dtype.type(np.nan), numbers) if numbers.dtype.kind == "f" else numbers
-        )
+        return None if self.number_dtype is None else cells.view(self.number_dtype)
+
+
+def _plain_reals(words: Table) -> Table:
+    """Return the words of floating-point numbers with one zero and one NaN; numpy's fmin does not know all NaNs."""
+    with np.errstate(invalid="ignore"):  # some NaNs signal
+        numbers: Table = words.view(f"<f{words.itemsize}") + np.float16(0)  # -0.0 + 0.0 is 0.0
+    numbers[np.isnan(numbers)] = np.nan
+    plain: Table = numbers.view(words.dtype)
+    return plain
 
 
 def blocks_of(layout: TelegramLayout) -> tuple[Block, ...]:
@@ -100,18 +119,36 @@ def blocks_of(layout: TelegramLayout) -> tuple[Block, ...]:
 
 
 @dataclass(slots=True)
+class Fitted:
+    """How many telegrams of a stream a layout fits, and which were the first and the last of them.
+
+    Frames count from 1, ``frames`` are the first ten. Telegrams that were not captured whole count too: their header
+    tells their shape.
+    """
+
+    layout: TelegramLayout
+    telegrams: int
+    first_ns: int
+    last_ns: int
+    frames: list[int]
+    last_frame: int
+
+
+@dataclass(slots=True)
 class StreamValues:
-    """The variables of one stream: columns with an entry an element of the layout.
+    """The variables of one stream in one layout: columns with an entry an element of the layout.
 
     ``changes`` counts how often an element was not as in the telegram before, ``changed_ns`` is when it was last (its
-    first time before that). ``data`` are the last telegram's bytes behind the header, ``last_ns`` its time. ``least``
-    and ``most`` have one array a block, None where it has no numbers; NaN is left aside.
+    first time before that). ``data`` are the last telegram's bytes behind the header, ``last_ns`` its time and
+    ``last_frame`` its frame. ``least`` and ``most`` have one array a block, None where it has no numbers; NaN is left
+    aside.
     """
 
     layout: TelegramLayout
     blocks: tuple[Block, ...]
     telegrams: int
     last_ns: int
+    last_frame: int
     data: U8
     changes: I64
     changed_ns: I64
@@ -123,65 +160,115 @@ class Values:
     """The values of all streams of defined lists, by stream number.
 
     Only well-formed data telegrams that were captured whole and have the Items and Length of ``layouts`` are decoded;
-    ``unfitting`` are those of another shape, by stream. Of several definitions of a list, the one that first fits a
-    stream stays that of the stream. Where they are not ``wanted``, only these are looked for.
+    ``unfitting`` are those of another shape, by stream. Of several definitions of a list, each telegram is read with
+    the first that fits it: where the sender's program is changed, another one may fit from then on. ``streams`` has
+    what the layout of the last telegram gave, ``sequence`` also what those before it did. Where values are not
+    ``wanted``, only the shapes are looked at.
     """
 
     def __init__(self, layouts: Layouts, *, wanted: bool = True) -> None:
         self.layouts = layouts
         self._wanted = wanted
         self.streams: dict[int, StreamValues] = {}
-        self._chosen: dict[int, TelegramLayout] = {}
+        self._sequences: dict[int, list[StreamValues]] = {}
+        self._layouts: dict[int, dict[Shape, TelegramLayout]] = {}
+        self._fitted: dict[tuple[int, Shape], Fitted] = {}
         self.unfitting = EventRows()
+
+    def sequence(self, stream: int) -> Sequence[StreamValues]:
+        """Return what each layout of a stream gave, in the order of their last telegrams."""
+        return self._sequences.get(stream, ())
+
+    def fitted(self, stream: int) -> list[Fitted]:
+        """Return which layouts fitted the telegrams of a stream, in the order of the last ones that they fitted.
+
+        Several are a sender whose program was changed: the first of them were its layouts before, the last is now's.
+        """
+        found = (self._fitted.get((stream, shape)) for shape in self._layouts.get(stream, ()))
+        return sorted((entry for entry in found if entry), key=lambda entry: entry.last_frame)
 
     def observe(
         self, batch: SortedPackets, rows: DataRows, flows: Flows, first_frame: int, chosen: Bool | None = None
     ) -> None:
         """Take the data telegrams of a batch; only the values of those whose packets are ``chosen``."""
         self.unfitting.resize(len(flows.streams))
+        header = batch.varieties.header
+        signs = (header["items"].astype(np.int64) << 16) | header["length"]
         for stream, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             place = int(flows.streams.high[stream])
             number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
             key = int(flows.lists.high[number]), int(flows.lists.low[number])
             if self.layouts.list_of(*key) is None:
                 continue
-            candidates = self.layouts.candidates_of(*key)
-            layout = self._chosen.get(stream)
-            if layout is None:
-                if candidates:
-                    layout = _first_fitting(batch, rows.variety[start:stop], candidates, subindex)
-                else:
-                    header = batch.varieties.header[rows.variety[start]]
-                    shape = int(header["items"]), int(header["length"])
-                    layout = self.layouts.telegram_of(*key, subindex, shape)
-                if layout is not None:
-                    self._chosen[stream] = layout
-            fits = _fitting(batch, rows.variety[start:stop], layout)
-            own = np.arange(start, stop)
-            misfits = own[~fits]
-            if len(misfits):
-                bounds = np.array([0]), np.array([len(misfits)])
-                self.unfitting.add(np.array([stream]), *bounds, rows.time_ns, rows.packet + first_frame, misfits)
-            if not self._wanted:
-                continue
-            fits &= ~batch.varieties.truncated[rows.variety[start:stop]]
+            variety, own = rows.variety[start:stop], np.arange(start, stop)
+            sent = signs[variety]
+            misfits = np.ones(len(own), np.bool_)
+            whole = ~batch.varieties.truncated[variety]
             if chosen is not None:
-                fits &= chosen[rows.packet[start:stop]]
-            whole = own[fits]
-            if layout is not None and len(whole):
-                data = _data_of(batch, rows.packet[whole], rows.variety[whole], layout)
-                self._add(stream, layout, data, rows.time_ns[whole])
+                whole &= chosen[rows.packet[start:stop]]
+            for shape, layout in self._layouts_of(stream, key, subindex, sent).items():
+                fits = sent == (shape[0] << 16 | shape[1])
+                if not fits.any():
+                    continue
+                misfits &= ~fits
+                self._count(stream, shape, layout, own[fits], rows, first_frame)
+                decoded = own[fits & whole] if self._wanted and layout.elements else own[:0]
+                if len(decoded):
+                    data = _data_of(batch, rows.packet[decoded], rows.variety[decoded], layout)
+                    self._add(stream, layout, data, rows.time_ns[decoded], int(rows.packet[decoded[-1]]) + first_frame)
+            if misfits.any():
+                others = own[misfits]
+                bounds = np.array([0]), np.array([len(others)])
+                self.unfitting.add(np.array([stream]), *bounds, rows.time_ns, rows.packet + first_frame, others)
 
-    def _add(self, stream: int, layout: TelegramLayout, data: U8, time_ns: I64) -> None:
-        known = self.streams.get(stream)
+    def _layouts_of(
+        self, stream: int, key: tuple[int, int], subindex: int, sent: I64
+    ) -> Mapping[Shape, TelegramLayout]:
+        """Return the layouts that telegrams of a stream can have; ``sent`` are the shapes that come next, as numbers.
+
+        They are those of the definitions, or where none knows all of the list, one for each of the first shapes sent.
+        """
+        known = self._layouts.get(stream)
+        if known is None:
+            known = self._layouts[stream] = {}
+            for layouts in self.layouts.candidates_of(*key):
+                if subindex < len(layouts):
+                    known.setdefault((layouts[subindex].items, layouts[subindex].length), layouts[subindex])
+        if not self.layouts.candidates_of(*key) and len(known) < MOST_LAYOUTS:
+            numbers, first = np.unique(sent, return_index=True)
+            for number in numbers[np.argsort(first)].tolist():
+                shape = number >> 16, number & 0xFFFF
+                if shape not in known and len(known) < MOST_LAYOUTS:
+                    layout = self.layouts.telegram_of(*key, subindex, shape)
+                    if layout is not None:
+                        known[shape] = layout
+        return known
+
+    def _count(
+        self, stream: int, shape: Shape, layout: TelegramLayout, own: I64, rows: DataRows, first_frame: int
+    ) -> None:
+        last = int(own[-1])
+        known = self._fitted.get((stream, shape))
+        if known is None:
+            known = self._fitted[stream, shape] = Fitted(layout, 0, int(rows.time_ns[own[0]]), 0, [], 0)
+        known.telegrams += len(own)
+        if len(known.frames) < FRAMES_KEPT:
+            room = own[: FRAMES_KEPT - len(known.frames)]
+            known.frames += (rows.packet[room] + first_frame).tolist()
+        known.last_ns, known.last_frame = int(rows.time_ns[last]), int(rows.packet[last]) + first_frame
+
+    def _add(self, stream: int, layout: TelegramLayout, data: U8, time_ns: I64, last_frame: int) -> None:
+        sequence = self._sequences.setdefault(stream, [])
+        known = next((entry for entry in sequence if entry.layout is layout), None)
         if known is None:
             elements, blocks = len(layout.elements), blocks_of(layout)
             first = [block.numbers_of(block.cells_of(data[:1])) for block in blocks]
-            known = self.streams[stream] = StreamValues(
-                layout, blocks, 0, 0, data[0], np.zeros(elements, np.int64), np.full(elements, time_ns[0]),
+            known = StreamValues(
+                layout, blocks, 0, 0, 0, data[0], np.zeros(elements, np.int64), np.full(elements, time_ns[0]),
                 [None if row is None else row.reshape(-1).copy() for row in first],
                 [None if row is None else row.reshape(-1).copy() for row in first],
             )  # fmt: skip
+            sequence.append(known)
         whole = np.concatenate([known.data[np.newaxis], data])
         for place, block in enumerate(known.blocks):
             part = slice(block.first, block.first + block.count)
@@ -198,30 +285,10 @@ class Values:
                 known.least[place] = np.fmin(least, np.fmin.reduce(numbers, axis=0))
                 known.most[place] = np.fmax(most, np.fmax.reduce(numbers, axis=0))
         known.telegrams += len(data)
-        known.data, known.last_ns = data[-1].copy(), int(time_ns[-1])
-
-
-def _first_fitting(
-    batch: SortedPackets, variety: I64, candidates: Sequence[tuple[TelegramLayout, ...]], subindex: int
-) -> TelegramLayout | None:
-    """Return the candidate that fits the earliest of some telegrams, the first of several; None where none fits any."""
-    chosen, earliest = None, len(variety)
-    for layouts in candidates:
-        if subindex < len(layouts):
-            fits = _fitting(batch, variety, layouts[subindex])
-            first = int(fits.argmax()) if fits.any() else len(variety)
-            if first < earliest:
-                chosen, earliest = layouts[subindex], first
-    return chosen
-
-
-def _fitting(batch: SortedPackets, variety: I64, layout: TelegramLayout | None) -> Bool:
-    """Tell which telegrams have the shape of a layout; none has that of no layout."""
-    if layout is None:
-        return np.zeros(len(variety), np.bool_)
-    header = batch.varieties.header
-    fits: Bool = (header["items"] == layout.items) & (header["length"] == layout.length)
-    return fits[variety]
+        known.data, known.last_ns, known.last_frame = data[-1].copy(), int(time_ns[-1]), last_frame
+        if len(sequence) > 1:
+            sequence.sort(key=lambda entry: entry.last_frame)
+        self.streams[stream] = sequence[-1]
 
 
 def _data_of(batch: SortedPackets, packet: I64, variety: I64, layout: TelegramLayout) -> U8:

@@ -5,17 +5,38 @@ What a value is, is said in ``nvscope.definition.value``; here whole columns of 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from dissectors.batch import U8
+from dissectors.batch import I64, U8, Bool
 from nvscope.definition.model import Elementary, Kind, String, scalar_of
 from nvscope.definition.packing import TelegramLayout
 from nvscope.expression.columns import FieldType, Numbers
 from nvscope.tracker.values import Block, blocks_of
 from nvscope.view.utf8 import Utf8Column, latin_column, utf16_column
 
-ValueColumn = Numbers | Utf8Column
-"""Numbers, bools, int64 nanoseconds (n,), texts, or bytes as uint8 of shape (n, bytes)."""
+
+@dataclass(frozen=True, slots=True)
+class SpanColumn:
+    """Bytes, of any number in each row: those of row i are ``data[offset[i] : offset[i + 1]]``; offsets int64."""
+
+    offset: I64
+    data: U8
+
+    def __len__(self) -> int:
+        return len(self.offset) - 1
+
+
+ValueColumn = Numbers | Utf8Column | SpanColumn
+"""Numbers, bools, nanoseconds (n,), texts, or bytes, where all have as many as uint8 of shape (n, bytes).
+
+Nanoseconds are int64; those of times of 64 bits are uint64 as they were sent: ``fits_time`` tells which are no more
+than an int64 holds.
+"""
+
+MOST_TIME_NS = np.iinfo(np.int64).max
+"""The longest duration, 292 years, and the last moment, in the year 2262, that columns of times hold."""
 
 _TYPES = {
     Kind.BOOL: FieldType.BOOL,
@@ -35,16 +56,19 @@ _TABLE_BYTES = 256 << 10
 def value_type(kind: Elementary) -> FieldType:
     """Return what the column of an element holds.
 
-    TIME and the time of day are DURATION, the latter since midnight: a controller may send one beyond 24 h. DATE and DT
-    are TIME, that of the controller, which need not be UTC. Times of 64 bits stay numbers of nanoseconds (UNSIGNED),
-    since no signed one holds all of them. An ENUM is its number, what nobody has described is BYTES.
+    Times of day are durations since midnight: a controller may send one beyond 24 h. Dates are TIME, that of the
+    controller, which need not be UTC. An ENUM is its number, what nobody has described is BYTES.
     """
     if isinstance(kind, String):
         return FieldType.TEXT
     scalar = scalar_of(kind)
-    if scalar is None:
-        return FieldType.BYTES
-    return FieldType.UNSIGNED if scalar.unit_ns and scalar.size_bytes == 8 else _TYPES[scalar.kind]
+    return _TYPES[scalar.kind] if scalar else FieldType.BYTES
+
+
+def fits_time(column: Numbers) -> Bool:
+    """Tell which nanoseconds are no more than ``MOST_TIME_NS``."""
+    fits: Bool = column <= column.dtype.type(MOST_TIME_NS)
+    return fits
 
 
 class ColumnDecoder:
@@ -73,7 +97,7 @@ def _columns(block: Block, data: U8) -> list[ValueColumn]:
     table = _table(block, data, scalar.dtype)
     if column_type is FieldType.BOOL:
         return list(table != 0)
-    if column_type in (FieldType.DURATION, FieldType.TIME):
+    if scalar.unit_ns > 1:
         return list(table.astype(np.int64) * scalar.unit_ns)
     return list(table)
 

@@ -1,14 +1,15 @@
 """The variables of defined lists as fields of telegrams: ``var.stAxis.pos``, or ``var.axis.stAxis.pos`` of one list.
 
 A variable exists in the telegrams in which its list sends it: data, well-formed, captured whole, of the Items and
-Length that the definition gives them. Times of day and TIME are durations, DATE and DT times; an ENUM is its number;
-what nobody has described is bytes. In names of lists, what no identifier may hold is written ``_``.
+Length that the definition gives them. Its type is that of its column (``nvscope.view.value_columns``); a time of 64
+bits that is more than a column of times holds does not exist. In names of lists, what no identifier may hold is written
+``_``.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,26 +19,18 @@ from dissectors.batch import I64, U8, Bool
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, Fault, Service
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Element, Elementary, Enumeration, Kind, String, scalar_of
+from nvscope.definition.model import Element, Enumeration, Kind, scalar_of
 from nvscope.definition.packing import TelegramLayout
 from nvscope.definition.value import value_of
 from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
 from nvscope.tracker.values import Block
 from nvscope.view.fields import TelegramField
 from nvscope.view.telegrams import TelegramRows
+from nvscope.view.value_columns import fits_time, value_type
 
-_TYPES = {
-    Kind.BOOL: FieldType.BOOL,
-    Kind.UNSIGNED: FieldType.UNSIGNED,
-    Kind.SIGNED: FieldType.SIGNED,
-    Kind.REAL: FieldType.REAL,
-    Kind.DURATION: FieldType.DURATION,
-    Kind.TIME_OF_DAY: FieldType.DURATION,
-    Kind.DATE: FieldType.TIME,
-    Kind.DATE_AND_TIME: FieldType.TIME,
-    Kind.RAW: FieldType.BYTES,
-}
-_MOST_NS = np.iinfo(np.int64).max
+_TIME_BYTES = 8
+"""Times of so many bytes may be more than a column of times holds."""
+
 _MAX_LISTED = 4
 _ODD = np.uint64(0x9E3779B97F4A7C15)
 
@@ -50,29 +43,30 @@ def variable_fields(layouts: Layouts) -> dict[str, TelegramField]:
     """
     places: dict[str, tuple[str, list[_Place]]] = {}
     sightings = _Sightings()
-    for key, entry in layouts.lists():
-        list_name = _typed(entry.name)
-        for layout in layouts.telegrams_of(*key) or ():
+    for key, _ in layouts.lists():
+        for layout in _told_apart(layouts.candidates_of(*key)):
             for offset, element in layout.spans():
                 place = _Place(*key, layout, offset, element, sightings)
                 name = element.name.replace(" ", "")
                 # Names of IEC 61131-3 are the same in any case.
-                for told in (f"var.{name}", f"var.{list_name}.{name}"):
+                for told in (f"var.{name}", f"var.{_typed(layout.list.name)}.{name}"):
                     places.setdefault(told.lower(), (told, []))[1].append(place)
     return {name: _field(name, found) for name, found in places.values()}
+
+
+def _told_apart(candidates: Iterable[Sequence[TelegramLayout]]) -> Iterator[TelegramLayout]:
+    """Yield the telegrams that the definitions of a list describe; of those of one shape only the first."""
+    seen = set()
+    for layout in (layout for candidate in candidates for layout in candidate):
+        shape = layout.subindex, layout.items, layout.length
+        if shape not in seen:
+            seen.add(shape)
+            yield layout
 
 
 def _typed(list_name: str) -> str:
     """Return the name of a list as it is typed between two dots."""
     return re.sub(r"\W", "_", list_name) or "_"
-
-
-def type_of(kind: Elementary) -> FieldType:
-    """Return the type that an element has as a field."""
-    if isinstance(kind, String):
-        return FieldType.TEXT
-    scalar = scalar_of(kind)
-    return _TYPES[scalar.kind] if scalar else FieldType.BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +81,19 @@ class _Place:
     sightings: _Sightings
 
     def rows_of(self, rows: TelegramRows) -> I64:
-        """Return the positions of the telegrams in which it is."""
-        key = (self.port, self.index, self.layout.subindex)
+        """Return the positions of the telegrams in which it is, with a value that its column can hold."""
+        which = self._telegrams_of(rows)
+        if not self._may_not_fit:
+            return which
+        return which[fits_time(_raw(self.bytes_of(rows, which), self.element.type.size_bytes).view("<u8"))]
+
+    @property
+    def _may_not_fit(self) -> bool:
+        scalar = scalar_of(self.element.type)
+        return scalar is not None and bool(scalar.unit_ns) and scalar.size_bytes == _TIME_BYTES
+
+    def _telegrams_of(self, rows: TelegramRows) -> I64:
+        key = (self.port, self.index, self.layout.subindex, self.layout.items, self.layout.length)
         seen = self.sightings.of(rows)
         if key not in seen:
             seen[key] = self._rows_of(rows)
@@ -120,9 +125,9 @@ class _Sightings:
     """
 
     def __init__(self) -> None:
-        self._last: tuple[TelegramRows | None, dict[tuple[int, int, int], I64]] = (None, {})
+        self._last: tuple[TelegramRows | None, dict[tuple[int, ...], I64]] = (None, {})
 
-    def of(self, rows: TelegramRows) -> dict[tuple[int, int, int], I64]:
+    def of(self, rows: TelegramRows) -> dict[tuple[int, ...], I64]:
         """Return the positions found so far, by port, list identifier and SubIndex, to be added to."""
         last = self._last
         if last[0] is not rows:
@@ -133,8 +138,8 @@ class _Sightings:
 
 def _field(name: str, places: list[_Place]) -> TelegramField:
     first = places[0]
-    kind = type_of(first.element.type)
-    if any(type_of(place.element.type) is not kind for place in places):
+    kind = value_type(first.element.type)
+    if any(value_type(place.element.type) is not kind for place in places):
         return _refused(name, places)
     named = [place.element.type for place in places if isinstance(place.element.type, Enumeration)]
     values = named[0].values if len({tuple(one.values.items()) for one in named}) == 1 else {}
@@ -200,9 +205,7 @@ def _numbers(place: _Place, rows: TelegramRows, which: I64) -> Numbers:
         return np.asarray(cells != 0)
     if not scalar.unit_ns:
         return np.asarray(cells)
-    # What does not fit into 64 bits of nanoseconds is the most that does.
-    units = np.minimum(cells.astype(np.uint64), np.uint64(_MOST_NS // scalar.unit_ns))
-    return np.asarray(units.astype(np.int64) * scalar.unit_ns)
+    return np.asarray(cells.astype(np.int64) * scalar.unit_ns)
 
 
 def _texts(found: Iterable[tuple[_Place, I64]], rows: TelegramRows) -> TextColumn:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
+
+import numpy as np
 
 from nvscope.definition.model import Elementary, Enumeration, Kind, Scalar, type_text
 from nvscope.definition.value import Value, value_of
@@ -17,52 +21,89 @@ from nvscope.version import __version__
 _S_NS = 1_000_000_000
 
 
-def variables_document(state: TrackerState, values: Values) -> dict[str, Any]:
-    """Return the variables of all streams as data, by list, SubIndex and sender.
+def variables_document(
+    state: TrackerState,
+    values: Values,
+    *,
+    keys: Collection[tuple[int, int]] | None = None,
+    expression: str | None = None,
+) -> dict[str, Any]:
+    """Return the variables of all streams as data, by list, SubIndex and sender; ``keys`` are the lists, None for all.
 
     Numbers are numbers (``null`` where they are not finite), times of the type as numbers in its unit, bytes as
-    hexadecimal text; absolute times are nanoseconds as decimal strings.
+    hexadecimal text; absolute times are nanoseconds as decimal strings. ``earlier`` are the variables of telegrams with
+    a layout that another one of the list's definitions took the place of, up to their last telegram. ``expression`` is
+    that of the filter.
     """
+    streams = [stream for stream in _streams(state, values) if keys is None or stream.list in keys]
     return {
         "schema": "nvscope.vars/1",
         "tool": {"name": "nvscope", "version": __version__},
-        "variables": [
-            {"list": list_key(*listed), "list_name": known.layout.list.name, **row}
-            for listed, subindex, sender, known in _streams(state, values)
-            for row in _rows(subindex, sender, known)
-        ],
+        "filter": filter_told(expression, state.chosen, state.telegrams),
+        "variables": [row for stream in streams for row in _listed(stream, stream.sequence[-1])],
+        "earlier": [row for stream in streams for known in stream.sequence[:-1] for row in _listed(stream, known)],
     }
+
+
+def filter_told(expression: str | None, chosen: int, telegrams: int) -> dict[str, Any] | None:
+    """Return a filter as data, with how many of all telegrams it chooses; None where there is none."""
+    if expression is None:
+        return None
+    return {"expression": expression, "telegrams": chosen, "all_telegrams": telegrams}
 
 
 def values_by_list(state: TrackerState, values: Values) -> dict[tuple[int, int], list[dict[str, Any]]]:
     """Return the rows of ``variables_document`` without what they have of their list, by its port and identifier."""
     found: dict[tuple[int, int], list[dict[str, Any]]] = {}
-    for listed, subindex, sender, known in _streams(state, values):
-        found.setdefault(listed, []).extend(_rows(subindex, sender, known))
+    for stream in _streams(state, values):
+        rows = _rows(stream.subindex, stream.sender, stream.sequence[-1])
+        found.setdefault(stream.list, []).extend(rows)
     return found
 
 
-def _streams(state: TrackerState, values: Values) -> list[tuple[tuple[int, int], int, str, StreamValues]]:
-    """Return port and identifier of the list, SubIndex, sender and values of each stream, in the order of the rows."""
+@dataclass(frozen=True, slots=True)
+class _Stream:
+    """Whose values: port and identifier of the list, SubIndex, sender, and what each of its layouts gave."""
+
+    list: tuple[int, int]
+    subindex: int
+    sender: str
+    sequence: Sequence[StreamValues]
+
+
+def _streams(state: TrackerState, values: Values) -> list[_Stream]:
+    """Return the streams in the order of their rows."""
     flows = state.flows
     entries = []
-    for stream, known in values.streams.items():
+    for stream in values.streams:
         place = int(flows.streams.high[stream])
         number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
         node = int(flows.streams.low[stream])
         halves = int(flows.nodes.high[node]), int(flows.nodes.low[node])
         listed = int(flows.lists.high[number]), int(flows.lists.low[number])
-        entries.append(((listed, subindex, address.order(*halves)), address.text(*halves), known))
-    entries.sort(key=lambda entry: entry[0])
-    return [(listed, subindex, sender, known) for (listed, subindex, _), sender, known in entries]
+        order = listed, subindex, address.order(*halves)
+        entries.append((order, _Stream(listed, subindex, address.text(*halves), values.sequence(stream))))
+    return [stream for _, stream in sorted(entries, key=lambda entry: entry[0])]
 
 
-def left_out(state: TrackerState, values: Values) -> tuple[int, int]:
-    """Return how many telegrams of defined lists have another shape, and how many were not captured whole."""
+def left_out(state: TrackerState, values: Values, keys: Collection[tuple[int, int]] | None = None) -> tuple[int, int]:
+    """Return how many telegrams of defined lists have another shape, and how many were not captured whole.
+
+    ``keys`` are port and identifier of the lists that are looked at, None for all.
+    """
     flows = state.flows
-    keys = zip(flows.lists.high.tolist(), flows.lists.low.tolist(), strict=True)
-    defined = [number for number, key in enumerate(keys) if values.layouts.telegrams_of(*key)]
-    return int(values.unfitting.column("count").sum()), int(state.lists.truncated[defined].sum())
+    listed = zip(flows.lists.high.tolist(), flows.lists.low.tolist(), strict=True)
+    defined = np.array(
+        [values.layouts.list_of(*key) is not None and (keys is None or key in keys) for key in listed], np.bool_
+    )
+    count = values.unfitting.column("count")
+    lists = flows.places.high.astype(np.int64)[flows.place_of(np.arange(len(count)))]
+    return int(count[defined[lists]].sum()), int(state.lists.truncated[: len(defined)][defined].sum())
+
+
+def _listed(stream: _Stream, known: StreamValues) -> list[dict[str, Any]]:
+    listed = {"list": list_key(*stream.list), "list_name": known.layout.list.name}
+    return [{**listed, **row} for row in _rows(stream.subindex, stream.sender, known)]
 
 
 def _rows(subindex: int, sender: str, known: StreamValues) -> list[dict[str, Any]]:

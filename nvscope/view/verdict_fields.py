@@ -223,6 +223,10 @@ def _figure(of: str, whose: str, counter: Counter, verdicts: Verdicts | None) ->
     )
 
 
+def _code(finding: Finding) -> str:
+    return finding.code
+
+
 def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
     findings = verdicts.findings if verdicts else []
 
@@ -240,7 +244,7 @@ def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
         return TelegramField(f"finding.{name}", kind, f"Finding's {name}", text, read, known, judged=True)
 
     return [
-        entry("code", _TEXT, "such as NV201", column(lambda finding: finding.code)),
+        entry("code", _TEXT, "such as NV201; shown by the telegrams of its first ten events", column(_code)),
         entry("name", _TEXT, "such as telegram-gap", column(lambda finding: CATALOGUE[finding.code].name)),
         entry("severity", _TEXT, "error, warning or note", column(lambda one: CATALOGUE[one.code].severity.word)),
         entry("count", _SIGNED, "how many events it has", count),

@@ -17,9 +17,8 @@ from typing import Any
 import polars as pl
 import pytest
 
-from nvscope.capture.pcap import PcapSink
 from tests.definition.lists import telegram
-from tests.packets import batch_of
+from tests.export.given import defined, written
 
 CAPTURES = Path(__file__).parents[2] / "captures"
 PEERS = CAPTURES / "peers"
@@ -164,13 +163,8 @@ def test_no_cell_of_a_csv_file_is_a_formula(tmp_path: Path) -> None:
         telegram(text.encode().ljust(11, b"\0") + b"\xff\xff", 2, subindex=0, counter=at, ts_ns=at)
         for at, text in enumerate(texts)
     ]
-    with PcapSink(str(tmp_path / "in.pcap"), 1) as sink:
-        sink.write(batch_of(frames))
-    definition = tmp_path / "list.gvl"
-    gvl = (PEERS / "counters.gvl").read_text().replace("<ListIdentifier>3<", "<ListIdentifier>7<")
-    start, end = gvl.index("\ta : BOOL"), gvl.index("END_VAR")
-    definition.write_text(f"{gvl[:start]}\tsText : STRING(10);\n\tn : INT;\n{gvl[end:]}")
-    arguments = ["export", "in.pcap", "--gvl", "list.gvl", "-w"]
+    definition = defined(tmp_path, "list", "sText : STRING(10);\n\tn : INT;")
+    arguments = ["export", written(tmp_path, frames), *definition, "-w"]
     assert nvscope(*arguments, "out.csv", cwd=tmp_path).stderr == ""
     with (tmp_path / "out.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

@@ -165,3 +165,17 @@ def test_wrong_input_is_a_usage_error(arguments: tuple[str, ...], said: str, fil
     assert (done.returncode, done.stdout) == (2, "")
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_list_on_can_has_cob_ids_and_no_header(tmp_path: Path) -> None:
+    (tmp_path / "press.gvl").write_text(
+        "<GVL><Declarations><![CDATA[VAR_GLOBAL a : LREAL; b : INT; c : INT; s : STRING(20); d : INT; END_VAR]]>"
+        "</Declarations><NetvarSettings Protocol='CAN'><ListIdentifier>400</ListIdentifier></NetvarSettings></GVL>"
+    )
+    done = nvscope("layout", "press.gvl", cwd=tmp_path)
+    heads = [line.strip() for line in done.stdout.splitlines() if "COB-ID" in line]
+    assert heads == ["COB-ID 190h: DLC 8", "COB-ID 191h: DLC 4", "COB-ID ?: DLC ?", "COB-ID ?: DLC ?"]
+    assert "on CAN, packed" in done.stdout
+    assert "described nowhere" in done.stdout
+    document = json.loads(nvscope("layout", "--json", "press.gvl", cwd=tmp_path).stdout)
+    assert (document["lists"][0]["port"], document["lists"][0]["assumed"]) == (None, True)

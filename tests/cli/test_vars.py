@@ -8,14 +8,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.definition.lists import telegram
+from tests.fuzz.originals import pcap_of
+from tests.tracker.test_values import START_NS
+
 CAPTURES = Path(__file__).parents[2] / "captures"
 PEERS = CAPTURES / "peers"
 AXIS = [str(PEERS / "axis.gvl"), str(PEERS / "axis_types.st")]
 
 
-def nvscope(*arguments: str) -> subprocess.CompletedProcess[str]:
+def nvscope(*arguments: str, columns: int = 100) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "nvscope", *arguments]
-    environment = {**os.environ, "COLUMNS": "100"}
+    environment = {**os.environ, "COLUMNS": str(columns)}
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, env=environment)
 
 
@@ -121,7 +125,8 @@ def test_every_change_of_a_variable() -> None:
     done = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--history", "NSPEED", "--utc")
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
-    assert lines[:3] == [
+    assert lines[:4] == [
+        "Time            Frame  Sender           Value",
         "2026-11-21 (UTC)",
         "10:05:21.150        6  10.77.0.3        19133 (first)",
         "10:05:21.186        8  10.77.0.3        19133 → -3419",
@@ -222,7 +227,7 @@ def test_each_list_has_a_draft_of_its_own(tmp_path: Path) -> None:
 
 def test_options_that_do_not_go_together() -> None:
     for options in (
-        ["--history", "a", "--at", "1s"], ["--all"], ["--list", "7"], ["-w", "x.gvl"], ["--infer", "--at", "1s"],
+        ["--history", "a", "--at", "1s"], ["--all"], ["--list", "8"], ["-w", "x.gvl"], ["--infer", "--at", "1s"],
     ):  # fmt: skip
         done = nvscope("vars", CAPTURE, *PEERS_DEFINED, *options)
         assert (done.returncode, done.stdout) == (2, ""), options
@@ -243,3 +248,134 @@ def test_the_report_as_data_has_the_values_of_defined_lists() -> None:
         for row in entry["values"]
     ]
     assert told == variables
+
+
+def test_a_filter_is_said_and_what_it_hides_is_not_said_to_be_missing() -> None:
+    shown = "shown: what nv.index == 42 chooses (199 of 862 telegrams)"
+    plain = nvscope("vars", CAPTURE, *PEERS_DEFINED, "-Y", "nv.index == 42")
+    assert plain.stdout.startswith(f"{shown}\n\nudp/1202/42 axis from 10.77.0.3, 199 telegrams\n")
+    at = nvscope("vars", CAPTURE, *PEERS_DEFINED, "-Y", "nv.index == 42", "--at", "5s")
+    assert at.stdout.splitlines()[1] == shown
+    assert "udp/1202/1 batch: sent, but the filter chooses none of its telegrams" in at.stdout
+    assert "nobody sends it" not in at.stdout
+    history = nvscope("vars", CAPTURE, *PEERS_DEFINED, "-Y", "nv.index == 42", "--history", "nSpeed")
+    assert shown in history.stdout.splitlines()
+    for options in ([], ["--history", "nSpeed"]):
+        nothing = nvscope("vars", CAPTURE, *PEERS_DEFINED, "-Y", "nv.index == 43", *options)
+        assert nothing.stdout == (
+            "shown: what nv.index == 43 chooses (0 of 862 telegrams)\nNo value: the filter chooses no telegram.\n"
+        )
+        document = json.loads(
+            nvscope("vars", CAPTURE, *PEERS_DEFINED, "-Y", "nv.index == 43", "--json", *options).stdout
+        )
+        assert document["filter"] == {"expression": "nv.index == 43", "telegrams": 0, "all_telegrams": 862}
+    other = nvscope("vars", CAPTURE, *AXIS_ONLY, "-Y", "nv.index == 7")
+    assert "no telegram that the filter chooses is one of a defined list" in other.stdout
+    assert "compare the identifiers" not in other.stdout
+
+
+AXIS_ONLY = ["--gvl", AXIS[0], "--gvl", AXIS[1]]
+
+
+def test_one_list_alone() -> None:
+    plain = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--list", "AXIS")
+    assert [line for line in plain.stdout.splitlines() if line.startswith("udp/")] == [
+        "udp/1202/42 axis from 10.77.0.3, 199 telegrams"
+    ]
+    at = json.loads(nvscope("vars", CAPTURE, *PEERS_DEFINED, "--list", "1", "--at", "5s", "--json").stdout)
+    assert {row["list"] for row in at["variables"]} == {"udp/1202/1"}
+    axis = nvscope("vars", str(CAPTURES / "telegrams.pcap"), *AXIS_ONLY, "--list", "axis")
+    assert axis.stdout.startswith("No telegram of this list was found: compare its identifier and port")
+    none = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--list", "axes")
+    assert (none.returncode, none.stdout, "no list is named 'axes'" in none.stderr) == (2, "", True)
+
+
+def test_a_list_over_several_telegrams_counts_all_of_them() -> None:
+    done = nvscope("vars", CAPTURE, *PEERS_DEFINED, "--list", "recipe")
+    assert done.stdout.startswith("udp/1202/7 recipe from 10.77.0.1, 156 telegrams in 3 SubIndexes\n")
+
+
+def gvl_file(path: Path, declarations: str, list_id: int) -> list[str]:
+    """Write a definition file; return the option that names it."""
+    settings = f"<ListIdentifier>{list_id}</ListIdentifier><Pack>True</Pack>"
+    path.write_text(
+        f"<GVL><Declarations><![CDATA[VAR_GLOBAL\n{declarations}\nEND_VAR]]></Declarations>"
+        f'<NetvarSettings Protocol="UDP">{settings}</NetvarSettings></GVL>'
+    )
+    return ["--gvl", str(path)]
+
+
+def capture_file(path: Path, sent: list[tuple[int, bytes, int]]) -> str:
+    """Write data telegrams of SubIndex 0, 100 ms apart, each of a list with some items; return the path."""
+    frames = [
+        telegram(data, items, subindex=0, counter=number, ts_ns=START_NS + number * 10**8, list_id=list_id)
+        for number, (list_id, data, items) in enumerate(sent)
+    ]
+    path.write_bytes(pcap_of(frames))
+    return str(path)
+
+
+def test_the_history_of_several_lists_says_which(tmp_path: Path) -> None:
+    capture = capture_file(tmp_path / "both.pcap", [(number % 2 + 5, bytes([number, 0]), 1) for number in range(4)])
+    files = [*gvl_file(tmp_path / "north.gvl", "n : INT;", 5), *gvl_file(tmp_path / "south.gvl", "n : INT;", 6)]
+    done = nvscope("vars", capture, *files, "--history", "n", "--utc", columns=80)
+    assert done.stdout.splitlines()[:5] == [
+        "Time            Frame  List   Sender           Value",
+        "2023-11-14 (UTC)",
+        "22:13:20.000        1  north  10.0.0.1         0 (first)",
+        "22:13:20.100        2  south  10.0.0.1         1 (first)",
+        "22:13:20.200        3  north  10.0.0.1         0 → 2",
+    ]
+    for wanted in ("south:n", "6:n", "udp/1202/6:N"):
+        alone = nvscope("vars", capture, *files, "--history", wanted, "--json")
+        assert {row["list_name"] for row in json.loads(alone.stdout)["changes"]} == {"south"}
+
+
+def test_a_program_that_is_changed_in_the_middle(tmp_path: Path) -> None:
+    sent = [(5, bytes([number, 0, 1, 0]), 2) for number in range(3)]
+    sent += [(5, bytes([number, 0, 2, 0, 0, 0]), 2) for number in range(3, 8)]
+    capture = capture_file(tmp_path / "download.pcap", sent)
+    files = gvl_file(tmp_path / "old.gvl", "a : INT; b : INT;", 5)
+    files += gvl_file(tmp_path / "new.gvl", "a : INT; b : DINT;", 5)
+    done = nvscope("vars", capture, *files, "--utc")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [line for line in done.stdout.splitlines() if line.startswith(("udp", "  a"))] == [
+        "udp/1202/5 new from 10.0.0.1, 5 telegrams",
+        "  a         7      INT   22:13:20.700        4    3    7",
+        "udp/1202/5 old from 10.0.0.1, 3 telegrams until 22:13:20.200; later ones have another shape (above)",
+        "  a         2      INT   22:13:20.200        2    0    2",
+    ]
+    for name in ("old", "new", "5"):
+        assert nvscope("vars", capture, *files, "--utc", "--list", name).stdout == done.stdout
+    history = json.loads(nvscope("vars", capture, *files, "--history", "new:b", "--json").stdout)["changes"]
+    assert [(row["frame"], row["list_name"], row["new"]) for row in history] == [(1, "old", 1), (4, "new", 2)]
+
+
+def test_a_list_of_which_not_all_is_known(tmp_path: Path) -> None:
+    capture = capture_file(tmp_path / "pointer.pcap", [(5, bytes([number] * 6), 3) for number in range(3)])
+    files = gvl_file(tmp_path / "part.gvl", "u : INT; p : POINTER TO INT; q : INT;", 5)
+    history = nvscope("vars", capture, *files, "--history", "part:*", "--json")
+    assert [(row["frame"], row["name"], row["new"]) for row in json.loads(history.stdout)["changes"]] == [
+        (1, "u", 0), (1, "p …", "00000000"), (2, "u", 257), (2, "p …", "01010101"),
+        (3, "u", 514), (3, "p …", "02020202"),
+    ]  # fmt: skip
+    assert "nobody knows where q is, behind p : POINTER" in history.stderr
+    at = nvscope("vars", capture, *files, "--at", "#2")
+    assert "  p …       01 01 01 01  bytes from p : POINTER on  0 ns" in at.stdout.splitlines()
+    behind = nvscope("vars", capture, *files, "--history", "q")
+    assert (behind.returncode, behind.stdout) == (2, "")
+    assert behind.stderr == (
+        "nvscope: nobody knows where q is, behind p : POINTER, whose size is not known\n"
+        "  p stands for all bytes from there on\n"
+    )
+
+
+def test_values_are_shown_whole_before_anything_else(tmp_path: Path) -> None:
+    capture = capture_file(tmp_path / "narrow.pcap", [(5, bytes([number, 0]) + bytes(10), 2) for number in range(3)])
+    files = gvl_file(tmp_path / "narrow.gvl", "nAPositionWithALongName : INT; aSerial : uAny;", 5)
+    types = tmp_path / "any.st"
+    types.write_text("TYPE uAny : UNION a : LREAL; s : STRING(9); END_UNION END_TYPE")
+    for options in ([], ["--at", "1s"]):
+        done = nvscope("vars", capture, *files, "--gvl", str(types), *options, columns=60)
+        row = next(line for line in done.stdout.splitlines() if line.startswith("  aSerial"))
+        assert " ".join(["00"] * 10) in row

@@ -37,7 +37,7 @@ def plain(column: ValueColumn, kind: Elementary) -> list[Value]:
         return [row.tobytes() for row in column]
     unit_ns = getattr(kind, "unit_ns", 0)
     if unit_ns and value_type(kind) in (FieldType.DURATION, FieldType.TIME):
-        assert column.dtype == np.int64
+        assert column.dtype == (np.uint64 if unit_ns == 1 else np.int64)
         assert not (column % unit_ns).any()
         column = column // unit_ns
     return list(column.tolist())

@@ -15,11 +15,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from nvscope.definition.model import Enumeration, ListDefinition, String, Type, Union
-from nvscope.definition.packing import pack
+from nvscope.definition.layouts import Layouts
+from nvscope.definition.model import Definition, Enumeration, ListDefinition, String, Type, Union
+from nvscope.definition.packing import known_fronts, known_part, pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
+from nvscope.errors import UsageError
+from nvscope.export import held as held_module
 from nvscope.export import wide as wide_module
+from nvscope.export.frames import wide_frame
+from nvscope.export.lists import lists_to_write
 from nvscope.export.values import paths_of
 from nvscope.view.defined_telegrams import LeftOut
 from tests.definition.lists import HERE, STATE, UNKNOWN, VARIABLES, list_of, telegram
@@ -112,8 +117,9 @@ def test_however_rows_are_grouped_they_are_the_same(tmp_path: Path, monkeypatch:
         frames += sent(entry, [(number % 5, struct.pack("<I", number))])
     whole = wide(frames, lists, tmp_path)
     assert [len(table) for table in whole] == [200, 100]
-    for name, size in (("GROUP_ROWS", 7), ("HELD_BYTES", 3_000), ("_LEAST_SLAB_BYTES", 64), ("_SLAB_BYTES", 256)):
-        monkeypatch.setattr(wide_module, name, size)
+    sizes = (("GROUP_ROWS", 7), ("HELD_BYTES", 3_000), ("_LEAST_SLAB_BYTES", 64), ("_SLAB_BYTES", 256))
+    for name, size in sizes:
+        monkeypatch.setattr(wide_module if hasattr(wide_module, name) else held_module, name, size)
         for one, again in zip(whole, wide(frames, lists, tmp_path, 11), strict=True):
             assert one.equals(again)
 
@@ -222,3 +228,85 @@ def test_a_union_is_bytes_and_nan_stays_nan(tmp_path: Path) -> None:
     (table,) = wide([telegram(b"abcd" + b"\xff" * 8, 2, subindex=0, counter=0, ts_ns=0)], [entry], tmp_path)
     assert table["v0"].to_list() == [b"abcd"]
     assert isnan(table["v1"][0])
+
+
+POINTER = SCALARS["POINTER"]
+
+
+def known_of(entry: ListDefinition, frame: Frame) -> dict[str, Any]:
+    """Return what is known of a telegram: its variables, up to the first of unknown size, and the bytes from there."""
+    payload = frame.data[42:]
+    items, length = (int.from_bytes(payload[at : at + 2], "little") for at in (12, 14))
+    layout = known_part(pack(entry), int.from_bytes(payload[10:12], "little"), items, length)
+    assert layout
+    return {
+        element.name: value_of(element.type, payload[20 + at : 20 + at + element.type.size_bytes])
+        for at, element in layout.spans()
+    }
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
+@given(
+    st.lists(st.sampled_from([INT, LREAL, String(130), POINTER]), max_size=5), st.booleans(),
+    st.lists(st.tuples(st.integers(0, 6), st.integers(0, 40), st.integers(0, 255)), min_size=1, max_size=20),
+    st.integers(1, 8),
+)  # fmt: skip
+def test_of_unknown_sizes_both_forms_hold_what_is_known(
+    tmp_path: Path, types: list[Type], packed: bool, seeds: list[tuple[int, int, int]], batch_frames: int
+) -> None:
+    entry = list_of([*types, POINTER, INT], pack=packed)
+    fronts = known_fronts(pack(entry))
+    frames = []
+    for number, (subindex, more, byte) in enumerate(seeds):
+        front, cause = fronts[min(subindex, len(fronts) - 1)]
+        size = front.layout.size_bytes + (more if cause else 0)
+        frames.append(
+            telegram(
+                bytes([byte]) * size, front.items + bool(cause), subindex=subindex, counter=number, ts_ns=number * 10**9
+            )
+        )
+    (table,) = wide(frames, [entry], tmp_path, batch_frames)
+    below = long(frames, [entry], tmp_path, batch_frames).rows(named=True)
+    assert table["nv.subindex"].to_list() == [subindex for subindex, _, _ in seeds]
+    for row, frame in zip(table.rows(named=True), frames, strict=True):
+        expected = known_of(entry, frame)
+        told = {name: value for name, value in row.items() if name.startswith("v") and value not in (None, b"")}
+        assert told.keys() == expected.keys()
+        assert all(equal(told[name], value) for name, value in expected.items())
+        while below and below[0]["frame.number"] == row["frame.number"]:
+            one = below.pop(0)
+            value = next((one[kind] for kind in ("integer", "real", "text", "bytes") if one[kind] is not None), None)
+            assert one["nv.subindex"] == row["nv.subindex"]
+            assert equal(value, expected.pop(one["variable"], b""))
+        assert not expected
+    assert not below
+
+
+def test_several_definitions_share_the_columns_of_equal_variables(tmp_path: Path) -> None:
+    first, second = list_of([INT, STATE, INT, TIME]), list_of([INT, STATE, LREAL, SCALARS["LTIME"], INT])
+    third = list_of([INT, INT])
+    frames = [
+        telegram(struct.pack("<hhhI", 1, 1, 2, 3), 4, subindex=0, counter=0, ts_ns=0),
+        telegram(struct.pack("<hhdQh", 4, -1, 5.5, 6, 7), 5, subindex=0, counter=1, ts_ns=1),
+        telegram(struct.pack("<hh", 8, 9), 2, subindex=0, counter=2, ts_ns=2),
+        telegram(struct.pack("<h", 8), 1, subindex=0, counter=3, ts_ns=3),
+    ]
+    telegrams = telegrams_of(frames, [first, second, third])
+    table, beyond = wide_frame(telegrams)
+    assert table.columns[4:] == ["v0", "v1", "v1.name", "v2", "v3", "v2 : LREAL", "v4", "v1 : INT"]
+    assert beyond == 0
+    assert [[None if one is None else str(one) for one in row[4:]] for row in table.rows()] == [
+        ["1", "1", "eRun", "2", "0:00:00.003000", None, None, None],
+        ["4", "-1", "eFault", None, "0:00:00", "5.5", "7", None],
+        ["8", None, None, None, None, None, None, "9"],
+    ]
+    assert telegrams.left_out == {(1202, 7): {LeftOut.UNFITTING: 1}}
+
+
+def test_a_list_of_which_nothing_can_be_looked_for(tmp_path: Path) -> None:
+    from dataclasses import replace  # noqa: PLC0415
+
+    with pytest.raises(UsageError, match="of none does a file say a list identifier"):
+        lists_to_write(Layouts(Definition((replace(list_of([INT]), list_id=None),))))
+    entry = list_of([INT, POINTER])
+    assert lists_to_write(Layouts(Definition((entry,))), ["test"]) == [((1202, 7), entry)]

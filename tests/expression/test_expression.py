@@ -8,9 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvscope.errors import UsageError
+from nvscope.expression import literals
 from nvscope.expression.columns import BytesColumn, FieldType, Named
 from nvscope.expression.expression import compile_expression
 from nvscope.expression.mistake import ExpressionError
+from nvscope.expression.pattern import Pattern, PatternError
 from tests.expression.random_expression import TESTS, Said
 from tests.expression.table import NAMES, Row, Table, rows
 
@@ -424,3 +426,39 @@ def understood_or_refused(text: str) -> None:
         return
     assert len(lines) == 2
     assert all(line.isprintable() for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("literal", "text"),
+    [
+        ("D#2026-1-31", '"2026-01-31"'),
+        ("DATE#2026-01-31", '"2026-01-31"'),
+        ("DT#2026-1-31-12:05", '"2026-01-31 12:05:00"'),
+        ("LDT#2026-01-31-12:00:5.25", '"2026-01-31 12:00:05.25"'),
+        ("DATE_AND_TIME#2026-01-31-00:00:00", '"2026-01-31"'),
+    ],
+)
+def test_dates_of_iec_61131_are_those_in_quotes(literal: str, text: str) -> None:
+    assert literals.fit(literals.Constant("iec_date", literal), FieldType.TIME) == literals.fit(
+        literals.Constant("string", text), FieldType.TIME
+    )
+    compile_expression(f"t.at > {literal}", NAMES)
+
+
+@pytest.mark.parametrize(("literal", "time_ns"), [("TOD#14:30:05.25", 52_205_250_000_000), ("LTOD#1:2", 3_720 * 10**9)])
+def test_times_of_day_are_durations_since_midnight(literal: str, time_ns: int) -> None:
+    assert literals.fit(literals.Constant("iec_time", literal), FieldType.DURATION) == time_ns
+    with pytest.raises(literals.Unfit):
+        literals.fit(literals.Constant("iec_time", "TOD#24:00:00"), FieldType.DURATION)
+
+
+def test_a_word_where_a_text_should_stand_is_told_to_need_quotes() -> None:
+    with pytest.raises(UsageError) as error:
+        compile_expression("s.name == axis", NAMES)
+    assert 'a text stands in quotes: "axis"' in error.value.next_step
+
+
+def test_any_case_may_be_asked_for_and_is_matched_anyway() -> None:
+    assert Pattern("(?i)AbC").search("xabcx")
+    with pytest.raises(PatternError):
+        Pattern("a(?i)")

@@ -70,10 +70,11 @@ def test_a_list_that_is_always_sent_too_slowly_is_always_late() -> None:
     late = found["NV501"]
     assert late.message == (
         "99 intervals longer than 125.0 ms without a loss; nominal is 50.0 ms by the definition, "
-        "the longest was 500.0 ms."
+        "the longest was 500.0 ms. It is sent every 500.0 ms: another definition or setting runs in the sender."
     )
+    assert late.hint.startswith("Compare interval, MinGap and the cycle of the task in the sender's project")
     assert (late.count, late.first_ns, late.last_ns) == (99, frames[0].ts_ns, frames[-1].ts_ns)
-    assert late.frames == tuple(range(2, 10))  # what came while the usual interval was not yet known
+    assert late.frames == tuple(range(2, 12))
     assert nominal(frames, defined(50)) == 50 * MS
     assert judged(frames) == {}  # by itself it is regular
 
@@ -93,14 +94,42 @@ def test_a_list_that_is_always_sent_too_fast_is_a_burst() -> None:
     assert set(found) == {"NV503"}
     assert found["NV503"].count == 99
     assert found["NV503"].message == (
-        "99 intervals shorter than 50.0 ms; nominal is 500.0 ms by the definition, the shortest was 20.0 ms."
+        "99 intervals shorter than 50.0 ms; nominal is 500.0 ms by the definition, the shortest was 20.0 ms. "
+        "It is sent every 20.0 ms: another definition or setting runs in the sender."
     )
+    assert found["NV503"].frames == tuple(range(2, 12))
+
+
+@pytest.mark.parametrize(("on_change", "on_event"), [(True, False), (False, True)])
+def test_what_is_sent_on_change_too_may_be_sent_more_often_than_its_interval(on_change: bool, on_event: bool) -> None:
+    (entry,) = defined(500).lists
+    definition = Definition((replace(entry, on_change=on_change, on_event=on_event),))
+    burst = judged(sent([20] * 99), definition)["NV503"]
+    assert burst.message.endswith("the shortest was 20.0 ms.")
+    assert burst.hint == ""
+
+
+def test_a_few_late_ones_are_the_sender_being_late() -> None:
+    late = judged(sent([50] * 20 + [200] * 9), defined(50))["NV501"]
+    assert late.message.endswith("the longest was 200.0 ms.")
+    assert late.hint == ""
+
+
+@pytest.mark.parametrize("cut", [1, 5, 9, 14, 30])
+def test_frames_of_usual_intervals_are_the_first_ten_however_they_came(cut: int) -> None:
+    """The first late one is the third interval; from then on the stream's own usual interval is late."""
+    frames = sent([50, 50] + [500] * 60)
+    state = tracked([batch_of(frames[:cut]), batch_of(frames[cut:])])
+    (late,) = (finding for finding in judge(state, definition=defined(50)) if finding.code == "NV501")
+    assert (late.count, late.frames) == (60, tuple(range(4, 14)))
 
 
 def test_half_of_the_intervals_beyond_the_limit() -> None:
     slow = [110, 140] * 60  # all of them near the usual interval: 125 ms is the limit
     late = judged(sent(slow), defined(50))["NV501"]
     assert late.count == 60
+    # Known are those of the first eighteen intervals: while the usual one was learned, and ten more.
+    assert late.frames == tuple(range(3, 20, 2))
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -112,7 +141,11 @@ def test_intervals_below_the_least_gap(cyclic: bool) -> None:
 
 def test_the_least_gap_of_a_list_that_is_sent_as_fast_as_it_may() -> None:
     assert judged(sent([20] * 99), defined(min_gap_ms=20)) == {}
-    assert judged(sent([19] * 99), defined(min_gap_ms=20))["NV503"].count == 99
+    burst = judged(sent([19] * 99), defined(min_gap_ms=20))["NV503"]
+    assert burst.count == 99
+    assert burst.message.endswith(
+        "The sender does not keep the MinGap of the definition, its median interval is 19.0 ms."
+    )
 
 
 def test_the_least_gap_without_any_regularity() -> None:

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.report import text
-from nvscope.view.table import display_width
+from nvscope.report import columns, text
+from nvscope.view.table import Tone, display_width
 
 from .examples import CLEAN, EXAMPLES, HOSTILE, MS, TROUBLED, at, diag, interval, report, stream, udp_list
 
@@ -152,3 +152,33 @@ def test_the_interval_of_a_list_with_different_streams_is_a_range() -> None:
     apart = lines_of(udp_list(1, 1, streams=near + far, senders=["10.0.0.1"]))[6]
     assert "  50.0 ms … 100.0 ms" in apart
     assert "  50 %" in apart
+
+
+def test_a_list_that_is_not_sent_at_its_defined_interval_shows_both() -> None:
+    """A nominal interval that is not the median comes from a definition."""
+
+    def sent_every(median_ns: int, nominal_ns: int) -> dict[str, Any]:
+        return interval(9, 1, 1, 1, 1, median_ns, median_ns, median_ns, nominal=nominal_ns)
+
+    def table(median_ns: int, nominal_ns: int) -> list[str]:
+        streams = [stream("10.0.0.1", 0, 10, sent_every(median_ns, nominal_ns))]
+        return [" ".join(line.split()) for line in lines_of(udp_list(1, 1, streams=streams, senders=["10.0.0.1"]))[5:7]]
+
+    slow = table(100 * MS, 50 * MS)
+    assert slow[0].startswith("status list sender interval defined")
+    assert slow[1].startswith("✓ ok udp/1/1 10.0.0.1 100.0 ms 50.0 ms")
+    for near_ns in (45 * MS, 50 * MS, 55 * MS):
+        header, row = table(near_ns, 50 * MS)
+        assert "defined" not in header
+        assert f"10.0.0.1 {near_ns // MS}.0 ms" in row
+    assert "defined" in table(44 * MS, 50 * MS)[0]
+
+
+def test_another_interval_than_the_defined_one_is_coloured_as_a_warning() -> None:
+    def tones(median_ns: int) -> dict[str, Tone]:
+        streams = [stream("10.0.0.1", 0, 10, interval(9, 1, 1, 1, 1, *[median_ns] * 3, nominal=50))]
+        measures, rows = columns.overview(report({}, [udp_list(1, 1, streams=streams)], []))
+        return {measure.column.title: measure.cell(rows[0]).tone for measure in measures}
+
+    assert tones(60)["interval"] is Tone.WARNING
+    assert tones(50)["interval"] is Tone.PLAIN

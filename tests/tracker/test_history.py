@@ -7,22 +7,24 @@ import random
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Definition, Type
+from nvscope.definition.model import Definition, String, Type
 from nvscope.definition.packing import pack
 from nvscope.definition.selection import select
+from nvscope.errors import UsageError
 from nvscope.tracker import samples as sampling
 from nvscope.tracker.history import History
 from nvscope.tracker.moment import Moment
 from nvscope.tracker.samples import Samples
 from nvscope.view.history import at_document, change_row, change_summary
-from tests.definition.lists import INT, REAL, VARIABLES, list_of, telegram
+from tests.definition.lists import INT, REAL, UDINT, VARIABLES, list_of, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of
-from tests.tracker.test_values import START_NS, seen, telegrams_of
+from tests.tracker.test_values import POINTER, START_NS, seen, telegrams_of
 
 
 def shaken(sent: list[tuple[Frame, int, list[bytes]]], seed: int) -> list[tuple[Frame, int, list[bytes]]]:
@@ -53,7 +55,7 @@ def test_a_history_is_that_of_one_telegram_after_the_other(
     definition = list_of(types, pack=packed)
     sent = shaken(telegrams_of(definition, seed, count), seed)
     layouts = Layouts(Definition((definition,)))
-    history = History(layouts, select(layouts, "*"), every=every)
+    history = History(layouts, select(layouts, "*").names_in, every=every)
     rows = told_by(history, [frame for frame, _, _ in sent], cut)
 
     expected = []
@@ -116,9 +118,80 @@ def test_a_change_has_its_old_value_and_strings_end_at_their_nul() -> None:
         telegram(bytes([number, 0, 0, 0, 0x48, 0x41]), 2, subindex=0, counter=number, ts_ns=START_NS + number)
         for number in (1, 2, 2)
     ]
-    history = History(layouts, select(layouts, "V0"))
+    history = History(layouts, select(layouts, "V0").names_in)
     rows = told_by(history, frames, 2)
     assert [(row["frame"], row["old"], row["new"]) for row in rows] == [(1, None, 1), (2, 1, 2)]
+
+
+@given(st.integers(1, 20))
+def test_where_a_program_is_changed_a_history_goes_on_with_the_definition_that_fits(cut: int) -> None:
+    layouts = Layouts(Definition((list_of([INT, INT]), list_of([INT, UDINT]))))
+    sent = [(4, 5), (4, 6), (6, 7), (6, 7), (6, 8), (7, 9), (4, 6), (4, 9)]
+    frames = [
+        telegram(bytes([value, 0] * 4)[:size], 2, subindex=0, counter=number, ts_ns=START_NS + number)
+        for number, (size, value) in enumerate(sent)
+    ]
+    history = History(layouts, select(layouts, "v0").names_in)
+    rows = told_by(history, frames, cut)
+    assert [(row["frame"], row["old"], row["new"]) for row in rows] == [
+        (1, None, 5), (2, 5, 6), (3, None, 7), (5, 7, 8), (8, 6, 9),
+    ]  # fmt: skip
+    assert [(row["telegrams"], row["changes"]) for row in change_summary(history)] == [(4, 2), (3, 1)]
+    assert history.unfitting == 1
+
+    moment = Moment(layouts, frame=5)
+    moment.observe(batch_of(frames))
+    rows = at_document(moment, layouts, START_NS)["variables"]
+    assert [(row["name"], row["type"], row["value"]) for row in rows] == [
+        ("v0", "INT", 8), ("v1", "UDINT", 8 + (8 << 16)),
+    ]  # fmt: skip
+
+
+def test_the_telegrams_that_were_not_sent_are_those_of_the_definition_that_fits() -> None:
+    one, two = list_of([INT, INT]), list_of([INT, UDINT, String(254), INT])
+    layouts = Layouts(Definition((one, two)))
+    frames = [
+        telegram(bytes(size), items, subindex=subindex, counter=number, ts_ns=START_NS + number)
+        for number, (size, items, subindex) in enumerate([(4, 2, 0), (6, 2, 0), (2, 1, 2)])
+    ]
+    shown = []
+    for frame in (1, 2, 3):
+        moment = Moment(layouts, frame=frame)
+        moment.observe(batch_of(frames))
+        rows = at_document(moment, layouts, START_NS)["variables"]
+        shown.append([(row["subindex"], row["type"], row["missing"]) for row in rows])
+    begin = [(0, "INT", None), (0, "UDINT", None), (1, "STRING(254)", "later")]
+    assert shown == [
+        [(0, "INT", None), (0, "INT", None)],
+        [*begin, (2, "INT", "later")],
+        [*begin, (2, "INT", None)],
+    ]
+
+
+def test_what_is_known_of_a_list_with_an_element_of_unknown_size() -> None:
+    layouts = Layouts(Definition((list_of([INT, POINTER, INT]),)))
+    frames = [
+        telegram(bytes([number] * size), 3, subindex=subindex, counter=number, ts_ns=START_NS + number)
+        for number, (size, subindex) in enumerate([(5, 0), (3, 1), (5, 0), (1, 0)])
+    ]
+    for name, told in (
+        ("v0", [(1, 0, "v0"), (3, 0, "v0")]),
+        ("v1", [(1, 0, "v1 …"), (2, 1, "v1 …"), (3, 0, "v1 …")]),
+        ("v1...", [(1, 0, "v1 …"), (2, 1, "v1 …"), (3, 0, "v1 …")]),
+    ):
+        wanted = select(layouts, name)
+        assert wanted.repeated == (name != "v0")
+        rows = told_by(History(layouts, wanted.names_in), frames, 2)
+        assert [(row["frame"], row["subindex"], row["name"]) for row in rows] == told
+    with pytest.raises(UsageError, match="nobody knows where v2 is, behind v1 : POINTER"):
+        select(layouts, "v2")
+    every = select(layouts, "v*")
+    assert (every.names(), [name for name, _ in every.unplaced]) == ({"v0", "v1 …"}, ["v2"])
+
+    moment = Moment(layouts, frame=0)
+    moment.observe(batch_of(frames))
+    rows = at_document(moment, layouts, START_NS)["variables"]
+    assert [(row["name"], row["missing"]) for row in rows] == [("v0", "later"), ("v1 …", "later")]
 
 
 @settings(max_examples=25, deadline=None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import struct
 from typing import Any
 
 from hypothesis import given
@@ -14,12 +15,13 @@ from nvscope.definition.model import Definition, Enumeration, Kind, ListDefiniti
 from nvscope.definition.packing import pack
 from nvscope.definition.value import value_of
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import Values
+from nvscope.tracker.values import MOST_LAYOUTS, Values
 from nvscope.view.variables import variables_document
-from tests.definition.lists import BOOL, INT, REAL, STATE, TIME, UDINT, UNKNOWN, VARIABLES, list_of, telegram
+from tests.definition.lists import BOOL, INT, LREAL, REAL, STATE, TIME, UDINT, UNKNOWN, VARIABLES, list_of, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of
 
+POINTER = Scalar("POINTER", Kind.RAW, "V0", 0)
 START_NS = 1_700_000_000_000_000_000
 
 
@@ -52,9 +54,15 @@ def telegrams_of(definition: ListDefinition, seed: int, count: int) -> list[tupl
 
 
 def seen(kind: Any, raw: bytes) -> bytes:
-    """Return what of an element's bytes counts: of strings, what stands before the end, of a BOOL, whether it is 0."""
+    """Return what of an element's bytes counts: of strings, what stands before the end, of a BOOL, whether it is 0.
+
+    There is one zero and one NaN.
+    """
     if kind is BOOL:
         return bytes([any(raw)])
+    if kind in (REAL, LREAL):
+        number = struct.unpack("<f" if kind is REAL else "<d", raw)[0]
+        return b"NaN" if math.isnan(number) else raw if number else b"0"
     if not isinstance(kind, String):
         return raw
     step = 2 if kind.wide else 1
@@ -119,6 +127,82 @@ def test_what_does_not_fit_is_counted_and_not_decoded() -> None:
     assert (first["value"], first["telegrams"]) == (1, 1)
     assert values.unfitting.column("count").tolist() == [2, 1]
     assert values.unfitting.frames[0, :3].tolist() == [2, 3, 0]
+
+
+def test_equal_values_are_no_change() -> None:
+    definition = list_of([REAL, LREAL, REAL, REAL, BOOL])
+    values = Values(Layouts(Definition((definition,))))
+    state = TrackerState(values=values)
+    quiet, signalling = b"\0\0\xc0\x7f", b"\1\0\xa0\xff"
+    frames = [
+        telegram(zero + bytes(7) + sign + nan + number + truth, 5, subindex=0, counter=count, ts_ns=START_NS + count)
+        for count, (zero, sign, nan, number, truth) in enumerate(
+            [
+                (b"\0\0\0\x80", b"\x80", quiet, b"\0\0\x80\x3f", b"\1"),
+                (b"\0\0\0\0", b"\0", signalling, b"\0\0\x80\xbf", b"\2"),
+                (b"\0\0\0\x80", b"\x80", quiet, b"\0\0\x80\xbf", b"\3"),
+            ]
+        )
+    ]
+    state.observe(batch_of(frames))
+    rows = variables_document(state, values)["variables"]
+    assert [row["changes"] for row in rows] == [0, 0, 0, 1, 0]
+    assert (rows[3]["min"], rows[3]["max"]) == (-1.0, 1.0)
+
+
+@given(st.lists(st.sampled_from("AABC"), min_size=1, max_size=40), st.integers(1, 40))
+def test_a_sender_whose_program_is_changed_is_read_with_the_definition_that_fits(sent: list[str], cut: int) -> None:
+    definitions = {"A": list_of([INT, INT]), "B": list_of([INT, UDINT])}
+    layouts = Layouts(Definition(tuple(definitions.values())))
+    sizes = {"A": (4, 2), "B": (6, 2), "C": (7, 2)}
+    frames = [
+        telegram(bytes([number] * sizes[kind][0]), sizes[kind][1], subindex=0, counter=number, ts_ns=START_NS + number)
+        for number, kind in enumerate(sent)
+    ]
+    values = Values(layouts)
+    state = TrackerState(values=values)
+    whole = batch_of(frames)
+    for begin in range(0, len(frames), cut):
+        state.observe(whole[begin : begin + cut])
+
+    def last(kind: str) -> int:
+        return max((number for number, one in enumerate(sent) if one == kind), default=-1)
+
+    expected = sorted((kind for kind in "AB" if kind in sent), key=last)
+    document = variables_document(state, values)
+    shown = [*document["earlier"], *document["variables"]]
+    assert [row["type"] for row in shown if row["name"] == "v1"] == [
+        {"A": "INT", "B": "UDINT"}[kind] for kind in expected
+    ]
+    for kind, rows in zip(expected, zip(shown[::2], shown[1::2], strict=True), strict=True):
+        assert {row["telegrams"] for row in rows} == {sent.count(kind)}
+        assert {row["changes"] for row in rows} == {sent.count(kind) - 1}
+        assert {row["last_ns"] for row in rows} == {str(START_NS + last(kind))}
+        assert rows[0]["value"] == last(kind) * 257
+    if not expected:
+        assert not shown
+        return
+    fitted = values.fitted(0)
+    assert [(entry.telegrams, entry.frames[0], entry.last_frame) for entry in fitted] == [
+        (sent.count(kind), sent.index(kind) + 1, last(kind) + 1) for kind in expected
+    ]
+    assert values.unfitting.column("count").tolist() == [sent.count("C")]
+
+
+def test_of_a_list_that_is_partly_known_each_shape_has_its_bytes_up_to_a_limit() -> None:
+    definition = list_of([INT, POINTER, INT])
+    values = Values(Layouts(Definition((definition,))))
+    state = TrackerState(values=values)
+    sizes = [*range(2, 40), 2]
+    frames = [
+        telegram(bytes([size] * size), 3, subindex=0, counter=number, ts_ns=START_NS + number)
+        for number, size in enumerate(sizes)
+    ]
+    state.observe(batch_of(frames))
+    document = variables_document(state, values)
+    assert [(row["name"], row["value"], row["telegrams"]) for row in document["variables"]] == [("v0", 514, 2)]
+    assert len({row["last_ns"] for row in document["earlier"]}) == MOST_LAYOUTS - 1
+    assert values.unfitting.column("count").tolist() == [len(set(sizes)) - MOST_LAYOUTS]
 
 
 def test_texts_are_what_an_engineer_writes() -> None:

@@ -219,3 +219,17 @@ def test_equal_texts_are_one_text_whatever_stands_behind_them() -> None:
     frames = [telegram(b"run\0" + tail, 1, subindex=0, counter=1, ts_ns=START_NS) for tail in tails]
     (rows,) = rows_of(frames)
     assert len(numbers('var.v0 == "run"', rows, fields)) == len(frames)
+
+
+def test_of_two_definitions_of_a_list_each_names_what_it_fits() -> None:
+    """The sender's file and an older one of the reader, which lacks the first variable."""
+    sender = replace(list_of([BOOL, INT]), name="sender")
+    reader = replace(list_of([INT]), name="reader", variables=(replace(sender.variables[1], name="v1"),))
+    fields = vocabulary(Layouts(Definition((reader, sender))))
+    new = telegram(b"\1\7\0", 2, subindex=0, counter=1, ts_ns=START_NS)
+    old = telegram(b"\x09\0", 1, subindex=0, counter=2, ts_ns=START_NS + 1)
+    (rows,) = rows_of([new, old])
+    assert numbers("var.v1 == 7", rows, fields) == [1]
+    assert numbers("var.v1 == 9", rows, fields) == [2]
+    assert numbers("var.sender.v1", rows, fields) == [1]
+    assert numbers("var.v0", rows, fields) == [1]

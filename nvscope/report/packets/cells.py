@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import isfinite
 
 import numpy as np
@@ -20,10 +20,11 @@ _BITS = ("0", "1")
 _JSON_BITS = ("false", "true")
 
 
-def texts(field: TelegramField, rows: TelegramRows) -> list[str]:
+def texts(field: TelegramField, rows: TelegramRows, shown: Callable[[str], str] = visible) -> list[str]:
     """Return a field as Wireshark writes it; empty where it does not exist.
 
-    Numbers decimal or with 0x, times in seconds, bytes as hexadecimal digits, bits as 0 and 1.
+    Numbers decimal or with 0x, times in seconds, bytes as hexadecimal digits, bits as 0 and 1; of real numbers that are
+    no numbers, NaN, inf and -inf. ``shown`` makes what a text may hold safe for where it is written.
     """
     column = field.read(rows)
     if isinstance(column, AddressColumn):
@@ -31,8 +32,8 @@ def texts(field: TelegramField, rows: TelegramRows) -> list[str]:
     elif isinstance(column, BytesColumn):
         cells = hexadecimal(column)
     elif isinstance(column, TextColumn):
-        shown = [visible(text) for text in column.texts]
-        cells = [shown[code] for code in column.code.tolist()]
+        safe = [shown(text) for text in column.texts]
+        cells = [safe[code] for code in column.code.tolist()]
     else:
         cells = _number_texts(field, column)
     return _where_known(cells, field.known(rows), "")
@@ -86,7 +87,10 @@ def _number_texts(field: TelegramField, column: Numbers) -> list[str]:
         return moments.iso(column)
     if field.type is FieldType.REAL:
         # As short as tells them from their neighbours of the same width.
-        return list(map(str, column))
+        cells = list(map(str, column))
+        for row in np.flatnonzero(np.isnan(column)).tolist():
+            cells[row] = "NaN"
+        return cells
     if not field.hex_digits:
         return list(map(str, column.tolist()))
     pattern = f"0x%0{field.hex_digits}x"

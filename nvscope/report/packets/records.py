@@ -5,12 +5,12 @@ All of them are written piece by piece, in constant memory. Each is a ``Face``.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from nvscope.errors import UsageError
-from nvscope.expression.columns import FieldType
 from nvscope.report.packets import cells
 from nvscope.view.escape import csv_safe, visible
 from nvscope.view.fields import TelegramField
@@ -90,17 +90,10 @@ class Csv:
         self._fields = fields
 
     def begin(self) -> str:
-        return ",".join(field.name for field in self._fields) + "\n"
+        return ",".join(_csv_cell(field.name) for field in self._fields) + "\n"
 
     def render(self, rows: TelegramRows) -> Iterator[str]:
-        columns = []
-        for field in self._fields:
-            column = cells.texts(field, rows)
-            if field.type is FieldType.TEXT:
-                safe = {text: _csv_cell(text) for text in set(column)}
-                column = [safe[text] for text in column]
-            columns.append(column)
-        yield _lines(columns, ",")
+        yield _lines([cells.texts(field, rows, _csv_cell) for field in self._fields], ",")
 
     def end(self) -> str:
         return ""
@@ -122,7 +115,7 @@ class JsonLines:
 
     def __init__(self, fields: Sequence[TelegramField]) -> None:
         self._fields = list({field.name: field for field in fields}.values())
-        self._pattern = "{" + ",".join(f'"{field.name}":%s' for field in self._fields) + "}"
+        self._pattern = "{" + ",".join(f"{_json_name(field.name)}:%s" for field in self._fields) + "}"
 
     def begin(self) -> str:
         return ""
@@ -138,6 +131,11 @@ class JsonLines:
 
     def end(self) -> str:
         return ""
+
+
+def _json_name(name: str) -> str:
+    """Return a name as JSON, for a pattern in which a percent sign stands for a value."""
+    return json.dumps(name).replace("%", "%%")
 
 
 class JsonArray:

@@ -1,0 +1,59 @@
+"""What an export did not write, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from nvscope.tracker.summary import list_key
+from nvscope.units import count, count_of
+from nvscope.view.defined_telegrams import DefinedTelegrams, LeftOut
+from nvscope.view.escape import visible
+
+_MOST_NAMED = 6
+_REASONS = {
+    LeftOut.MALFORMED: "malformed",
+    LeftOut.UNFITTING: "not of the shape that the definition has (NV405)",
+    LeftOut.CUT: "not captured whole",
+}
+
+
+def why_nothing(telegrams: DefinedTelegrams) -> str:
+    """Return why not one telegram was written, where that is so."""
+    if not telegrams.telegrams:
+        return f"{count_of(telegrams.frames, 'frame')}, no telegram of a defined list"
+    if not telegrams.chosen:
+        of = f"none of {count(telegrams.telegrams)} telegrams" if telegrams.telegrams > 1 else "not the one telegram"
+        return f"the filter chooses {of} of defined lists"
+    frames = count_of(telegrams.frames, "frame")
+    chosen = " that the filter chooses" if telegrams.chosen < telegrams.telegrams else ""
+    if telegrams.chosen == 1:
+        return f"{frames}, and the one telegram of a defined list{chosen} could not be decoded"
+    return f"{frames}, none of {count(telegrams.chosen)} telegrams of defined lists{chosen} could be decoded"
+
+
+def left_out(telegrams: DefinedTelegrams) -> list[str]:
+    """Return which telegrams were left out and why, a sentence a list; of many lists, the last are one."""
+    known = telegrams.left_out
+    names = {telegrams.keys[place.number]: place.layout.list.name for place in reversed(telegrams.places)}
+    told = []
+    for key, reasons in list(known.items())[:_MOST_NAMED]:
+        told.append(f"{list_key(*key)} {visible(names.get(key, ''))}: {_counted(reasons)}.")
+    if others := list(known.values())[_MOST_NAMED:]:
+        total = {reason: sum(reasons.get(reason, 0) for reasons in others) for reason in LeftOut}
+        summed = {reason: number for reason, number in total.items() if number}
+        told.append(f"{count_of(len(others), 'more list')}: {_counted(summed)}.")
+    return told
+
+
+def beyond_time(number: int) -> str:
+    """Return the sentence on times of 64 bits that no column of times holds."""
+    what = count_of(number, "time of 64 bits is", "times of 64 bits are")
+    return f"{what} beyond 292 years or the year 2262, and null; the long form has the nanoseconds."
+
+
+def _counted(reasons: Mapping[LeftOut, int]) -> str:
+    if len(reasons) == 1:
+        ((reason, number),) = reasons.items()
+        return f"{count_of(number, 'telegram')} left out, {_REASONS[reason]}"
+    told = ", ".join(f"{count(number)} {_REASONS[reason]}" for reason, number in reasons.items())
+    return f"{count_of(sum(reasons.values()), 'telegram')} left out: {told}"

@@ -1,0 +1,129 @@
+"""``nvscope export`` of lists whose definition is not the whole truth, and of values that not every form can hold."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import struct
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from tests.cli.test_export import AXIS, CAPTURES, READERS, nvscope
+from tests.export.given import defined, numbered, written
+
+
+def test_that_telegrams_came_is_not_denied_where_none_could_be_written(tmp_path: Path) -> None:
+    capture = written(tmp_path, numbered([b"\1\0", b"\2\0"], 1))
+    fits, other = defined(tmp_path, "fits", "n : INT;"), defined(tmp_path, "other", "n : DINT;")
+    told = {
+        "n": nvscope("export", capture, *other, "-w", "n.csv", cwd=tmp_path).stderr,
+        "y": nvscope("export", capture, *fits, "-Y", "nv.index == 8", "-w", "y.csv", cwd=tmp_path).stderr,
+        "b": nvscope("export", capture, *other, "-Y", "nv.counter == 1", "-w", "b.csv", cwd=tmp_path).stderr,
+        "f": nvscope("export", str(CAPTURES / "telegrams.pcap"), *AXIS, "-w", "f.csv", cwd=tmp_path).stderr,
+    }
+    first = {name: text.splitlines()[0].removeprefix("nvscope: ") for name, text in told.items()}
+    columns = ".csv has columns, but no rows."
+    assert first["n"] == f"2 frames, none of 2 telegrams of defined lists could be decoded; n{columns}"
+    assert first["y"] == f"the filter chooses none of 2 telegrams of defined lists; y{columns}"
+    one = "the one telegram of a defined list that the filter chooses"
+    assert first["b"] == f"2 frames, and {one} could not be decoded; b{columns}"
+    assert "no telegram of a defined list; " in first["f"]
+    assert "other: 2 telegrams left out, not of the shape that the definition has (NV405)." in told["n"]
+
+
+@pytest.mark.parametrize("ending", READERS)
+def test_of_a_list_with_a_pointer_there_is_what_is_known(tmp_path: Path, ending: str) -> None:
+    pointer = defined(tmp_path, "plant", "n : INT;\n\tp : POINTER TO INT;\n\tq : INT;")
+    frames = numbered([b"\5\0" + b"\xaa" * size for size in (6, 10)], 3) + numbered([b"\xbb"], 1, subindex=1)
+    capture = written(tmp_path, [*frames, *numbered([b"\1"], 3)])
+    done = nvscope("export", capture, *pointer, "--list", "plant", "-w", f"o.{ending}", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == (
+        "nvscope: udp/1202/7 plant: 1 telegram left out, not of the shape that the definition has (NV405).\n"
+    )
+    table = READERS[ending](tmp_path / f"o.{ending}")
+    rest = table["p …"].bin.encode("hex") if ending == "parquet" else table["p …"]
+    assert table["n"].to_list() == [5, 5, None]
+    assert [str(one) for one in rest] == ["aa" * 6, "aa" * 10, "bb"]
+    assert table["nv.subindex"].to_list() == [0, 0, 1]
+    everything = nvscope("export", capture, *pointer, "--form", "long", "-w", f"l.{ending}", cwd=tmp_path)
+    assert "nobody knows how many bytes p : POINTER has" in everything.stderr
+    long = READERS[ending](tmp_path / f"l.{ending}")
+    assert long["variable"].to_list() == ["n", "p …", "n", "p …", "p …"]
+
+
+def test_each_telegram_is_decoded_by_the_definition_that_it_fits(tmp_path: Path) -> None:
+    short = defined(tmp_path, "short", "n : INT;\n\te : DINT;")
+    long = defined(tmp_path, "long", "n : INT;\n\te : LREAL;\n\tb : BOOL;")
+    frames = numbered([struct.pack("<hi", 1, 2)], 2) + numbered([struct.pack("<hd?", 3, 4.5, True)], 3)
+    capture = written(tmp_path, frames)
+    for name in ("short", "LONG", "7"):
+        done = nvscope("export", capture, *short, *long, "--list", name, "-w", "o.parquet", cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (0, "")
+    table = pl.read_parquet(tmp_path / "o.parquet")
+    assert table.select("n", "e", "e : LREAL", "b").rows() == [(1, 2, None, None), (3, None, 4.5, True)]
+    nvscope("export", capture, *short, *long, "--form", "long", "-w", "l.parquet", cwd=tmp_path)
+    below = pl.read_parquet(tmp_path / "l.parquet")
+    assert below.select("list_name", "variable", "type").rows() == [
+        ("short", "n", "INT"), ("short", "e", "DINT"),
+        ("long", "n", "INT"), ("long", "e", "LREAL"), ("long", "b", "BOOL"),
+    ]  # fmt: skip
+
+
+def test_times_have_one_form_and_what_it_cannot_hold_is_told(tmp_path: Path) -> None:
+    names = {"t": "TIME", "lt": "LTIME", "od": "TOD", "lod": "LTOD", "d": "DATE", "ld": "LDATE", "m": "DT", "lm": "LDT"}
+    gvl = defined(tmp_path, "times", "\n\t".join(f"v_{name} : {kind};" for name, kind in names.items()))
+    rows = [(1500, long, 1000, long, 86_400, long, 86_400, long) for long in (86_400 * 10**9, 2**63 + 1, 2**63 - 1)]
+    capture = written(tmp_path, numbered([struct.pack("<IQIQIQIQ", *row) for row in rows], 8))
+    done = nvscope("export", capture, *gvl, "-w", "o.parquet", cwd=tmp_path)
+    assert done.stderr == (
+        "nvscope: o.parquet: 4 times of 64 bits are beyond 292 years or the year 2262, and null; the long form has the "
+        "nanoseconds.\n"
+    )
+    table = pl.read_parquet(tmp_path / "o.parquet").select(pl.col("^v_.*$"))
+    kinds = {"t": pl.Duration("ns"), "o": pl.Duration("ns"), "d": pl.Datetime("ns"), "m": pl.Datetime("ns")}
+    assert table.dtypes == [kinds[name.replace("l", "", 1)[0]] for name in names]
+    numbers = table.select(pl.all().cast(pl.Int64))
+    assert numbers["v_lt"].to_list() == numbers["v_ld"].to_list() == [86_400 * 10**9, None, 2**63 - 1]
+    assert numbers["v_t"].to_list() == [1_500_000_000] * 3
+    for ending in ("csv", "ndjson"):
+        nvscope("export", capture, *gvl, "-w", f"o.{ending}", cwd=tmp_path)
+    seconds, lines = pl.read_csv(tmp_path / "o.csv", infer_schema=False), pl.read_ndjson(tmp_path / "o.ndjson")
+    assert seconds["v_lt"].to_list() == ["86400.000000000", None, "9223372036.854775807"]
+    assert lines["v_lt"].to_list() == numbers["v_lt"].to_list()
+    for read in (seconds, lines):
+        assert read["v_lm"].to_list() == ["1970-01-02T00:00:00.000000000", None, "2262-04-11T23:47:16.854775807"]
+    assert nvscope("export", capture, *gvl, "--form", "long", "-w", "l.parquet", cwd=tmp_path).stderr == ""
+    long = pl.read_parquet(tmp_path / "l.parquet").filter(pl.col("variable") == "v_lt")
+    assert long.select("integer", "unsigned").rows() == [(86_400 * 10**9, None), (None, 2**63 + 1), (2**63 - 1, None)]
+    for kind in ("json", "ndjson"):
+        shown = nvscope("packets", capture, *gvl, "-e", "var.v_lt", "-T", kind, cwd=tmp_path).stdout
+        found = json.loads(shown) if kind == "json" else [json.loads(line) for line in shown.splitlines()]
+        assert [one["var.v_lt"] for one in found] == numbers["v_lt"].to_list()
+    chosen = nvscope("packets", capture, *gvl, "-Y", "var.v_lt > 1s", "-e", "frame.number", cwd=tmp_path).stdout
+    assert chosen.split() == ["1", "3"]
+
+
+def test_texts_and_numbers_are_written_alike_everywhere(tmp_path: Path) -> None:
+    gvl = defined(tmp_path, "plant", "s : STRING(7);\n\tr : REAL;\n\tm : ARRAY[0..1, 0..0] OF INT;")
+    texts, reals = [b"a\tb", b"a\\tb", b'"=', b"=1,2"], [1.5, math.nan, math.inf, -math.inf]
+    data = [struct.pack("<8sfhh", text, real, 1, 2) for text, real in zip(texts, reals, strict=True)]
+    capture = written(tmp_path, numbered(data, 4))
+    nvscope("export", capture, *gvl, "-w", "o.csv", cwd=tmp_path)
+    with (tmp_path / "o.csv").open(newline="") as file:
+        exported = [(row["s"], row["r"], row["m[1, 0]"]) for row in csv.DictReader(file)]
+    names = ["-e", "var.s", "-e", "var.r", "-e", "var.m[1, 0]"]
+    shown = nvscope("packets", capture, *gvl, "-T", "csv", *names, cwd=tmp_path).stdout
+    heading, *rows = csv.reader(shown.splitlines())
+    assert heading == ["var.s", "var.r", "var.m[1,0]"]
+    assert [tuple(row) for row in rows] == exported
+    assert exported == [("a\\tb", "1.5", "2"), ("a\\\\tb", "NaN", "2"), ('"=', "inf", "2"), ("'=1,2", "-inf", "2")]
+    separated = nvscope("packets", capture, *gvl, *names, cwd=tmp_path).stdout.splitlines()
+    assert separated == ["a\\tb\t1.5\t2", "a\\\\tb\tNaN\t2", '"=\tinf\t2', "=1,2\t-inf\t2"]
+    nvscope("export", capture, *gvl, "-w", "o.ndjson", cwd=tmp_path)
+    lines = [json.loads(line) for line in (tmp_path / "o.ndjson").read_text().splitlines()]
+    assert [line["s"].encode() for line in lines] == texts
+    assert [line["r"] for line in lines] == [1.5, None, None, None]
