@@ -213,7 +213,7 @@ class Timing:
         return learned
 
     def _keep_usual(
-        self, rows: DataRows, ends: _Kept, outside: Bool, bucket: I64, loss: _LossBefore, first_frame: int
+        self, rows: TimedRows, ends: _Kept, outside: Bool, bucket: I64, loss: _LossBefore, first_frame: int
     ) -> None:
         """Keep the frames of the first intervals that are not ``outside`` of the dense buckets."""
         columns = self.columns
