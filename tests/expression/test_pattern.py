@@ -121,7 +121,7 @@ def test_only_ascii_letters_of_bytes_match_in_either_case() -> None:
     assert found_in("k\xe9", [b"K\xe9", b"K\xc9", b"k\xe9", b"\xe2\x84\xaa\xe9"]) == [True, False, True, False]
 
 
-@pytest.mark.parametrize("pattern", ["a.{20}b", "(a.{0,9}){9}c", "[ab]c|a.{60}z"])
+@pytest.mark.parametrize("pattern", ["a.{20}b", "(a.{0,9}){5}c", "[ab]c|a.{60}z"])
 def test_a_pattern_in_more_states_than_the_table_holds(pattern: str) -> None:
     choice = random.Random(3)
     parts = [bytes(choice.choices(b"abcz", (40, 40, 1, 1), k=choice.randrange(90))) for _ in range(300)]
