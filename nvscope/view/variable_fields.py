@@ -1,9 +1,9 @@
 """The variables of defined lists as fields of telegrams: ``var.stAxis.pos``, or ``var.axis.stAxis.pos`` of one list.
 
 A variable exists in the telegrams in which its list sends it: data, well-formed, captured whole, of the Items and
-Length that the definition gives them. Its type is that of its column (``nvscope.view.value_columns``); a time of 64
-bits that is more than a column of times holds does not exist. In names of lists, what no identifier may hold is written
-``_``.
+Length that the definition gives them; where it has elements of unknown size, those in front of the first are known. Its
+type is that of its column (``nvscope.view.value_columns``); a time of 64 bits that is more than a column of times holds
+does not exist. In names of lists, what no identifier may hold is written ``_``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, Fault, Service
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, Enumeration, Kind, scalar_of
-from nvscope.definition.packing import TelegramLayout
+from nvscope.definition.packing import TelegramLayout, known_fronts
 from nvscope.definition.value import value_of
 from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
 from nvscope.tracker.values import Block
@@ -44,14 +44,22 @@ def variable_fields(layouts: Layouts) -> dict[str, TelegramField]:
     places: dict[str, tuple[str, list[_Place]]] = {}
     sightings = _Sightings()
     for key, _ in layouts.lists():
-        for layout in _told_apart(layouts.candidates_of(*key)):
+        whole = [(layout, False) for layout in _told_apart(layouts.candidates_of(*key))]
+        for layout, is_front in whole + _fronts(layouts.partly_of(*key)):
             for offset, element in layout.spans():
-                place = _Place(*key, layout, offset, element, sightings)
+                place = _Place(*key, layout, offset, element, sightings, is_front)
                 name = element.name.replace(" ", "")
                 # Names of IEC 61131-3 are the same in any case.
                 for told in (f"var.{name}", f"var.{_typed(layout.list.name)}.{name}"):
                     places.setdefault(told.lower(), (told, []))[1].append(place)
     return {name: _field(name, found) for name, found in places.values()}
+
+
+def _fronts(telegrams: Sequence[TelegramLayout]) -> list[tuple[TelegramLayout, bool]]:
+    """Return what is known of the telegrams of a list with elements of unknown size, and whether more follows."""
+    if not telegrams:
+        return []
+    return [(layout, cause is not None) for layout, cause in known_fronts(telegrams)]
 
 
 def _told_apart(candidates: Iterable[Sequence[TelegramLayout]]) -> Iterator[TelegramLayout]:
@@ -71,7 +79,10 @@ def _typed(list_name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where an element is sent: in which telegram of which list, from which byte of its data on."""
+    """Where an element is sent: in which telegram of which list, from which byte of its data on.
+
+    ``is_front``: the layout is only what is known of longer telegrams.
+    """
 
     port: int
     index: int
@@ -79,6 +90,7 @@ class _Place:
     offset: int
     element: Element
     sightings: _Sightings
+    is_front: bool = False
 
     def rows_of(self, rows: TelegramRows) -> I64:
         """Return the positions of the telegrams in which it is, with a value that its column can hold."""
@@ -103,13 +115,12 @@ class _Place:
         header, datagram = rows.telegrams.header, rows.telegrams.datagram
         found: Bool = header["index"] == self.index
         found &= datagram.destination_port == self.port
-        for name, wanted in (
-            ("id", Service.ODStateFree), ("subindex", self.layout.subindex), ("items", self.layout.items),
-            ("length", self.layout.length),
-        ):  # fmt: skip
-            found &= header[name] == wanted
+        found &= header["id"] == Service.ODStateFree
+        found &= header["subindex"] == self.layout.subindex
+        for name, wanted in (("items", self.layout.items), ("length", self.layout.length)):
+            found &= header[name] >= wanted if self.is_front else header[name] == wanted
         found &= rows.telegrams.fault == Fault.NONE
-        found &= datagram.captured_bytes >= self.layout.length
+        found &= datagram.captured_bytes >= header["length"]
         return np.flatnonzero(found)
 
     def bytes_of(self, rows: TelegramRows, which: I64) -> BytesColumn:

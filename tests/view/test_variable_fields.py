@@ -15,6 +15,7 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
 from nvscope.definition.model import Array, Definition, Elementary, Kind, Member, String, Structure, Type, scalar_of
 from nvscope.definition.packing import pack
+from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
 from nvscope.errors import UsageError
 from nvscope.expression.columns import BytesColumn, TextColumn
@@ -233,3 +234,19 @@ def test_of_two_definitions_of_a_list_each_names_what_it_fits() -> None:
     assert numbers("var.v1 == 9", rows, fields) == [2]
     assert numbers("var.sender.v1", rows, fields) == [1]
     assert numbers("var.v0", rows, fields) == [1]
+
+
+def test_what_stands_in_front_of_a_pointer_can_be_asked_for() -> None:
+    definition = list_of([INT, SCALARS["POINTER"], REAL])
+    fields = vocabulary(Layouts(Definition((definition,))))
+    frames = [
+        telegram(
+            b"\5\0" + bytes(size) + np.float32(1).tobytes(), 3, subindex=0, counter=1 + size, ts_ns=START_NS + size
+        )
+        for size in (4, 8)
+    ]
+    frames.append(telegram(b"\5\0", 1, subindex=0, counter=9, ts_ns=START_NS + 9))
+    frames.append(telegram(b"\5", 1, subindex=0, counter=10, ts_ns=START_NS + 10))  # too short for it
+    (rows,) = rows_of(frames)
+    assert numbers("var.v0 == 5", rows, fields) == [1, 2, 3]
+    assert "var.v2" not in fields
