@@ -15,6 +15,9 @@ Shapes = Mapping[int, tuple[int, int]]
 """Items and Length by SubIndex, as one sender sends them."""
 
 _MOST_PACKED = 100
+_MOST_ELEMENTS = 5_000
+"""Of larger lists, it is not tried which variable may be missing: each try packs the whole list."""
+
 _SIZES = (1, 2, 4, 8)
 
 
@@ -59,7 +62,7 @@ def _causes(
             f"{would_fit} if SubIndex were counted from 1.",
             "Make the sender count SubIndex from 0, as controllers do: their readers expect it.",
         )
-    if set(shapes) == set(range(len(shapes))):
+    if set(shapes) == set(range(len(shapes))) and sum(layout.items for layout in layouts) <= _MOST_ELEMENTS:
         for what in _variables_more_or_less(definition, layouts, shapes):
             yield Cause(f"{would_fit} {what}")
     yield from _types(layouts, shapes, varying, would_fit)

@@ -6,12 +6,12 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.tracker.events import EventRows
-from nvscope.tracker.state import TrackerState, finding_parts
+from nvscope.tracker.state import SHAPE_CODE, TrackerState, finding_parts
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 
 if TYPE_CHECKING:
@@ -94,6 +94,16 @@ class Facts:
         for row, high in enumerate(log.keys.high.tolist()):
             rows[finding_parts(high, 0)[0]].append(row)
         return rows
+
+    @cached_property
+    def shape_changes(self) -> set[tuple[int | None, int | None]]:
+        """The lists and nodes of which telegrams changed their shape (NV402)."""
+        return {(number, node) for number, node, _, _ in self.logged(SHAPE_CODE)}
+
+    @cached_property
+    def causes(self) -> dict[int, dict[Any, tuple[str, Any]]]:
+        """What was found out of why telegrams of a list do not fit, by list, for ``nvscope.findings.misfits``."""
+        return {}
 
     def address(self, node: int) -> str:
         """Return the text of a node's address."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from nvscope.findings.definition_names import names_of_definitions
 from nvscope.findings.finding import Events, Facts, Finding
 from nvscope.tracker.events import FRAMES_KEPT
-from nvscope.tracker.state import SHAPE_CODE
 from nvscope.tracker.summary import ListSummary, StreamSummary
 from nvscope.units import count, count_of
 
@@ -18,6 +17,9 @@ if TYPE_CHECKING:  # a report without definitions starts without what reads them
 
     Telegrams = tuple[TelegramLayout, ...]
     Misfits = Sequence[tuple[StreamSummary, Events]]
+
+
+_MOST_SHAPES = 20
 
 
 def shapes_of(streams: Sequence[StreamSummary]) -> dict[int, tuple[int, int]]:
@@ -83,19 +85,25 @@ def _cause(
 ) -> tuple[str, Cause | None]:
     """Return which definition would fit a sender's last telegrams after one change, and which change that is.
 
-    Of several definitions, only a change after which everything fits is told.
+    Of several definitions, only a change after which everything fits is told. Senders of the same shapes have the same
+    cause; of a list that is sent in many shapes, that of the first ones is looked for.
     """
     # Not before it is needed: a report without definitions does without them.
     from nvscope.definition.causes import likely_cause  # noqa: PLC0415
 
-    shapes, nodes = shapes_of(streams), {stream.node for stream in streams}
-    varying = any(number == entry.number and node in nodes for number, node, _, _ in facts.logged(SHAPE_CODE))
-    alone = len(named) == 1
-    for name, layouts in named.items():
-        cause = likely_cause(layouts[0].list, shapes, varying=varying, name="It" if alone else name)
-        if cause and (alone or cause.complete):
-            return name, cause
-    return "", None
+    shapes = shapes_of(streams)
+    varying = any((entry.number, stream.node) in facts.shape_changes for stream in streams)
+    known = facts.causes.setdefault(entry.number, {})
+    key = frozenset(shapes.items()), varying
+    if key not in known and len(known) < _MOST_SHAPES:
+        known[key] = "", None
+        alone = len(named) == 1
+        for name, layouts in named.items():
+            cause = likely_cause(layouts[0].list, shapes, varying=varying, name="It" if alone else name)
+            if cause and (alone or cause.complete):
+                known[key] = name, cause
+                break
+    return known.get(key, ("", None))
 
 
 def _fits(stream: StreamSummary, layouts: Telegrams) -> bool:

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from nvscope.definition import causes
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Array, Definition, ListDefinition, Position, String, Type, Variable
 from nvscope.definition.packing import pack
@@ -382,3 +383,18 @@ def test_any_definitions_and_traffic_give_findings_that_hold_together(
     if not found and len(lists) == 1:
         shapes = [(layout.items, layout.length) for layout in pack(lists[0])]
         assert all(shapes[subindex] == (items, 20 + len(data)) for subindex, data, items in sent)
+
+
+def test_a_cause_is_looked_for_once_for_all_senders_of_the_same_shapes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each try packs the whole list: a capture of many senders must not repeat it for each of them."""
+    tried = []
+    monkeypatch.setattr(causes, "likely_cause", lambda *_, **__: tried.append(1))
+    frames = []
+    for number in range(60):
+        frame = telegram(b"\1\2\3", 3, subindex=0, counter=1, ts_ns=1 + number)
+        frames.append(frame._replace(data=frame.data[:29] + bytes([number + 1]) + frame.data[30:]))
+    definition = Definition((list_of([INT, REAL]),))
+    state = TrackerState(values=Values(Layouts(definition)))
+    state.observe(batch_of(frames))
+    found = [finding for finding in judge(state, definition=definition) if finding.code == "NV405"]
+    assert (len(found), len(tried)) == (60, 1)

@@ -12,9 +12,9 @@ Item = TypeVar("Item")
 MOST_TRIES = 2000
 
 
-def reduced(raw: bytes, fails: Callable[[bytes], bool]) -> bytes:
+def reduced(raw: bytes, fails: Callable[[bytes], bool], most_tries: int = MOST_TRIES) -> bytes:
     """Return a smaller file for which ``fails`` is true as it is for ``raw``: fewer records, then fewer bytes."""
-    tries = [MOST_TRIES]
+    tries = [most_tries]
     anatomy = anatomy_of(raw)
     if anatomy is not None:
         kept = anatomy
