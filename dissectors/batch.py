@@ -5,7 +5,7 @@ No packet is ever an object: a batch is a set of numpy columns of equal length, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -52,7 +52,8 @@ class PacketBatch:
     bytes are ``data[offset[i] : offset[i] + captured[i]]``; ``original[i]`` is its length on the wire, which
     may be larger (snap length). ``ts_ns`` are int64 nanoseconds since 1970-01-01 UTC, not necessarily rising.
     From every row's offset at least ``PAD_BYTES`` bytes of ``data`` can be read, be they of the packet or not.
-    ``link`` holds the link type of each row as uint16, usually one broadcast value.
+    ``link`` holds the link type of each row as uint16, usually one broadcast value. ``channel`` tells as uint16 on
+    which of several buses or interfaces a packet was captured; None where all are of number 0.
     Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
     """
 
@@ -62,15 +63,18 @@ class PacketBatch:
     original: I64
     ts_ns: I64
     link: U16
+    channel: U16 | None = None
 
     def __len__(self) -> int:
         return len(self.offset)
 
     def __getitem__(self, rows: slice) -> PacketBatch:
         """Return the packets of a slice, over the same buffer."""
+        channel = None if self.channel is None else self.channel[rows]
         return PacketBatch(
-            self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows]
-        )
+            self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows],
+            channel,
+        )  # fmt: skip
 
     def with_margin(self, lead_bytes: int = 0) -> PacketBatch:
         """Return the batch over a buffer with at least ``MARGIN_BYTES`` bytes behind the end of every packet.
@@ -90,7 +94,7 @@ class PacketBatch:
         data = np.zeros(lead_bytes + stop - start + MARGIN_BYTES, np.uint8)
         data[lead_bytes : lead_bytes + stop - start] = self.data[start:stop]
         offset = self.offset - start + lead_bytes
-        return PacketBatch(data, offset, self.captured, self.original, self.ts_ns, self.link)
+        return replace(self, data=data, offset=offset)
 
     def packet(self, row: int) -> bytes:
         """Return a copy of the captured bytes of one packet."""
@@ -101,6 +105,11 @@ class PacketBatch:
     def link_column(link: int, count: int) -> U16:
         """Return one link type as a column of ``count`` rows that takes no memory."""
         return np.broadcast_to(np.uint16(link), (count,))
+
+    @property
+    def channels(self) -> U16:
+        """The channel of each row."""
+        return PacketBatch.link_column(0, len(self)) if self.channel is None else self.channel
 
     @property
     def single_link(self) -> int | None:

@@ -47,6 +47,15 @@ SLL2 = Layout(
         Field("address", "V9", "Address", "length and hardware address of the sender"),
     ),
 )
+SLL2_INTERFACE = Layout(
+    "sll2.interface",
+    (
+        Field("reserved", ">u2", "Reserved", "zero"),
+        Field("index", ">u4", "Index", "number of the interface on the capturing host"),
+        Field("hardware", ">u2", "Hardware type", "ARPHRD number of the interface"),
+    ),
+)
+"""What is in the field ``interface`` of SLL2."""
 NULL = Layout("null", (Field("family", "<u4", "Family", "address family in the byte order of the capturing host"),))
 IPV4 = Layout(
     "ip",
@@ -96,6 +105,9 @@ EXTENSION = Layout(
 )
 
 TYPE_IPV4, TYPE_IPV6 = 0x0800, 0x86DD
+TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL = 0x000C, 0x000D, 0x000E
+"""Protocols of cooked frames (SLL, SLL2) that hold a SocketCAN frame: LINUX_SLL_P_CAN, _CANFD and _CANXL of libpcap."""
+
 VLAN_TYPES = (0x8100, 0x88A8, 0x9100)
 FAMILIES_IPV6 = (24, 28, 30)  # NetBSD and OpenBSD, FreeBSD, Darwin
 PROTOCOL_ICMP, PROTOCOL_UDP, PROTOCOL_ICMPV6 = 1, 17, 58
@@ -256,6 +268,11 @@ def _sll2(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
     return _by_ethertype(data, frame, head["type"].astype(np.uint16), group, SLL2.size_bytes)
 
 
+def _can(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
+    """No network layer: ``dissectors.can`` reads these frames."""
+    return []
+
+
 def _null(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
     family = NULL.gather(data, frame.at)["family"].astype(np.uint32)
     return _by_family(frame, np.where(family > 0xFFFF, family.byteswap(), family))
@@ -293,6 +310,7 @@ _LINK_READERS: dict[int, Callable[[U8, _Network], list[tuple[bool, _Network]]]] 
     LinkType.ETHERNET: _ethernet,
     LinkType.LINUX_SLL: _sll,
     LinkType.LINUX_SLL2: _sll2,
+    LinkType.CAN_SOCKETCAN: _can,
     LinkType.NULL: _null,
     LinkType.LOOP: _loop,
     LinkType.RAW: _raw,

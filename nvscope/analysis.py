@@ -18,6 +18,7 @@ from nvscope.capture.capture_file import STDIN, CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.source import SourceInfo
 from nvscope.capture.timeline import Timeline
+from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
 from nvscope.engine import track
 from nvscope.errors import UsageError
@@ -83,6 +84,11 @@ class Inquiry:
         from nvscope.definition.layouts import Layouts  # noqa: PLC0415
 
         return Layouts(self.project.definition)
+
+    @cached_property
+    def pdos(self) -> Pdos:
+        """The frames of the lists that are defined on CAN."""
+        return Pdos(self.project.definition)
 
     @cached_property
     def names(self) -> Names:
@@ -164,7 +170,10 @@ class Inquiry:
             state = track(
                 source, ports=self.ports, timeout_ns=timeout_ns, values=taken, choose=choose, progress=progress
             )
-        summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers)
+        summary = summarize(
+            state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, channels=source.channels,
+            can_parts=self.pdos.parts, can_intervals_ns=self.pdos.intervals_ns,
+        )  # fmt: skip
         findings = judge(state, source.infos, summary=summary, limits=project.limits, definition=definition)
         return Analysis(source.infos, state, summary, findings, taken)
 

@@ -5,15 +5,25 @@ from __future__ import annotations
 import os
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
 from dissectors.batch import PacketBatch
 from nvscope.capture import pcap, pcapng
+from nvscope.capture.candump import CandumpReader
 from nvscope.capture.compressed import Decompressed, compression_of
+from nvscope.capture.formats import (
+    BY_PYTHON_CAN,
+    HEAD_BYTES,
+    TEXT_HEAD_BYTES,
+    Format,
+    format_of,
+    is_candump_screen,
+    is_enough,
+)
 from nvscope.capture.pieces import FilePieces, PipePieces, read_at
-from nvscope.capture.reader import ReadingSizes, RecordReader
+from nvscope.capture.reader import Reader, ReadingSizes
 from nvscope.capture.source import SourceInfo, Truncation
 from nvscope.capture.window import CHUNK_BYTES, SMALL_FILE_BYTES, MappedWindow, StreamWindow, Window
 from nvscope.errors import UnreadableInput
@@ -22,11 +32,12 @@ STDIN = "-"
 
 _READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
-_HEAD_BYTES = 32
 _PEEK_SIZES = ReadingSizes(batch_packets=1, stride_bytes=4096)
 _PEEK_BYTES = 64 << 10
-_SECTION_MAGIC = b"\x0a\x0d\x0d\x0a"
-_EXPECTED = "a pcap or pcapng file, plain or compressed with gzip, zstd or lz4"
+_EXPECTED = "a pcap or pcapng file or a CAN log, plain or compressed with gzip, zstd or lz4"
+
+
+_MAPPED = (Format.PCAP, Format.PCAPNG, Format.CANDUMP)
 
 
 class NoCapture(UnreadableInput):
@@ -40,7 +51,7 @@ class _Opened:
     descriptor: int
     regular: bool
     window: Window
-    reader: RecordReader
+    reader: Reader
     pieces: FilePieces | PipePieces | None = None
     decompressed: Decompressed | None = None
 
@@ -77,6 +88,7 @@ class CaptureFile:
         self._small_file_bytes = small_file_bytes
         self._chunk_bytes = chunk_bytes
         self._position = 0
+        self._channels: list[str] = []
         opened = self._open()
         self._opened: _Opened | None = None
         self._batches: Iterator[PacketBatch] | None = None
@@ -89,6 +101,11 @@ class CaptureFile:
     @property
     def infos(self) -> list[SourceInfo]:
         return [self.info]
+
+    @property
+    def channels(self) -> Sequence[str]:
+        """The names of the channels of the packets read so far, by number; empty where the file tells none."""
+        return self._channels
 
     @property
     def position_bytes(self) -> int:
@@ -115,9 +132,12 @@ class CaptureFile:
     def _read(self, share: int, opened: _Opened | None = None) -> Iterator[PacketBatch]:
         self._opened = opened = opened or self._open(share)
         reader, window = opened.reader, opened.window
+        self._channels = reader.channels
         try:
             while not reader.finished:
-                for batch in reader.read(window.view(reader.position)):
+                view = window.view(reader.position)
+                reader.input_failed = bool(opened.decompressed and opened.decompressed.failure)
+                for batch in reader.read(view):
                     yield batch
                     window.release(reader.position)
         except OSError as error:
@@ -133,6 +153,8 @@ class CaptureFile:
         if failure:
             cut = self.info.truncation
             message = f"{failure}; frames are read up to the last whole record"
+            if opened.reader.left_out:
+                message += f"; before that, {opened.reader.left_out}"
             self.info.truncation = Truncation(cut.offset if cut else opened.reader.position, message)
         opened.close()
 
@@ -164,10 +186,11 @@ class CaptureFile:
         regular = stat.S_ISREG(status.st_mode) and (self.path != STDIN or not os.lseek(descriptor, 0, os.SEEK_CUR))
         if regular:
             self.size_bytes = self.info.bytes = status.st_size
-            head = read_at(descriptor, _HEAD_BYTES, 0)
-            mapped = None if compression_of(head) else self._map(descriptor, status.st_size)
-            if mapped:
-                return _Opened(descriptor, regular, mapped, self._reader(head, share))
+            head = read_at(descriptor, TEXT_HEAD_BYTES, 0)
+            if format_of(head) in _MAPPED:
+                mapped = self._map(descriptor, status.st_size)
+                if mapped:
+                    return _Opened(descriptor, regular, mapped, self._reader(head, share))
         pieces = FilePieces(descriptor) if regular else PipePieces(descriptor)
         head, content = _peek(iter(pieces))
         compression = compression_of(head)
@@ -180,9 +203,16 @@ class CaptureFile:
             if not head:
                 what = decompressed.failure or f"{compression} data with nothing in them"
                 raise NoCapture(f"{what}, expected {_EXPECTED}", where=f"{self.path}, offset 0")
-        reader = self._reader(head[:_HEAD_BYTES], share, compression)
-        chunk_bytes = max(self._chunk_bytes // share, min(256 << 10, self._chunk_bytes))
-        window = StreamWindow(content, chunk_bytes=chunk_bytes)
+        kind = format_of(head)
+        window: Window
+        reader: Reader
+        if kind in BY_PYTHON_CAN:
+            path = self.path if regular and self.path != STDIN and not compression else ""
+            reader, window = self._log_reader(kind, share, content, path), StreamWindow(iter(()))
+        else:
+            reader = self._reader(head, share, compression)
+            chunk_bytes = max(self._chunk_bytes // share, min(256 << 10, self._chunk_bytes))
+            window = StreamWindow(content, chunk_bytes=chunk_bytes)
         return _Opened(descriptor, regular, window, reader, pieces, decompressed)
 
     def _map(self, descriptor: int, size: int) -> MappedWindow | None:
@@ -192,25 +222,50 @@ class CaptureFile:
             # Empty, or of a kind that cannot be mapped: read like a stream.
             return None
 
-    def _reader(self, head: bytes, share: int, compression: str = "") -> RecordReader:
+    def _shared(self, share: int) -> ReadingSizes:
         sizes = self._sizes
         if share > 1:
             sizes = replace(sizes, batch_packets=max(sizes.batch_packets // share, min(1024, sizes.batch_packets)))
-        if head[:4] in pcap.MAGICS:
-            return pcap.PcapReader(head, self.info, sizes)
-        if head[:4] == _SECTION_MAGIC:
-            return pcapng.PcapngReader(head, self.info, sizes)
+        return sizes
+
+    def _reader(self, head: bytes, share: int, compression: str = "") -> Reader:
+        sizes = self._shared(share)
+        kind = format_of(head)
+        if kind is Format.PCAP:
+            return pcap.PcapReader(head[:HEAD_BYTES], self.info, sizes)
+        if kind is Format.PCAPNG:
+            return pcapng.PcapngReader(head[:HEAD_BYTES], self.info, sizes)
+        if kind is Format.CANDUMP:
+            return CandumpReader(self.info, sizes)
         inside = f" of the {compression} data" if compression else ""
-        raise NoCapture(f"the bytes {head[:4].hex(' ')}, expected {_EXPECTED}", where=f"{self.path}, offset 0{inside}")
+        where = f"{self.path}, offset 0{inside}"
+        if is_candump_screen(head):
+            raise NoCapture(
+                "what candump shows on a screen, expected its log",
+                where=where,
+                next_step="record with candump -L, or candump -l for a file",
+            )
+        raise NoCapture(f"the bytes {head[:4].hex(' ')}, expected {_EXPECTED}", where=where)
+
+    def _log_reader(self, kind: Format, share: int, content: Iterator[bytes], path: str) -> Reader:
+        from nvscope.capture.canlog import CanLogReader, NoMessages, check_readable  # noqa: PLC0415
+
+        try:
+            check_readable(kind, path, self.path)
+        except NoMessages:
+            raise NoCapture(
+                "an SQLite file without a table 'messages' as python-can writes it",
+                where=self.path,
+                next_step="a recording of a CODESYS DataLogger cannot be read yet",
+            ) from None
+        return CanLogReader(self.info, kind, self._shared(share), content, path)
 
 
 def _peek(pieces: Iterator[bytes]) -> tuple[bytes, Iterator[bytes]]:
-    """Return at least ``_HEAD_BYTES`` from the begin of the pieces if there are as many, and all pieces."""
+    """Return as much from the begin of the pieces as tells what they are, if there is as much, and all pieces."""
     taken: list[bytes] = []
-    count = 0
     for piece in pieces:
         taken.append(piece)
-        count += len(piece)
-        if count >= _HEAD_BYTES:
+        if is_enough(b"".join(taken)[:TEXT_HEAD_BYTES]):
             break
-    return b"".join(taken), chain(taken, pieces)
+    return b"".join(taken)[:TEXT_HEAD_BYTES], chain(taken, pieces)

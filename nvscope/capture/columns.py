@@ -20,6 +20,7 @@ def join(parts: list[PacketBatch]) -> PacketBatch:
         np.concatenate([part.original for part in parts]),
         np.concatenate([part.ts_ns for part in parts]),
         np.concatenate([part.link for part in parts]),
+        None if all(part.channel is None for part in parts) else np.concatenate([part.channels for part in parts]),
     )
 
 
@@ -38,6 +39,7 @@ class Columns:
         self._original = np.empty(capacity, np.int64)
         self._ts_ns = np.empty(capacity, np.int64)
         self._link: int | U16 = -1
+        self._channel: U16 | None = None
 
     def add(self, part: PacketBatch) -> Iterator[PacketBatch]:
         """Take the rows of ``part`` and yield the batches that become full."""
@@ -50,6 +52,10 @@ class Columns:
             self._original[target] = part.original[source]
             self._ts_ns[target] = part.ts_ns[source]
             self._add_link(part.link[source], target)
+            if part.channel is not None and self._channel is None:
+                self._channel = np.zeros(self._capacity, np.uint16)
+            if self._channel is not None:
+                self._channel[target] = part.channels[source]
             self.rows += count
             done += count
             if self.rows == self._capacity:
@@ -71,8 +77,9 @@ class Columns:
         """Return what was collected, over ``data``, and begin anew."""
         rows = slice(0, self.rows)
         link = PacketBatch.link_column(self._link, self.rows) if isinstance(self._link, int) else self._link[rows]
+        channel = None if self._channel is None else self._channel[rows]
         batch = PacketBatch(
-            data, self._offset[rows], self._captured[rows], self._original[rows], self._ts_ns[rows], link
+            data, self._offset[rows], self._captured[rows], self._original[rows], self._ts_ns[rows], link, channel
         )
         self._renew()
         return batch

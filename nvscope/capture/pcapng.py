@@ -58,6 +58,7 @@ _SIMPLE_OVERHEAD = 16
 
 _OPTION_END = 0
 _OPTION_COMMENT = 1
+_OPTION_INTERFACE_NAME = 2
 _OPTION_TIME_RESOLUTION = 9
 _OPTION_TIME_OFFSET = 14
 _OPTION_PACKET_DROPS = 4
@@ -66,6 +67,8 @@ _OPTION_SYSTEM_DROPS = 7
 
 MAX_BLOCK_BYTES = MAX_SNAP_BYTES + (1 << 20)
 MAX_INTERFACES = 65_536
+MAX_CHANNELS = 65_536
+MAX_NAME_BYTES = 256
 MAX_COMMENTS = 10_000
 MAX_COMMENT_BYTES = 4 << 20
 _MAX_PACKET_OPTIONS = 64
@@ -111,11 +114,15 @@ class BlockFraming:
 
 @dataclass(slots=True)
 class Interface:
-    """One interface of a section. ``longest`` are the captured bytes of a packet that are believed."""
+    """One interface of a section. ``longest`` are the captured bytes of a packet that are believed.
+
+    ``channel`` is the number of its name among those of the file; interfaces of one name are one channel.
+    """
 
     position: int
     link: int
     snap_bytes: int
+    channel: int = 0
     resolution: int = _DEFAULT_RESOLUTION
     offset_s: int = 0
     statistics_drops: int | None = None
@@ -233,6 +240,8 @@ class PcapngReader(RecordReader):
             raise UnreadableInput(f"pcapng version {major}.{minor}, expected 1.x", where=f"{info.path}, offset 12")
         self.framing = self._blocks = BlockFraming(byte_order or "<")
         self._interfaces: list[Interface] = []
+        self._names: dict[str, int] = {}
+        self._unsaid: list[str] = []
         self._closed_drops = 0
         self._last_ts_ns = 0
         self._comment_bytes = 0
@@ -330,7 +339,11 @@ class PcapngReader(RecordReader):
                 if len(self._interfaces) >= MAX_INTERFACES:
                     stretch.cut(index, f"more than {MAX_INTERFACES} interfaces in a section")
                     break
-                self._interfaces.append(self._interface(stretch.view.origin + int(stretch.at[index]), body))
+                interface = self._interface(stretch.view.origin + int(stretch.at[index]), body)
+                if interface.channel >= MAX_CHANNELS:
+                    stretch.cut(index, f"more than {MAX_CHANNELS} names of interfaces")
+                    break
+                self._interfaces.append(interface)
                 stretch.comments += self._comments(index, body[8:])
                 defined = True
         return defined
@@ -339,12 +352,27 @@ class PcapngReader(RecordReader):
         order = self._blocks.byte_order
         link, _, snap_bytes = struct.unpack_from(order + "HHI", body)
         interface = Interface(position, link, snap_bytes)
+        name = ""
         for code, value in self._options(body[8:]):
             if code == _OPTION_TIME_RESOLUTION and len(value) == 1:
                 interface.resolution = value[0]
             elif code == _OPTION_TIME_OFFSET and len(value) == 8:
                 interface.offset_s = struct.unpack(order + "q", value)[0]
+            elif code == _OPTION_INTERFACE_NAME:
+                name = value[:MAX_NAME_BYTES].rstrip(b"\0").decode("utf-8", "replace")
+        self._number_channel(interface, name)
         return interface
+
+    def _number_channel(self, interface: Interface, name: str) -> None:
+        """Give an interface the number of its name; a file with one interface without a name tells no channels."""
+        known = name or f"interface {len(self._interfaces)}"
+        if known not in self._names:
+            self._names[known] = len(self._names)
+            self._unsaid.append(known)
+        interface.channel = self._names[known]
+        if name or len(self._names) > 1:
+            self.channels += self._unsaid
+            self._unsaid.clear()
 
     def _packets(self, stretch: _Stretch, index: I64) -> _Packets:
         """Return the columns of the packet blocks at ``index``, whatever is in them."""
@@ -412,6 +440,7 @@ class PcapngReader(RecordReader):
         if count:
             self._last_ts_ns = int(ts_ns[-1])
         link = table.only_link
+        channel = table.channel[packets.interface] if table.channel is not None else None
         return PacketBatch(
             stretch.view.data,
             offset,
@@ -419,6 +448,7 @@ class PcapngReader(RecordReader):
             packets.original,
             ts_ns,
             PacketBatch.link_column(link, count) if link is not None else table.link[packets.interface],
+            channel,
         )
 
     def _read_statistics(self, stretch: _Stretch, special: I64) -> None:
@@ -521,6 +551,9 @@ class _InterfaceTable:
         self.snap_bytes = np.array([each.snap_bytes or MAX_SNAP_BYTES for each in interfaces], np.int64)
         links = {each.link for each in interfaces}
         self.only_link = links.pop() if len(links) == 1 else None
+        self.channel: U16 | None = None
+        if any(each.channel for each in interfaces):
+            self.channel = np.array([each.channel for each in interfaces], np.uint16)
 
         self.resolution = np.array([each.resolution for each in interfaces], np.int64)
         self.resolutions = sorted({each.resolution for each in interfaces})

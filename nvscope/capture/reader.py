@@ -49,18 +49,35 @@ class Taken:
     incomplete: bool = False
 
 
-class RecordReader(ABC):
+class Reader(ABC):
     """Turns views of a file into batches, and tells in ``info`` about frames and faults.
 
     ``position`` is how far the file has been read, ``finished`` whether there is nothing more to read from it.
+    ``channels`` are the names of the packets' channels, by number, as far as the file tells them.
+    ``input_failed`` is set from outside where the bytes end too early. ``left_out`` tells what could not be read before
+    the end, '' if nothing.
     """
+
+    def __init__(self, info: SourceInfo, position: int) -> None:
+        self.info = info
+        self.position = position
+        self.finished = False
+        self.channels: list[str] = []
+        self.input_failed = False
+        self.left_out = ""
+
+    @abstractmethod
+    def read(self, view: View) -> Iterator[PacketBatch]:
+        """Yield the packets whose records are whole in ``view``, and move ``position`` behind them."""
+
+
+class RecordReader(Reader):
+    """A reader of a format whose records tell their length."""
 
     framing: Framing
 
     def __init__(self, info: SourceInfo, position: int, sizes: ReadingSizes) -> None:
-        self.info = info
-        self.position = position
-        self.finished = False
+        super().__init__(info, position)
         self._sizes = sizes
         self._record_bytes = 0.0
 
@@ -69,7 +86,6 @@ class RecordReader(ABC):
         """Decode the records at ``found``, as a walk returns them; may change ``framing`` for what comes after."""
 
     def read(self, view: View) -> Iterator[PacketBatch]:
-        """Yield the packets whose records are whole in ``view``, and move ``position`` behind them."""
         sizes = self._sizes
         columns = Columns(sizes.batch_packets)
         here = view.start

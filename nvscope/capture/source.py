@@ -5,7 +5,7 @@ A source tells about itself in ``info``, which is complete when the iteration ha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -38,10 +38,16 @@ class SourceInfo:
 
 
 class Source(Protocol):
-    """Packets in batches; iterate once, then read ``infos`` (one entry a file)."""
+    """Packets in batches; iterate once, then read ``infos`` (one entry a file).
+
+    ``channels`` are the names of the channels of the packets, by number; it grows as packets come.
+    """
 
     @property
     def infos(self) -> list[SourceInfo]: ...
+
+    @property
+    def channels(self) -> Sequence[str]: ...
 
     def __iter__(self) -> Iterator[PacketBatch]: ...
 

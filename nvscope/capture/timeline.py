@@ -8,6 +8,7 @@ Captures are ordered by their first time, then by path, so that the order in whi
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +25,9 @@ class Track(Protocol):
 
     @property
     def infos(self) -> list[SourceInfo]: ...
+
+    @property
+    def channels(self) -> Sequence[str]: ...
 
     @property
     def size_bytes(self) -> int | None: ...
@@ -70,10 +74,14 @@ class _Head:
 
 
 class Timeline:
-    """The packets of several tracks by time, and what is known of the tracks in the order they were given."""
+    """The packets of several tracks by time, and what is known of the tracks in the order they were given.
+
+    Channels of one name are one channel, whichever track they are of.
+    """
 
     def __init__(self, tracks: Sequence[Track], *, batch_packets: int = 32_768, batch_bytes: int = BATCH_BYTES) -> None:
         self._tracks = tracks
+        self.channels: list[str] = []
         self._batch_packets = batch_packets
         self._batch_bytes = batch_bytes
 
@@ -109,13 +117,27 @@ class Timeline:
             bound = min(((int(head.keys[-1]), head.rank) for head in heads), default=None)
             if bound is None or (waiting and waiting[-1][:2] < bound):
                 _, rank, number = waiting.pop()
-                head = _Head(rank, self._tracks[number].read(max(1, len(heads))))
+                track = self._tracks[number]
+                head = _Head(rank, self._named(track, track.read(max(1, len(heads)))))
                 if head.advance():
                     heads.append(head)
                 continue
             pieces = [head.take(bound) for head in heads]
             yield from self._merge([piece for piece in pieces if len(piece[0])])
             heads = [head for head in heads if len(head.keys) or head.advance()]
+
+    def _named(self, track: Track, batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:
+        """Yield batches with the channel numbers of the timeline in place of the track's own."""
+        for batch in batches:
+            names = track.channels or ("",)
+            for name in names:
+                if name not in self.channels:
+                    self.channels.append(name)
+            number = np.array([self.channels.index(name) for name in names], np.uint16)
+            if batch.channel is None and not number[0]:
+                yield batch
+            else:
+                yield replace(batch, channel=number[batch.channels])
 
     def _merge(self, pieces: list[tuple[PacketBatch, I64]]) -> Iterator[PacketBatch]:
         batches = [batch for batch, _ in pieces]
@@ -130,6 +152,9 @@ class Timeline:
         links = {batch.single_link for batch in batches}
         only = links.pop() if len(links) == 1 else None
         link = np.concatenate([batch.link for batch in batches])[order] if only is None else None
+        channel = None
+        if any(batch.channel is not None for batch in batches):
+            channel = np.concatenate([batch.channels for batch in batches])[order]
         done = [0] * len(batches)
         for rows in stretches(captured, self._batch_packets, self._batch_bytes):
             counts = np.bincount(origin[rows], minlength=len(batches)).tolist()
@@ -139,7 +164,8 @@ class Timeline:
             for number, part in enumerate(offsets):
                 offset[origin[rows] == number] = part
             column = PacketBatch.link_column(only or 0, len(offset)) if link is None else link[rows]
-            yield PacketBatch(data, offset, captured[rows], original[rows], ts_ns[rows], column)
+            own = None if channel is None else channel[rows]
+            yield PacketBatch(data, offset, captured[rows], original[rows], ts_ns[rows], column, own)
             done = [at + count for at, count in zip(done, counts, strict=True)]
 
 

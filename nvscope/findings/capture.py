@@ -37,7 +37,7 @@ def _truncated(facts: Facts) -> Iterator[Finding]:
     cut = [source for source in facts.sources if source.truncation]
     if cut:
         where = "; ".join(f"{source.path}: {source.truncation.message}" for source in cut if source.truncation)
-        yield _whole(facts, "NV903", len(cut), f"{count_of(len(cut), 'file')} cannot be read to the end: {where}.")
+        yield _whole(facts, "NV903", len(cut), f"{count_of(len(cut), 'file')} could not be read whole: {where}.")
 
 
 def _unsupported(facts: Facts) -> Iterator[Finding]:

@@ -667,8 +667,9 @@ _CAPTURE = (
     ),
     Kind(
         "NV903", "truncated-file", _WARNING,
-        "The file ends in the middle of a record. Everything before it was read; the rest is not there.",
+        "The file ends in the middle of a record, or holds some that cannot be read. What could be read was.",
         (
+            "a line of a text log that was edited, or torn by a full disk",
             "the recording program was killed, or the disk was full",
             "the file was copied while it was being written, or a transfer broke off",
         ),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.findings.answers import judge_answers
+from nvscope.findings.can import judge_can
 from nvscope.findings.capture import judge_capture
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.consistency import judge_consistency
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
     from nvscope.definition.model import Definition
 
 JUDGES = (
-    judge_headers, judge_loss, judge_answers, judge_consistency, judge_definition, judge_timing, judge_capture,
+    judge_headers, judge_loss, judge_answers, judge_consistency, judge_definition, judge_timing, judge_can,
+    judge_capture,
 )  # fmt: skip
 
 
@@ -45,10 +47,11 @@ def judge(
     now = at_ns if at_ns is not None else summary.end_ns or 0
     facts = Facts(state, summary, sources, now, limits or Limits(), definition)
     found = [finding for judge_some in JUDGES for finding in judge_some(facts)]
-    ports = {entry.number: (entry.port, entry.index) for entry in summary.lists}
+    places: dict[int, tuple[Any, ...]] = {entry.number: ("udp", entry.port, entry.index) for entry in summary.lists}
+    places |= {entry.number: ("can", entry.channel, entry.cob_id) for entry in summary.can.lists}
 
     def order(finding: Finding) -> tuple[Any, ...]:
-        place = () if finding.list_number is None else ports[finding.list_number]
+        place = () if finding.list_number is None else places[finding.list_number]
         node = () if finding.node is None else summary.address_order[finding.node]
         subindex = -1 if finding.subindex is None else finding.subindex
         return -CATALOGUE[finding.code].severity, finding.code, place, node, subindex

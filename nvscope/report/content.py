@@ -69,7 +69,7 @@ def headline(report: Report) -> Cell:
     tone = status(worst(findings)).tone
     if not capture["frames"]:
         return Cell("The capture holds no frames", Tone.WARNING)
-    if not capture["telegrams"]:
+    if not capture["telegrams"] and not lists:
         if capture["frames"] == 1:
             return Cell("The only frame is not a telegram of network variables", Tone.WARNING)
         return Cell(f"None of {units.count(capture['frames'])} frames is a telegram of network variables", Tone.WARNING)
@@ -140,10 +140,11 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     capture = report["capture"]
     if not capture["frames"]:
         return []
-    holds = (
-        f"{units.count_of(capture['frames'], 'frame')}: {units.count_of(capture['telegrams'], 'telegram')}, "
-        f"{units.count_of(capture['other_frames'], 'other')}"
-    )
+    can_frames = capture.get("can_frames", 0)
+    holds = f"{units.count_of(capture['frames'], 'frame')}: {units.count_of(capture['telegrams'], 'telegram')}, "
+    if can_frames:
+        holds += f"{units.count(can_frames)} on CAN, "
+    holds += units.count_of(capture["other_frames"] - can_frames, "other")
     lines = [[Cell(holds)]]
     if capture["drops"]:
         lines[0] += [Cell(", "), Cell(f"{units.count(capture['drops'])} dropped while capturing", Tone.WARNING)]

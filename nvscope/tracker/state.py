@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U64, Bool, PacketBatch
+from dissectors.batch import I64, U64, Bool, LinkType, PacketBatch
+from dissectors.can import dissect_can
 from dissectors.netvar import (
     CHECKSUM_INVALID,
     HEADER,
@@ -23,6 +24,7 @@ from dissectors.netvar import (
 )
 from dissectors.varieties import NO_TELEGRAM, Choose, SortedPackets, Sorter
 from nvscope.tracker.acknowledgement import TIMEOUT_NS, Acknowledgement, Messages
+from nvscope.tracker.can_state import CanState
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.counters import DiagError
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.values import Values
 
 MAX_BATCH = 1 << 17
+_WITHOUT_CAN = frozenset(LinkType) - {LinkType.CAN_SOCKETCAN, LinkType.LINUX_SLL, LinkType.LINUX_SLL2}
 
 FAULT_CODES = {
     Fault.SHORT: 101,
@@ -75,7 +78,7 @@ class ListColumns(Columns):
 
 
 class TrackerState:
-    """What is on the wire.
+    """What is on the wire; what is on CAN buses is in ``can``.
 
     ``events`` are the events that are findings as they stand, keyed by ``finding_key``. Frame numbers count from 1
     across all that was observed. ``repeated`` counts telegrams that equal the one before them byte for byte.
@@ -107,6 +110,7 @@ class TrackerState:
         self.end_ns: int | None = None
         self.last_ns: int | None = None
         self.longest_step_back_ns = 0
+        self.can = CanState()
         self.flows = Flows()
         self.memory = StreamMemory()
         self.loss = Loss()
@@ -127,6 +131,8 @@ class TrackerState:
     def _observe(self, batch: SortedPackets) -> None:
         first_frame = self.frames + 1
         self._observe_frames(batch, first_frame)
+        if batch.packets.single_link not in _WITHOUT_CAN:
+            self.can.observe(dissect_can(batch.packets), first_frame)
         count = self.flows.observe(batch, first_frame)
         chosen = None
         if self.choose is not None:

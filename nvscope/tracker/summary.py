@@ -6,13 +6,14 @@ Everything here is computed when asked for, from integers, and changes nothing i
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.tracker import address
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
+from nvscope.tracker.can_summary import CanSummary, summarize_can
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.errors import LastError
 from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, Kind
@@ -103,6 +104,7 @@ class Summary:
     start_ns: int | None
     end_ns: int | None
     timeout_ns: int = TIMEOUT_NS
+    can: CanSummary = field(default_factory=CanSummary)
 
 
 @dataclass(slots=True)
@@ -124,12 +126,15 @@ def summarize(
     *,
     intervals_ns: Mapping[tuple[int, int], int] = MappingProxyType({}),
     readers: Mapping[str, Collection[tuple[int | None, int]]] = MappingProxyType({}),
+    channels: Sequence[str] = (),
+    can_parts: Mapping[int, tuple[int, int]] = MappingProxyType({}),
+    can_intervals_ns: Mapping[int, int] = MappingProxyType({}),
 ) -> Summary:
     """Compute the summary of a state.
 
     ``intervals_ns`` are the nominal intervals of lists that have to be sent at one, by port and Index. ``readers`` are
     the lists that nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on
-    any port.
+    any port. ``channels``, ``can_parts`` and ``can_intervals_ns`` are as for ``summarize_can``.
     """
     flows = state.flows
     nodes = list(zip(flows.nodes.high.tolist(), flows.nodes.low.tolist(), strict=True))
@@ -147,7 +152,9 @@ def summarize(
     _count(state, lists)
     lists.sort(key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
-    return Summary(lists, addresses, order, scopes, state.start_ns, state.end_ns, state.acknowledgement.timeout_ns)
+    can = summarize_can(state.can, channels, len(lists), parts=can_parts, intervals_ns=can_intervals_ns)
+    timeout_ns = state.acknowledgement.timeout_ns
+    return Summary(lists, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
 
 
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:

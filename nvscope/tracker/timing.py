@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isqrt
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from dissectors.batch import I64, Bool
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.events import FRAMES_KEPT, EventLog
 from nvscope.tracker.loss import NodeSteps
-from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sequence import Step, Steps
 from nvscope.units import divide
 
@@ -79,6 +78,30 @@ class IntervalColumns(Columns):
     }
 
 
+class TimedRows(Protocol):
+    """Telegrams of a batch by stream, within a stream as captured; columns as those of ``DataRows``."""
+
+    @property
+    def packet(self) -> I64: ...
+
+    @property
+    def start(self) -> I64: ...
+
+    @property
+    def stop(self) -> I64: ...
+
+    @property
+    def run_stream(self) -> I64: ...
+
+    @property
+    def time_ns(self) -> I64: ...
+
+    @property
+    def repeated(self) -> Bool | None: ...
+
+    def __len__(self) -> int: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Intervals:
     """The intervals of a batch: of which stream, ending when, how long; columns of shape (n,).
@@ -103,7 +126,7 @@ class Timing:
         self.unusual = EventLog()
         self.large_squares: dict[int, int] = {}
 
-    def observe(self, rows: DataRows, own: Steps, nodes: NodeSteps, streams: int, first_frame: int) -> Intervals:
+    def observe(self, rows: TimedRows, own: Steps, nodes: NodeSteps, streams: int, first_frame: int) -> Intervals:
         """Take the intervals of a batch, of whose telegrams ``own`` and ``nodes`` are the steps."""
         columns = self.columns
         columns.resize(streams)
@@ -159,7 +182,7 @@ class Timing:
         columns.squares[run] = squares
 
     def _sort_in(
-        self, rows: DataRows, ends: _Kept, interval: I64, stream: I64, loss: _LossBefore, first_frame: int
+        self, rows: TimedRows, ends: _Kept, interval: I64, stream: I64, loss: _LossBefore, first_frame: int
     ) -> I64:
         """Put intervals into the buckets; return the places of those that were learned from."""
         columns = self.columns
@@ -190,7 +213,7 @@ class Timing:
         return learned
 
     def _keep_usual(
-        self, rows: DataRows, ends: _Kept, outside: Bool, bucket: I64, loss: _LossBefore, first_frame: int
+        self, rows: TimedRows, ends: _Kept, outside: Bool, bucket: I64, loss: _LossBefore, first_frame: int
     ) -> None:
         """Keep the frames of the first intervals that are not ``outside`` of the dense buckets."""
         columns = self.columns
@@ -257,7 +280,7 @@ class _Kept:
     ``start`` and ``stop`` bound the runs of one stream that is left, ``run``.
     """
 
-    def __init__(self, rows: DataRows, absent: I64) -> None:
+    def __init__(self, rows: TimedRows, absent: I64) -> None:
         self.absent = absent
         bounds = np.append(rows.start, len(rows))
         bounds -= np.searchsorted(absent, bounds)

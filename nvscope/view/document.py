@@ -14,10 +14,11 @@ from nvscope.capture.source import SourceInfo
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
-from nvscope.tracker.intervals import Intervals
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Diagnosis, ListSummary, StreamSummary, Summary
 from nvscope.version import __version__
+from nvscope.view.can_document import can_buses, can_lists
+from nvscope.view.intervals import interval_row
 
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
@@ -41,8 +42,14 @@ def report_document(
     identifier of their list, each list has its own. ``node_names`` are by the text of the address.
     """
     names = {key: entry.name or None for key, entry in definition.by_port_and_id().items()} if definition else {}
+    can_names = {
+        entry.list_id: entry.name
+        for entry in reversed(definition.lists if definition else ())
+        if entry.protocol.upper() == "CAN" and entry.list_id is not None and entry.name
+    }
     keys = {entry.number: entry.key for entry in summary.lists}
-    return {
+    keys |= {entry.number: entry.key for entry in summary.can.lists}
+    document = {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
         "capture": {
@@ -53,17 +60,22 @@ def report_document(
             "frames": state.frames,
             "telegrams": state.telegrams,
             "other_frames": state.frames - state.telegrams,
+            **({"can_frames": state.can.frames} if state.can.frames else {}),
             "drops": sum(info.drops for info in sources),
             "start_ns": _time(state.start_ns),
             "end_ns": _time(state.end_ns),
         },
         "lists": [
-            _list(entry, summary, names.get((entry.port, entry.index)), node_names)
-            | ({} if values is None else {"values": values.get((entry.port, entry.index), [])})
-            for entry in summary.lists
+            *can_lists(summary.can, can_names),
+            *(
+                _list(entry, summary, names.get((entry.port, entry.index)), node_names)
+                | ({} if values is None else {"values": values.get((entry.port, entry.index), [])})
+                for entry in summary.lists
+            ),
         ],
         "findings": [_finding(finding, keys, summary) for finding in findings],
     }
+    return document | ({"buses": can_buses(summary.can)} if summary.can.buses else {})
 
 
 def _time(time_ns: int | None) -> str | None:
@@ -102,24 +114,10 @@ def _stream(stream: StreamSummary, summary: Summary) -> dict[str, Any]:
         "telegrams": stream.telegrams,
         "counter_scope": stream.counter_scope,
         **{name: stream.figures[name] for name in STREAM_FIGURES},
-        "interval_ns": _intervals(stream.intervals),
+        "interval_ns": interval_row(stream.intervals),
         "items": stream.items,
         "length": stream.length,
         "checksum": stream.checksum,
-    }
-
-
-def _intervals(intervals: Intervals) -> dict[str, int | None]:
-    return {
-        "count": intervals.count,
-        "min": intervals.minimum,
-        "mean": intervals.mean,
-        "max": intervals.maximum,
-        "stddev": intervals.deviation,
-        "p50": intervals.p50,
-        "p95": intervals.p95,
-        "p99": intervals.p99,
-        "nominal": intervals.nominal,
     }
 
 

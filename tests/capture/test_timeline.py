@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,7 @@ class _Track:
     def __init__(self, path: str, batches: list[PacketBatch], asked: list[str]) -> None:
         self.path = path
         self.infos: list[SourceInfo] = []
+        self.channels: list[str] = []
         self._batches = batches
         self._asked = asked
 
@@ -165,3 +167,19 @@ def test_large_files_with_clocks_that_step_back(tmp_path: Path, seed: int) -> No
         Path(name).write_bytes(build.section("<") + build.interface("<") + b"".join(blocks))
         tracks[name] = [packet._replace(ts_ns=packet.ts_ns // 1000 * 1000) for packet in packets]
     assert build.packets_of(open_source(list(tracks), batch_packets=500)) == plain_merge(in_rank_order(tracks))
+
+
+def test_channels_of_one_name_are_one_channel_whichever_file_they_are_of() -> None:
+    """The first file has two channels, the second only one, which is the second of the first file."""
+    channel = np.array([1, 0, 1, 0, 1], np.uint16)
+    tracks = [_Track("a", [replace(_batch(0, 5), channel=channel)], []), _Track("b", [_batch(2, 2)], [])]
+    tracks[0].channels, tracks[1].channels = ["can0", "can1"], ["can1"]
+    timeline = Timeline(tracks)
+    found = [
+        (ts_ns, timeline.channels[number])
+        for batch in timeline
+        for ts_ns, number in zip(batch.ts_ns.tolist(), batch.channels.tolist(), strict=True)
+    ]
+    assert found == [
+        (0, "can1"), (1, "can0"), (2, "can1"), (2, "can1"), (3, "can0"), (3, "can1"), (4, "can1"),
+    ]  # fmt: skip

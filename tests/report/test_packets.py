@@ -57,6 +57,7 @@ class Batches:
     def __init__(self, batches: list[PacketBatch]) -> None:
         self.batches = batches
         self.infos: list[SourceInfo] = []
+        self.channels: list[str] = []
 
     def __iter__(self) -> Iterator[PacketBatch]:
         return iter(self.batches)

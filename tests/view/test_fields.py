@@ -30,6 +30,7 @@ class Batches:
 
     batches: list[PacketBatch]
     infos: list[SourceInfo] = field(default_factory=list)
+    channels: list[str] = field(default_factory=list)
 
     def __iter__(self) -> Iterator[PacketBatch]:
         return iter(self.batches)

@@ -1,0 +1,75 @@
+"""Lists and buses of CAN as data: what ``nvscope.report/1`` says of them.
+
+A frame names neither sender nor reader, and carries no counter: what cannot be known is None.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary, CanSummary
+from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
+from nvscope.view.intervals import interval_row
+
+
+def can_lists(summary: CanSummary, names: Mapping[int, str]) -> Iterator[dict[str, Any]]:
+    """Yield the lists on CAN, with their COB-IDs as streams; ``names`` are those of lists, by COB-ID."""
+    for entry in summary.lists:
+        yield {
+            "key": entry.key,
+            "transport": "can",
+            "channel": entry.channel,
+            "id": entry.cob_id,
+            "name": None if entry.streams[0].extended else names.get(entry.cob_id),
+            "senders": [],
+            "readers": [],
+            "diag": _diagnosis(entry),
+            "counters": dict.fromkeys(counter.name for counter in LIST_COUNTERS),
+            "nodes": [],
+            "streams": [_stream(stream) for stream in entry.streams],
+        }
+
+
+def can_buses(summary: CanSummary) -> list[dict[str, Any]]:
+    """Return what was seen of each channel; bits are those on the wire, with stuff bits."""
+    return [
+        {
+            "channel": bus.channel,
+            "frames": bus.frames,
+            "seconds": bus.seconds,
+            "bits": bus.bits,
+            "fast_bits": bus.fast_bits,
+            "peak_bits": bus.peak_bits,
+            "worst_bits": bus.worst_bits,
+        }
+        for bus in summary.buses
+    ]
+
+
+def _diagnosis(entry: CanListSummary) -> dict[str, Any]:
+    """Return what a diagnosis structure would hold: on CAN, it counts nothing but frames."""
+    frames = sum(stream.frames for stream in entry.streams)
+    last = str(max(stream.last_ns for stream in entry.streams))
+    told: dict[str, Any] = dict.fromkeys(component.name for component in DIAGNOSIS)
+    return told | {
+        "nSendCount": frames, "tLastSend": last, "nReceiveCount": frames, "tLastReceive": last, "nWriteCount": frames,
+        "sLastError": "NOERROR", "nErrorCount": 0, "nAcknowledges": 0,
+    }  # fmt: skip
+
+
+def _stream(stream: CanStreamSummary) -> dict[str, Any]:
+    return {
+        "node": None,
+        "subindex": stream.subindex,
+        "cob_id": stream.cob_id,
+        "extended": stream.extended,
+        "telegrams": stream.frames,
+        "remote": stream.remote,
+        "counter_scope": None,
+        **dict.fromkeys(STREAM_FIGURES),
+        "interval_ns": interval_row(stream.intervals),
+        "items": None,
+        "length": stream.length,
+        "checksum": None,
+    }
