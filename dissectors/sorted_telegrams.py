@@ -19,7 +19,10 @@ from dissectors.varieties import SortedPackets
 
 
 class SortedTelegrams(TelegramBatch):
-    """The telegrams in some packets, ``rows``, of which each must hold one; the same as ``dissect`` gives of them."""
+    """The telegrams in some packets, ``rows``, of which each must hold one; the same as ``dissect`` gives of them.
+
+    Of CAN frames, the header is that of their variety.
+    """
 
     def __init__(self, batch: SortedPackets, rows: I64) -> None:
         # The base class is frozen, and its columns are made here when they are asked for.
@@ -45,7 +48,15 @@ class SortedTelegrams(TelegramBatch):
 
     @cached_property
     def header(self) -> Records:
-        return HEADER.gather(self.data, self.datagram.payload)
+        varieties, variety = self._batch.varieties, self._batch.variety[self._rows]
+        on_can = np.flatnonzero(varieties.on_can[variety])
+        if not len(on_can):
+            return HEADER.gather(self.data, self.datagram.payload)
+        at = self.datagram.payload.copy()
+        at[on_can] = 0
+        header = HEADER.gather(self.data, at)
+        header[on_can] = varieties.header[variety[on_can]]
+        return header
 
     @cached_property
     def fault(self) -> U8:
@@ -69,7 +80,7 @@ class _SortedDatagrams(DatagramBatch):
     @cached_property
     def source_port(self) -> U16:
         dtype = np.dtype(UDP["source_port"].dtype)
-        at = self.payload - (UDP.size_bytes - UDP.offset_of("source_port"))
+        at = np.maximum(self.payload - (UDP.size_bytes - UDP.offset_of("source_port")), 0)
         return gather_bytes(self._batch.packets.data, at, dtype.itemsize).view(dtype).astype(np.uint16)
 
 

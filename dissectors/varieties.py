@@ -13,6 +13,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from dissectors.batch import I32, I64, U8, U16, U64, Bool, LinkType, PacketBatch, Records
+from dissectors.can import FRAME, CanBatch, dissect_can
+from dissectors.can import Fault as CanFault
+from dissectors.can_pdo import ON_CAN, PdoRules, is_pdo, words
 from dissectors.keys import KeyTable, first_rows
 from dissectors.layout import gather_bytes, take_rows
 from dissectors.link import (
@@ -101,6 +104,12 @@ def _parts(fields_of_word: tuple[tuple[str, str, int], ...]) -> list[_Part]:
 
 
 _KEY_PARTS = [_parts(fields_of_word) for fields_of_word in _KEY]
+_MOST_PLAIN_CHANNELS = 64
+"""Plain CAN frames of the channels below it are found in a table, without a search: standard data frames."""
+_PLAIN_LENGTH_BITS, _PLAIN_CHANNEL_BIT = 4, 15
+
+_WITHOUT_CAN = frozenset(LinkType) - {LinkType.CAN_SOCKETCAN, LinkType.LINUX_SLL, LinkType.LINUX_SLL2}
+
 _IDENTITY_WORD, _IDENTITY_SHIFT = 3, np.uint64(32)
 _COUNTER_WORD, _COUNTER_SHIFT = 7, np.uint64(32)
 
@@ -111,7 +120,8 @@ class SortedPackets:
 
     ``variety`` int64 (``NO_TELEGRAM`` where there is none) and ``counter`` uint16 have one entry a packet; what a
     variety is stands in ``varieties``. ``quoted`` is as in ``dissectors.netvar.Dissection``, ``fragments`` and
-    ``unsupported`` are as in ``dissectors.link.Peeled``.
+    ``unsupported`` are as in ``dissectors.link.Peeled``. ``can`` are the CAN frames of the batch, None where there is
+    none; each has a variety too.
     """
 
     packets: PacketBatch
@@ -121,6 +131,7 @@ class SortedPackets:
     quoted: TelegramBatch
     fragments: int
     unsupported: Bool | None
+    can: CanBatch | None = None
 
     def __len__(self) -> int:
         return len(self.variety)
@@ -136,16 +147,28 @@ class Varieties:
     ``datagram``, ``header`` and ``fault`` are columns as of a ``TelegramBatch``, with one row a variety;
     ``datagram.payload`` is relative to the packet's first byte. Of no use are ``datagram.row``, the source port and
     Counter, and, where too little was captured, the fields behind SubIndex. Row 0 is ``NO_TELEGRAM``.
+
+    CAN frames (``on_can``) stand here as telegrams with the header that they have not: SubIndex, Items and Length are
+    what they would be, all else is 0. ``is_pdo`` are those that may carry variables.
+
+    ``port`` and ``index`` (int64) say which list it is: destination port and Index, or, from ``ON_CAN`` on, channel and
+    COB-ID (``dissectors.can_pdo``).
     """
 
     def __init__(self) -> None:
         self._keys = KeyTable(8)
+        self._of_key = np.empty(0, np.int64)
+        self._frames = KeyTable()
+        self._of_frame = np.empty(0, np.int64)
+        self._of_plain_frame = np.empty(0, np.int64)
         nothing = np.zeros(1, np.int64)
         self.datagram = DatagramBatch(
             *(nothing.astype(getattr(NO_DATAGRAMS, column.name).dtype) for column in fields(DatagramBatch))
         )
         self.header: Records = np.zeros(1, HEADER.dtype)
         self.fault: U8 = np.zeros(1, np.uint8)
+        self.on_can, self.is_pdo = np.zeros(1, np.bool_), np.zeros(1, np.bool_)
+        self.port, self.index = nothing.copy(), nothing.copy()
 
     def __len__(self) -> int:
         return len(self.fault)
@@ -177,21 +200,94 @@ class Varieties:
             _packed((datagram.destination_port, 0), (tail, 16), (datagram.broadcast, 32)),
             _packed((datagram.payload_bytes, 0), (datagram.captured_bytes, 16), (relative, 32)),
         )  # fmt: skip
-        found += 1
-        fresh = np.flatnonzero(found >= len(self))
+        fresh = np.flatnonzero(found >= len(self._of_key))
         if len(fresh):
-            first = first_rows(found[fresh] - len(self), len(self._keys) + 1 - len(self))
-            part = telegrams.take(fresh[first])
-            common = replace(part.datagram, payload=relative[fresh[first]])
-            self.datagram = DatagramBatch(
-                *(
-                    np.concatenate([getattr(self.datagram, column.name), getattr(common, column.name)])
-                    for column in fields(DatagramBatch)
-                )
-            )
-            self.header = np.concatenate([self.header, part.header])
-            self.fault = np.concatenate([self.fault, part.fault])
+            first = fresh[first_rows(found[fresh] - len(self._of_key), len(self._keys) - len(self._of_key))]
+            part = telegrams.take(first)
+            common = replace(part.datagram, payload=relative[first])
+            no, port, index = np.zeros(len(first), np.bool_), common.destination_port, part.header["index"]
+            self._of_key = np.append(self._of_key, self._add(common, part.header, part.fault, no, no, port, index))
+        return self._of_key[found]
+
+    def frame_numbers(self, frames: CanBatch, packets: PacketBatch, rules: PdoRules) -> I64:
+        """Return the variety of each CAN frame of a packet batch, adding those that are new. Shape (n,)."""
+        relative = frames.at - packets.offset[frames.row]
+        plain = ~(frames.extended | frames.remote | frames.error | frames.fd)
+        plain &= (frames.fault == CanFault.NONE) & (relative == FRAME.size_bytes)
+        plain &= frames.channel < _MOST_PLAIN_CHANNELS
+        place = frames.channel.astype(np.int64)
+        place <<= _PLAIN_CHANNEL_BIT
+        place |= frames.identifier.astype(np.int64) << _PLAIN_LENGTH_BITS
+        place |= frames.length
+        place[~plain] = -1
+        room = int(place.max()) + 1
+        if room > len(self._of_plain_frame):
+            room = ((room >> _PLAIN_CHANNEL_BIT) + 1) << _PLAIN_CHANNEL_BIT
+            grown = np.full(room, _UNKNOWN)
+            grown[: len(self._of_plain_frame)] = self._of_plain_frame
+            self._of_plain_frame = grown
+        known = self._of_plain_frame
+        found = known[place] if len(known) else np.full(len(place), _UNKNOWN)
+        found[~plain] = _UNKNOWN
+        other = np.flatnonzero(found < 0)
+        if len(other):
+            found[other] = self._other_frame_numbers(frames.take(other), relative[other], rules)
+            short = other[plain[other]]
+            known[place[short]] = found[short]
         return found
+
+    def _other_frame_numbers(self, frames: CanBatch, relative: I64, rules: PdoRules) -> I64:
+        """Return the varieties of CAN frames that are told by all that is special about them."""
+        word = words(frames)
+        found = self._frames.numbers(
+            _packed(
+                (word, 0), (frames.remote, 32), (frames.error, 33), (frames.fd, 34), (frames.channel, 40)
+            ),
+            _packed((frames.length, 0), (frames.captured, 8), (frames.fault, 16), (relative, 24)),
+        )  # fmt: skip
+        fresh = np.flatnonzero(found >= len(self._of_frame))
+        if len(fresh):
+            first = fresh[first_rows(found[fresh] - len(self._of_frame), len(self._frames) - len(self._of_frame))]
+            part, own = frames.take(first), word[first].astype(np.int64)
+            header = np.zeros(len(first), HEADER.dtype)
+            header["length"] = HEADER.size_bytes + part.length.astype(np.int64)
+            index = np.empty(len(first), np.int64)
+            for row, (channel, number) in enumerate(zip(part.channel.tolist(), own.tolist(), strict=True)):
+                index[row], header["subindex"][row], header["items"][row] = rules.part_of(channel, number)
+            nothing = np.zeros(len(first), np.int64)
+            blank = DatagramBatch(
+                *(nothing.astype(getattr(NO_DATAGRAMS, column.name).dtype) for column in fields(DatagramBatch))
+            )
+            common = replace(
+                blank, payload=relative[first] - HEADER.size_bytes,
+                payload_bytes=HEADER.size_bytes + part.length.astype(np.int64),
+                captured_bytes=HEADER.size_bytes + part.captured.astype(np.int64),
+            )  # fmt: skip
+            yes, port = np.ones(len(first), np.bool_), part.channel.astype(np.int64) | ON_CAN
+            self._of_frame = np.append(
+                self._of_frame, self._add(common, header, nothing.astype(np.uint8), yes, is_pdo(part), port, index)
+            )
+        return self._of_frame[found]
+
+    def _add(
+        self, datagram: DatagramBatch, header: Records, fault: U8, on_can: Bool, is_pdo: Bool, port: I64 | U16,
+        index: I64 | U16,
+    ) -> I64:  # fmt: skip
+        """Add varieties, and return their numbers."""
+        known = len(self)
+        self.datagram = DatagramBatch(
+            *(
+                np.concatenate([getattr(self.datagram, column.name), getattr(datagram, column.name)])
+                for column in fields(DatagramBatch)
+            )
+        )
+        self.header, self.fault = np.concatenate([self.header, header]), np.concatenate([self.fault, fault])
+        self.on_can, self.is_pdo = np.concatenate([self.on_can, on_can]), np.concatenate([self.is_pdo, is_pdo])
+        self.port, self.index = (
+            np.append(self.port, port.astype(np.int64)),
+            np.append(self.index, index.astype(np.int64)),
+        )
+        return np.arange(known, len(self))
 
 
 _HEADER_WORDS = np.dtype(
@@ -205,10 +301,14 @@ _HEADER_WORDS = np.dtype(
 
 
 class Sorter:
-    """Tells packets by varieties, which it learns as they come; ``ports`` as for ``dissect``."""
+    """Tells packets by varieties, which it learns as they come.
 
-    def __init__(self, ports: PortRules | None = None) -> None:
+    ``ports`` as for ``dissect``; ``pdos`` say which lists CAN frames belong to.
+    """
+
+    def __init__(self, ports: PortRules | None = None, pdos: PdoRules | None = None) -> None:
         self._ports = ports
+        self._pdos = pdos or PdoRules()
         self._renew()
 
     def _renew(self) -> None:
@@ -234,15 +334,21 @@ class Sorter:
             rest = rest[_may_hold_telegrams(_heads(packets, rest))]
         else:
             variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
+            if packets.single_link == LinkType.CAN_SOCKETCAN:
+                rest = np.empty(0, np.int64)
         dissection = dissect(packets, self._ports, rest)
         telegrams = dissection.telegrams
         if len(telegrams):
             row = telegrams.datagram.row
             variety[row] = self._varieties.numbers(telegrams, packets)
             counter[row] = telegrams.header["counter"]
+        frames = None
+        if packets.single_link not in _WITHOUT_CAN and len(found := dissect_can(packets)):
+            frames = found
+            variety[frames.row] = self._varieties.frame_numbers(frames, packets, self._pdos)
         peeled = dissection.peeled
         return SortedPackets(
-            packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, peeled.unsupported
+            packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, peeled.unsupported, frames
         )
 
     def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
@@ -303,7 +409,7 @@ def _heads(packets: PacketBatch, rows: I64) -> Records:
     return gather_bytes(packets.data, packets.offset[rows], PLAIN.itemsize).view(PLAIN)
 
 
-def _packed(*parts: tuple[I64 | U16 | U64 | Bool, int]) -> U64:
+def _packed(*parts: tuple[I64 | U8 | U16 | U64 | Bool, int]) -> U64:
     """Return one word a row, with each column at its bit."""
     packed = np.zeros(len(parts[0][0]), np.uint64)
     for column, bit in parts:

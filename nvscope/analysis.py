@@ -12,11 +12,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from dissectors.batch import LinkType
+from dissectors.can_pdo import PdoRules
 from dissectors.netvar import PortRules
 from dissectors.varieties import Choose
 from nvscope.capture.capture_file import STDIN, CaptureFile
 from nvscope.capture.open import open_source
-from nvscope.capture.source import SourceInfo
+from nvscope.capture.source import Source, SourceInfo
 from nvscope.capture.timeline import Timeline
 from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
@@ -34,7 +36,7 @@ if TYPE_CHECKING:  # what only some questions need is imported when they are ask
     from nvscope.tracker.values import Values
     from nvscope.view.chosen import Chosen
     from nvscope.view.display_filter import DisplayFilter
-    from nvscope.view.fields import TelegramField
+    from nvscope.view.telegram_field import TelegramField
     from nvscope.view.verdict_fields import Names, Verdicts
 
 Capture = CaptureFile | Timeline
@@ -90,12 +92,16 @@ class Inquiry:
         """The frames of the lists that are defined on CAN."""
         return Pdos(self.project.definition)
 
+    def pdo_rules(self, source: Source) -> PdoRules:
+        """Return which lists the CAN frames of a source belong to."""
+        return self.pdos.rules(lambda: source.channels)
+
     @cached_property
     def names(self) -> Names:
         """The names of lists and nodes."""
         from nvscope.view.verdict_fields import Names  # noqa: PLC0415
 
-        lists = self.project.definition.by_port_and_id().items()
+        lists = self.project.definition.by_key().items()
         nodes = self.project.node_names.items()
         return Names(
             {key: entry.name for key, entry in lists if entry.name},
@@ -129,10 +135,9 @@ class Inquiry:
         if expression is None:
             return self._read(values=values)
         from nvscope.view.chosen import Chosen  # noqa: PLC0415
-        from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
 
         chosen = self.filter(expression)
-        found = self._read(values=values, choose=PacketChoice(chosen))
+        found = self._read(values=values, chosen=chosen)
         left = Chosen(found.state, chosen, found.findings)
         return Analysis(found.infos, found.state, found.summary, found.findings, found.values, left)
 
@@ -157,7 +162,26 @@ class Inquiry:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": found.state.chosen}
         return document
 
-    def _read(self, *, values: bool = False, choose: Choose | None = None) -> Analysis:
+    def choice(self, chosen: DisplayFilter | None, source: Source) -> Choose | None:
+        """Return a filter to be asked of the batches of a source in turn; None without one."""
+        if chosen is None:
+            return None
+        from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
+
+        return PacketChoice(chosen, self.pdo_rules(source))
+
+    def default_fields(self) -> Sequence[TelegramField]:
+        """Return what is written of each telegram or CAN frame where nobody says, by what the captures begin with."""
+        from nvscope.view.fields import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS  # noqa: PLC0415
+
+        first = None if STDIN in self.paths else next(iter(open_source(self.paths)), None)
+        if first is None or LinkType.CAN_SOCKETCAN not in first.link:
+            return DEFAULT_FIELDS
+        if first.single_link is not None:
+            return DEFAULT_CAN_FIELDS
+        return tuple(dict.fromkeys((*DEFAULT_FIELDS, *DEFAULT_CAN_FIELDS)))
+
+    def _read(self, *, values: bool = False, chosen: DisplayFilter | None = None) -> Analysis:
         taken = None
         if self.layouts is not None:
             from nvscope.tracker.values import Values  # noqa: PLC0415
@@ -168,12 +192,10 @@ class Inquiry:
         source = open_source(self.paths)
         with self.watch(source) as progress:
             state = track(
-                source, ports=self.ports, timeout_ns=timeout_ns, values=taken, choose=choose, progress=progress
-            )
-        summary = summarize(
-            state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, channels=source.channels,
-            can_parts=self.pdos.parts, can_intervals_ns=self.pdos.intervals_ns,
-        )  # fmt: skip
+                source, ports=self.ports, timeout_ns=timeout_ns, values=taken, choose=self.choice(chosen, source),
+                progress=progress, pdos=self.pdo_rules(source),
+            )  # fmt: skip
+        summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers)
         findings = judge(state, source.infos, summary=summary, limits=project.limits, definition=definition)
         return Analysis(source.infos, state, summary, findings, taken)
 

@@ -26,8 +26,8 @@ from nvscope.capture.capture_file import STDIN
 from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project, read_project
 from nvscope.errors import UsageError
+from nvscope.list_key import list_key
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
-from nvscope.tracker.summary import list_key
 
 if TYPE_CHECKING:
     import polars as pl
@@ -141,15 +141,16 @@ class Captures:
         """
         from nvscope.export.frames import Collected  # noqa: PLC0415
         from nvscope.export.telegrams import TelegramTable  # noqa: PLC0415
-        from nvscope.view.fields import DEFAULT_FIELDS, output_field  # noqa: PLC0415
+        from nvscope.view.fields import output_field  # noqa: PLC0415
         from nvscope.view.telegrams import Telegrams  # noqa: PLC0415
 
         inquiry = self._inquiry
-        table = TelegramTable([output_field(name, inquiry.fields) for name in fields] or DEFAULT_FIELDS)
+        table = TelegramTable([output_field(name, inquiry.fields) for name in fields] or inquiry.default_fields())
         collected = Collected(table.schema)
         table.open(collected)
         chosen = None if self._where is None else inquiry.filter(self._where)
-        for rows in Telegrams(open_source(inquiry.paths), ports=inquiry.ports, chosen=chosen):
+        source = open_source(inquiry.paths)
+        for rows in Telegrams(source, ports=inquiry.ports, chosen=chosen, pdos=inquiry.pdo_rules(source)):
             table.add(rows)
         table.finish()
         return collected.frame()
@@ -168,7 +169,6 @@ class Captures:
         from nvscope.export.frames import long_frame, wide_frame  # noqa: PLC0415
         from nvscope.export.unwritten import beyond_time, left_out  # noqa: PLC0415
         from nvscope.view.defined_telegrams import DefinedTelegrams  # noqa: PLC0415
-        from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
 
         if form not in ("wide", "long"):
             raise UsageError(f"form is not {form!r:.80}", next_step="give form='wide' or form='long'")
@@ -181,10 +181,11 @@ class Captures:
                 next_step=f"name one of {told}, or ask for form='long'",
             )
         assert inquiry.layouts is not None
-        choose = None if self._where is None else PacketChoice(inquiry.filter(self._where))
+        chosen = None if self._where is None else inquiry.filter(self._where)
+        source = open_source(inquiry.paths)
         telegrams = DefinedTelegrams(
-            open_source(inquiry.paths), inquiry.layouts, keys=[key for key, _ in lists], ports=inquiry.ports,
-            choose=choose,
+            source, inquiry.layouts, keys=[key for key, _ in lists], ports=inquiry.ports,
+            choose=inquiry.choice(chosen, source), pdos=inquiry.pdo_rules(source),
         )  # fmt: skip
         frame, beyond = wide_frame(telegrams) if form == "wide" else (long_frame(telegrams), 0)
         for sentence in [*([beyond_time(beyond)] if beyond else []), *left_out(telegrams)]:

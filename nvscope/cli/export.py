@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from nvscope.export.files import Files
     from nvscope.export.lists import Lists
     from nvscope.view.defined_telegrams import DefinedTelegrams
-    from nvscope.view.fields import TelegramField
+    from nvscope.view.telegram_field import TelegramField
     from nvscope.view.telegrams import Telegrams
 
 What = Literal["values", "telegrams"]
@@ -132,17 +132,18 @@ def export(
         with ProgressBar(source, quiet=quiet) as progress:
             if lists:
                 from nvscope.view.defined_telegrams import DefinedTelegrams
-                from nvscope.view.display_filter import PacketChoice
 
                 assert layouts is not None
-                choose = PacketChoice(filtered) if filtered else None
-                told = DefinedTelegrams(source, layouts, keys=[key for key, _ in lists], ports=ports, choose=choose)
+                told = DefinedTelegrams(
+                    source, layouts, keys=[key for key, _ in lists], ports=ports,
+                    choose=inquiry.choice(filtered, source), pdos=inquiry.pdo_rules(source),
+                )  # fmt: skip
                 written = _write_values(told, lists, write, form or "wide", files, progress)
                 fragments = told.fragments
             else:
                 from nvscope.view.telegrams import Telegrams
 
-                telegrams = Telegrams(source, ports=ports, chosen=filtered)
+                telegrams = Telegrams(source, ports=ports, chosen=filtered, pdos=inquiry.pdo_rules(source))
                 _write_telegrams(telegrams, columns, write, files, progress)
                 fragments = telegrams.fragments
         files.publish()
@@ -176,9 +177,9 @@ def _write_values(
 
 
 def _fields(names: Sequence[str], inquiry: Inquiry) -> Sequence[TelegramField]:
-    from nvscope.view.fields import DEFAULT_FIELDS, output_field
+    from nvscope.view.fields import output_field
 
-    return [output_field(name, inquiry.fields) for name in names] or DEFAULT_FIELDS
+    return [output_field(name, inquiry.fields) for name in names] or inquiry.default_fields()
 
 
 def _write_telegrams(
@@ -212,7 +213,7 @@ def _tell_of_values(
     telegrams: DefinedTelegrams, written: list[Written], path: str, *, quiet: bool, all_lists: bool
 ) -> None:
     """Say what was written where several files were, and always what was not."""
-    from nvscope.export.unwritten import beyond_time, left_out, why_nothing
+    from nvscope.export.unwritten import ASSUMED_PACKING, beyond_time, left_out, why_nothing
     from nvscope.units import count_of
     from nvscope.view.escape import visible
 
@@ -228,6 +229,8 @@ def _tell_of_values(
     for name, _, beyond in written:
         if beyond:
             tell(f"{visible(name)}: {beyond_time(beyond)}")
+    if not quiet and any(isinstance(port, str) for port, _ in telegrams.keys):
+        typer.echo(f"nvscope: {ASSUMED_PACKING}", err=True)
     for sentence in left_out(telegrams):
         tell(sentence)
     if telegrams.undefined and all_lists:

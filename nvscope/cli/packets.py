@@ -24,6 +24,7 @@ from nvscope.errors import ExitCode, UsageError
 if TYPE_CHECKING:
     from dissectors.batch import Bool
     from nvscope.analysis import Inquiry
+    from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
@@ -80,13 +81,17 @@ def packets(
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
-    asked = trees or wanted is not None or bool(fields)
-    if gvl and not asked:
+    records = output is not None and output != "text"
+    asked = trees or wanted is not None or bool(fields) or records
+    from nvscope.definition.pdos import Pdos
+
+    plant = project_of(project, gvl)
+    pdos = Pdos(plant.definition)
+    if gvl and not (trees or wanted is not None or fields or pdos.lists):
         raise UsageError(
             "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",
             next_step="add one of them; `nvscope vars` shows last values",
         )
-    plant = project_of(project, gvl)
     inquiry = None
     if asked:
         from nvscope.analysis import Inquiry
@@ -95,7 +100,7 @@ def packets(
         inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
     face = _face(
         output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour),
-        {} if no_names else plant.node_names, inquiry,
+        {} if no_names else plant.node_names, inquiry, pdos,
     )  # fmt: skip
     chosen_by = inquiry.filter(wanted) if inquiry and wanted is not None else None
 
@@ -113,7 +118,10 @@ def packets(
             assert chosen_by
             return chosen_by(rows)
 
-        telegrams = Telegrams(source, ports=ports, limit=count, chosen=choose if chosen_by else None)
+        telegrams = Telegrams(
+            source, ports=ports, limit=count, chosen=choose if chosen_by else None,
+            pdos=pdos.rules(lambda: source.channels),
+        )  # fmt: skip
         out.write(face.begin())
         for rows in telegrams:
             for text in face.render(rows):
@@ -148,6 +156,7 @@ def _face(
     colour: bool,
     node_names: Mapping[str, str],
     inquiry: Inquiry | None,
+    pdos: Pdos,
 ) -> Face:
     """Return the form that was asked for; UsageError where options contradict each other."""
     chosen_format = output or ("fields" if names else "text")
@@ -165,11 +174,11 @@ def _face(
         layouts = inquiry.layouts if trees and inquiry else None
         return Text(
             trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour, layouts=layouts,
-            names=node_names,
+            names=node_names, pdos=pdos,
         )  # fmt: skip
 
     from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedFields, separation
-    from nvscope.view.fields import DEFAULT_FIELDS, output_field
+    from nvscope.view.fields import output_field
 
     found = [output_field(name, inquiry.fields) for name in names] if inquiry else []
     if chosen_format == "fields":
@@ -178,7 +187,8 @@ def _face(
                 "-T fields needs to know which fields", next_step="for example -e frame.number -e nv.counter"
             )
         return SeparatedFields(found, separation(settings))
-    fields = found or DEFAULT_FIELDS
+    assert inquiry
+    fields = found or inquiry.default_fields()
     if chosen_format == "csv":
         return Csv(fields)
     return JsonArray(fields) if chosen_format == "json" else JsonLines(fields)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,10 +25,11 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import CaptureError, ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from dissectors.varieties import Choose
     from nvscope.analysis import Inquiry
     from nvscope.capture.source import SourceInfo
     from nvscope.definition.layouts import Layouts
+    from nvscope.list_key import ListKey
+    from nvscope.view.display_filter import DisplayFilter
 
 
 def variables(
@@ -134,8 +136,8 @@ class _Asked:
             raise UsageError("the definition files declare types, but no list", next_step="name the exported list too")
         return layouts
 
-    def keys(self, listed: str | None) -> Collection[tuple[int, int]] | None:
-        """Return port and identifier of the lists of a name, None for all; UsageError where there is none."""
+    def keys(self, listed: str | None) -> Collection[ListKey] | None:
+        """Return the keys of the lists of a name, None for all; UsageError where there is none."""
         layouts = self.layouts
         if listed is None:
             return None
@@ -143,13 +145,10 @@ class _Asked:
 
         return {key for key, _ in lists_named(names_of_lists(layouts), listed)}
 
-    def choose(self) -> Choose | None:
-        """Return the filter, to be asked of the batches of a capture in turn; None without one."""
-        if self.wanted is None:
-            return None
-        from nvscope.view.display_filter import PacketChoice
-
-        return PacketChoice(self.inquiry.filter(self.wanted))
+    @cached_property
+    def chosen(self) -> DisplayFilter | None:
+        """The filter, None without one."""
+        return None if self.wanted is None else self.inquiry.filter(self.wanted)
 
     def tell(self, document: Mapping[str, Any], render: Callable[[Mapping[str, Any]], str]) -> None:
         """Print a document as JSON, or as ``render`` makes it."""
@@ -214,7 +213,7 @@ def _tell_of_unfitting(count: int) -> None:
     told = units.count_of(count, "telegram")
     typer.echo(
         f"nvscope: {told} of another shape than the definition has, not decoded; "
-        "`nvscope report` with the same definitions tells where they differ (NV405).",
+        "`nvscope report` with the same definitions tells where they differ (NV405, on CAN NV603).",
         err=True,
     )
 
@@ -224,9 +223,9 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
     from nvscope.definition.selection import names_of_lists, select, unplaced_text
+    from nvscope.list_key import list_key
     from nvscope.report.history import Json, Text
     from nvscope.tracker.history import History
-    from nvscope.tracker.summary import list_key
     from nvscope.view.escape import visible
     from nvscope.view.history import change_row, change_summary
     from nvscope.view.variables import filter_told
@@ -240,8 +239,11 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
         if asked.as_json
         else Text(wanted.names(), lists, subindexes=wanted.repeated, width=width(), colour=asked.colour, utc=asked.utc)
     )
-    history = History(layouts, wanted.names_in, every=every, ports=inquiry.ports, choose=asked.choose())
-    source = open_source(inquiry.paths)
+    chosen_by, source = asked.chosen, open_source(inquiry.paths)
+    history = History(
+        layouts, wanted.names_in, every=every, ports=inquiry.ports, choose=inquiry.choice(chosen_by, source),
+        pdos=inquiry.pdo_rules(source),
+    )  # fmt: skip
     out = sys.stdout
     with ProgressBar(source, quiet=asked.quiet or out.isatty()) as progress:
         out.write(face.begin())
@@ -251,7 +253,7 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
             out.flush()
             progress()
         chosen = filter_told(asked.wanted, history.read.chosen, history.read.telegrams)
-        some_came = not history.read.lists.isdisjoint(keys)
+        some_came = any(layouts.key_of(*key) in keys for key in history.read.lists)
         out.write(face.end(change_summary(history), chosen, some_came=some_came))
         out.flush()
     if wanted.unplaced:
@@ -285,8 +287,8 @@ def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
                 if len(batch):
                     end_ns = max(int(batch.ts_ns.max()), batch.ts_ns[0] if end_ns is None else end_ns)
                 progress()
-    choose = asked.choose()
-    source = open_source(inquiry.paths)
+    chosen_by, source = asked.chosen, open_source(inquiry.paths)
+    choose, pdos = inquiry.choice(chosen_by, source), inquiry.pdo_rules(source)
     moment, time_ns = Moment(layouts, frame=0), 0
     with inquiry.watch(source) as progress:
         for batch in source:
@@ -294,10 +296,11 @@ def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
                 continue
             if moment.start_ns is None:
                 if moment_asked.reference is Reference.FRAME:
-                    moment = Moment(layouts, frame=moment_asked.number, ports=inquiry.ports, choose=choose)
+                    frame = moment_asked.number
+                    moment = Moment(layouts, frame=frame, ports=inquiry.ports, choose=choose, pdos=pdos)
                 else:
                     time_ns = moment_asked.absolute_ns(int(batch.ts_ns[0]), end_ns, utc=asked.utc)
-                    moment = Moment(layouts, time_ns=time_ns, ports=inquiry.ports, choose=choose)
+                    moment = Moment(layouts, time_ns=time_ns, ports=inquiry.ports, choose=choose, pdos=pdos)
             moment.observe(batch)
             progress()
     if moment_asked.reference is Reference.FRAME:
@@ -319,8 +322,8 @@ def _infer(asked: _Asked, listed: str | None, write: str | None) -> Sequence[Sou
     from nvscope.tracker.samples import Samples
     from nvscope.view.inference import drafts, inference_document, proposals
 
-    samples = Samples(asked.inquiry.ports, asked.choose())
-    source = open_source(asked.inquiry.paths)
+    chosen_by, source = asked.chosen, open_source(asked.inquiry.paths)
+    samples = Samples(asked.inquiry.ports, asked.inquiry.choice(chosen_by, source))
     with asked.inquiry.watch(source) as progress:
         for batch in source:
             samples.observe(batch)

@@ -6,59 +6,67 @@ from collections.abc import Sequence
 
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_part, pack
+from nvscope.definition.pdos import frames_of
+from nvscope.list_key import ANY_CHANNEL, ListKey, Port, told_of
 
 
 class Layouts:
-    """The telegrams of all lists of a definition, by port and list identifier.
+    """The telegrams of all lists of a definition, by what they are sent over and list identifier.
 
-    ``left_out`` are the lists with an element whose size nobody knows, with the first of them: what stands behind it
-    cannot be told apart.
+    Of a list on CAN they are its frames; one that is defined for any channel is found on each. ``left_out`` are the
+    lists with an element whose size nobody knows, with the first of them: what stands behind it cannot be told apart.
     """
 
     def __init__(self, definition: Definition) -> None:
-        self._lists: dict[tuple[int, int], ListDefinition] = {}
-        self._candidates: dict[tuple[int, int], list[tuple[TelegramLayout, ...]]] = {}
-        self._partly: dict[tuple[int, int], tuple[TelegramLayout, ...]] = {}
+        self._lists: dict[ListKey, ListDefinition] = {}
+        self._candidates: dict[ListKey, list[tuple[TelegramLayout, ...]]] = {}
+        self._partly: dict[ListKey, tuple[TelegramLayout, ...]] = {}
         for entry in definition.lists:
             # A list of which only name and interval are known has nothing to decode.
-            if entry.list_id is not None and entry.protocol.upper() == "UDP" and entry.variables:
-                self._lists.setdefault((entry.port, entry.list_id), entry)
-                layouts = pack(entry)
+            if (key := entry.key) is not None and entry.variables:
+                self._lists.setdefault(key, entry)
+                layouts = frames_of(entry) if entry.on_can else pack(entry)
                 if any(layout.unknown for layout in layouts):
-                    self._partly.setdefault((entry.port, entry.list_id), layouts)
+                    self._partly.setdefault(key, layouts)
                 else:
-                    self._candidates.setdefault((entry.port, entry.list_id), []).append(layouts)
+                    self._candidates.setdefault(key, []).append(layouts)
         self.left_out = {
             key: next(layout.unknown for layout in layouts if layout.unknown)
             for key, layouts in self._partly.items()
             if key not in self._candidates
         }
 
-    def lists(self) -> list[tuple[tuple[int, int], ListDefinition]]:
-        """Return all lists with their port and identifier, in the order of the definition."""
+    def lists(self) -> list[tuple[ListKey, ListDefinition]]:
+        """Return all lists with the keys that they are defined for, in the order of the definition."""
         return list(self._lists.items())
 
-    def list_of(self, port: int, index: int) -> ListDefinition | None:
-        """Return the definition of a list, None where there is none."""
-        return self._lists.get((port, index))
+    def key_of(self, port: Port, index: int) -> ListKey | None:
+        """Return the key that a list is defined for, None where it is not: on CAN, it may be that of any channel."""
+        if (port, index) in self._lists:
+            return port, index
+        return (ANY_CHANNEL, index) if isinstance(port, str) and (ANY_CHANNEL, index) in self._lists else None
 
-    def candidates_of(self, port: int, index: int) -> Sequence[tuple[TelegramLayout, ...]]:
+    def list_of(self, port: Port, index: int) -> ListDefinition | None:
+        """Return the definition of a list, None where there is none."""
+        return told_of(self._lists, (port, index))
+
+    def candidates_of(self, port: Port, index: int) -> Sequence[tuple[TelegramLayout, ...]]:
         """Return what each definition of a list says its telegrams are; those with elements of unknown size are not.
 
         Several files may define one list: the sender's and the reader's.
         """
-        return self._candidates.get((port, index), ())
+        return told_of(self._candidates, (port, index)) or ()
 
-    def partly_of(self, port: int, index: int) -> Sequence[TelegramLayout]:
+    def partly_of(self, port: Port, index: int) -> Sequence[TelegramLayout]:
         """Return the telegrams of a list that is left out, of which ``packing.known_fronts`` tells something."""
         return self._partly[port, index] if (port, index) in self.left_out else ()
 
-    def definitions_of(self, port: int, index: int) -> Sequence[ListDefinition]:
+    def definitions_of(self, port: Port, index: int) -> Sequence[ListDefinition]:
         """Return all definitions of a list of which something can be told; of those that are left out, the first."""
         telegrams = [*filter(None, self.candidates_of(port, index)), *filter(None, [self.partly_of(port, index)])]
         return [one[0].list for one in telegrams]
 
-    def telegrams_of(self, port: int, index: int) -> tuple[TelegramLayout, ...] | None:
+    def telegrams_of(self, port: Port, index: int) -> tuple[TelegramLayout, ...] | None:
         """Return the telegrams of a list by SubIndex, None where there is none, or it is left out.
 
         Of several definitions it is the first.
@@ -66,7 +74,7 @@ class Layouts:
         return next(iter(self.candidates_of(port, index)), None)
 
     def telegram_of(
-        self, port: int, index: int, subindex: int, shape: tuple[int, int] | None = None
+        self, port: Port, index: int, subindex: int, shape: tuple[int, int] | None = None
     ) -> TelegramLayout | None:
         """Return one telegram of a list, None where the list does not have it.
 

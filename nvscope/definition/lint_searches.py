@@ -35,7 +35,7 @@ class Packed:
     @property
     def on_can(self) -> bool:
         """Whether the list is sent over CAN."""
-        return self.list.protocol.upper() == "CAN"
+        return self.list.on_can
 
     @property
     def cob_ids(self) -> tuple[int, int]:
@@ -98,7 +98,7 @@ def tell_identifier_missing(entry: ListDefinition) -> str | None:
 
 
 def tell_identifier_large(entry: ListDefinition) -> str | None:
-    if entry.list_id is None or entry.list_id <= 255 or entry.protocol.upper() == "CAN":
+    if entry.list_id is None or entry.list_id <= 255 or entry.on_can:
         return None
     return f"the identifier {entry.list_id} of {entry.name} needs more than 8 bits"
 
@@ -141,7 +141,7 @@ def tell_checksum_broadcast(entry: ListDefinition) -> str | None:
 def _goes_to_many(entry: ListDefinition) -> bool:
     """Return whether an address is a broadcast or multicast; of a subnet's, the usual form is recognised."""
     address = ipaddress.ip_address(entry.address)
-    return entry.protocol.upper() != "CAN" and (address.is_multicast or address.packed[-1] == 255)
+    return not entry.on_can and (address.is_multicast or address.packed[-1] == 255)
 
 
 def find_cut(subject: Subject) -> Iterator[Place]:
@@ -271,7 +271,7 @@ def tell_can_unsupported(entry: ListDefinition) -> str | None:
         )
         if on
     ]  # fmt: skip
-    if entry.protocol.upper() != "CAN" or not wanted:
+    if not entry.on_can or not wanted:
         return None
     return f"{entry.name} is sent over CAN with {' and '.join(wanted)}"
 

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from nvscope.list_key import ANY_CHANNEL, ListKey
+
 DEFAULT_PORT = 1202
 """The UDP port of lists for which nothing says one."""
 
@@ -144,7 +146,7 @@ class ListDefinition:
 
     What no file says is None: ``list_id`` (the COB-ID), ``interval_ns``, ``min_gap_ns``. ``order`` of the variables is
     that of the declarations; a list of which only the project file knows has none. ``position`` is where the list is
-    defined.
+    defined. ``channel`` is the CAN channel it is sent over, "" for any.
     """
 
     name: str
@@ -162,6 +164,21 @@ class ListDefinition:
     on_event: bool = False
     interval_ns: int | None = None
     min_gap_ns: int | None = None
+    channel: str = ANY_CHANNEL
+
+    @property
+    def on_can(self) -> bool:
+        """Whether it is sent over CAN."""
+        return self.protocol.upper() == "CAN"
+
+    @property
+    def key(self) -> ListKey | None:
+        """What it is told by on the wire; None of a list without identifier, or over something else."""
+        if self.list_id is None:
+            return None
+        if self.on_can:
+            return self.channel, self.list_id
+        return (self.port, self.list_id) if self.protocol.upper() == "UDP" else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,19 +188,17 @@ class Definition:
     lists: tuple[ListDefinition, ...] = ()
     types: Mapping[str, Type] = field(default_factory=dict)
 
-    def by_port_and_id(self) -> dict[tuple[int, int], ListDefinition]:
-        """Return the lists on UDP that have an identifier, by port and identifier; of several, the first."""
-        found: dict[tuple[int, int], ListDefinition] = {}
+    def by_key(self) -> dict[ListKey, ListDefinition]:
+        """Return the lists that have an identifier, by what they are told by on the wire; of several, the first."""
+        found: dict[ListKey, ListDefinition] = {}
         for entry in self.lists:
-            if entry.list_id is not None and entry.protocol.upper() == "UDP":
-                found.setdefault((entry.port, entry.list_id), entry)
+            if entry.key is not None:
+                found.setdefault(entry.key, entry)
         return found
 
-    def cyclic_intervals_ns(self) -> dict[tuple[int, int], int]:
-        """Return at which interval the lists on UDP are sent that are sent cyclically, by port and identifier."""
-        return {
-            key: entry.interval_ns for key, entry in self.by_port_and_id().items() if entry.cyclic and entry.interval_ns
-        }
+    def cyclic_intervals_ns(self) -> dict[ListKey, int]:
+        """Return at which interval lists are sent that are sent cyclically."""
+        return {key: entry.interval_ns for key, entry in self.by_key().items() if entry.cyclic and entry.interval_ns}
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,7 +138,7 @@ def dtype_of(kind: Elementary) -> str:
 
 def capacity_bytes(definition: ListDefinition) -> int:
     """Return how many bytes of data a telegram of a packed list holds."""
-    return PDO_DATA_BYTES if definition.protocol.upper() == "CAN" else PACKED_DATA_BYTES
+    return PDO_DATA_BYTES if definition.on_can else PACKED_DATA_BYTES
 
 
 def pack(definition: ListDefinition) -> tuple[TelegramLayout, ...]:

@@ -6,11 +6,13 @@ nowhere: the rule of UDP is assumed, with 8 bytes a frame (``spec/netvar.md`` of
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from dissectors.can_pdo import Part, PdoRules
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
+from nvscope.list_key import ListKey, told_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,34 +25,46 @@ class Pdo:
 
 
 class Pdos:
-    """The frames of all lists on CAN, by COB-ID; where lists overlap, those of the one defined first."""
+    """The frames of all lists on CAN, by channel ("" for any) and COB-ID.
+
+    Where lists overlap, a COB-ID is that of the list defined first.
+    """
 
     def __init__(self, definition: Definition) -> None:
-        self.by_cob_id: dict[int, Pdo] = {}
-        self.lists: dict[int, ListDefinition] = {}
+        self.by_cob_id: dict[ListKey, Pdo] = {}
+        self.lists: dict[ListKey, tuple[Pdo, ...]] = {}
         for entry in definition.lists:
-            if entry.protocol.upper() == "CAN" and entry.list_id is not None:
-                self.lists.setdefault(entry.list_id, entry)
-                for pdo in _pdos(entry):
-                    self.by_cob_id.setdefault(entry.list_id + pdo.subindex, pdo)
+            if not entry.on_can or entry.list_id is None:
+                continue
+            frames = [Pdo(entry, layout.subindex, layout) for layout in frames_of(entry)]
+            if not entry.variables:
+                frames = [Pdo(entry, 0, None)]
+            self.lists.setdefault((entry.channel, entry.list_id), tuple(frames))
+            for pdo in frames:
+                self.by_cob_id.setdefault((entry.channel, entry.list_id + pdo.subindex), pdo)
 
-    @property
-    def parts(self) -> Mapping[int, tuple[int, int]]:
-        """The list (by its COB-ID) and the place in it of each COB-ID."""
-        return {cob_id: (pdo.list.list_id or 0, pdo.subindex) for cob_id, pdo in self.by_cob_id.items()}
+    def pdo_of(self, channel: str, cob_id: int) -> Pdo | None:
+        """Return what a COB-ID of a channel carries, None where nobody says."""
+        return told_of(self.by_cob_id, (channel, cob_id))
 
-    @property
-    def intervals_ns(self) -> Mapping[int, int]:
-        """The intervals at which lists are sent that are sent cyclically, by their COB-ID."""
-        return {cob_id: entry.interval_ns for cob_id, entry in self.lists.items() if entry.cyclic and entry.interval_ns}
+    def list_of(self, channel: str, cob_id: int) -> Sequence[Pdo]:
+        """Return the frames of a list of a channel, none where nobody says."""
+        return told_of(self.lists, (channel, cob_id)) or ()
+
+    def rules(self, names: Callable[[], Sequence[str]]) -> PdoRules:
+        """Return how frames are read; ``names`` returns what the channels are called, by number."""
+        parts = {
+            (str(channel), cob_id): Part(pdo.list.list_id or 0, pdo.subindex, pdo.layout.items if pdo.layout else 0)
+            for (channel, cob_id), pdo in self.by_cob_id.items()
+        }
+        return PdoRules(parts, names)
 
 
-def _pdos(entry: ListDefinition) -> Iterator[Pdo]:
-    """Yield the frames of a list, up to an element that no frame holds, or whose size nobody knows."""
-    if not entry.variables:
-        yield Pdo(entry, 0, None)
-        return
+def frames_of(entry: ListDefinition) -> tuple[TelegramLayout, ...]:
+    """Return the frames of a list, up to an element that no frame holds, or whose size nobody knows."""
+    found: list[TelegramLayout] = []
     for layout in pack(entry):
         if layout.unknown or layout.layout.size_bytes > PDO_DATA_BYTES:
-            return
-        yield Pdo(entry, layout.subindex, layout)
+            break
+        found.append(layout)
+    return tuple(found)

@@ -11,6 +11,7 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
 from nvscope.errors import UsageError
+from nvscope.list_key import ANY_CHANNEL, ListKey, Port, list_key, list_order
 from nvscope.units import count
 
 _MOST_NEAR = 3
@@ -26,12 +27,14 @@ class Selection:
     meant too, of elements that nobody can find, each with the element of unknown size in front of it.
     """
 
-    telegrams: dict[tuple[int, int, int], frozenset[str]] = field(default_factory=dict)
-    others: dict[tuple[int, int], frozenset[str]] = field(default_factory=dict)
+    telegrams: dict[tuple[Port, int, int], frozenset[str]] = field(default_factory=dict)
+    others: dict[ListKey, frozenset[str]] = field(default_factory=dict)
     unplaced: list[tuple[str, Element]] = field(default_factory=list)
 
-    def names_in(self, port: int, index: int, subindex: int) -> frozenset[str]:
+    def names_in(self, port: Port, index: int, subindex: int) -> frozenset[str]:
         """Return the names of the elements that are meant in a telegram."""
+        if isinstance(port, str) and (port, index, subindex) not in self.telegrams:
+            port = ANY_CHANNEL
         found = self.telegrams.get((port, index, subindex))
         return self.others.get((port, index), frozenset()) if found is None else found
 
@@ -46,10 +49,10 @@ class Selection:
         """Return all names of elements that are meant."""
         return set().union(*self.telegrams.values(), *self.others.values())
 
-    def lists(self) -> list[tuple[int, int]]:
-        """Return port and identifier of the lists that have some of them, sorted."""
+    def lists(self) -> list[ListKey]:
+        """Return the keys of the lists that have some of them, sorted."""
         meant = [key[:2] for key, names in self.telegrams.items() if names]
-        return sorted({*meant, *(key for key, names in self.others.items() if names)})
+        return sorted({*meant, *(key for key, names in self.others.items() if names)}, key=list_order)
 
 
 def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selection:
@@ -91,7 +94,7 @@ def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selecti
 
 def _select_known(
     found: Selection,
-    key: tuple[int, int],
+    key: ListKey,
     telegrams: Sequence[TelegramLayout],
     chosen: Callable[[Iterable[Element]], frozenset[str]],
 ) -> None:
@@ -136,8 +139,8 @@ def _nothing_named(rest: str, wanted: str, names: Mapping[str, str], found: Sele
     )
 
 
-def names_of_lists(layouts: Layouts) -> list[tuple[tuple[int, int], ListDefinition]]:
-    """Return all lists with port and identifier; one that several definitions name, by each of its names."""
+def names_of_lists(layouts: Layouts) -> list[tuple[ListKey, ListDefinition]]:
+    """Return all lists with their keys; one that several definitions name, by each of its names."""
     named = {
         (key, known.name): (key, known)
         for key, entry in layouts.lists()
@@ -146,21 +149,24 @@ def names_of_lists(layouts: Layouts) -> list[tuple[tuple[int, int], ListDefiniti
     return list(named.values())
 
 
-def lists_named(
-    lists: Sequence[tuple[tuple[int, int], ListDefinition]], given: str
-) -> list[tuple[tuple[int, int], ListDefinition]]:
+def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> list[tuple[ListKey, ListDefinition]]:
     """Return the lists of a name (in any case), identifier or key (udp/1202/7); UsageError where there is none."""
     wanted = given.strip().lower()
     found = [
         (key, entry)
         for key, entry in lists
-        if wanted in (entry.name.lower(), str(key[1]), f"{key[0]}/{key[1]}", f"udp/{key[0]}/{key[1]}")
+        if wanted in (entry.name.lower(), str(key[1]), f"{key[0]}/{key[1]}", list_key(*key), *_on_can(key))
     ]
     if not found:
-        told = ", ".join(f"{entry.name} (udp/{key[0]}/{key[1]})" for key, entry in lists[:_MOST_LISTS]) or "none"
+        told = ", ".join(f"{entry.name} ({list_key(*key)})" for key, entry in lists[:_MOST_LISTS]) or "none"
         more = f" and {len(lists) - _MOST_LISTS} more" if len(lists) > _MOST_LISTS else ""
         raise UsageError(f"no list is named {given[:80]!r}", next_step=f"there are {told}{more}")
     return found
+
+
+def _on_can(key: ListKey) -> tuple[str, ...]:
+    """Return how people write the COB-ID of a list on CAN."""
+    return (f"0x{key[1]:x}", f"can/{key[1]}") if isinstance(key[0], str) else ()
 
 
 def _plain(name: str) -> str:

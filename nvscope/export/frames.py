@@ -8,7 +8,6 @@ import pyarrow as pa
 
 from nvscope.export.long import SCHEMA, LongTable
 from nvscope.export.wide import WideTable, WideTables
-from nvscope.tracker.summary import list_key
 from nvscope.view.defined_telegrams import DefinedTelegrams
 
 if TYPE_CHECKING:
@@ -53,8 +52,7 @@ def wide_frame(telegrams: DefinedTelegrams) -> tuple[pl.DataFrame, int]:
 def long_frame(telegrams: DefinedTelegrams) -> pl.DataFrame:
     """Return the values of all telegrams below each other."""
     collected = Collected(SCHEMA)
-    keys = [list_key(*key) for key in telegrams.keys]
-    long = LongTable(telegrams.places, keys, lambda: telegrams.senders, collected)
+    long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, collected)
     for rows in telegrams:
         long.add(rows)
     long.finish()

@@ -8,8 +8,9 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.selection import lists_named
 from nvscope.errors import UsageError
+from nvscope.list_key import ListKey
 
-Lists = list[tuple[tuple[int, int], ListDefinition]]
+Lists = list[tuple[ListKey, ListDefinition]]
 """Lists by port and identifier; of several definitions of one, the first."""
 
 
@@ -27,7 +28,7 @@ def lists_to_write(layouts: Layouts, names: Sequence[str] = ()) -> Lists:
         )
     different = list({(key, entry.name): (key, entry) for key, entry in told}.values())
     wanted = {key for name in names for key, _ in lists_named(different, name)}
-    first: dict[tuple[int, int], ListDefinition] = {}
+    first: dict[ListKey, ListDefinition] = {}
     for key, definition in told:
         if not names or key in wanted:
             first.setdefault(key, definition)

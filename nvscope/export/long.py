@@ -27,6 +27,7 @@ from nvscope.export.arrays import LABEL, MOMENT, array_of, bits_of, labels, spre
 from nvscope.export.files import TableFile
 from nvscope.export.names import value_names
 from nvscope.expression.columns import FieldType, Numbers
+from nvscope.list_key import ANY_CHANNEL, ListKey, list_key
 from nvscope.view.defined_telegrams import DefinedRows, Place
 from nvscope.view.utf8 import Utf8Column
 from nvscope.view.value_columns import ColumnDecoder, SpanColumn, ValueColumn, fits_time, value_type
@@ -59,7 +60,7 @@ class LongTable:
     def __init__(
         self,
         places: Sequence[Place],
-        keys: Sequence[str],
+        keys: Sequence[ListKey],
         senders: Callable[[], Sequence[str]],
         file: TableFile,
     ) -> None:
@@ -107,7 +108,7 @@ class LongTable:
             array_of(np.repeat(rows.ts_ns, elements), MOMENT),
             array_of(np.repeat(rows.frame, elements), pa.int64()),
             labels(np.repeat(rows.sender, elements), self._senders()),
-            labels(self._list[places], self._keys),
+            self._lists(self._list[places], np.repeat(rows.sender, elements)),
             labels(places, self._list_names),
             array_of(np.repeat(rows.subindex.astype(np.uint16), elements), pa.uint16()),
             labels(told, self._variables),
@@ -117,6 +118,16 @@ class LongTable:
         self._file.write(pa.table(arrays, schema=SCHEMA))
         self.telegrams += len(rows)
         self.rows += cells.count
+
+    def _lists(self, number: I64, sender: I64) -> Any:
+        """Return the keys of lists; one that is defined for any CAN channel has that of the frame."""
+        if all(key[0] != ANY_CHANNEL for key in self._keys):
+            return labels(number, [list_key(*key) for key in self._keys])
+        senders = self._senders()
+        texts = [
+            list_key(sent if port == ANY_CHANNEL else port, index) for port, index in self._keys for sent in senders
+        ]
+        return labels(number * len(senders) + sender, texts)
 
 
 class _Cells:

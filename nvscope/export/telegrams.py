@@ -13,7 +13,7 @@ from nvscope.export.arrays import LABEL, MOMENT, arrow_type, labels
 from nvscope.export.files import TableFile
 from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.tracker import address
-from nvscope.view.fields import TelegramField
+from nvscope.view.telegram_field import TelegramField
 from nvscope.view.telegrams import TelegramRows
 
 GROUP_ROWS = 1 << 17

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from nvscope.tracker.summary import list_key
+from nvscope.list_key import list_key
 from nvscope.units import count, count_of
 from nvscope.view.defined_telegrams import DefinedTelegrams, LeftOut
 from nvscope.view.escape import visible
@@ -12,7 +12,7 @@ from nvscope.view.escape import visible
 _MOST_NAMED = 6
 _REASONS = {
     LeftOut.MALFORMED: "malformed",
-    LeftOut.UNFITTING: "not of the shape that the definition has (NV405)",
+    LeftOut.UNFITTING: "not of the shape that the definition has ({code})",
     LeftOut.CUT: "not captured whole",
 }
 
@@ -31,13 +31,17 @@ def why_nothing(telegrams: DefinedTelegrams) -> str:
     return f"{frames}, none of {count(telegrams.chosen)} telegrams of defined lists{chosen} could be decoded"
 
 
+ASSUMED_PACKING = "lists on CAN are packed as assumed: as on UDP, with 8 bytes in a frame; nothing documents it."
+
+
 def left_out(telegrams: DefinedTelegrams) -> list[str]:
     """Return which telegrams were left out and why, a sentence a list; of many lists, the last are one."""
     known = telegrams.left_out
     names = {telegrams.keys[place.number]: place.layout.list.name for place in reversed(telegrams.places)}
     told = []
     for key, reasons in list(known.items())[:_MOST_NAMED]:
-        told.append(f"{list_key(*key)} {visible(names.get(key, ''))}: {_counted(reasons)}.")
+        code = "NV603" if isinstance(key[0], str) else "NV405"
+        told.append(f"{list_key(*key)} {visible(names.get(key, ''))}: {_counted(reasons, code)}.")
     if others := list(known.values())[_MOST_NAMED:]:
         total = {reason: sum(reasons.get(reason, 0) for reasons in others) for reason in LeftOut}
         summed = {reason: number for reason, number in total.items() if number}
@@ -51,9 +55,11 @@ def beyond_time(number: int) -> str:
     return f"{what} beyond 292 years or the year 2262, and null; the long form has the nanoseconds."
 
 
-def _counted(reasons: Mapping[LeftOut, int]) -> str:
+def _counted(reasons: Mapping[LeftOut, int], code: str = "NV405, NV603") -> str:
+    """Return how many telegrams were left out, and why; ``code`` is the finding that tells of other shapes."""
+    why = {reason: _REASONS[reason].format(code=code) for reason in reasons}
     if len(reasons) == 1:
         ((reason, number),) = reasons.items()
-        return f"{count_of(number, 'telegram')} left out, {_REASONS[reason]}"
-    told = ", ".join(f"{count(number)} {_REASONS[reason]}" for reason, number in reasons.items())
+        return f"{count_of(number, 'telegram')} left out, {why[reason]}"
+    told = ", ".join(f"{count(number)} {why[reason]}" for reason, number in reasons.items())
     return f"{count_of(sum(reasons.values()), 'telegram')} left out: {told}"

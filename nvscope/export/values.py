@@ -12,7 +12,7 @@ from nvscope.export.files import Files, table_file
 from nvscope.export.held import Slabs
 from nvscope.export.long import SCHEMA, LongTable
 from nvscope.export.wide import WideTable, WideTables
-from nvscope.tracker.summary import list_key
+from nvscope.list_key import ListKey
 from nvscope.units import count
 from nvscope.view.defined_telegrams import DefinedTelegrams, Place
 
@@ -62,8 +62,7 @@ def write_wide(
 
 def write_long(telegrams: DefinedTelegrams, path: str, files: Files, progress: Callable[[], None]) -> int:
     """Write the values of all telegrams to one file; return how many telegrams there are."""
-    keys = [list_key(*key) for key in telegrams.keys]
-    long = LongTable(telegrams.places, keys, lambda: telegrams.senders, table_file(files.open(path), SCHEMA))
+    long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, table_file(files.open(path), SCHEMA))
     for rows in telegrams:
         long.add(rows)
         progress()
@@ -71,7 +70,7 @@ def write_long(telegrams: DefinedTelegrams, path: str, files: Files, progress: C
     return long.telegrams
 
 
-def paths_of(path: str, lists: Sequence[tuple[tuple[int, int], ListDefinition]]) -> list[str]:
+def paths_of(path: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> list[str]:
     """Return the file of each list: with one list ``path``, with several its name in front of the ending."""
     if len(lists) == 1:
         return [path]
@@ -82,7 +81,7 @@ def paths_of(path: str, lists: Sequence[tuple[tuple[int, int], ListDefinition]])
         name = _UNSAFE.sub("_", entry.name)[:_MOST_NAME] or "list"
         # Names that differ in case only are one to some file systems.
         if name.lower() in taken:
-            name = f"{name}-{port}-{index}"
+            name = f"{name}-{_UNSAFE.sub('_', str(port)) or 'can'}-{index}"
         taken.add(name.lower())
         found.append(str(whole.with_name(f"{whole.stem}.{name}{whole.suffix}")))
     return found

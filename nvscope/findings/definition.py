@@ -10,12 +10,12 @@ from nvscope.findings.definition_names import file_name, together
 from nvscope.findings.finding import Facts, Finding, events_of
 from nvscope.findings.misfits import judge_misfits, shapes_of
 from nvscope.findings.several_definitions import judge_several
-from nvscope.tracker.summary import ListSummary, StreamSummary, list_key
+from nvscope.list_key import ListKey, Port, list_key
+from nvscope.tracker.summary import ListSummary, StreamSummary
 
 if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.model import ListDefinition
 
-    Key = tuple[int, int]
     Shape = frozenset[tuple[int, tuple[int, int]]]
 
 
@@ -26,8 +26,9 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
     """
     defined = facts.defined
     described = {key: known for key, known in defined.items() if known.variables}
-    seen = {(entry.port, entry.index): entry for entry in facts.summary.lists}
-    silent = [key for key in defined if key not in seen]
+    seen: dict[ListKey, ListSummary] = {(entry.port, entry.index): entry for entry in facts.summary.lists}
+    on_can = {id(facts.definition_of(entry)) for entry in facts.summary.can.lists}
+    silent = [key for key, known in defined.items() if key not in seen and id(known) not in on_can]
     alike = _alike(facts, silent, [entry for key, entry in seen.items() if key not in described])
     for key, entry in seen.items():
         if key in described:
@@ -62,14 +63,14 @@ def _senders(entry: ListSummary) -> dict[int, list[StreamSummary]]:
     return senders
 
 
-def _alike(facts: Facts, silent: Sequence[Key], unknown: Sequence[ListSummary]) -> dict[Key, list[Key]]:
+def _alike(facts: Facts, silent: Sequence[ListKey], unknown: Sequence[ListSummary]) -> dict[ListKey, list[ListKey]]:
     """Return for silent lists which unknown ones have their shape: Items and Length of every SubIndex, and no other."""
-    sent: dict[Shape, list[Key]] = defaultdict(list)
+    sent: dict[Shape, list[ListKey]] = defaultdict(list)
     for entry in unknown:
         for shape in {frozenset(shapes_of(streams).items()) for streams in _senders(entry).values()}:
             sent[shape].append((entry.port, entry.index))
     values, found = facts.state.values, {}
-    for key in silent if values and sent else ():
+    for key in (key for key in silent if isinstance(key[0], int)) if values and sent else ():
         for layouts in values.layouts.candidates_of(*key) if values else ():
             shape = frozenset((layout.subindex, (layout.items, layout.length)) for layout in layouts)
             if shape in sent:
@@ -77,7 +78,9 @@ def _alike(facts: Facts, silent: Sequence[Key], unknown: Sequence[ListSummary]) 
     return found
 
 
-def _unknown(facts: Facts, entry: ListSummary, defined: Mapping[Key, ListDefinition], alike: Sequence[Key]) -> Finding:
+def _unknown(
+    facts: Facts, entry: ListSummary, defined: Mapping[ListKey, ListDefinition], alike: Sequence[ListKey]
+) -> Finding:
     known = facts.defined.get((entry.port, entry.index))
     first = min(entry.streams, key=lambda stream: facts.frames_of_stream[stream.stream])
     other = [port for port, number in defined if number == entry.index]
@@ -97,10 +100,10 @@ def _unknown(facts: Facts, entry: ListSummary, defined: Mapping[Key, ListDefinit
     return Finding("NV406", message, 1, first.first_ns, last_ns, (frame,), entry.number, hint=hint)
 
 
-def _silent(facts: Facts, key: Key, alike: Sequence[Key]) -> Finding:
+def _silent(facts: Facts, key: ListKey, alike: Sequence[ListKey]) -> Finding:
     known = facts.defined[key]
     name = f"{known.name} ({list_key(*key)})" if known.name else list_key(*key)
-    message = f"List {name} is defined, but not one telegram of it was seen."
+    message = f"List {name} is defined, but not one {'frame' if known.on_can else 'telegram'} of it was seen."
     hint = ""
     if alike:
         lists = together([_place(other, key[0]) for other in alike])
@@ -109,12 +112,12 @@ def _silent(facts: Facts, key: Key, alike: Sequence[Key]) -> Finding:
     return Finding("NV407", message, 1, facts.summary.start_ns, facts.summary.end_ns, hint=hint)
 
 
-def _place(key: Key, port: int) -> str:
+def _place(key: ListKey, port: Port) -> str:
     """Return what a list is called beside another one, on ``port``."""
     return f"list {key[1]}" if key[0] == port else f"list {key[1]} on port {key[0]}"
 
 
-def _question(alike: Sequence[Key], key: Key) -> str:
+def _question(alike: Sequence[ListKey], key: ListKey) -> str:
     """Return what may be the reason that a list is there under another key."""
     port, number = any(other[0] != key[0] for other in alike), any(other[1] != key[1] for other in alike)
     what = "identifier and port" if port and number else "port" if port else "identifier"

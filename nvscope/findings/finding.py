@@ -6,16 +6,20 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
+from nvscope.definition.model import Definition, ListDefinition
+from nvscope.definition.pdos import Pdos
+from nvscope.list_key import ListKey, told_of
+from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.state import SHAPE_CODE, TrackerState, finding_parts
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 
-if TYPE_CHECKING:
-    from nvscope.definition.model import Definition, ListDefinition
+AnyList = ListSummary | CanListSummary
+AnyStream = StreamSummary | CanStreamSummary
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +80,14 @@ class Facts:
         return frames
 
     @cached_property
-    def defined(self) -> dict[tuple[int, int], ListDefinition]:
-        """The defined lists, by port and identifier."""
-        return self.definition.by_port_and_id() if self.definition else {}
+    def defined(self) -> dict[ListKey, ListDefinition]:
+        """The defined lists."""
+        return self.definition.by_key() if self.definition else {}
+
+    @cached_property
+    def pdos(self) -> Pdos:
+        """The frames of the lists that are defined on CAN."""
+        return Pdos(self.definition or Definition())
 
     @cached_property
     def streams_of_place(self) -> dict[tuple[int, int], list[StreamSummary]]:
@@ -110,8 +119,16 @@ class Facts:
         return self.summary.addresses[node]
 
     def streams(self) -> list[tuple[ListSummary, StreamSummary]]:
-        """Return all streams with their lists."""
+        """Return all streams on UDP with their lists."""
         return [(entry, stream) for entry in self.summary.lists for stream in entry.streams]
+
+    def pdo_streams(self) -> list[tuple[CanListSummary, CanStreamSummary]]:
+        """Return all streams on CAN with their lists."""
+        return [(entry, stream) for entry in self.summary.can.lists for stream in entry.streams]
+
+    def definition_of(self, entry: AnyList) -> ListDefinition | None:
+        """Return the definition of a list that was seen, None where there is none."""
+        return told_of(self.defined, (entry.port, entry.index))
 
     def logged(self, code: int) -> list[tuple[int | None, int | None, int | None, Events]]:
         """Return the events of ``TrackerState.events`` with a code: list, node, SubIndex and events."""

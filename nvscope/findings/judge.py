@@ -17,8 +17,10 @@ from nvscope.findings.finding import Facts, Finding
 from nvscope.findings.header import judge_headers
 from nvscope.findings.loss import judge_loss
 from nvscope.findings.timing import judge_timing
+from nvscope.list_key import list_order
+from nvscope.tracker.can_summary import CanListSummary
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import Summary, summarize
+from nvscope.tracker.summary import ListSummary, Summary, summarize
 
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
@@ -47,11 +49,11 @@ def judge(
     now = at_ns if at_ns is not None else summary.end_ns or 0
     facts = Facts(state, summary, sources, now, limits or Limits(), definition)
     found = [finding for judge_some in JUDGES for finding in judge_some(facts)]
-    places: dict[int, tuple[Any, ...]] = {entry.number: ("udp", entry.port, entry.index) for entry in summary.lists}
-    places |= {entry.number: ("can", entry.channel, entry.cob_id) for entry in summary.can.lists}
+    everything: list[ListSummary | CanListSummary] = [*summary.can.lists, *summary.lists]
+    places = {entry.number: list_order((entry.port, entry.index)) for entry in everything}
 
     def order(finding: Finding) -> tuple[Any, ...]:
-        place = () if finding.list_number is None else places[finding.list_number]
+        place: tuple[Any, ...] = () if finding.list_number is None else places[finding.list_number]
         node = () if finding.node is None else summary.address_order[finding.node]
         subindex = -1 if finding.subindex is None else finding.subindex
         return -CATALOGUE[finding.code].severity, finding.code, place, node, subindex

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.findings.finding import Facts, Finding
+from nvscope.findings.finding import AnyList, AnyStream, Facts, Finding
+from nvscope.tracker.can_summary import CanStreamSummary
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import FRAMES_KEPT
-from nvscope.tracker.summary import ListSummary, StreamSummary
+from nvscope.tracker.summary import StreamSummary
 from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM, Histograms, bucket_bounds
 from nvscope.units import count, count_of, duration, percent
 
@@ -22,7 +23,8 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
     A MinGap that is defined is enough for NV503.
     """
     histograms = facts.state.timing.histograms()
-    for entry, stream in facts.streams():
+    timed: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
+    for entry, stream in timed:
         yield from _burst(facts, histograms, entry, stream)
         if not stream.intervals.nominal:
             continue
@@ -32,7 +34,7 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
     yield from _torn(facts)
 
 
-def _late(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
+def _late(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     longest_ns = (stream.intervals.nominal or 0) * facts.limits.late_percent // 100
     message = (
         f"longer than {duration(longest_ns)} without a loss; {_nominal(facts, entry, stream)}, "
@@ -47,9 +49,9 @@ def _late(facts: Facts, histograms: Histograms, entry: ListSummary, stream: Stre
     yield from _beyond(facts, histograms, entry, stream, "NV501", message, lambda low, _: low > longest_ns, hint)
 
 
-def _burst(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
+def _burst(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     """Compare with a share of the nominal interval or with the MinGap, whichever asks for more."""
-    defined = facts.defined.get((entry.port, entry.index))
+    defined = facts.definition_of(entry)
     min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
     shortest_ns = -(-(stream.intervals.nominal or 0) * facts.limits.burst_percent // 100)
     median_ns = stream.intervals.p50 or 0
@@ -84,19 +86,19 @@ def _other_setting(median_ns: int) -> str:
     return f"It is sent every {duration(median_ns)}: another definition or setting runs in the sender."
 
 
-def _told(facts: Facts, entry: ListSummary, stream: StreamSummary) -> bool:
+def _told(facts: Facts, entry: AnyList, stream: AnyStream) -> bool:
     """Tell whether the nominal interval is that of the definition."""
-    defined = facts.defined.get((entry.port, entry.index))
+    defined = facts.definition_of(entry)
     return defined is not None and defined.cyclic and defined.interval_ns == stream.intervals.nominal
 
 
-def _nominal(facts: Facts, entry: ListSummary, stream: StreamSummary) -> str:
+def _nominal(facts: Facts, entry: AnyList, stream: AnyStream) -> str:
     by_definition = " by the definition" if _told(facts, entry, stream) else ""
     return f"nominal is {duration(stream.intervals.nominal or 0)}{by_definition}"
 
 
 def _beyond(
-    facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary, code: str, message: str,
+    facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStream, code: str, message: str,
     chosen: Callable[[I64, I64], Bool], hint: str,
 ) -> Iterator[Finding]:  # fmt: skip
     """Yield a finding about the intervals of the buckets that are ``chosen`` by their bounds.
@@ -133,13 +135,15 @@ def _beyond(
     )  # fmt: skip
 
 
-def _gaps(facts: Facts, stream: StreamSummary) -> int:
+def _gaps(facts: Facts, stream: AnyStream) -> int:
     """Return in how many intervals of a stream, at most, telegrams were lost."""
+    if isinstance(stream, CanStreamSummary):
+        return 0  # nobody counts there
     loss = facts.state.loss
     return stream.figures["gaps"] if stream.scope == Scope.STREAM else int(loss.nodes.gaps[stream.node])
 
 
-def _jitter(facts: Facts, histograms: Histograms, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
+def _jitter(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     intervals = stream.intervals
     if intervals.p99 is None or intervals.p50 is None or not intervals.nominal:
         return
@@ -160,11 +164,12 @@ def _jitter(facts: Facts, histograms: Histograms, entry: ListSummary, stream: St
     yield Finding("NV502", message, 1, stream.first_ns, stream.last_ns, (), *place, hint)
 
 
-def _loss_bit(stream: StreamSummary) -> int:
-    return LOSS_OF_STREAM if stream.scope == Scope.STREAM else LOSS_OF_NODE
+def _loss_bit(stream: AnyStream) -> int:
+    counted_by_node = isinstance(stream, StreamSummary) and stream.scope != Scope.STREAM
+    return LOSS_OF_NODE if counted_by_node else LOSS_OF_STREAM
 
 
-def _stopped(facts: Facts, entry: ListSummary, stream: StreamSummary) -> Iterator[Finding]:
+def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     nominal = stream.intervals.nominal or 0
     silent_ns = facts.at_ns - stream.last_ns
     if 100 * silent_ns <= facts.limits.stopped_percent * nominal:

@@ -153,7 +153,8 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
         start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)
         lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])
     if chosen := report.get("filter"):
-        lines.append(filter_cells(chosen, capture["telegrams"], "; figures are those of the whole capture"))
+        telegrams = capture["telegrams"] + capture.get("can_frames", 0)
+        lines.append(filter_cells(chosen, telegrams, "; figures are those of the whole capture"))
     return lines
 
 

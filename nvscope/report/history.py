@@ -233,7 +233,9 @@ def render_at(document: Row, *, colour: bool = False, width: int = 80, utc: bool
         if sender is None:
             lines += wrap([*title, Cell(f": {_NEVER[rows[0]['missing']]}", Tone.WARNING)], width)
             continue
-        lines += wrap([*title, Cell(f" from {sender}")], width)
+        # On CAN, the key has the channel, and nobody knows the sender.
+        whence = Cell(", packed as assumed", Tone.FAINT) if key.startswith("can/") else Cell(f" from {sender}")
+        lines += wrap([*title, whence], width)
         unseen = "not yet seen" if shown["filter"] is None else "not yet chosen"
         lines += align(_AT, [_at_cells(row, unseen) for row in rows], width, 2)
     if not groups:

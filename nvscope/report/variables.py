@@ -11,6 +11,7 @@ from nvscope.report.ansi import paint
 from nvscope.report.content import filter_cells, nanoseconds
 from nvscope.view.escape import visible, visible_document
 from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.variables import ASSUMED
 
 MIN_WIDTH = 40
 _NOTHING_CAME = "No telegram of a defined list was found: compare the identifiers and ports of the definition files."
@@ -87,7 +88,11 @@ def _lines(document: Mapping[str, Any], width: int, utc: bool, names: Mapping[st
         if number:
             yield []
         key, sender = rows[0]["list"], rows[0]["sender"]
-        title = [Cell(f"{key} {name}", Tone.STRONG), Cell(f" from {names.get(sender, sender)}, {_telegrams(rows)}")]
+        assumed = rows[0]["packing"] == ASSUMED
+        whence = "" if assumed else f" from {names.get(sender, sender)}"
+        title = [Cell(f"{key} {name}", Tone.STRONG), Cell(f"{whence}, {_telegrams(rows)}")]
+        if assumed:
+            title.append(Cell(", packed as assumed", Tone.FAINT))
         if earlier:
             last_ns = max(nanoseconds(row["last_ns"]) or 0 for row in rows)
             told = f" until {units.clock_time(last_ns, utc=utc)}; later ones have another shape (above)"

@@ -3,57 +3,78 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from dissectors.can import EXTENDED_MASK
-from nvscope.tracker.can_state import EXTENDED_KEY, CanState
-from nvscope.tracker.intervals import Intervals, intervals_of
+import numpy as np
 
+from dissectors.can_pdo import EXTENDED, ON_CAN
+from dissectors.netvar import HEADER
+from nvscope.list_key import ListKey, list_key, told_of
+from nvscope.tracker.can_state import CanState
+from nvscope.tracker.diagnosis import Diagnosis
+from nvscope.tracker.flows import LENGTH_SHIFT, NOBODY
+from nvscope.tracker.intervals import Intervals, intervals_of, percentiles_of
 
-def can_key(channel: str, cob_id: int) -> str:
-    """Return the key of a list on CAN, as people and reports name it."""
-    return f"can/{channel}/{cob_id}"
+if TYPE_CHECKING:
+    from nvscope.tracker.state import TrackerState
 
 
 @dataclass(frozen=True, slots=True)
 class CanStreamSummary:
-    """The frames of one COB-ID of a channel.
+    """The frames of one COB-ID of a channel: as ``StreamSummary`` has it, of a sender that nobody knows.
 
-    ``subindex`` is its place in its list, ``length`` that of the last one; ``by_length`` as in ``CanColumns``.
+    ``subindex`` is its place in its list, ``length`` the bytes of the last frame, ``items`` those of the definition (0:
+    there is none); ``remote`` counts frames that ask for it.
     """
 
     stream: int
+    subindex: int
     cob_id: int
     extended: bool
-    subindex: int
-    frames: int
+    telegrams: int
     remote: int
     first_ns: int
     last_ns: int
-    first_frame: int
-    last_frame: int
+    items: int
     length: int
-    by_length: tuple[int, ...]
     intervals: Intervals
+    last_minute: Intervals
+    node: None = None
 
 
 @dataclass(frozen=True, slots=True)
 class CanListSummary:
     """One list on a channel; without a definition, it is one COB-ID alone.
 
-    ``number`` continues those of the lists on UDP.
+    ``number`` is that of the state; ``index`` is the COB-ID, as a ``ListKey`` has it. ``diagnosis`` counts frames, and
+    nothing else.
     """
 
     number: int
-    channel: str
-    cob_id: int
+    port: str
+    index: int
+    diagnosis: Diagnosis
     streams: Sequence[CanStreamSummary]
 
     @property
     def key(self) -> str:
-        return can_key(self.channel, self.cob_id)
+        return list_key(self.port, self.index)
+
+    @property
+    def extended(self) -> bool:
+        """Whether its identifier is one of 29 bits."""
+        return bool(self.index & EXTENDED)
+
+    @staticmethod
+    def of(number: int, key: tuple[str, int], streams: list[CanStreamSummary]) -> CanListSummary:
+        """Return the list with the given streams, of which there is at least one."""
+        frames = sum(stream.telegrams for stream in streams)
+        last_ns = max(stream.last_ns for stream in streams)
+        diagnosis = Diagnosis(frames, last_ns, frames, last_ns, frames)
+        return CanListSummary(number, *key, diagnosis, sorted(streams, key=lambda stream: stream.subindex))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,66 +101,68 @@ class CanSummary:
 
     lists: Sequence[CanListSummary] = ()
     buses: Sequence[CanBusSummary] = ()
-    channels: Sequence[str] = ()
-
-    def channel(self, number: int) -> str:
-        """Return the name of a channel."""
-        return _name(self.channels, number)
 
 
 def summarize_can(
-    state: CanState,
-    channels: Sequence[str] = (),
-    first_number: int = 0,
-    *,
-    parts: Mapping[int, tuple[int, int]] = MappingProxyType({}),
-    intervals_ns: Mapping[int, int] = MappingProxyType({}),
-) -> CanSummary:
-    """Compute the summary of a state; ``channels`` are the names by number, ``can0`` and so on where there are none.
-
-    ``first_number`` is the number of the first list. ``parts`` tells of standard COB-IDs to which list (by its COB-ID)
-    they belong, and as which part; another COB-ID is a list alone. ``intervals_ns`` are the nominal intervals of lists.
-    """
-    histograms = state.timing.histograms()
-    streams: dict[tuple[str, int], list[CanStreamSummary]] = defaultdict(list)
-    keys = zip(state.streams.high.tolist(), state.streams.low.tolist(), strict=True)
-    for stream, (channel, word) in enumerate(keys):
-        columns = state.columns
-        known = {name: int(getattr(columns, name)[stream]) for name in columns.COLUMNS if name != "by_length"}
-        if not known["frames"]:
-            continue
-        extended, cob_id = bool(word & EXTENDED_KEY), word & EXTENDED_MASK
-        base, subindex = (word, 0) if extended else parts.get(cob_id, (cob_id, 0))
-        intervals = intervals_of(state.timing, stream, histograms.of(stream), intervals_ns.get(base))
-        streams[_name(channels, channel), base].append(
-            CanStreamSummary(
-                stream=stream, cob_id=cob_id, extended=extended, subindex=subindex, intervals=intervals,
-                by_length=tuple(columns.by_length[stream].tolist()), **known
-            )
-        )  # fmt: skip
-    lists = [
-        CanListSummary(
-            first_number + number, channel, base & EXTENDED_MASK, sorted(own, key=lambda stream: stream.subindex)
+    state: TrackerState, *, intervals_ns: Mapping[ListKey, int] = MappingProxyType({})
+) -> CanSummary:  # fmt: skip
+    """Compute what follows from the CAN frames of a state; ``intervals_ns`` are the nominal intervals of lists."""
+    if not state.can.frames:
+        return CanSummary()
+    flows, memory, timing = state.flows, state.memory.columns, state.timing
+    histograms, recent = timing.histograms(), state.recent.histograms()
+    remotes = state.can.remotes
+    asked = dict(
+        zip(
+            zip(remotes.keys.high.tolist(), remotes.keys.low.tolist(), strict=True),
+            remotes.rows.column("count").tolist(), strict=True,
         )
-        for number, ((channel, base), own) in enumerate(sorted(streams.items()))
+    )  # fmt: skip
+    streams: dict[int, list[CanStreamSummary]] = defaultdict(list)
+    for stream in np.flatnonzero(flows.streams.low == np.uint64(NOBODY % (1 << 64))).tolist():
+        place = int(flows.streams.high[stream])
+        number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
+        index = int(flows.lists.low[number])
+        word = index if index & EXTENDED else index + subindex
+        nominal = told_of(intervals_ns, flows.list_key(number))
+        signature = int(memory.signature[stream])
+        streams[number].append(
+            CanStreamSummary(
+                stream=stream,
+                subindex=subindex,
+                cob_id=word & ~EXTENDED,
+                extended=bool(word & EXTENDED),
+                telegrams=int(memory.telegrams[stream]),
+                remote=asked.get((int(flows.lists.high[number]) - ON_CAN, word), 0),
+                first_ns=int(memory.first_ns[stream]),
+                last_ns=int(memory.last_ns[stream]),
+                items=signature & 0xFFFF,
+                length=(signature >> int(LENGTH_SHIFT) & 0xFFFF) - HEADER.size_bytes,
+                intervals=intervals_of(timing, stream, histograms.of(stream), nominal),
+                last_minute=percentiles_of(recent[stream], nominal)
+                if stream in recent
+                else Intervals(0, nominal=nominal),
+            )
+        )
+    lists = [
+        CanListSummary.of(number, (str(port), index), own)
+        for number, own in streams.items()
+        for port, index in [flows.list_key(number)]
     ]
-    return CanSummary(lists, _buses(state, channels), channels)
+    lists.sort(key=lambda entry: (entry.port, entry.index))
+    return CanSummary(lists, _buses(state.can, flows.channel))
 
 
-def _buses(state: CanState, channels: Sequence[str]) -> list[CanBusSummary]:
+def _buses(state: CanState, name: Callable[[int], str]) -> list[CanBusSummary]:
     buses = []
-    for channel in sorted(set(state.load.keys.high.tolist()), key=lambda number: _name(channels, number)):
+    for channel in sorted(set(state.load.keys.high.tolist()), key=name):
         rows, columns = state.load.seconds_of(channel)
         exact = columns.exact_bits[rows]
         busiest = int(exact.argmax())
         buses.append(
             CanBusSummary(
-                _name(channels, channel), int(columns.frames[rows].sum()), len(rows), int(exact.sum()),
+                name(channel), int(columns.frames[rows].sum()), len(rows), int(exact.sum()),
                 int(columns.fast_bits[rows].sum()), int(exact[busiest]), int(columns.worst_bits[rows][busiest]),
             )
         )  # fmt: skip
     return buses
-
-
-def _name(channels: Sequence[str], number: int) -> str:
-    return (channels[number] if number < len(channels) else "") or f"can{number}"

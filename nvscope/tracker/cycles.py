@@ -6,7 +6,7 @@ an interval with rising SubIndexes (for senders that count otherwise). A cycle i
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from nvscope.tracker.columns import Columns, runs_of, stable_order
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.rows import DataRows
+
+AnyColumn = TypeVar("AnyColumn", I64, U16)
 
 NEVER = np.iinfo(np.int64).max
 
@@ -66,9 +68,12 @@ class Cycles:
         self.events = EventLog()
 
     def observe(
-        self, rows: DataRows, counter: U16, usual: Bool, interval_ns: I64, flows: Flows, first_frame: int
+        self, rows: DataRows, counter: U16 | None, usual: Bool, interval_ns: I64, flows: Flows, first_frame: int
     ) -> None:
-        """Take a batch; ``usual`` are the rows of streams whose interval is known, ``interval_ns`` theirs by stream."""
+        """Take a batch; ``usual`` are the rows of streams whose interval is known, ``interval_ns`` theirs by stream.
+
+        ``counter`` is None for what has none; then a cycle is told by time and SubIndex alone.
+        """
         self._number(rows, flows, first_frame)
         columns = self.columns
         if not (columns.column("streams") > 1).any():
@@ -89,7 +94,8 @@ class Cycles:
         start, stop = runs_of(pair)
         subindex = flows.varieties.subindex[rows.variety[row]]
         half_ns = (interval_ns // 2)[rows.stream[row]]
-        self._cut(pair, start, stop, subindex, counter[row], rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
+        counter = None if counter is None else counter[row]
+        self._cut(pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
 
     def _number(self, rows: DataRows, flows: Flows, first_frame: int) -> None:
         """Number the pairs of new streams, and note from when on a pair has several."""
@@ -97,6 +103,8 @@ class Cycles:
         if len(flows.streams) == known:
             return
         new = np.arange(known, len(flows.streams))
+        # Streams that these rows have nothing of are of another transport.
+        new = new[np.isin(new, rows.run_stream)]
         place = flows.place_of(new)
         self.streams.resize(len(flows.streams))
         self.streams.pair[new] = self.pairs.numbers(flows.places.high[place], flows.streams.low[new])
@@ -111,22 +119,19 @@ class Cycles:
                 columns.active_from[pair] = frame
 
     def _cut(
-        self, pair: I64, start: I64, stop: I64, subindex: I64, counter: U16, time_ns: I64, half_ns: I64, frame: I64
-    ) -> None:
+        self, pair: I64, start: I64, stop: I64, subindex: I64, counter: U16 | None, time_ns: I64, half_ns: I64,
+        frame: I64,
+    ) -> None:  # fmt: skip
         """Cut the telegrams of each pair into cycles, and count those that are over."""
         columns = self.columns
         run = pair[start]
-        before_counter, before_subindex, before_ns = (np.empty_like(column) for column in (counter, subindex, time_ns))
-        for before, column, kept in (
-            (before_counter, counter, columns.counter),
-            (before_subindex, subindex, columns.subindex),
-            (before_ns, time_ns, columns.last_ns),
-        ):
-            before[1:] = column[:-1]
-            before[start] = kept[run]
+        before_subindex = _before(subindex, start, columns.subindex[run])
         rises = subindex > before_subindex
-        close = time_ns - before_ns <= half_ns
-        same = np.where(counter == before_counter, rises | (close & (subindex != before_subindex)), rises & close)
+        close = time_ns - _before(time_ns, start, columns.last_ns[run]) <= half_ns
+        same = rises & close
+        if counter is not None:
+            together = rises | (close & (subindex != before_subindex))
+            same = np.where(counter == _before(counter, start, columns.counter[run]), together, same)
         begins = ~same
         # A cycle that is open from before goes on in front of the first one that begins here.
         first_of_pair = columns.size[run] == 0
@@ -159,5 +164,15 @@ class Cycles:
         open_piece = np.flatnonzero(last_piece)
         columns.size[run], columns.begin_ns[run] = size[open_piece], begin_ns[open_piece]
         columns.begin_frame[run] = begin_frame[open_piece]
-        columns.counter[run], columns.subindex[run] = counter[stop - 1], subindex[stop - 1]
+        columns.subindex[run] = subindex[stop - 1]
+        if counter is not None:
+            columns.counter[run] = counter[stop - 1]
         columns.last_ns[run] = time_ns[stop - 1]
+
+
+def _before(column: AnyColumn, start: I64, kept: AnyColumn) -> AnyColumn:
+    """Return what stood before each row: in the row above, at the starts of runs what was ``kept``."""
+    before = np.empty_like(column)
+    before[1:] = column[:-1]
+    before[start] = kept
+    return before

@@ -7,23 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, U8, PacketBatch
+from dissectors.batch import I64, U8, Bool, PacketBatch
+from dissectors.can_pdo import PdoRules
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, PortRules
 from dissectors.varieties import NO_TELEGRAM, Choose, SortedPackets, Sorter
+from nvscope.list_key import ListKey, Port
 from nvscope.tracker import address
-from nvscope.tracker.flows import LENGTH_SHIFT, Flows
-from nvscope.tracker.rows import StreamMemory
+from nvscope.tracker.flows import LENGTH_SHIFT, Flows, Kind
+from nvscope.tracker.rows import DataRows, StreamMemory
 
 _PIECE_PACKETS = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """Who sends which telegram of which list."""
+    """Who sends which telegram of which list; on CAN the channel stands for the sender."""
 
     number: int
-    port: int
+    port: Port
     index: int
     subindex: int
     sender: str
@@ -52,21 +54,24 @@ class DataTelegrams:
     """The data telegrams of packet batches that follow each other; ``ports`` as for ``dissectors.netvar.dissect``.
 
     ``choose`` tells of each batch which packets are wanted, None for all. ``frames`` counts those seen so far,
-    ``telegrams`` the telegrams of any service, ``chosen`` those of them that are wanted. ``lists`` are port and Index
-    of the lists of which data telegrams came, ``chosen_lists`` those of which some were wanted.
+    ``telegrams`` the telegrams of any service and the CAN frames, ``chosen`` those of them that are wanted. ``lists``
+    are those of which data telegrams came, ``chosen_lists`` those of which some were wanted. ``pdos`` say which lists
+    CAN frames belong to.
     """
 
-    def __init__(self, ports: PortRules | None = None, choose: Choose | None = None) -> None:
-        self._sorter = Sorter(ports)
+    def __init__(
+        self, ports: PortRules | None = None, choose: Choose | None = None, pdos: PdoRules | None = None
+    ) -> None:
+        self._sorter = Sorter(ports, pdos)
         self._choose = choose
-        self._flows = Flows()
+        self._flows = Flows(pdos)
         self._memory = StreamMemory()
         self._streams: dict[int, Stream] = {}
         self.frames = 0
         self.telegrams = 0
         self.chosen = 0
-        self.lists: set[tuple[int, int]] = set()
-        self.chosen_lists: set[tuple[int, int]] = set()
+        self.lists: set[ListKey] = set()
+        self.chosen_lists: set[ListKey] = set()
 
     def pieces(self, packets: PacketBatch) -> Iterator[list[Telegrams]]:
         """Yield the telegrams of a batch, a small piece of it at a time.
@@ -83,11 +88,14 @@ class DataTelegrams:
     def _sorted(self, batch: SortedPackets) -> Iterator[Telegrams]:
         count = self._flows.observe(batch, self.frames + 1)
         self.telegrams += len(batch) - int(count[NO_TELEGRAM])
-        rows = self._memory.rows(batch, count, self._flows)
         chosen = None
         if self._choose is not None:
             chosen = self._choose(batch)
             self.chosen += int(np.count_nonzero(chosen))
+        for kind in (Kind.DATA, Kind.PDO) if batch.can else (Kind.DATA,):
+            yield from self._laid_out(batch, self._memory.rows(batch, count, self._flows, kind), chosen)
+
+    def _laid_out(self, batch: SortedPackets, rows: DataRows, chosen: Bool | None) -> Iterator[Telegrams]:
         signatures, truncated = self._flows.varieties.signature, batch.varieties.truncated
         for number, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             packet, variety = rows.packet[start:stop], rows.variety[start:stop]
@@ -120,10 +128,8 @@ class DataTelegrams:
     def _stream(self, number: int) -> Stream:
         known = self._streams.get(number)
         if known is None:
-            listed, subindex, halves = self._flows.stream_key(number)
-            known = self._streams[number] = Stream(
-                number, *listed, subindex, address.text(*halves), address.order(*halves)
-            )
+            key = self._flows.stream_key(number)
+            known = self._streams[number] = Stream(number, *key.list, key.subindex, key.sender, key.order)
         return known
 
 

@@ -7,11 +7,12 @@ as flows appear. Every count of NetVarUDPDiagStruct but the errors is a sum over
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from dissectors.batch import I64, U8, U32, U64, Bool
+from dissectors.can_pdo import ON_CAN, PdoRules
 from dissectors.keys import KeyTable, first_rows
 from dissectors.netvar import (
     ACKNOWLEDGE_WANTED,
@@ -24,6 +25,8 @@ from dissectors.netvar import (
     Service,
 )
 from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
+from nvscope.list_key import ListKey
+from nvscope.tracker import address
 from nvscope.tracker.columns import Columns
 
 
@@ -37,8 +40,12 @@ class Kind(IntEnum):
     MALFORMED_OTHER = 4
     HEADER_CUT = 5  # of which so little was captured that only its list is known
     PARAMETER = 6  # of the Parameter Manager: belongs to no list and is no flow
-    NOTHING = 7  # no telegram at all
+    NOTHING = 7  # no telegram at all, and CAN frames that carry no data
+    PDO = 8  # on CAN: data without header, sender and receiver
 
+
+NOBODY = -1
+"""The node of what has no address."""
 
 LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
 IS_PARAMETER = KNOWN_SERVICE.copy()
@@ -146,14 +153,29 @@ def kinds(service: U32, fault: U8) -> U8:
     return kind.astype(np.uint8)
 
 
+class StreamKey(NamedTuple):
+    """What a stream is told by: list, SubIndex and sender; ``order`` is what senders are sorted by.
+
+    Nobody knows who sends on CAN: there, the channel stands for the sender.
+    """
+
+    list: ListKey
+    subindex: int
+    sender: str
+    order: tuple[bool, int]
+
+
 class Flows:
     """The keys of all that was seen, and the counts of the flows.
 
     ``nodes`` are keyed by the halves of their address, ``lists`` by (port, Index), ``places`` by (list, SubIndex),
     ``streams`` by (place, node). ``varieties`` tells of each variety of the batch observed last what it is here.
+    Ports are those of ``dissectors.varieties``, so that lists on CAN have theirs; a stream on CAN has the node
+    ``NOBODY``. ``pdos`` know what CAN channels are called.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, pdos: PdoRules | None = None) -> None:
+        self.channel = (pdos or PdoRules()).channel
         self.nodes = KeyTable()
         self.lists = KeyTable()
         self.places = KeyTable()
@@ -198,15 +220,24 @@ class Flows:
         """Return the nodes that send streams."""
         return self.streams.low[stream].astype(np.int64)
 
-    def stream_key(self, stream: int) -> tuple[tuple[int, int], int, tuple[int, int]]:
-        """Return port and identifier of a stream's list, its SubIndex, and the halves of its sender's address."""
-        place, node = int(self.streams.high[stream]), int(self.streams.low[stream])
-        listed, subindex = int(self.places.high[place]), int(self.places.low[place])
-        return (
-            (int(self.lists.high[listed]), int(self.lists.low[listed])),
-            subindex,
-            (int(self.nodes.high[node]), int(self.nodes.low[node])),
-        )
+    def list_key(self, number: int) -> ListKey:
+        """Return the key of a list."""
+        port = int(self.lists.high[number])
+        return self.channel(port - ON_CAN) if port >= ON_CAN else port, int(self.lists.low[number])
+
+    def place_key(self, stream: int) -> tuple[ListKey, int]:
+        """Return list and SubIndex of a stream."""
+        place = int(self.streams.high[stream])
+        return self.list_key(int(self.places.high[place])), int(self.places.low[place])
+
+    def stream_key(self, stream: int) -> StreamKey:
+        """Return what a stream is told by."""
+        key, subindex = self.place_key(stream)
+        node = int(self.streams.low[stream].view(np.int64))
+        if node == NOBODY:
+            return StreamKey(key, subindex, str(key[0]), (False, 0))
+        halves = int(self.nodes.high[node]), int(self.nodes.low[node])
+        return StreamKey(key, subindex, address.text(*halves), address.order(*halves))
 
     def _describe(self, batch: SortedPackets, known: int, first_frame: int) -> None:
         """Fill in the columns of new varieties, numbering what is new in them as it appeared."""
@@ -218,6 +249,8 @@ class Flows:
         new, row = order + known, first[order]
         header, datagram = varieties.header[new], varieties.datagram.take(new)
         kind = kinds(header["id"], varieties.fault[new])
+        kind[varieties.on_can[new]] = Kind.NOTHING
+        kind[varieties.is_pdo[new]] = Kind.PDO
         flags = header["flags"]
         signature = header.view(_SIGNATURE)["signature"].astype(np.uint64)
         columns.kind[new] = kind
@@ -226,26 +259,30 @@ class Flows:
             (varieties.fault[new] != Fault.NONE) | varieties.truncated[new] | (header["identity"] == IDENTITY_ASCII)
             | ((flags & RESERVED_FLAGS) != 0)
         )  # fmt: skip
+        columns.odd[new[varieties.on_can[new]]] = False
         is_data = kind == Kind.DATA
         columns.wants[new] = is_data & ((flags & ACKNOWLEDGE_WANTED.mask) != 0)
         columns.signed[new] = is_data & ((flags & CHECKSUM_PRESENT.mask) != 0)
-        source = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
+        is_data |= kind == Kind.PDO
+        source = np.full(len(new), NOBODY)
+        sent = np.flatnonzero(~varieties.on_can[new])
+        source[sent] = self.nodes.numbers(datagram.source_hi[sent], datagram.source_lo[sent])
         columns.node[new] = source
-        own = np.flatnonzero(kind != Kind.PARAMETER)
+        own = np.flatnonzero((kind != Kind.PARAMETER) & (kind != Kind.NOTHING))
         new, row, kind, source, is_data = new[own], row[own], kind[own], source[own], is_data[own]
         header, datagram = header[own], datagram.take(own)
-        unicast = np.flatnonzero(~datagram.broadcast)
+        unicast = np.flatnonzero(~datagram.broadcast & (kind != Kind.PDO))
         destination = np.full(len(new), -1)
         destination[unicast] = self.nodes.numbers(datagram.destination_hi[unicast], datagram.destination_lo[unicast])
-        lists = self.lists.numbers(datagram.destination_port.astype(np.uint64), header["index"].astype(np.uint64))
+        lists = self.lists.numbers(varieties.port[new].astype(np.uint64), varieties.index[new].astype(np.uint64))
         place = self.places.numbers(lists.astype(np.uint64), header["subindex"].astype(np.uint64))
         stream = np.full(len(new), -1)
-        stream[is_data] = self.streams.numbers(place[is_data].astype(np.uint64), source[is_data].astype(np.uint64))
+        stream[is_data] = self.streams.numbers(place[is_data].astype(np.uint64), source[is_data].view(np.uint64))
         columns.list[new], columns.subindex[new] = lists, header["subindex"]
         columns.place[new], columns.stream[new] = place, stream
         flows = len(self.keys)
         flow = self.keys.numbers(
-            source.astype(np.uint64), destination.view(np.uint64), place.astype(np.uint64), kind.astype(np.uint64)
+            source.view(np.uint64), destination.view(np.uint64), place.astype(np.uint64), kind.astype(np.uint64)
         )
         columns.flow[new] = flow
         table = self.columns

@@ -8,15 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool, PacketBatch
+from dissectors.can_pdo import PdoRules
 from dissectors.netvar import HEADER, PortRules
 from dissectors.varieties import Choose
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout
+from nvscope.list_key import Port
 from nvscope.tracker.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 from nvscope.tracker.values import MOST_LAYOUTS, Block, blocks_of
 
-Wanted = Callable[[int, int, int], frozenset[str]]
-"""Given port, Index and SubIndex of a telegram, returns the names of its elements that are wanted."""
+Wanted = Callable[[Port, int, int], frozenset[str]]
+"""Given port (or CAN channel), Index and SubIndex of a telegram, returns the names of its elements that are wanted."""
 
 
 @dataclass(slots=True)
@@ -75,11 +77,12 @@ class History:
         every: bool = False,
         ports: PortRules | None = None,
         choose: Choose | None = None,
+        pdos: PdoRules | None = None,
     ) -> None:
         self._layouts = layouts
         self._wanted = wanted
         self._every = every
-        self.read = DataTelegrams(ports, choose)
+        self.read = DataTelegrams(ports, choose, pdos)
         self.tracks: dict[tuple[int, int, int], Track] = {}
         self._shapes: dict[int, int] = {}
         self.unfitting = 0

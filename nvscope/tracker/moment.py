@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import U8, PacketBatch
+from dissectors.can_pdo import PdoRules
 from dissectors.netvar import HEADER, PortRules
 from dissectors.varieties import Choose
 from nvscope.definition.layouts import Layouts
@@ -46,11 +47,12 @@ class Moment:
         frame: int | None = None,
         ports: PortRules | None = None,
         choose: Choose | None = None,
+        pdos: PdoRules | None = None,
     ) -> None:
         self._layouts = layouts
         self._time_ns = time_ns
         self._frame = frame
-        self.read = DataTelegrams(ports, choose)
+        self.read = DataTelegrams(ports, choose, pdos)
         self._now: dict[int, LastTelegram] = {}
         self.streams: dict[int, LastTelegram] = {}
         self.last_frame = 0

@@ -1,4 +1,4 @@
-"""DataRows: the well-formed data telegrams of a batch, laid out by stream."""
+"""DataRows: the well-formed data telegrams of a batch, or its PDOs, laid out by stream."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dissectors.batch import I64, U16, U64, Bool
 from dissectors.layout import gather_bytes
 from dissectors.varieties import SortedPackets
 from nvscope.tracker.columns import Columns, order_by, runs_of_lengths
-from nvscope.tracker.flows import COUNTER_SHIFT, Flows
+from nvscope.tracker.flows import COUNTER_SHIFT, Flows, Kind
 
 _COMPARE_ROWS = 8192
 
@@ -72,17 +72,18 @@ class StreamMemory:
         self.columns = StreamColumns()
         self.payload: dict[int, bytes] = {}
 
-    def rows(self, batch: SortedPackets, count: I64, flows: Flows) -> DataRows:
-        """Lay out well-formed data telegrams by stream, and remember the last one of each.
+    def rows(self, batch: SortedPackets, count: I64, flows: Flows, kind: Kind = Kind.DATA) -> DataRows:
+        """Lay out well-formed data telegrams by stream, and remember the last one of each; or the PDOs, if so asked.
 
-        ``count`` says how many telegrams there are of each variety.
+        ``count`` says how many telegrams there are of each variety. PDOs are never ``repeated``: without a counter,
+        nobody can tell a repeated one from the next one.
         """
         columns, varieties = self.columns, flows.varieties
         streams = len(flows.streams)
         columns.resize(streams)
         stream_of = varieties.column("stream")
         length = np.zeros(streams, np.int64)
-        own = stream_of >= 0
+        own = varieties.column("kind") == kind
         np.add.at(length, stream_of[own], count[own])
         # What is no data telegram goes behind all streams.
         packet = order_by(np.where(own, stream_of, streams), batch.variety, streams)[: length.sum()]
@@ -94,12 +95,14 @@ class StreamMemory:
             variety, counter, time_ns,
             np.flatnonzero(varieties.wants[variety]) if varieties.column("wants").any() else nothing, None,
         )  # fmt: skip
-        rows = replace(rows, repeated=self._repeated(batch, rows, flows))
+        if kind == Kind.DATA:
+            rows = replace(rows, repeated=self._repeated(batch, rows, flows))
         columns.first_ns[run[rows.fresh]] = time_ns[start[rows.fresh]]
         columns.last_ns[run] = time_ns[stop - 1]
         columns.telegrams[run] += stop - start
         columns.signature[run] = _signatures(rows, stop - 1, flows)
-        self._remember(batch, rows)
+        if kind == Kind.DATA:
+            self._remember(batch, rows)
         return rows
 
     def _repeated(self, batch: SortedPackets, rows: DataRows, flows: Flows) -> Bool | None:

@@ -109,6 +109,8 @@ class Samples:
 
     def _add(self, telegrams: Telegrams) -> None:
         stream, size = telegrams.stream, telegrams.data.shape[1]
+        if isinstance(stream.port, str):
+            return  # without Items, nothing tells how many variables a frame has
         key = stream.number, telegrams.items, size
         sample = self.found.get(key)
         if sample is None:

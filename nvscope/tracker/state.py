@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U64, Bool, LinkType, PacketBatch
-from dissectors.can import dissect_can
+from dissectors.batch import I64, U64, Bool, PacketBatch
+from dissectors.can_pdo import PdoRules
 from dissectors.netvar import (
     CHECKSUM_INVALID,
     HEADER,
@@ -24,7 +24,7 @@ from dissectors.netvar import (
 )
 from dissectors.varieties import NO_TELEGRAM, Choose, SortedPackets, Sorter
 from nvscope.tracker.acknowledgement import TIMEOUT_NS, Acknowledgement, Messages
-from nvscope.tracker.can_state import CanState
+from nvscope.tracker.can_state import CanState, no_steps
 from nvscope.tracker.columns import Columns
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.counters import DiagError
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from nvscope.tracker.values import Values
 
 MAX_BATCH = 1 << 17
-_WITHOUT_CAN = frozenset(LinkType) - {LinkType.CAN_SOCKETCAN, LinkType.LINUX_SLL, LinkType.LINUX_SLL2}
 
 FAULT_CODES = {
     Fault.SHORT: 101,
@@ -52,6 +51,7 @@ FAULT_CODES = {
 RESERVED_FLAGS_CODE, ASCII_CODE, TRUNCATED_CODE = 104, 106, 107
 NO_ACKNOWLEDGEMENT_CODE, NEGATIVE_CODE, UNEXPECTED_CODE, BOOT_UP_CODE, REJECTED_CODE = 301, 302, 303, 304, 305
 SHAPE_CODE, CHECKSUM_CODE, FLAGS_CODE = 402, 403, 404
+PDO_LENGTH_CODE = 603
 CLOCK_STEP_CODE = 902
 
 _REJECTED = {
@@ -78,7 +78,7 @@ class ListColumns(Columns):
 
 
 class TrackerState:
-    """What is on the wire; what is on CAN buses is in ``can``.
+    """What is on the wire; what is on CAN buses besides data is in ``can``.
 
     ``events`` are the events that are findings as they stand, keyed by ``finding_key``. Frame numbers count from 1
     across all that was observed. ``repeated`` counts telegrams that equal the one before them byte for byte.
@@ -95,8 +95,9 @@ class TrackerState:
         *,
         values: Values | None = None,
         choose: Choose | None = None,
+        pdos: PdoRules | None = None,
     ) -> None:
-        self._sorter = Sorter(ports)
+        self._sorter = Sorter(ports, pdos)
         self.values = values
         self.choose = choose
         self.chosen = 0
@@ -111,7 +112,7 @@ class TrackerState:
         self.last_ns: int | None = None
         self.longest_step_back_ns = 0
         self.can = CanState()
-        self.flows = Flows()
+        self.flows = Flows(pdos)
         self.memory = StreamMemory()
         self.loss = Loss()
         self.timing = Timing()
@@ -123,6 +124,11 @@ class TrackerState:
         self.lists = ListColumns()
         self.events = EventLog()
 
+    @property
+    def choosable(self) -> int:
+        """How many telegrams and CAN frames there are, of which a filter chooses."""
+        return self.telegrams + self.can.frames
+
     def observe(self, packets: PacketBatch) -> None:
         """Take the packets that follow those observed so far."""
         for start in range(0, len(packets), MAX_BATCH):
@@ -131,8 +137,6 @@ class TrackerState:
     def _observe(self, batch: SortedPackets) -> None:
         first_frame = self.frames + 1
         self._observe_frames(batch, first_frame)
-        if batch.packets.single_link not in _WITHOUT_CAN:
-            self.can.observe(dissect_can(batch.packets), first_frame)
         count = self.flows.observe(batch, first_frame)
         chosen = None
         if self.choose is not None:
@@ -144,8 +148,11 @@ class TrackerState:
         self._observe_headers(batch, first_frame)
         errors += self._observe_lists(batch, count, first_frame, chosen)
         self.errors.observe(errors, len(self.flows.lists))
+        if batch.can is not None:
+            self.can.observe(batch.can, first_frame)
+            self._observe_pdos(batch, count, first_frame, chosen)
         self.frames += len(batch)
-        self.telegrams += len(batch) - int(count[NO_TELEGRAM])
+        self.telegrams += len(batch) - int(count[NO_TELEGRAM]) - int(count[batch.varieties.on_can].sum())
 
     def _observe_frames(self, batch: SortedPackets, first_frame: int) -> None:
         time_ns = batch.packets.ts_ns
@@ -237,6 +244,24 @@ class TrackerState:
             if self.values is not None:
                 self.values.observe(batch, rows, self.flows, first_frame, chosen)
         return errors
+
+    def _observe_pdos(self, batch: SortedPackets, count: I64, first_frame: int, chosen: Bool | None) -> None:
+        """Take the data frames of CAN: they have a time, a length and variables, and nothing else to go by."""
+        rows = self.memory.rows(batch, count, self.flows, Kind.PDO)
+        if not len(rows):
+            return
+        self.loss.streams.resize(len(self.flows.streams))
+        intervals = self.timing.observe(rows, *no_steps(len(rows)), len(self.flows.streams), first_frame)
+        if len(intervals.stream):
+            self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
+        self.can.cycles.observe(rows, None, intervals.usual, self.timing.columns.usual_ns, self.flows, first_frame)
+        changed, _, _ = self.consistency.observe(rows, self.flows)
+        if len(changed):
+            row = changed[np.argsort(rows.packet[changed])]
+            lists, node, subindex = self.described(rows.stream[row])
+            self._log(PDO_LENGTH_CODE, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+        if self.values is not None:
+            self.values.observe(batch, rows, self.flows, first_frame, chosen)
 
     def _messages(self, batch: SortedPackets, count: I64, kind: Kind) -> Messages:
         """Pick the telegrams of one kind that is not DATA."""

@@ -6,46 +6,25 @@ Everything here is computed when asked for, from integers, and changes nothing i
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from dissectors.can_pdo import ON_CAN
 from dissectors.netvar import CHECKSUM_PRESENT
+from nvscope.list_key import ListKey, list_key
 from nvscope.tracker import address
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.can_summary import CanSummary, summarize_can
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
+from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.errors import LastError
-from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, Kind
+from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY, Kind
 from nvscope.tracker.intervals import Intervals, intervals_of, percentiles_of
 from nvscope.tracker.state import TrackerState
 
 UNUSED_FROM_TELEGRAMS = 8
-
-
-def list_key(port: int, index: int) -> str:
-    """Return the key of a list on UDP, as people and reports name it."""
-    return f"udp/{port}/{index}"
-
-
-@dataclass(slots=True)
-class Diagnosis:
-    """NetVarUDPDiagStruct; times are absolute ns or None, the error a name."""
-
-    nSendCount: int = 0  # noqa: N815  # the document's name
-    tLastSend: int | None = None  # noqa: N815
-    nReceiveCount: int = 0  # noqa: N815
-    tLastReceive: int | None = None  # noqa: N815
-    nWriteCount: int = 0  # noqa: N815
-    sLastError: str = "NOERROR"  # noqa: N815
-    tLastError: int | None = None  # noqa: N815
-    nErrorCount: int = 0  # noqa: N815
-    nAcknowledges: int = 0  # noqa: N815
-
-    @property
-    def blank(self) -> bool:
-        """True where nothing was counted."""
-        return not (self.nSendCount or self.nReceiveCount or self.nWriteCount or self.nErrorCount or self.nAcknowledges)
+_NOBODY = NOBODY % (1 << 64)  # as the table of streams has it
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,17 +103,13 @@ class _Tally:
 def summarize(
     state: TrackerState,
     *,
-    intervals_ns: Mapping[tuple[int, int], int] = MappingProxyType({}),
+    intervals_ns: Mapping[ListKey, int] = MappingProxyType({}),
     readers: Mapping[str, Collection[tuple[int | None, int]]] = MappingProxyType({}),
-    channels: Sequence[str] = (),
-    can_parts: Mapping[int, tuple[int, int]] = MappingProxyType({}),
-    can_intervals_ns: Mapping[int, int] = MappingProxyType({}),
 ) -> Summary:
     """Compute the summary of a state.
 
-    ``intervals_ns`` are the nominal intervals of lists that have to be sent at one, by port and Index. ``readers`` are
-    the lists that nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on
-    any port. ``channels``, ``can_parts`` and ``can_intervals_ns`` are as for ``summarize_can``.
+    ``intervals_ns`` are the nominal intervals of lists that have to be sent at one. ``readers`` are the lists that
+    nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on any port.
     """
     flows = state.flows
     nodes = list(zip(flows.nodes.high.tolist(), flows.nodes.low.tolist(), strict=True))
@@ -150,11 +125,11 @@ def summarize(
     _diagnose(state, lists, order, reading)
     _add_streams(state, lists, scopes, order, intervals_ns)
     _count(state, lists)
-    lists.sort(key=lambda entry: (entry.port, entry.index))
+    on_udp = sorted((entry for entry in lists if entry.port < ON_CAN), key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
-    can = summarize_can(state.can, channels, len(lists), parts=can_parts, intervals_ns=can_intervals_ns)
+    can = summarize_can(state, intervals_ns=intervals_ns)
     timeout_ns = state.acknowledgement.timeout_ns
-    return Summary(lists, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
+    return Summary(on_udp, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
 
 
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
@@ -166,6 +141,8 @@ def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     own: dict[int, list[int]] = defaultdict(lambda: [0, 0, 0])
     lists: dict[int, set[int]] = defaultdict(set)
     for stream, node in enumerate(nodes):
+        if node == _NOBODY:
+            continue
         tally = own[node]
         tally[0] += regular[stream]
         tally[1] += steps[stream]
@@ -253,7 +230,7 @@ def _sum_up(state: TrackerState, lists: list[ListSummary]) -> list[_Traffic]:
     for kind, number, source, destination, count, mismatches, frame, time_ns, first_frame, first_ns in zip(
         *table, strict=True
     ):
-        if kind == Kind.HEADER_CUT:
+        if kind in (Kind.HEADER_CUT, Kind.PDO):
             continue
         seen = traffic[number]
         last = (frame, time_ns)
@@ -315,13 +292,15 @@ def _add_streams(
     lists: list[ListSummary],
     scopes: dict[int, Scope],
     order: list[tuple[bool, int]],
-    intervals_ns: Mapping[tuple[int, int], int],
+    intervals_ns: Mapping[ListKey, int],
 ) -> None:
     flows, memory, loss = state.flows, state.memory.columns, state.loss.streams
     histograms = state.timing.histograms()
     recent = state.recent.histograms()
     telegrams = memory.column("telegrams").tolist()
     for stream, (place, node) in enumerate(zip(flows.streams.high.tolist(), flows.streams.low.tolist(), strict=True)):
+        if node == _NOBODY:
+            continue
         scope = scopes[node]
         entry = lists[int(flows.places.high[place])]
         nominal = intervals_ns.get((entry.port, entry.index))

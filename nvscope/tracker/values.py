@@ -24,6 +24,7 @@ from dissectors.varieties import SortedPackets
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Elementary, Kind, String, scalar_of
 from nvscope.definition.packing import TelegramLayout
+from nvscope.list_key import ListKey
 from nvscope.tracker.events import FRAMES_KEPT, EventRows
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.rows import DataRows
@@ -195,7 +196,7 @@ class Values:
         header = batch.varieties.header
         signs = (header["items"].astype(np.int64) << 16) | header["length"]
         for stream, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
-            key, subindex, _ = flows.stream_key(stream)
+            key, subindex = flows.place_key(stream)
             if self.layouts.list_of(*key) is None:
                 continue
             variety, own = rows.variety[start:stop], np.arange(start, stop)
@@ -219,9 +220,7 @@ class Values:
                 bounds = np.array([0]), np.array([len(others)])
                 self.unfitting.add(np.array([stream]), *bounds, rows.time_ns, rows.packet + first_frame, others)
 
-    def _layouts_of(
-        self, stream: int, key: tuple[int, int], subindex: int, sent: I64
-    ) -> Mapping[Shape, TelegramLayout]:
+    def _layouts_of(self, stream: int, key: ListKey, subindex: int, sent: I64) -> Mapping[Shape, TelegramLayout]:
         """Return the layouts that telegrams of a stream can have; ``sent`` are the shapes that come next, as numbers.
 
         They are those of the definitions, or where none knows all of the list, one for each of the first shapes sent.

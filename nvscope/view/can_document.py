@@ -5,30 +5,30 @@ A frame names neither sender nor reader, and carries no counter: what cannot be 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import Any
 
+from dissectors.can_pdo import EXTENDED
 from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary, CanSummary
-from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
+from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
+from nvscope.view.diagnosis_row import diagnosis_row
 from nvscope.view.intervals import interval_row
 
 
-def can_lists(summary: CanSummary, names: Mapping[int, str]) -> Iterator[dict[str, Any]]:
-    """Yield the lists on CAN, with their COB-IDs as streams; ``names`` are those of lists, by COB-ID."""
-    for entry in summary.lists:
-        yield {
-            "key": entry.key,
-            "transport": "can",
-            "channel": entry.channel,
-            "id": entry.cob_id,
-            "name": None if entry.streams[0].extended else names.get(entry.cob_id),
-            "senders": [],
-            "readers": [],
-            "diag": _diagnosis(entry),
-            "counters": dict.fromkeys(counter.name for counter in LIST_COUNTERS),
-            "nodes": [],
-            "streams": [_stream(stream) for stream in entry.streams],
-        }
+def can_list(entry: CanListSummary, name: str | None) -> dict[str, Any]:
+    """Return a list on CAN, with its COB-IDs as streams; ``name`` is what people call it."""
+    return {
+        "key": entry.key,
+        "transport": "can",
+        "channel": entry.port,
+        "id": entry.index & ~EXTENDED,
+        "name": name,
+        "senders": [],
+        "readers": [],
+        "diag": diagnosis_row(entry.diagnosis),
+        "counters": dict.fromkeys(counter.name for counter in LIST_COUNTERS),
+        "nodes": [],
+        "streams": [_stream(stream) for stream in entry.streams],
+    }
 
 
 def can_buses(summary: CanSummary) -> list[dict[str, Any]]:
@@ -47,29 +47,18 @@ def can_buses(summary: CanSummary) -> list[dict[str, Any]]:
     ]
 
 
-def _diagnosis(entry: CanListSummary) -> dict[str, Any]:
-    """Return what a diagnosis structure would hold: on CAN, it counts nothing but frames."""
-    frames = sum(stream.frames for stream in entry.streams)
-    last = str(max(stream.last_ns for stream in entry.streams))
-    told: dict[str, Any] = dict.fromkeys(component.name for component in DIAGNOSIS)
-    return told | {
-        "nSendCount": frames, "tLastSend": last, "nReceiveCount": frames, "tLastReceive": last, "nWriteCount": frames,
-        "sLastError": "NOERROR", "nErrorCount": 0, "nAcknowledges": 0,
-    }  # fmt: skip
-
-
 def _stream(stream: CanStreamSummary) -> dict[str, Any]:
     return {
         "node": None,
         "subindex": stream.subindex,
         "cob_id": stream.cob_id,
         "extended": stream.extended,
-        "telegrams": stream.frames,
+        "telegrams": stream.telegrams,
         "remote": stream.remote,
         "counter_scope": None,
         **dict.fromkeys(STREAM_FIGURES),
         "interval_ns": interval_row(stream.intervals),
-        "items": None,
+        "items": stream.items or None,
         "length": stream.length,
         "checksum": None,
     }

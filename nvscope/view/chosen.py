@@ -50,7 +50,13 @@ class Chosen:
 
     def summary(self, whole: Summary) -> Summary:
         """Return a summary with the lists, streams and nodes that are to be shown."""
-        return replace(whole, lists=[self._list(entry) for entry in whole.lists if entry.number in self._lists])
+        lists = [self._list(entry) for entry in whole.lists if entry.number in self._lists]
+        on_can = [
+            replace(entry, streams=[stream for stream in entry.streams if stream.stream in self._streams])
+            for entry in whole.can.lists
+            if entry.number in self._lists
+        ]
+        return replace(whole, lists=lists, can=replace(whole.can, lists=on_can))
 
     def _list(self, entry: ListSummary) -> ListSummary:
         return replace(

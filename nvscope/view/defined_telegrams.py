@@ -9,7 +9,7 @@ from enum import IntEnum
 import numpy as np
 
 from dissectors.batch import I64, U8
-from dissectors.keys import KeyTable
+from dissectors.can_pdo import ON_CAN, PdoRules
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, PortRules, Service
 from dissectors.varieties import NO_TELEGRAM, Choose, Sorter, Varieties
@@ -18,14 +18,14 @@ from nvscope.capture.spans import copy_spans
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
+from nvscope.list_key import ListKey
 from nvscope.tracker import address
 from nvscope.tracker.columns import runs_of, stable_order
 from nvscope.tracker.flows import Kind, kinds
 from nvscope.view.value_columns import SpanColumn
 
-ListKey = tuple[int, int]
-
 _OTHER = -1
+_CHANNEL = -1  # in place of the upper half of an address: the other half is the number of a CAN channel
 
 
 class LeftOut(IntEnum):
@@ -109,9 +109,10 @@ class DefinedRows:
 class DefinedTelegrams:
     """The data telegrams of the lists of ``layouts``; iterate once, a step a packet batch.
 
-    ``keys`` are the lists (port, Index) that are wanted, None for all; ``choose`` tells which packets are, None for
-    all. ``places`` are the telegrams that these lists have, by list, definition and SubIndex. Of several definitions
-    of a list, the first that has the Items and Length of a telegram says what it is; where none has, it is left out.
+    ``keys`` are the lists that are wanted, as they are defined; ``choose`` tells which packets are, None for all;
+    ``pdos`` say which lists CAN frames belong to. ``places`` are the telegrams that these lists have, by list,
+    definition and SubIndex. Of several definitions of a list, the first that has the Items and Length of a telegram
+    says what it is; where none has, it is left out.
 
     What is known after the last step: ``frames`` and ``fragments`` (IP fragments, which are not put together),
     ``telegrams`` (data telegrams of the lists, and how many of them were ``chosen``), ``senders`` (their addresses),
@@ -127,9 +128,11 @@ class DefinedTelegrams:
         keys: Collection[ListKey],
         ports: PortRules | None = None,
         choose: Choose | None = None,
+        pdos: PdoRules | None = None,
     ) -> None:
         self._source = source
-        self._sorter = Sorter(ports)
+        self._pdos = pdos or PdoRules()
+        self._sorter = Sorter(ports, self._pdos)
         self._choose = choose
         self.keys = list(keys)
         self.places: list[Place] = []
@@ -139,7 +142,7 @@ class DefinedTelegrams:
             self._find_places(number, layouts, key)
         self._number = {key: number for number, key in enumerate(self.keys)}
         self._defined = layouts
-        self._senders = KeyTable()
+        self._senders: dict[tuple[int, int], int] = {}
         self._described: Varieties | None = None
         self._renew()
         self.frames = self.fragments = self.telegrams = self.chosen = self.undefined = 0
@@ -173,9 +176,9 @@ class DefinedTelegrams:
 
     @property
     def senders(self) -> list[str]:
-        """The addresses of the senders, by number."""
-        halves = zip(self._senders.high.tolist(), self._senders.low.tolist(), strict=True)
-        return [address.text(*pair) for pair in halves]
+        """The addresses of the senders, by number; on CAN the channel, since nobody knows who sends."""
+        channel = self._pdos.channel
+        return [channel(low) if high == _CHANNEL else address.text(high, low) for high, low in self._senders]
 
     @property
     def left_out(self) -> dict[ListKey, dict[LeftOut, int]]:
@@ -230,16 +233,23 @@ class DefinedTelegrams:
             return
         header, datagram = varieties.header[new], varieties.datagram.take(new)
         kind, truncated = kinds(header["id"], varieties.fault[new]), varieties.truncated[new]
+        on_can = varieties.on_can[new]
+        kind[on_can] = np.where(varieties.is_pdo[new], Kind.DATA, Kind.NOTHING)[on_can]
         header_cut = (kind == Kind.HEADER_CUT) & (header["id"] == Service.ODStateFree)
         is_data = (kind == Kind.DATA) | (kind == Kind.MALFORMED_DATA) | header_cut
-        place, number = np.full(len(new), _OTHER), np.full(len(new), _OTHER)
+        place, number, sender = np.full(len(new), _OTHER), np.full(len(new), _OTHER), np.zeros(len(new), np.int64)
         reason, undefined = np.full(len(new), _OTHER), np.zeros(len(new), np.bool_)
         for row in np.flatnonzero(is_data).tolist():
-            key = int(datagram.destination_port[row]), int(header["index"][row])
+            port, index = int(varieties.port[new[row]]), int(varieties.index[new[row]])
+            key = self._defined.key_of(self._pdos.channel(port - ON_CAN) if on_can[row] else port, index)
             if key not in self._number:
-                undefined[row] = self._defined.list_of(*key) is None
+                # Of the frames on a bus most are no network variables.
+                undefined[row] = key is None and not on_can[row]
                 continue
             number[row] = self._number[key]
+            halves = int(datagram.source_hi[row]), int(datagram.source_lo[row])
+            sent_by = (_CHANNEL, port - ON_CAN) if on_can[row] else halves
+            sender[row] = self._senders.setdefault(sent_by, len(self._senders))
             shape = int(header["subindex"][row]), int(header["items"][row]), int(header["length"][row])
             if header_cut[row]:
                 reason[row] = LeftOut.CUT
@@ -253,7 +263,7 @@ class DefinedTelegrams:
                 place[row] = found
         self._place, self._list = np.append(self._place, place), np.append(self._list, number)
         self._reason, self._undefined = np.append(self._reason, reason), np.append(self._undefined, undefined)
-        self._sender = np.append(self._sender, self._senders.numbers(datagram.source_hi, datagram.source_lo))
+        self._sender = np.append(self._sender, sender)
         self._begin = np.append(self._begin, datagram.payload + HEADER.size_bytes)
         self._subindex = np.append(self._subindex, header["subindex"].astype(np.int64))
         self._size_bytes = np.append(self._size_bytes, header["length"].astype(np.int64) - HEADER.size_bytes)

@@ -7,12 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from dissectors.batch import I64, Bool, PacketBatch
+from dissectors.can_pdo import PdoRules
 from dissectors.netvar import Fault
 from dissectors.sorted_telegrams import SortedTelegrams
 from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
 from nvscope.expression.columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
 from nvscope.expression.expression import compile_expression
-from nvscope.view.fields import FIELDS, TelegramField, expression_names
+from nvscope.view.can_rows import CanRows
+from nvscope.view.fields import FIELDS, expression_names
+from nvscope.view.telegram_field import TelegramField
 from nvscope.view.telegrams import TelegramRows
 from nvscope.view.verdict_fields import Verdicts
 
@@ -80,11 +83,12 @@ class PacketChoice:
     """Tells which packets hold telegrams that a display filter chooses; it has to see all batches of a capture in turn.
 
     What is the same for all telegrams of a variety is asked once of each variety, so that a filter on headers costs
-    next to nothing.
+    next to nothing. ``pdos`` know what CAN channels are called.
     """
 
-    def __init__(self, chosen: DisplayFilter) -> None:
+    def __init__(self, chosen: DisplayFilter, pdos: PdoRules | None = None) -> None:
         self._filter = chosen
+        self._pdos = pdos or PdoRules()
         self._frames = 0
         self._start_ns = self._last_ns = 0
         self._varieties: Varieties | None = None
@@ -113,7 +117,10 @@ class PacketChoice:
         """Ask of the telegrams in some packets one by one, and enter the answers."""
         if len(packet):
             telegrams = SortedTelegrams(batch, packet)
-            rows = TelegramRows(telegrams, batch.packets, self._frames, self._start_ns, self._last_ns, None)
+            rows = TelegramRows(
+                telegrams, batch.packets, self._frames, self._start_ns, self._last_ns, None,
+                can=CanRows.of_packets(batch, packet, self._pdos),
+            )  # fmt: skip
             chosen[packet] = self._filter(rows)
 
     def _describe(self, batch: SortedPackets) -> None:
@@ -129,7 +136,8 @@ class PacketChoice:
             return
         new = np.arange(known, len(batch.varieties))
         telegrams = batch.varieties.telegrams(new)
-        answer = self._filter(TelegramRows(telegrams, batch.packets, 0, 0, 0, None)) & (new != NO_TELEGRAM)
+        can = CanRows.of_varieties(batch.varieties, new, self._pdos)
+        answer = self._filter(TelegramRows(telegrams, batch.packets, 0, 0, 0, None, can=can)) & (new != NO_TELEGRAM)
         # Of these, a variety does not tell all that was captured.
         undecided = (telegrams.fault == Fault.HEADER_CUT) | (telegrams.fault == Fault.SHORT)
         self._answer = np.concatenate([self._answer, answer & ~undecided])

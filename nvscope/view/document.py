@@ -13,11 +13,14 @@ from typing import TYPE_CHECKING, Any
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
-from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
+from nvscope.list_key import ListKey, told_of
+from nvscope.tracker.can_summary import CanListSummary
+from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import Diagnosis, ListSummary, StreamSummary, Summary
+from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 from nvscope.version import __version__
-from nvscope.view.can_document import can_buses, can_lists
+from nvscope.view.can_document import can_buses, can_list
+from nvscope.view.diagnosis_row import diagnosis_row, time_text
 from nvscope.view.intervals import interval_row
 
 if TYPE_CHECKING:
@@ -32,7 +35,7 @@ def report_document(
     findings: Sequence[Finding],
     sources: Sequence[SourceInfo],
     definition: Definition | None = None,
-    values: Mapping[tuple[int, int], list[dict[str, Any]]] | None = None,
+    values: Mapping[ListKey, list[dict[str, Any]]] | None = None,
     *,
     node_names: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Any]:
@@ -41,14 +44,13 @@ def report_document(
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by port and
     identifier of their list, each list has its own. ``node_names`` are by the text of the address.
     """
-    names = {key: entry.name or None for key, entry in definition.by_port_and_id().items()} if definition else {}
-    can_names = {
-        entry.list_id: entry.name
-        for entry in reversed(definition.lists if definition else ())
-        if entry.protocol.upper() == "CAN" and entry.list_id is not None and entry.name
-    }
+    names = {key: entry.name or None for key, entry in definition.by_key().items()} if definition else {}
     keys = {entry.number: entry.key for entry in summary.lists}
     keys |= {entry.number: entry.key for entry in summary.can.lists}
+
+    def valued(entry: ListSummary | CanListSummary) -> dict[str, Any]:
+        return {} if values is None else {"values": values.get((entry.port, entry.index), [])}
+
     document = {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
@@ -62,24 +64,22 @@ def report_document(
             "other_frames": state.frames - state.telegrams,
             **({"can_frames": state.can.frames} if state.can.frames else {}),
             "drops": sum(info.drops for info in sources),
-            "start_ns": _time(state.start_ns),
-            "end_ns": _time(state.end_ns),
+            "start_ns": time_text(state.start_ns),
+            "end_ns": time_text(state.end_ns),
         },
         "lists": [
-            *can_lists(summary.can, can_names),
             *(
-                _list(entry, summary, names.get((entry.port, entry.index)), node_names)
-                | ({} if values is None else {"values": values.get((entry.port, entry.index), [])})
+                can_list(entry, told_of(names, (entry.port, entry.index))) | valued(entry)
+                for entry in summary.can.lists
+            ),
+            *(
+                _list(entry, summary, names.get((entry.port, entry.index)), node_names) | valued(entry)
                 for entry in summary.lists
             ),
         ],
         "findings": [_finding(finding, keys, summary) for finding in findings],
     }
     return document | ({"buses": can_buses(summary.can)} if summary.can.buses else {})
-
-
-def _time(time_ns: int | None) -> str | None:
-    return None if time_ns is None else str(time_ns)
 
 
 def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Mapping[str, str]) -> dict[str, Any]:
@@ -92,19 +92,14 @@ def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Ma
         "name": name,
         "senders": [address[node] for node in entry.senders],
         "readers": [address[node] for node in entry.readers],
-        "diag": _diagnosis(entry.diagnosis),
+        "diag": diagnosis_row(entry.diagnosis),
         "counters": {counter.name: entry.counters[counter.name] for counter in LIST_COUNTERS},
         "nodes": [
-            {"address": address[node], "name": node_names.get(address[node]), "diag": _diagnosis(diagnosis)}
+            {"address": address[node], "name": node_names.get(address[node]), "diag": diagnosis_row(diagnosis)}
             for node, diagnosis in entry.nodes
         ],
         "streams": [_stream(stream, summary) for stream in entry.streams],
     }
-
-
-def _diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
-    values = {component.name: getattr(diagnosis, component.name) for component in DIAGNOSIS}
-    return values | {c.name: _time(values[c.name]) for c in DIAGNOSIS if c.unit == "ns"}
 
 
 def _stream(stream: StreamSummary, summary: Summary) -> dict[str, Any]:
@@ -131,8 +126,8 @@ def _finding(finding: Finding, keys: dict[int, str], summary: Summary) -> dict[s
         "node": None if finding.node is None else summary.addresses[finding.node],
         "subindex": finding.subindex,
         "count": finding.count,
-        "first_ns": _time(finding.first_ns),
-        "last_ns": _time(finding.last_ns),
+        "first_ns": time_text(finding.first_ns),
+        "last_ns": time_text(finding.last_ns),
         "frames": list(finding.frames),
         "message": finding.message,
         "hint": finding.hint or kind.next_steps[0],

@@ -1,4 +1,4 @@
-"""The fields of a telegram: name, type, label, help, and how to read one as a column.
+"""The fields of telegrams and CAN frames: name, type, label, help, and how to read one as a column.
 
 One table for everything that names fields. Names are Wireshark's where it has the field; ``nv.*`` comes from the header
 table (``dissectors.netvar.HEADER``), a column for each of its fields and for each bit that has a name.
@@ -7,8 +7,6 @@ table (``dissectors.netvar.HEADER``), a column for each of its fields and for ea
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from dataclasses import field as dataclass_field
 from types import MappingProxyType
 
 import numpy as np
@@ -21,43 +19,16 @@ from nvscope.errors import UsageError
 from nvscope.expression.columns import (
     AddressColumn,
     BytesColumn,
-    Column,
     FieldType,
     Named,
     Numbers,
     TextColumn,
 )
 from nvscope.expression.names import nearest
+from nvscope.view.can_fields import CAN_FIELDS
 from nvscope.view.escape import visible
+from nvscope.view.telegram_field import TelegramField, on_udp
 from nvscope.view.telegrams import TelegramRows
-
-
-@dataclass(frozen=True, slots=True)
-class TelegramField:
-    """One field.
-
-    ``read`` gives the column: unsigned integers of any width (UNSIGNED), int64 nanoseconds since 1970-01-01 UTC (TIME)
-    or between two moments (DURATION), bool (BOOL), or the column class of the type. ``known`` tells in which telegrams
-    the field exists, None for in all of them; where it does not, the column holds anything. ``hex_digits`` other than
-    0: people write the number in hexadecimal. ``calendar``: they write the time as a date. ``constant``: it is the same
-    in all telegrams of a variety (``dissectors.varieties``). ``judged``: it is known when the whole capture was read.
-    ``values`` are names of its numbers. ``refused`` says why the name can be neither filtered by nor written out,
-    ``instead`` which can.
-    """
-
-    name: str
-    type: FieldType
-    label: str
-    help: str
-    read: Callable[[TelegramRows], Column]
-    known: Callable[[TelegramRows], Bool | None] = lambda _: None
-    hex_digits: int = 0
-    calendar: bool = False
-    constant: bool = False
-    judged: bool = False
-    values: Mapping[str, int] = dataclass_field(default_factory=dict)
-    refused: str = ""
-    instead: str = ""
 
 
 def _header_fields() -> Iterator[TelegramField]:
@@ -162,39 +133,7 @@ def _destination(rows: TelegramRows) -> AddressColumn:
 
 _UNSIGNED, _TIME, _DURATION, _ADDRESS = FieldType.UNSIGNED, FieldType.TIME, FieldType.DURATION, FieldType.ADDRESS
 
-_TABLE = (
-    TelegramField(
-        "frame.number", _UNSIGNED, "Frame number", "place among all frames of the capture, from 1",
-        lambda rows: rows.frame_number,
-    ),
-    TelegramField(
-        "frame.time", _TIME, "Time", "when the frame was captured, ISO 8601 in UTC",
-        lambda rows: rows.telegrams.ts_ns, calendar=True,
-    ),
-    TelegramField(
-        "frame.time_epoch", _TIME, "Epoch time", "seconds since 1970-01-01 UTC; in JSON nanoseconds as a string",
-        lambda rows: rows.telegrams.ts_ns,
-    ),
-    TelegramField(
-        "frame.time_relative", _DURATION, "Time since the first frame", "seconds; in JSON nanoseconds",
-        lambda rows: rows.since_start_ns,
-    ),
-    TelegramField(
-        "frame.time_delta", _DURATION, "Time since the previous frame", "seconds; in JSON nanoseconds",
-        lambda rows: rows.since_frame_ns,
-    ),
-    TelegramField(
-        "frame.time_delta_displayed", _DURATION, "Time since the previous telegram shown",
-        "seconds; in JSON nanoseconds", lambda rows: rows.since_shown_ns,
-    ),
-    TelegramField(
-        "frame.len", _UNSIGNED, "Frame length", "bytes on the wire",
-        lambda rows: rows.packets.original[rows.telegrams.datagram.row],
-    ),
-    TelegramField(
-        "frame.cap_len", _UNSIGNED, "Captured length", "bytes of the frame that were captured",
-        lambda rows: rows.packets.captured[rows.telegrams.datagram.row],
-    ),
+_UDP_TABLE: tuple[TelegramField, ...] = (
     TelegramField("ip.version", _UNSIGNED, "IP version", "4 or 6", _ip_version, constant=True),
     TelegramField("ip.src", _ADDRESS, "Source address", "IPv4 or IPv6 address of the sender", _source, constant=True),
     TelegramField(
@@ -232,8 +171,48 @@ _TABLE = (
     ),
 )  # fmt: skip
 
+_TABLE = (
+    TelegramField(
+        "frame.number", _UNSIGNED, "Frame number", "place among all frames of the capture, from 1",
+        lambda rows: rows.frame_number,
+    ),
+    TelegramField(
+        "frame.time", _TIME, "Time", "when the frame was captured, ISO 8601 in UTC",
+        lambda rows: rows.telegrams.ts_ns, calendar=True,
+    ),
+    TelegramField(
+        "frame.time_epoch", _TIME, "Epoch time", "seconds since 1970-01-01 UTC; in JSON nanoseconds as a string",
+        lambda rows: rows.telegrams.ts_ns,
+    ),
+    TelegramField(
+        "frame.time_relative", _DURATION, "Time since the first frame", "seconds; in JSON nanoseconds",
+        lambda rows: rows.since_start_ns,
+    ),
+    TelegramField(
+        "frame.time_delta", _DURATION, "Time since the previous frame", "seconds; in JSON nanoseconds",
+        lambda rows: rows.since_frame_ns,
+    ),
+    TelegramField(
+        "frame.time_delta_displayed", _DURATION, "Time since the previous telegram shown",
+        "seconds; in JSON nanoseconds", lambda rows: rows.since_shown_ns,
+    ),
+    TelegramField(
+        "frame.len", _UNSIGNED, "Frame length", "bytes on the wire",
+        lambda rows: rows.packets.original[rows.telegrams.datagram.row],
+    ),
+    TelegramField(
+        "frame.cap_len", _UNSIGNED, "Captured length", "bytes of the frame that were captured",
+        lambda rows: rows.packets.captured[rows.telegrams.datagram.row],
+    ),
+    *map(on_udp, _UDP_TABLE),
+    *CAN_FIELDS,
+)  # fmt: skip
+
 FIELDS = MappingProxyType({field.name: field for field in _TABLE})
 """All fields by name, in the order in which they are listed."""
+
+DEFAULT_CAN_FIELDS = (FIELDS["frame.number"], FIELDS["frame.time"], *CAN_FIELDS)
+"""What is written of CAN logs where nobody says which fields are wanted."""
 
 DEFAULT_FIELDS = (
     FIELDS["frame.number"],
@@ -244,14 +223,17 @@ DEFAULT_FIELDS = (
     FIELDS["udp.dstport"],
     *(field for field in _TABLE if field.name.startswith(f"{HEADER.name}.")),
 )
-"""What is written where nobody says which fields are wanted."""
+"""What is written of other captures where nobody says which fields are wanted."""
 
 EITHER_OF = MappingProxyType({"ip.addr": ("ip.src", "ip.dst"), "udp.port": ("udp.srcport", "udp.dstport")})
 """Names that expressions know beside the fields: each stands for the fields of both sides."""
 
 PROTOCOLS = MappingProxyType(
-    {"frame": "ip.version", "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "ip.version", "nv": "ip.version"}
-)
+    {
+        "frame": "frame.number", "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "ip.version",
+        "nv": "ip.version", "can": "can.id", "canfd": "can.fd", "canopen": "canopen.function",
+    }
+)  # fmt: skip
 """Names of protocols, each with the expression that chooses the telegrams that have it; as in Wireshark, ``ip`` is
 version 4 alone."""
 

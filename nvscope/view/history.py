@@ -12,9 +12,9 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import type_text
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
 from nvscope.definition.value import value_of
+from nvscope.list_key import ListKey, Port, list_key, list_order
 from nvscope.tracker.history import Entry, History
 from nvscope.tracker.moment import LastTelegram, Moment
-from nvscope.tracker.summary import list_key
 from nvscope.version import __version__
 from nvscope.view.variables import filter_told, plain_value, value_text
 
@@ -22,8 +22,8 @@ HISTORY_SCHEMA = "nvscope.history/1"
 AT_SCHEMA = "nvscope.at/1"
 TOOL = {"name": "nvscope", "version": __version__}
 
-_Place = tuple[int, int, int, str]
-"""Port and identifier of a list, SubIndex, and sender."""
+_Place = tuple[Port, int, int, str]
+"""Port (or CAN channel) and identifier of a list, SubIndex, and sender."""
 
 
 def change_row(entry: Entry) -> dict[str, Any]:
@@ -54,7 +54,11 @@ def change_summary(history: History) -> list[dict[str, Any]]:
     """
     tracks = sorted(
         history.tracks.values(),
-        key=lambda track: (track.stream.port, track.stream.index, track.stream.subindex, track.stream.order),
+        key=lambda track: (
+            list_order((track.stream.port, track.stream.index)),
+            track.stream.subindex,
+            track.stream.order,
+        ),
     )
     return [
         {
@@ -86,7 +90,7 @@ def at_document(
     layouts: Layouts,
     time_ns: int,
     *,
-    keys: Collection[tuple[int, int]] | None = None,
+    keys: Collection[ListKey] | None = None,
     expression: str | None = None,
 ) -> dict[str, Any]:
     """Return what all variables of the defined lists were at a moment; ``keys`` are these lists, None for all.
@@ -101,12 +105,17 @@ def at_document(
         (last.stream.port, last.stream.index, last.stream.subindex, last.stream.sender): last
         for last in moment.streams.values()
     }
-    senders: dict[tuple[int, int], dict[str, tuple[bool, int]]] = {}
+    senders: dict[ListKey, dict[str, tuple[bool, int]]] = {}
     for stream in moment.known.values():
         senders.setdefault((stream.port, stream.index), {})[stream.sender] = stream.order
-    for key, _ in sorted(layouts.lists(), key=lambda listed: listed[0]):
-        if keys is not None and key not in keys:
-            continue
+    everything = {*senders, *moment.read.lists}
+    wanted = [
+        key
+        for defined, _ in layouts.lists()
+        if keys is None or defined in keys
+        for key in [one for one in everything if layouts.key_of(*one) == defined] or [defined]
+    ]
+    for key in sorted(wanted, key=list_order):
         own = senders.get(key, {})
         missing = "later" if own else _missing(moment, key, expression)
         for subindex, sender, last, layout in _telegrams_at(key, layouts, by_place, sorted(own, key=own.__getitem__)):
@@ -134,7 +143,7 @@ def at_document(
     }
 
 
-def _missing(moment: Moment, key: tuple[int, int], expression: str | None) -> str:
+def _missing(moment: Moment, key: ListKey, expression: str | None) -> str:
     """Return why no telegram of a list was decoded in the whole capture."""
     if key not in moment.read.lists:
         return "not sent"
@@ -142,7 +151,7 @@ def _missing(moment: Moment, key: tuple[int, int], expression: str | None) -> st
 
 
 def _telegrams_at(
-    key: tuple[int, int], layouts: Layouts, by_place: Mapping[_Place, LastTelegram], senders: Sequence[str]
+    key: ListKey, layouts: Layouts, by_place: Mapping[_Place, LastTelegram], senders: Sequence[str]
 ) -> Iterator[tuple[int, str | None, LastTelegram | None, TelegramLayout]]:
     """Yield SubIndex, sender, last telegram and its layout of one list, in the order of the rows.
 
@@ -166,7 +175,7 @@ def _telegrams_at(
         yield subindex, sender, last, layout
 
 
-def _expected(layouts: Layouts, key: tuple[int, int], newest: LastTelegram | None) -> Sequence[TelegramLayout]:
+def _expected(layouts: Layouts, key: ListKey, newest: LastTelegram | None) -> Sequence[TelegramLayout]:
     """Return the telegrams that a sender should send, of which the newest is known, if any."""
     candidates = layouts.candidates_of(*key)
     if candidates:

@@ -15,8 +15,8 @@ from dissectors.netvar import HEADER
 from nvscope.definition.gvl_text import Draft, drafted, sampled, type_name
 from nvscope.definition.infer import Layout, Proposal, infer, least_first_bytes
 from nvscope.errors import UsageError
+from nvscope.list_key import Port, list_key
 from nvscope.tracker.samples import Sample, Samples
-from nvscope.tracker.summary import list_key
 from nvscope.version import __version__
 
 SCHEMA = "nvscope.infer/1"
@@ -48,7 +48,7 @@ def proposals(samples: Samples, listed: str | None = None) -> list[ListProposal]
     if listed is not None:
         usual = _of_list(usual, listed)
 
-    def sender(entry: tuple[Sample, int]) -> tuple[int, int, str]:
+    def sender(entry: tuple[Sample, int]) -> tuple[Port, int, str]:
         stream = entry[0].stream
         return stream.port, stream.index, stream.sender
 
@@ -87,13 +87,15 @@ def _propose(members: tuple[tuple[Sample, int], ...]) -> ListProposal:
     notes = [f"Sender {head.stream.sender}. {sampled(min(sample.telegrams for sample, _ in members), rows)}"]
     if others:
         notes.append("Some telegrams had another shape (Items, Length); the commonest one is drafted.")
+    port = head.stream.port
+    assert isinstance(port, int)  # of lists on CAN there are no samples
     draft = drafted(
-        head.stream.index, head.stream.port, head.destination,
+        head.stream.index, port, head.destination,
         [(sample.stream.subindex, told) for (sample, _), told in zip(members, found, strict=True)],
         acknowledge=any(sample.acknowledge for sample, _ in members),
         checksum=any(sample.checksum for sample, _ in members), interval_ns=head.nominal_ns, notes=notes,
     )  # fmt: skip
-    return ListProposal(head.stream.port, head.stream.index, head.stream.sender, members, tuple(found), draft)
+    return ListProposal(port, head.stream.index, head.stream.sender, members, tuple(found), draft)
 
 
 def drafts(found: Sequence[ListProposal]) -> list[Draft]:

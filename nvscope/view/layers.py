@@ -46,13 +46,8 @@ class Layer:
 def layers(packet: bytes, link: int, payload_at: int) -> list[Layer]:
     """Return the headers of a UDP datagram whose payload begins at ``payload_at`` of the packet, without gaps."""
     udp_at = payload_at - UDP.size_bytes
-    found: list[Layer] = []
-    at = 0
-    for layout in _up_to_ip(packet, link):
-        if at + layout.size_bytes > udp_at:
-            break
-        found.append(Layer(layout, at, at + layout.size_bytes))
-        at += layout.size_bytes
+    found = link_layers(packet, link, udp_at)
+    at = found[-1].stop if found else 0
     if at < udp_at:
         layout = IPV6 if packet[at] >> 4 == 6 else IPV4
         stop = min(at + layout.size_bytes, udp_at)
@@ -60,6 +55,18 @@ def layers(packet: bytes, link: int, payload_at: int) -> list[Layer]:
         if stop < udp_at:
             found.append(Layer(None, stop, udp_at))
     found.append(Layer(UDP, udp_at, payload_at))
+    return found
+
+
+def link_layers(packet: bytes, link: int, stop: int) -> list[Layer]:
+    """Return the headers of the link layer of a packet, as far as they end at ``stop`` or before."""
+    found: list[Layer] = []
+    at = 0
+    for layout in _up_to_ip(packet, link):
+        if at + layout.size_bytes > stop:
+            break
+        found.append(Layer(layout, at, at + layout.size_bytes))
+        at += layout.size_bytes
     return found
 
 

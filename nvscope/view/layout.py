@@ -23,7 +23,7 @@ def layout_document(definition: Definition) -> dict[str, Any]:
 def _list(entry: ListDefinition) -> dict[str, Any]:
     layouts = pack(entry)
     unknown = next((layout.unknown.name for layout in layouts if layout.unknown), None)
-    on_can = entry.protocol.upper() == "CAN"
+    on_can = entry.on_can
     return {
         "name": entry.name,
         "id": entry.list_id,
@@ -44,7 +44,7 @@ def _telegrams(entry: ListDefinition, layouts: Sequence[TelegramLayout]) -> Iter
     known = True  # up to an element that no CAN frame holds
     for layout in layouts:
         telegram = _telegram(layout)
-        if entry.protocol.upper() == "CAN":
+        if entry.on_can:
             known &= layout.layout.size_bytes <= PDO_DATA_BYTES
             cob_id = entry.list_id + layout.subindex if known and entry.list_id is not None else None
             length = None if telegram["length"] is None or not known else layout.layout.size_bytes

@@ -1,4 +1,4 @@
-"""The telegrams of a source, each with its place in the capture: its frame, and what came before it."""
+"""The telegrams of a source and its CAN frames, each with its place in the capture: its frame, what came before it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dissectors.batch import I64, Bool, PacketBatch
-from dissectors.netvar import PortRules, TelegramBatch, dissect
+from dissectors.can_pdo import PdoRules
+from dissectors.netvar import PortRules, TelegramBatch
+from dissectors.sorted_telegrams import SortedTelegrams
+from dissectors.varieties import NO_TELEGRAM, Sorter
 from nvscope.capture.source import Source
 from nvscope.capture.spans import stretches
+from nvscope.view.can_rows import CanRows
 
 _PIECE_TELEGRAMS = 8192
 _PIECE_BYTES = 4 << 20
@@ -18,13 +22,15 @@ _PIECE_BYTES = 4 << 20
 
 @dataclass(frozen=True, slots=True)
 class TelegramRows:
-    """Some telegrams of one packet batch.
+    """Some telegrams of one packet batch, CAN frames among them.
 
     ``packets`` is the whole batch, over the same buffer as ``telegrams``; ``frames_before`` counts the frames of the
     capture before it. Times in ns: ``start_ns`` of the capture's first frame, ``frame_before_ns`` of the last frame
     before the batch, ``shown_before_ns`` of the last telegram before the first one here (None: there is none).
     ``finding`` is the number of the finding with which a telegram is looked at, -1 for none; a telegram that shows
-    several is there as often (``nvscope.view.verdict_fields``).
+    several is there as often (``nvscope.view.verdict_fields``). ``can`` tells which rows are CAN frames, None where
+    none is; in ``telegrams`` these stand as in ``dissectors.varieties``. ``since_ns`` is the time since the telegram
+    shown before where that is not the row above.
     """
 
     telegrams: TelegramBatch
@@ -34,6 +40,8 @@ class TelegramRows:
     frame_before_ns: int
     shown_before_ns: int | None
     finding: I64 | None = None
+    can: CanRows | None = None
+    since_ns: I64 | None = None
 
     def __len__(self) -> int:
         return len(self.telegrams)
@@ -58,6 +66,8 @@ class TelegramRows:
     @property
     def since_shown_ns(self) -> I64:
         """Time since the telegram shown before; of the first one 0."""
+        if self.since_ns is not None:
+            return self.since_ns
         ts_ns = self.telegrams.ts_ns
         first = ts_ns[:1] if self.shown_before_ns is None else np.array([self.shown_before_ns])
         return np.diff(ts_ns, prepend=first)
@@ -65,7 +75,20 @@ class TelegramRows:
     def take(self, rows: I64 | Bool) -> TelegramRows:
         """Return the telegrams at the given positions or where the mask is set; the others count as not shown."""
         finding = None if self.finding is None else self.finding[rows]
-        return replace(self, telegrams=self.telegrams.take(rows), finding=finding)
+        can = None if self.can is None else self.can.take(rows)
+        return replace(self, telegrams=self.telegrams.take(rows), finding=finding, can=can, since_ns=None)
+
+    def part(self, rows: Bool) -> TelegramRows:
+        """Return some of the telegrams, to be shown with the others: each still follows the one before it."""
+        return replace(self.take(rows), since_ns=self.since_shown_ns[rows])
+
+    @property
+    def lists(self) -> tuple[I64, I64, I64]:
+        """Port, identifier and SubIndex of each row's list; ports of CAN as in ``dissectors.can_pdo``."""
+        if self.can is not None:
+            return self.can.port, self.can.index, self.can.subindex
+        header, port = self.telegrams.header, self.telegrams.datagram.destination_port
+        return port.astype(np.int64), header["index"].astype(np.int64), header["subindex"].astype(np.int64)
 
     def looked_at_with(self, finding: I64) -> TelegramRows:
         """Return the same telegrams, each looked at with a finding."""
@@ -73,10 +96,11 @@ class TelegramRows:
 
 
 class Telegrams:
-    """The telegrams of a source as ``TelegramRows``; iterate once.
+    """The telegrams and CAN frames of a source as ``TelegramRows``; iterate once.
 
-    ``ports`` decides by hand what is read as telegrams. After ``limit`` telegrams the source is not read further,
-    whether they were ``chosen`` or not; the others are left out, and count as not shown.
+    ``ports`` decides by hand what is read as telegrams, ``pdos`` say which lists CAN frames belong to. After ``limit``
+    telegrams the source is not read further, whether they were ``chosen`` or not; the others are left out, and count as
+    not shown.
     Pieces are small in telegrams and in bytes, so that text made of one of them stays small too. ``frames``,
     ``telegrams`` and ``fragments`` (IP fragments, which are not put together) count what has been read so far,
     ``shown`` the telegrams that were chosen.
@@ -89,9 +113,11 @@ class Telegrams:
         ports: PortRules | None = None,
         limit: int | None = None,
         chosen: Callable[[TelegramRows], Bool] | None = None,
+        pdos: PdoRules | None = None,
     ) -> None:
         self._source = source
-        self._ports = ports
+        self._pdos = pdos or PdoRules()
+        self._sorter = Sorter(ports, self._pdos)
         self._limit = limit
         self._chosen = chosen
         self.frames = 0
@@ -105,13 +131,16 @@ class Telegrams:
         for batch in self._source:
             if not len(batch):
                 continue
-            packets = batch.with_margin()
+            told = self._sorter.sort(batch)
+            packets = told.packets
             if not self.frames:
                 start_ns = frame_before_ns = int(packets.ts_ns[0])
-            dissection = dissect(packets, self._ports)
-            self.fragments += dissection.peeled.fragments
-            telegrams = dissection.telegrams
-            rows = TelegramRows(telegrams, packets, self.frames, start_ns, frame_before_ns, shown_before_ns)
+            self.fragments += told.fragments
+            own = np.flatnonzero(told.variety != NO_TELEGRAM)
+            rows = TelegramRows(
+                SortedTelegrams(told, own), packets, self.frames, start_ns, frame_before_ns, shown_before_ns,
+                can=CanRows.of_packets(told, own, self._pdos),
+            )  # fmt: skip
             self.frames += len(packets)
             frame_before_ns = int(packets.ts_ns[-1])
             room = len(rows) if self._limit is None else self._limit - self.telegrams

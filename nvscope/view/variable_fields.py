@@ -23,8 +23,9 @@ from nvscope.definition.model import Element, Enumeration, Kind, scalar_of
 from nvscope.definition.packing import TelegramLayout, known_fronts
 from nvscope.definition.value import value_of
 from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
+from nvscope.list_key import ANY_CHANNEL, Port
 from nvscope.tracker.values import Block
-from nvscope.view.fields import TelegramField
+from nvscope.view.telegram_field import TelegramField
 from nvscope.view.telegrams import TelegramRows
 from nvscope.view.value_columns import fits_time, value_type
 
@@ -32,6 +33,7 @@ _TIME_BYTES = 8
 """Times of so many bytes may be more than a column of times holds."""
 
 _MAX_LISTED = 4
+_Key = tuple[Port, int, int, int, int]
 _ODD = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -84,7 +86,7 @@ class _Place:
     ``is_front``: the layout is only what is known of longer telegrams.
     """
 
-    port: int
+    port: Port
     index: int
     layout: TelegramLayout
     offset: int
@@ -105,13 +107,15 @@ class _Place:
         return scalar is not None and bool(scalar.unit_ns) and scalar.size_bytes == _TIME_BYTES
 
     def _telegrams_of(self, rows: TelegramRows) -> I64:
-        key = (self.port, self.index, self.layout.subindex, self.layout.items, self.layout.length)
+        key = self.port, self.index, self.layout.subindex, self.layout.items, self.layout.length
         seen = self.sightings.of(rows)
         if key not in seen:
             seen[key] = self._rows_of(rows)
         return seen[key]
 
     def _rows_of(self, rows: TelegramRows) -> I64:
+        if isinstance(self.port, str):
+            return self._frames_of(rows, self.port)
         header, datagram = rows.telegrams.header, rows.telegrams.datagram
         found: Bool = header["index"] == self.index
         found &= datagram.destination_port == self.port
@@ -121,6 +125,21 @@ class _Place:
             found &= header[name] >= wanted if self.is_front else header[name] == wanted
         found &= rows.telegrams.fault == Fault.NONE
         found &= datagram.captured_bytes >= header["length"]
+        if rows.can is not None:
+            found &= ~rows.can.on_can
+        return np.flatnonzero(found)
+
+    def _frames_of(self, rows: TelegramRows, channel: str) -> I64:
+        """Return the positions of the CAN frames, captured whole, that have it."""
+        if rows.can is None:
+            return np.empty(0, np.int64)
+        port, index, subindex = rows.lists
+        header, datagram = rows.telegrams.header, rows.telegrams.datagram
+        found: Bool = rows.can.is_pdo & (index == self.index) & (subindex == self.layout.subindex)
+        found &= (header["length"] == self.layout.length) & (datagram.captured_bytes >= self.layout.length)
+        if channel != ANY_CHANNEL:
+            named = [number for number in np.unique(port).tolist() if rows.can.port_text(number) == channel]
+            found &= np.isin(port, named)
         return np.flatnonzero(found)
 
     def bytes_of(self, rows: TelegramRows, which: I64) -> BytesColumn:
@@ -136,9 +155,9 @@ class _Sightings:
     """
 
     def __init__(self) -> None:
-        self._last: tuple[TelegramRows | None, dict[tuple[int, ...], I64]] = (None, {})
+        self._last: tuple[TelegramRows | None, dict[_Key, I64]] = (None, {})
 
-    def of(self, rows: TelegramRows) -> dict[tuple[int, ...], I64]:
+    def of(self, rows: TelegramRows) -> dict[_Key, I64]:
         """Return the positions found so far, by port, list identifier and SubIndex, to be added to."""
         last = self._last
         if last[0] is not rows:

@@ -11,35 +11,40 @@ import numpy as np
 
 from nvscope.definition.model import Elementary, Enumeration, Kind, Scalar, type_text
 from nvscope.definition.value import Value, value_of
-from nvscope.tracker import address
+from nvscope.list_key import ListKey, list_key, list_order
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import list_key
 from nvscope.tracker.values import StreamValues, Values
 from nvscope.units import clock_time, date, iec_ltime, iec_time
 from nvscope.version import __version__
 
 _S_NS = 1_000_000_000
 
+DOCUMENTED, ASSUMED = "documented", "assumed"
+"""How sure it is which bytes a variable has: nothing documents how lists are packed on CAN."""
+
 
 def variables_document(
     state: TrackerState,
     values: Values,
     *,
-    keys: Collection[tuple[int, int]] | None = None,
+    keys: Collection[ListKey] | None = None,
     expression: str | None = None,
 ) -> dict[str, Any]:
-    """Return the variables of all streams as data, by list, SubIndex and sender; ``keys`` are the lists, None for all.
+    """Return the variables of all streams as data, by list, SubIndex and sender; ``keys`` are the lists, as their
+    definition has them, None for all.
 
     Numbers are numbers (``null`` where they are not finite), times of the type as numbers in its unit, bytes as
     hexadecimal text; absolute times are nanoseconds as decimal strings. ``earlier`` are the variables of telegrams with
     a layout that another one of the list's definitions took the place of, up to their last telegram. ``expression`` is
     that of the filter.
     """
-    streams = [stream for stream in _streams(state, values) if keys is None or stream.list in keys]
+    streams = [
+        stream for stream in _streams(state, values) if keys is None or values.layouts.key_of(*stream.list) in keys
+    ]
     return {
         "schema": "nvscope.vars/1",
         "tool": {"name": "nvscope", "version": __version__},
-        "filter": filter_told(expression, state.chosen, state.telegrams),
+        "filter": filter_told(expression, state.chosen, state.choosable),
         "variables": [row for stream in streams for row in _listed(stream, stream.sequence[-1])],
         "earlier": [row for stream in streams for known in stream.sequence[:-1] for row in _listed(stream, known)],
     }
@@ -52,9 +57,9 @@ def filter_told(expression: str | None, chosen: int, telegrams: int) -> dict[str
     return {"expression": expression, "telegrams": chosen, "all_telegrams": telegrams}
 
 
-def values_by_list(state: TrackerState, values: Values) -> dict[tuple[int, int], list[dict[str, Any]]]:
-    """Return the rows of ``variables_document`` without what they have of their list, by its port and identifier."""
-    found: dict[tuple[int, int], list[dict[str, Any]]] = {}
+def values_by_list(state: TrackerState, values: Values) -> dict[ListKey, list[dict[str, Any]]]:
+    """Return the rows of ``variables_document`` without what they have of their list, by its key."""
+    found: dict[ListKey, list[dict[str, Any]]] = {}
     for stream in _streams(state, values):
         rows = _rows(stream.subindex, stream.sender, stream.sequence[-1])
         found.setdefault(stream.list, []).extend(rows)
@@ -63,9 +68,9 @@ def values_by_list(state: TrackerState, values: Values) -> dict[tuple[int, int],
 
 @dataclass(frozen=True, slots=True)
 class _Stream:
-    """Whose values: port and identifier of the list, SubIndex, sender, and what each of its layouts gave."""
+    """Whose values: key of the list, SubIndex, sender, and what each of its layouts gave."""
 
-    list: tuple[int, int]
+    list: ListKey
     subindex: int
     sender: str
     sequence: Sequence[StreamValues]
@@ -75,22 +80,20 @@ def _streams(state: TrackerState, values: Values) -> list[_Stream]:
     """Return the streams in the order of their rows."""
     entries = []
     for stream in values.streams:
-        listed, subindex, halves = state.flows.stream_key(stream)
-        order = listed, subindex, address.order(*halves)
-        entries.append((order, _Stream(listed, subindex, address.text(*halves), values.sequence(stream))))
+        key = state.flows.stream_key(stream)
+        order = list_order(key.list), key.subindex, key.order
+        entries.append((order, _Stream(key.list, key.subindex, key.sender, values.sequence(stream))))
     return [stream for _, stream in sorted(entries, key=lambda entry: entry[0])]
 
 
-def left_out(state: TrackerState, values: Values, keys: Collection[tuple[int, int]] | None = None) -> tuple[int, int]:
+def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | None = None) -> tuple[int, int]:
     """Return how many telegrams of defined lists have another shape, and how many were not captured whole.
 
-    ``keys`` are port and identifier of the lists that are looked at, None for all.
+    ``keys`` are those of the lists that are looked at, as their definition has them, None for all.
     """
     flows = state.flows
-    listed = zip(flows.lists.high.tolist(), flows.lists.low.tolist(), strict=True)
-    defined = np.array(
-        [values.layouts.list_of(*key) is not None and (keys is None or key in keys) for key in listed], np.bool_
-    )
+    listed = (values.layouts.key_of(*flows.list_key(number)) for number in range(len(flows.lists)))
+    defined = np.array([key is not None and (keys is None or key in keys) for key in listed], np.bool_)
     count = values.unfitting.column("count")
     lists = flows.places.high.astype(np.int64)[flows.place_of(np.arange(len(count)))]
     return int(count[defined[lists]].sum()), int(state.lists.truncated[: len(defined)][defined].sum())
@@ -112,6 +115,7 @@ def _rows(subindex: int, sender: str, known: StreamValues) -> list[dict[str, Any
                 "name": element.name,
                 "type": type_text(element.type),
                 "sender": sender,
+                "packing": ASSUMED if known.layout.list.on_can else DOCUMENTED,
                 "subindex": subindex,
                 "value": plain_value(value_of(element.type, raw)),
                 "text": value_text(element.type, raw),

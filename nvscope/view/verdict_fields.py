@@ -15,24 +15,26 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from dissectors.can_pdo import EXTENDED
 from dissectors.netvar import KNOWN_SERVICE
 from nvscope.expression.columns import Column, FieldType, TextColumn
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
+from nvscope.list_key import ListKey, list_key, told_of
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, Counter
 from nvscope.tracker.flows import IS_PARAMETER
-from nvscope.tracker.summary import Summary, list_key
-from nvscope.view.fields import FIELDS, TelegramField
+from nvscope.tracker.summary import Summary
+from nvscope.view.fields import FIELDS
+from nvscope.view.telegram_field import TelegramField
 from nvscope.view.telegrams import TelegramRows
 
-ListKey = tuple[int, int]
 NodeKey = tuple[int, int]
 _UNSIGNED, _SIGNED, _TEXT = FieldType.UNSIGNED, FieldType.SIGNED, FieldType.TEXT
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """The names that people gave to lists, by port and identifier, and to nodes, by the halves of their address."""
+    """The names that people gave to lists, by key, and to nodes, by the halves of their address."""
 
     lists: Mapping[ListKey, str] = field(default_factory=dict)
     nodes: Mapping[NodeKey, str] = field(default_factory=dict)
@@ -49,11 +51,16 @@ class Verdicts:
         self.lists: dict[ListKey, dict[str, Any]] = {}
         self.nodes: dict[tuple[NodeKey, ListKey], dict[str, Any]] = {}
         keys: dict[int, ListKey] = {}
+        key: ListKey
         for entry in summary.lists:
             key = keys[entry.number] = (entry.port, entry.index)
             self.lists[key] = entry.counters | {one.name: getattr(entry.diagnosis, one.name) for one in DIAGNOSIS}
             for node, diagnosis in entry.nodes:
                 self.nodes[nodes[node], key] = {one.name: getattr(diagnosis, one.name) for one in DIAGNOSIS}
+        for on_can in summary.can.lists:
+            key = keys[on_can.number] = (on_can.port, on_can.index)
+            counted = {one.name: getattr(on_can.diagnosis, one.name) for one in DIAGNOSIS}
+            self.lists[key] = dict.fromkeys(counter.name for counter in LIST_COUNTERS) | counted
         frames = [(frame, number) for number, finding in enumerate(self.findings) for frame in finding.frames]
         frames.sort()
         self._frame = np.array([frame for frame, _ in frames], np.int64)
@@ -77,7 +84,7 @@ class Verdicts:
         positions, numbers = [position], [self._finding[place]]
         if self._lasting:
             keys, code = _keys(rows)
-            subindex = rows.telegrams.header["subindex"]
+            subindex = rows.lists[2]
             for one in self._lasting:
                 concerned = np.array([one.concerns(*key) for key in keys], np.bool_)[code]
                 if one.subindex is not None:
@@ -112,25 +119,26 @@ def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None)
     known = names or Names()
     lists = [
         TelegramField(
-            "list.key", _TEXT, "List", "transport, port and list identifier: udp/1202/7",
+            "list.key", _TEXT, "List", "transport, port (or CAN channel) and list identifier: udp/1202/7, can/can0/385",
             _of_list(lambda key: list_key(*key)), _in_list, constant=True,
         ),
         TelegramField(
-            "list.port", _UNSIGNED, "Port of the list", "destination port", FIELDS["udp.dstport"].read, _in_list,
+            "list.port", _UNSIGNED, "Port of the list", "destination port", FIELDS["udp.dstport"].read, _on_udp,
             constant=True,
         ),
         TelegramField(
-            "list.id", _UNSIGNED, "List identifier", "Index of a telegram that belongs to a list",
-            FIELDS["nv.index"].read, _in_list, constant=True,
+            "list.id", _UNSIGNED, "List identifier", "Index of a telegram that belongs to a list, on CAN the COB-ID",
+            lambda rows: rows.lists[1] & ~EXTENDED, _in_list, constant=True,
         ),
         TelegramField(
             "list.name", _TEXT, "Name of the list", "from definition or project file",
-            _of_list(lambda key: known.lists.get(key, "")), _named(known), constant=True,
+            _of_list(lambda key: told_of(known.lists, key) or ""), _named(known), constant=True,
         ),
     ]  # fmt: skip
     nodes = [
         TelegramField(
-            "node.address", FieldType.ADDRESS, "Node", "address of the sender", FIELDS["ip.src"].read, constant=True
+            "node.address", FieldType.ADDRESS, "Node", "address of the sender", FIELDS["ip.src"].read,
+            FIELDS["ip.src"].known, constant=True,
         ),
         TelegramField(
             "node.name", _TEXT, "Name of the node", "of the sender, from the project file",
@@ -143,20 +151,27 @@ def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None)
 
 
 def _in_list(rows: TelegramRows) -> Bool:
-    """Tell which telegrams belong to a list: all but those of the Parameter Manager."""
+    """Tell which telegrams belong to a list: all but those of the Parameter Manager; and all data frames of CAN."""
     service = np.minimum(rows.telegrams.header["id"], len(KNOWN_SERVICE) - 1)
     own: Bool = ~IS_PARAMETER[service]
-    return own
+    return own if rows.can is None else np.where(rows.can.on_can, rows.can.is_pdo, own)
+
+
+def _on_udp(rows: TelegramRows) -> Bool:
+    """Tell which telegrams belong to a list on UDP."""
+    own = _in_list(rows)
+    return own if rows.can is None else own & ~rows.can.on_can
 
 
 def _keys(rows: TelegramRows) -> tuple[list[tuple[NodeKey, ListKey]], I64]:
     """Return the (sender, list) pairs that occur, and which of them each telegram is of."""
     datagram = rows.telegrams.datagram
-    key = np.empty(len(rows), [("high", "u8"), ("low", "u8"), ("port", "u2"), ("index", "u2")])
+    key = np.empty(len(rows), [("high", "u8"), ("low", "u8"), ("port", "u4"), ("index", "u4")])
     key["high"], key["low"] = datagram.source_hi, datagram.source_lo
-    key["port"], key["index"] = datagram.destination_port, rows.telegrams.header["index"]
+    key["port"], key["index"], _ = rows.lists
     found, code = np.unique(key, return_inverse=True)
-    return [((high, low), (port, index)) for high, low, port, index in found.tolist()], code
+    told = rows.can.port_text if rows.can else int
+    return [((high, low), (told(port), index)) for high, low, port, index in found.tolist()], code
 
 
 def _of_both(tell: Callable[[NodeKey, ListKey], str]) -> Callable[[TelegramRows], Column]:
@@ -174,7 +189,7 @@ def _of_list(tell: Callable[[ListKey], str]) -> Callable[[TelegramRows], Column]
 def _named(names: Names) -> Callable[[TelegramRows], Bool]:
     def known(rows: TelegramRows) -> Bool:
         keys, code = _keys(rows)
-        return np.array([key in names.lists for _, key in keys], np.bool_)[code] & _in_list(rows)
+        return np.array([bool(told_of(names.lists, key)) for _, key in keys], np.bool_)[code] & _in_list(rows)
 
     return known
 
@@ -182,9 +197,14 @@ def _named(names: Names) -> Callable[[TelegramRows], Bool]:
 def _node_named(names: Names) -> Callable[[TelegramRows], Bool]:
     def known(rows: TelegramRows) -> Bool:
         keys, code = _keys(rows)
-        return np.array([node in names.nodes for node, _ in keys], np.bool_)[code]
+        return np.array([node in names.nodes for node, _ in keys], np.bool_)[code] & _sent_by_node(rows)
 
     return known
+
+
+def _sent_by_node(rows: TelegramRows) -> Bool:
+    """Tell which telegrams have a sender: nobody knows it on CAN."""
+    return np.ones(len(rows), np.bool_) if rows.can is None else ~rows.can.on_can
 
 
 def _figure(of: str, whose: str, counter: Counter, verdicts: Verdicts | None) -> TelegramField:
@@ -202,12 +222,13 @@ def _figure(of: str, whose: str, counter: Counter, verdicts: Verdicts | None) ->
     def read(rows: TelegramRows) -> Column:
         told, code = values(rows)
         if kind is _TEXT:
-            return TextColumn(code, tuple(told))
+            return TextColumn(code, tuple(value or "" for value in told))
         return np.array([value or 0 for value in told], np.int64)[code]
 
     def known(rows: TelegramRows) -> Bool:
         told, code = values(rows)
-        return np.array([value is not None for value in told], np.bool_)[code] & _in_list(rows)
+        belongs = _in_list(rows) if of == "list" else _on_udp(rows)
+        return np.array([value is not None for value in told], np.bool_)[code] & belongs
 
     name, label = f"{of}.{counter.name}", counter.name
     return TelegramField(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from nvscope.view.fields import FIELDS, TelegramField
+from nvscope.view.fields import FIELDS
+from nvscope.view.telegram_field import TelegramField
 from nvscope.view.verdict_fields import Names, Verdicts, verdict_fields
 
 if TYPE_CHECKING:  # without definitions, nothing of them is imported

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import random
 import struct
+import tracemalloc
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -13,11 +15,13 @@ import numpy as np
 import pytest
 
 from dissectors.batch import LinkType, PacketBatch
+from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition
 from nvscope.definition.pdos import Pdos
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
+from nvscope.tracker.values import Values
 from nvscope.view.document import report_document
 from tests.definition.lists import INT, LREAL, list_of
 
@@ -51,13 +55,16 @@ def traffic(seed: int, count: int = 400) -> list[Frame]:
     return frames
 
 
-def report(frames: list[Frame], cut: int) -> dict[str, Any]:
-    state = TrackerState()
+def report(frames: list[Frame], cut: int, definition: Definition | None = None) -> dict[str, Any]:
+    """Return the report on frames of can0 and vcan1, observed so many at a time."""
+    definition = definition or Definition()
+    values = Values(Layouts(definition), wanted=False) if definition.lists else None
+    state = TrackerState(pdos=Pdos(definition).rules(lambda: ["can0", "vcan1"]), values=values)
     whole = batch(frames)
     for begin in range(0, len(whole), cut):
         state.observe(whole[begin : begin + cut])
-    summary = summarize(state, channels=["can0", "vcan1"])
-    return report_document(state, summary, judge(state, summary=summary), [])
+    summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
+    return report_document(state, summary, judge(state, summary=summary, definition=definition), [], definition)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -126,21 +133,98 @@ def test_the_bits_of_a_bus_are_those_of_its_frames_by_second() -> None:
 def test_frames_of_a_defined_list_are_one_list_and_have_its_lengths() -> None:
     """LREAL fills the first frame; two INTs are in the second, which once comes too short."""
     definition = Definition((replace(list_of([LREAL, INT, INT], list_id=0x190), protocol="CAN", name="press"),))
-    pdos = Pdos(definition)
     sizes = {0x190: [8, 8, 8], 0x191: [4, 2, 4], 0x192: [1, 1, 1]}
     frames = [
         (START_NS + number * 10_000_000 + place, 0, cob_id, bytes(sent[number]))
         for number in range(3)
         for place, (cob_id, sent) in enumerate(sizes.items())
     ]
-    state = TrackerState()
-    state.observe(batch(frames))
-    summary = summarize(state, can_parts=pdos.parts)
-    found = report_document(state, summary, judge(state, summary=summary, definition=definition), [], definition)
+    found = report(frames, 4, definition)
     assert [(entry["key"], entry["name"]) for entry in found["lists"]] == [
         ("can/can0/400", "press"), ("can/can0/402", None),
     ]  # fmt: skip
     assert [(s["cob_id"], s["subindex"]) for s in found["lists"][0]["streams"]] == [(0x190, 0), (0x191, 1)]
     (mismatch,) = [one for one in found["findings"] if one["code"] == "NV603"]
     assert (mismatch["list"], mismatch["subindex"], mismatch["count"]) == ("can/can0/400", 1, 1)
+    assert mismatch["frames"] == [5]
     assert "1 frame of 3 not of 4 bytes" in mismatch["message"]
+
+
+def cyclic(period_ns: int, frames: int, cob_ids: Sequence[int], size: int = 8) -> list[Frame]:
+    """Return sendings of a list: its frames 200 µs apart."""
+    return [
+        (START_NS + number * period_ns + place * 200_000, 0, cob_id, bytes(size))
+        for number in range(frames)
+        for place, cob_id in enumerate(cob_ids)
+    ]
+
+
+def three_frames(**settings: Any) -> Definition:
+    return Definition(
+        (replace(list_of([LREAL, LREAL, LREAL], list_id=0x190), protocol="CAN", name="press", **settings),)
+    )
+
+
+def codes(found: dict[str, Any]) -> list[tuple[str, str | None, int | None, int]]:
+    return [(one["code"], one["list"], one["subindex"], one["count"]) for one in found["findings"]]
+
+
+@pytest.mark.parametrize("cut", [3, 50, 1000])
+def test_a_cycle_without_one_of_its_frames_is_incomplete(cut: int) -> None:
+    frames = cyclic(10_000_000, 40, (0x190, 0x191, 0x192))
+    missing = {(20, 0x191), (25, 0x190), (30, 0x192), (31, 0x192)}
+    left = [
+        frame for place, frame in enumerate(frames) if (place // 3, frame[2]) not in missing
+    ]  # fmt: skip
+    found = report(left, cut, three_frames(interval_ns=10_000_000))
+    assert ("NV604", "can/can0/400", None, 4) in codes(found)
+    assert report(frames, cut, three_frames(interval_ns=10_000_000))["findings"] == []
+
+
+def test_frames_that_are_never_seen_make_every_cycle_incomplete() -> None:
+    definition = three_frames(interval_ns=10_000_000)
+    (two,) = report(cyclic(10_000_000, 20, (0x190, 0x192)), 1000, definition)["findings"]
+    assert two["code"] == "NV604"
+    assert "Never seen: 0x191." in two["message"]
+    (one,) = report(cyclic(10_000_000, 20, (0x190,)), 1000, definition)["findings"]
+    assert (one["code"], one["count"]) == ("NV604", 20)
+    assert one["message"] == "Of 3 frames of this list, 0x191, 0x192 were never seen."
+
+
+def test_late_bursts_and_silence_are_told_as_on_udp() -> None:
+    frames = cyclic(10_000_000, 100, (0x200,))
+    late = [(time_ns + (35_000_000 if place >= 50 else 0), *rest) for place, (time_ns, *rest) in enumerate(frames)]
+    assert ("NV501", "can/can0/512", 0, 1) in codes(report(late, 1000))
+    burst = sorted([*frames, (START_NS + 600_000_000 + 300_000, 0, 0x200, bytes(8))])
+    assert ("NV503", "can/can0/512", 0, 1) in codes(report(burst, 1000))
+    stopped = [*frames, (START_NS + 2_000_000_000, 0, 0x700, bytes(1))]
+    assert ("NV504", "can/can0/512", 0, 1) in codes(report(stopped, 1000))
+
+
+def test_a_definition_is_for_its_channel_or_for_any() -> None:
+    frames = [(START_NS + number, channel, 0x191, bytes(8)) for number in range(4) for channel in (0, 1)]
+    everywhere = report(frames, 100, three_frames())
+    assert [(entry["key"], entry["name"]) for entry in everywhere["lists"]] == [
+        ("can/can0/400", "press"), ("can/vcan1/400", "press"),
+    ]  # fmt: skip
+    there = report(frames, 100, three_frames(channel="vcan1"))
+    assert [(entry["key"], entry["name"]) for entry in there["lists"]] == [
+        ("can/can0/401", None), ("can/vcan1/400", "press"),
+    ]  # fmt: skip
+
+
+def test_a_defined_list_that_is_never_sent_is_silent() -> None:
+    found = report(cyclic(10_000_000, 3, (0x300,)), 100, three_frames())
+    (silent,) = [one for one in found["findings"] if one["code"] == "NV407"]
+    assert silent["message"] == "List press (can/*/400) is defined, but not one frame of it was seen."
+
+
+def test_many_channels_take_little_memory() -> None:
+    """The index of an interface may be any number of 16 bits."""
+    frames = [(START_NS + number, number * 3000 % 65_536, 0x181, bytes(8)) for number in range(40)]
+    tracemalloc.start()
+    found = report(frames, 100)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(found["lists"]) == 40
+    assert peak < 60_000_000

@@ -22,7 +22,8 @@ from nvscope.expression.columns import BytesColumn, TextColumn
 from nvscope.report.fields import document, render
 from nvscope.view import variable_fields as module
 from nvscope.view.display_filter import DisplayFilter
-from nvscope.view.fields import TelegramField, output_field
+from nvscope.view.fields import output_field
+from nvscope.view.telegram_field import TelegramField
 from nvscope.view.telegrams import TelegramRows
 from nvscope.view.variable_fields import variable_fields
 from nvscope.view.vocabulary import vocabulary

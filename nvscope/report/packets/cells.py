@@ -13,7 +13,7 @@ from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, Nu
 from nvscope.report.packets import moments
 from nvscope.tracker import address
 from nvscope.view.escape import visible
-from nvscope.view.fields import TelegramField
+from nvscope.view.telegram_field import TelegramField
 from nvscope.view.telegrams import TelegramRows
 
 _BITS = ("0", "1")

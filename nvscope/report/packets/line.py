@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,15 +14,12 @@ from dissectors.link import IPV4_HIGH
 from dissectors.netvar import HEADER, PORT, Service
 from nvscope.report.packets import cells, moments, words
 from nvscope.report.packets.fit import cut
+from nvscope.report.packets.moments import Moment
 from nvscope.tracker import address
 from nvscope.view.escape import visible
 from nvscope.view.fields import FIELDS
 from nvscope.view.table import GAP, Cell, Line, Tone, shorten
 from nvscope.view.telegrams import TelegramRows
-
-Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
-"""How times are told: a local time of day, ad with date, u and ud the same in UTC, e seconds since 1970, r since the
-first frame of the capture, d since the telegram shown before."""
 
 _REMARK_WIDTH = 24
 """So much of what is wrong with a telegram goes before other columns."""
@@ -213,7 +210,7 @@ class LineWriter:
         known = datagram.captured_bytes >= _COUNTER_END
         columns = [
             _Column("number", cells.texts(FIELDS["frame.number"], rows), Tone.FAINT, right=True),
-            _Column("time", _moments(rows, self._moment, form.time_digits), right=True),
+            _Column("time", moments.told(rows, self._moment, form.time_digits), right=True),
             _Column("source", [self._names.get(text, text) for text in cells.texts(FIELDS["ip.src"], rows)]),
             _Column("destination", _destinations(rows, form.usual_port, self._names), before=" → "),
             *_places(code, header["index"].tolist(), header["subindex"].tolist(), form.subindex_word),
@@ -262,17 +259,6 @@ def _with_short_addresses(fitted: _Fitted, surplus: int) -> _Fitted:
         texts = [shorten(text, widths[place]) for text in columns[place].texts]
         columns[place] = columns[place]._replace(texts=texts)
     return _Fitted(columns, widths, fitted.tails)
-
-
-def _moments(rows: TelegramRows, moment: Moment, digits: int) -> list[str]:
-    ts_ns = rows.telegrams.ts_ns
-    if moment == "e":
-        return moments.seconds(ts_ns, digits)
-    if moment == "r":
-        return moments.seconds(rows.since_start_ns, digits)
-    if moment == "d":
-        return moments.seconds(rows.since_shown_ns, digits)
-    return moments.clock(ts_ns, digits, utc=moment.startswith("u"), date=moment.endswith("d"))
 
 
 def _destinations(rows: TelegramRows, usual_port: bool, names: Mapping[str, str]) -> list[str]:

@@ -3,13 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 
 from dissectors.batch import I64
 from nvscope import units
+from nvscope.view.telegrams import TelegramRows
 
 _S_NS = 1_000_000_000
+
+
+Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
+"""How times are told: a local time of day, ad with date, u and ud the same in UTC, e seconds since 1970, r since the
+first frame of the capture, d since the telegram shown before."""
+
+
+def told(rows: TelegramRows, moment: Moment, digits: int) -> list[str]:
+    """Return the times of telegrams in one of the forms of ``Moment``."""
+    ts_ns = rows.telegrams.ts_ns
+    if moment == "e":
+        return seconds(ts_ns, digits)
+    if moment == "r":
+        return seconds(rows.since_start_ns, digits)
+    if moment == "d":
+        return seconds(rows.since_shown_ns, digits)
+    return clock(ts_ns, digits, utc=moment.startswith("u"), date=moment.endswith("d"))
 
 
 def seconds(time_ns: I64, digits: int = 9) -> list[str]:

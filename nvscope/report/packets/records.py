@@ -13,7 +13,7 @@ from typing import Literal, Protocol
 from nvscope.errors import UsageError
 from nvscope.report.packets import cells
 from nvscope.view.escape import csv_safe, visible
-from nvscope.view.fields import TelegramField
+from nvscope.view.telegram_field import TelegramField
 from nvscope.view.telegrams import TelegramRows
 
 Quote = Literal["", "'", '"']

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from ipaddress import IPv4Address
 from itertools import chain
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,22 +19,29 @@ from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS, 
 from nvscope import units
 from nvscope.expression.columns import FieldType
 from nvscope.report.packets import cells, moments, words
+from nvscope.report.packets.can_tree import CanTree
 from nvscope.report.packets.fit import cut
 from nvscope.report.packets.hexdump import dump
+from nvscope.report.packets.tree_lines import (
+    INDENT,
+    Entry,
+    bit_entries,
+    label_cell,
+    number_text,
+    place_cell,
+    variable_entries,
+)
 from nvscope.tracker import address
 from nvscope.view.escape import visible
 from nvscope.view.fields import FIELDS
-from nvscope.view.layers import Layer, layers, values
+from nvscope.view.layers import Layer, layers, link_layers, values
 from nvscope.view.table import Cell, Line, Tone
 from nvscope.view.telegrams import TelegramRows
 
 if TYPE_CHECKING:
     from nvscope.definition.layouts import Layouts
+    from nvscope.definition.pdos import Pdos
 
-_INDENT = 2
-_HEX_BYTES = 6
-_HEX_WIDTH = 3 * _HEX_BYTES - 1
-_LABEL_WIDTH = 22
 _FRAME_LABEL_WIDTH = 38
 
 _TITLES = {
@@ -79,24 +86,25 @@ _FRAME_FIELDS = tuple(name for name in FIELDS if name.startswith("frame."))
 _ADDRESSES = {("ip", "source"), ("ip", "destination")}
 
 
-class _Entry(NamedTuple):
-    """A line of a tree, and an explanation for where there is room for one."""
-
-    cells: list[Cell]
-    help: str = ""
-
-
 class Trees:
     """The trees of a piece of telegrams, in lines not wider than ``width`` (None: as wide as it takes).
 
     Places are offsets from the start of the frame, in hexadecimal digits, as in a dump of it. Without ``dumps``, what
-    has no fields is told in its length only. With ``layouts`` the data of defined lists are variables.
+    has no fields is told in its length only. With ``layouts`` the data of defined lists are variables; ``pdos`` are
+    those on CAN.
     """
 
     def __init__(
-        self, rows: TelegramRows, width: int | None = None, *, dumps: bool = True, layouts: Layouts | None = None
+        self,
+        rows: TelegramRows,
+        width: int | None = None,
+        *,
+        dumps: bool = True,
+        layouts: Layouts | None = None,
+        pdos: Pdos | None = None,
     ) -> None:
         self._rows = rows
+        self._can = None if rows.can is None else CanTree(rows.can, pdos, dumps=dumps)
         self._layouts = layouts
         self._width = width
         self._dumps = dumps
@@ -115,10 +123,17 @@ class Trees:
                 line = [*line, Cell(explanation, Tone.FAINT)]
             yield line if width is None else cut(line, width)
 
-    def _entries(self, row: int) -> Iterator[_Entry]:
+    def _entries(self, row: int) -> Iterator[Entry]:
         packets, datagram = self._rows.packets, self._rows.telegrams.datagram
         at = int(datagram.row[row])
         packet = packets.packet(at)
+        if self._can is not None and self._rows.can is not None and self._rows.can.on_can[row]:
+            frame_at = self._can.frame_at(row, int(packets.offset[at]))
+            yield from self._frame(row)
+            for layer in link_layers(packet, int(packets.link[at]), frame_at):
+                yield from self._layer(row, packet, layer)
+            yield from self._can.entries(row, packet, frame_at)
+            return
         payload_at = int(datagram.payload[row] - packets.offset[at])
         payload_bytes, captured_bytes = int(datagram.payload_bytes[row]), int(datagram.captured_bytes[row])
         payload_end, data_at = payload_at + captured_bytes, payload_at + HEADER.size_bytes
@@ -137,15 +152,15 @@ class Trees:
             facts = [Cell(f"  {units.count_of(len(packet) - payload_end, 'byte')} behind the datagram")]
             yield from self._bytes("Trailer", facts, packet[payload_end:], payload_end)
 
-    def _frame(self, row: int) -> Iterator[_Entry]:
-        yield _Entry([Cell(f"Frame {self._texts['frame.number'][row]}", Tone.STRONG)])
+    def _frame(self, row: int) -> Iterator[Entry]:
+        yield Entry([Cell(f"Frame {self._texts['frame.number'][row]}", Tone.STRONG)])
         for name in _FRAME_FIELDS[1:]:
             field = FIELDS[name]
             unit = " s" if field.type is FieldType.DURATION else ""
-            line = [Cell(f"{'':{_INDENT}}{field.label:<{_FRAME_LABEL_WIDTH}}  {self._texts[name][row]}{unit}")]
-            yield _Entry(line, f"{self._local[row]} local time" if field.calendar else "")
+            line = [Cell(f"{'':{INDENT}}{field.label:<{_FRAME_LABEL_WIDTH}}  {self._texts[name][row]}{unit}")]
+            yield Entry(line, f"{self._local[row]} local time" if field.calendar else "")
 
-    def _layer(self, row: int, packet: bytes, layer: Layer) -> Iterator[_Entry]:
+    def _layer(self, row: int, packet: bytes, layer: Layer) -> Iterator[Entry]:
         layout = layer.layout
         if layout is None:
             content = packet[layer.start : layer.stop]
@@ -153,7 +168,7 @@ class Trees:
             return
         ends = _ENDS.get(layout.name)
         title = f"  {' → '.join(self._texts[name][row] for name in ends)}" if ends else ""
-        yield _Entry([Cell(_TITLES[layout.name], Tone.STRONG), Cell(title)])
+        yield Entry([Cell(_TITLES[layout.name], Tone.STRONG), Cell(title)])
         found = values(packet, layer)
         entries = iter(layout)
         for entry in entries:
@@ -161,45 +176,45 @@ class Trees:
             joined = _JOINED.get((layout.name, entry.name))
             if joined:
                 content = packet[at : at + entry.size_bytes + next(entries).size_bytes]
-                yield _Entry([_place(at, content), _label(joined[1]), Cell(_joined_text(content))])
+                yield Entry([place_cell(at, content), label_cell(joined[1]), Cell(_joined_text(content))])
             else:
                 content = packet[at : at + entry.size_bytes]
                 value, meaning = _value(layout, entry, found[entry.name])
-                line = [_place(at, content), _label(entry.label), Cell(f"{value}  {meaning}" if meaning else value)]
-                yield _Entry(line, "" if meaning else entry.help)
+                line = [
+                    place_cell(at, content),
+                    label_cell(entry.label),
+                    Cell(f"{value}  {meaning}" if meaning else value),
+                ]
+                yield Entry(line, "" if meaning else entry.help)
 
-    def _header(self, row: int, payload: bytes, payload_at: int, payload_bytes: int) -> Iterator[_Entry]:
+    def _header(self, row: int, payload: bytes, payload_at: int, payload_bytes: int) -> Iterator[Entry]:
         found, code = self._rows.telegrams.header[row], self._codes[row]
         belongs = "Parameter Manager, Index" if code in words.PARAMETER_CODES else "list"
         title = f"  {words.WORD_OF_CODE[code].word}, {belongs} {found['index']}, SubIndex {found['subindex']}"
-        yield _Entry([Cell("Network variables (3S-0)", Tone.STRONG), Cell(title)])
+        yield Entry([Cell("Network variables (3S-0)", Tone.STRONG), Cell(title)])
         if remark := self._remarks.get(row):
             sign = "✗" if remark[1] is Tone.ERROR else "!"
-            yield _Entry([Cell(f"{'':{_INDENT}}{sign} {remark[0]}", remark[1])])
+            yield Entry([Cell(f"{'':{INDENT}}{sign} {remark[0]}", remark[1])])
         for entry in HEADER:
             begin = HEADER.offset_of(entry.name)
             end = begin + entry.size_bytes
-            head = [_place(payload_at + begin, payload[begin:end]), _label(entry.label)]
+            head = [place_cell(payload_at + begin, payload[begin:end]), label_cell(entry.label)]
             if end > len(payload):
-                yield _Entry([*head, Cell("missing" if end > payload_bytes else "not captured", Tone.WARNING)])
+                yield Entry([*head, Cell("missing" if end > payload_bytes else "not captured", Tone.WARNING)])
                 continue
             number = int(found[entry.name])
             verdict = _verdict(entry, number, payload_bytes)
             checked = any(cell.tone is not Tone.GOOD for cell in verdict)
-            yield _Entry([*head, Cell(_number(entry, number)), *verdict], "" if checked else entry.help)
+            yield Entry([*head, Cell(number_text(entry, number)), *verdict], "" if checked else entry.help)
             if entry.bits:
-                yield from _bits(entry, number)
+                yield from bit_entries(entry, number, RESERVED_FLAGS)
 
-    def _variables(self, row: int, data: bytes, data_at: int) -> list[_Entry]:
+    def _variables(self, row: int, data: bytes, data_at: int) -> list[Entry]:
         """Return the variables of a data telegram of a defined list; none where there is no definition that fits."""
         telegrams = self._rows.telegrams
         header, port = telegrams.header[row], int(telegrams.datagram.destination_port[row])
         if self._layouts is None or telegrams.fault[row] != Fault.NONE or header["id"] != Service.ODStateFree:
             return []
-        # Not without definitions.
-        from nvscope.definition.model import type_text  # noqa: PLC0415
-        from nvscope.view.variables import value_text  # noqa: PLC0415
-
         known = self._layouts.list_of(port, int(header["index"]))
         if known is None:
             return []
@@ -212,22 +227,16 @@ class Trees:
         if layout is None or len(data) < layout.layout.size_bytes:
             why = "cut short by the capture" if layout else "not of the shape that its definition has (NV405)"
             return [
-                _Entry([title, Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)]),
+                Entry([title, Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)]),
                 *self._bytes("Data", [Cell(f"  {units.count_of(len(data), 'byte')}")], data, data_at),
             ]
-        entries = [_Entry([title, Cell(f"  {visible(known.name)}")])]
-        for offset, element in layout.spans():
-            raw = data[offset : offset + element.type.size_bytes]
-            value = Cell(visible(value_text(element.type, raw)))
-            line = [_place(data_at + offset, raw), _label(visible(element.name)), value]
-            entries.append(_Entry(line, visible(type_text(element.type))))
-        return entries
+        return [Entry([title, Cell(f"  {visible(known.name)}")]), *variable_entries(layout, data, data_at)]
 
-    def _bytes(self, title: str, facts: Sequence[Cell], content: bytes, first: int) -> Iterator[_Entry]:
-        yield _Entry([Cell(title, Tone.STRONG), *facts])
+    def _bytes(self, title: str, facts: Sequence[Cell], content: bytes, first: int) -> Iterator[Entry]:
+        yield Entry([Cell(title, Tone.STRONG), *facts])
         if self._dumps:
-            for line in dump(content, indent=_INDENT, first=first):
-                yield _Entry(list(line))
+            for line in dump(content, indent=INDENT, first=first):
+                yield Entry(list(line))
 
 
 def _joined_text(content: bytes) -> str:
@@ -243,23 +252,7 @@ def _value(layout: Layout, entry: Field, number: Any) -> tuple[str, str]:
     if (layout.name, entry.name) in _ADDRESSES:
         return str(IPv4Address(int(number))), ""
     meaning = _MEANINGS.get((layout.name, entry.name))
-    return _number(entry, int(number)), meaning(int(number)) if meaning else ""
-
-
-def _number(entry: Field, number: int) -> str:
-    return f"0x{number:0{2 * entry.size_bytes}x}" if entry.base == "hex" else str(number)
-
-
-def _place(at: int, content: bytes) -> Cell:
-    """Return where a field is and its bytes, the first of them where it is long."""
-    digits = content.hex(" ")
-    if len(content) > _HEX_BYTES:
-        digits = f"{content[: _HEX_BYTES - 1].hex(' ')} …"
-    return Cell(f"{'':{_INDENT}}{at:04x}  {digits:<{_HEX_WIDTH}}  ", Tone.FAINT)
-
-
-def _label(label: str) -> Cell:
-    return Cell(f"{label:<{_LABEL_WIDTH}}  ")
+    return number_text(entry, int(number)), meaning(int(number)) if meaning else ""
 
 
 def _verdict(entry: Field, number: int, payload_bytes: int) -> list[Cell]:
@@ -280,21 +273,3 @@ def _verdict(entry: Field, number: int, payload_bytes: int) -> list[Cell]:
         name = entry.values.get(number)
         return [Cell(f"  {name}")] if name else [Cell(f"  ✗ unknown {entry.help}", Tone.ERROR)]
     return []
-
-
-def _bits(entry: Field, number: int) -> Iterator[_Entry]:
-    """Yield a line for each named bit, and one for those without a name where any of them is set."""
-    width = 8 * entry.size_bytes
-    margin = Cell(" " * (_INDENT + 4 + 2))
-    for bit in entry.bits:
-        tone = Tone.PLAIN if number & bit.mask else Tone.FAINT
-        state = "set" if number & bit.mask else "not set"
-        yield _Entry([margin, Cell(f"{_picture(number, bit.mask, width)} = {bit.label} ({state})", tone)])
-    if number & RESERVED_FLAGS:
-        yield _Entry([margin, Cell(f"{_picture(number, RESERVED_FLAGS, width)} = {entry.help}", Tone.WARNING)])
-
-
-def _picture(number: int, mask: int, width: int) -> str:
-    """Return ``.... ..1.``: the bits of a mask, with points for the others."""
-    places = [str(number >> place & 1) if mask >> place & 1 else "." for place in reversed(range(width))]
-    return " ".join("".join(places[at : at + 4]) for at in range(0, width, 4))

@@ -1,0 +1,75 @@
+"""One line a CAN frame, as candump writes it, with what it means behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dissectors.can import MAX_DATA_BYTES
+from nvscope.report.packets import cells, moments
+from nvscope.report.packets.can_words import Meanings, flags_of, identifier_text
+from nvscope.report.packets.fit import cut
+from nvscope.report.packets.moments import Moment
+from nvscope.view.escape import visible
+from nvscope.view.fields import FIELDS
+from nvscope.view.table import GAP, Cell, Line, Tone
+from nvscope.view.telegrams import TelegramRows
+
+if TYPE_CHECKING:
+    from nvscope.definition.pdos import Pdos
+
+_TIME_DIGITS = 6
+_DATA_WIDTH = 3 * MAX_DATA_BYTES - 1
+_GAP = " " * GAP
+
+
+class CanLineWriter:
+    """Makes the lines of the CAN frames of pieces that follow each other; columns never get narrower.
+
+    No line is wider than ``width`` (None: as wide as it takes). ``pdos`` name the lists.
+    """
+
+    def __init__(self, moment: Moment = "r", width: int | None = None, pdos: Pdos | None = None) -> None:
+        self._moment: Moment = moment
+        self._width = width
+        self._meanings = Meanings(pdos)
+        self._widths = [0] * 4
+
+    def lines(self, rows: TelegramRows) -> Iterator[Line]:
+        """Yield the lines of rows that are all CAN frames."""
+        can = rows.can
+        assert can
+        assert can.frames
+        frames = can.frames.take(can.frame)
+        names = {number: str(visible(can.pdos.channel(number))) for number in set(frames.channel.tolist())}
+        columns = [
+            cells.texts(FIELDS["frame.number"], rows),
+            moments.told(rows, self._moment, _TIME_DIGITS),
+            [names[number] for number in frames.channel.tolist()],
+            [
+                identifier_text(identifier, extended)
+                for identifier, extended in zip(
+                    frames.identifier.tolist(), (frames.extended | frames.error).tolist(), strict=True
+                )
+            ],
+        ]
+        self._widths = [
+            max(width, max(map(len, column), default=0)) for width, column in zip(self._widths, columns, strict=True)
+        ]
+        for row, (number, time, channel, identifier) in enumerate(zip(*columns, strict=True)):
+            meaning = self._meanings.of(can, frames, row, row)
+            data = "" if frames.remote[row] else frames.payload(row).hex(" ").upper()
+            flags = flags_of(frames, row)
+            line = [
+                Cell(f"{number:>{self._widths[0]}}", Tone.FAINT),
+                Cell(f"{_GAP}{time:>{self._widths[1]}}"),
+                Cell(f"{_GAP}{channel:<{self._widths[2]}}"),
+                Cell(f"{_GAP}{identifier:>{self._widths[3]}}", Tone.STRONG),
+                Cell(f"{_GAP}[{int(frames.length[row])}]"),
+                Cell(f"{_GAP}{data:<{_DATA_WIDTH if meaning.text or flags else 0}}"),
+            ]
+            if flags:
+                line.append(Cell(f"{_GAP}{flags}", Tone.FAINT))
+            if meaning.text:
+                line.append(Cell(f"{_GAP}{meaning.text}", meaning.tone))
+            yield line if self._width is None else cut(line, self._width)
