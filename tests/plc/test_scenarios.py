@@ -12,7 +12,12 @@ from nvscope.plc.scenario import load_scenario
 from nvscope.tracker.counters import LIST_COUNTERS
 from tests.plc.collected import run
 
-SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
+SCENARIOS = [
+    path
+    for path in sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
+    if not load_scenario(path).channels
+]
+"""Of CAN, the rules are applied by tests/plc/test_can_truth.py."""
 TAME = [path for path in SCENARIOS if not load_scenario(path).wild]
 NEEDS_A_DEFINITION = {"NV405", "NV406", "NV407"}
 NEEDS_A_FILE = {"NV901", "NV903", "NV904"}
