@@ -180,7 +180,7 @@ class _Draft:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self.channel_numbers = {channel: number for number, channel in enumerate(scenario.channels)}
-        self.pieces: list[CanFrames] = []
+        self.pieces: list[tuple[CanFrames, int | None]] = []
         self.payloads: list[bytes] = []
 
     def add_list(self, position: int, entry: CanList) -> int:
@@ -223,9 +223,12 @@ class _Draft:
 
     def add(
         self, channel: str, due_ns: I64, word: int, length: int | U8, data: int | U64, *, fd_flags: int = 0,
-        entry: int = NO_LIST, sending: int | I64 = 0,
+        entry: int = NO_LIST, sending: int | I64 = 0, answer_word: int | None = None,
     ) -> None:  # fmt: skip
-        self.pieces.append(self.frames(channel, due_ns, word, length, data, fd_flags, entry, sending))
+        """Add frames of one identifier, which are answered where ``answer_word`` is given."""
+        piece = self.frames(channel, due_ns, word, length, data, fd_flags, entry, sending)
+        if len(piece):
+            self.pieces.append((piece, answer_word))
 
     def frames(
         self, channel: str, due_ns: I64, word: int, length: int | U8, data: int | U64, fd_flags: int = 0,
@@ -254,11 +257,9 @@ class _Draft:
         elif traffic.kind == "fd":
             fd_flags, number = _FD_WITH_SWITCH, len(self.payloads)
             self.payloads.append(data)
-        self.add(traffic.channel, at, word, length, number, fd_flags=fd_flags)
-        for identifier in answer_word:
-            answer = bytes.fromhex(SDO_ANSWER)
-            after = at + SDO_ANSWER_AFTER_NS
-            self.add(traffic.channel, after, identifier, len(answer), int.from_bytes(answer, "little"))
+        self.add(
+            traffic.channel, at, word, length, number, fd_flags=fd_flags, answer_word=next(iter(answer_word), None)
+        )
 
     def _moments(self, entry: CanTraffic | ErrorFrames, position: int, purpose: str) -> I64:
         if entry.at:
@@ -284,18 +285,36 @@ class _Draft:
         """Return the frames of a bus with the times at which they have passed it."""
         channel = self.scenario.channels[number]
         bus = next((bus for bus in self.scenario.bus if bus.channel == channel), Bus(channel=channel))
-        own = [piece for piece in self.pieces if len(piece) and int(piece.channel[0]) == number]
-        self.pieces = [piece for piece in self.pieces if len(piece) and int(piece.channel[0]) != number]
-        due = self.joined(own)
+        own = [(piece, answer) for piece, answer in self.pieces if int(piece.channel[0]) == number]
+        due = self.joined([piece for piece, _ in own])
+        started_us, ends_us = self._transmitted(bus, due)
+        answers = list(self._answers(channel, own, ends_us * _US_NS))
+        if answers:
+            due = self.joined([piece for piece, _ in own] + answers)
+            started_us, ends_us = self._transmitted(bus, due)
+        if not self.scenario.wild:
+            self._check_waiting(bus, due, started_us - due.ts_ns // _US_NS)
+        columns = (getattr(due, column.name) for column in fields(due)[2:])
+        return CanFrames(due.payloads, ends_us * _US_NS, *columns)
+
+    def _transmitted(self, bus: Bus, due: CanFrames) -> tuple[I64, I64]:
+        """Return when frames begin and end, in microseconds."""
         nominal, fast = frames_bits(due)
         bits = nominal * 1_000_000 * bus.data_bit_rate + fast * 1_000_000 * bus.bit_rate
         duration_us = -(-bits // (bus.bit_rate * bus.data_bit_rate))
         priority = priority_of(due.identifier, due.extended, due.remote)
         ends_us = transmit(due.ts_ns // _US_NS, priority, duration_us)
-        if not self.scenario.wild:
-            self._check_waiting(bus, due, ends_us - duration_us - due.ts_ns // _US_NS)
-        columns = (getattr(due, column.name) for column in fields(due)[2:])
-        return CanFrames(due.payloads, ends_us * _US_NS, *columns)
+        return ends_us - duration_us, ends_us
+
+    def _answers(self, channel: str, own: list[tuple[CanFrames, int | None]], ends_ns: I64) -> Iterator[CanFrames]:
+        """Yield the answers to requests, by when these would have passed if nothing were answered."""
+        data = bytes.fromhex(SDO_ANSWER)
+        begin = 0
+        for piece, answer_word in own:
+            if answer_word is not None:
+                due_ns = ends_ns[begin : begin + len(piece)] + SDO_ANSWER_AFTER_NS
+                yield self.frames(channel, due_ns, answer_word, len(data), int.from_bytes(data, "little"))
+            begin += len(piece)
 
     def _check_waiting(self, bus: Bus, due: CanFrames, waited_us: I64) -> None:
         for position, entry in enumerate(self.scenario.can_list):

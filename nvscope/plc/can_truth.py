@@ -86,6 +86,7 @@ def can_lists(
                 "nErrorCount": 0,
                 "nAcknowledges": 0,
             },
+            "counters": {},
             "nodes": [],
             "streams": told,
             "designed": _designed(scenario, timeline, key, plan),

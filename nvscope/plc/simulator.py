@@ -18,7 +18,7 @@ from nvscope.capture.open import open_sink
 from nvscope.capture.pcap import PcapSink
 from nvscope.capture.pcapng import PcapngSink
 from nvscope.capture.source import Sink
-from nvscope.errors import UsageError
+from nvscope.errors import CaptureError, UsageError
 from nvscope.plc.can_tables import ETHERNET
 from nvscope.plc.can_timeline import CanTimeline, make_can_timeline
 from nvscope.plc.frames import render
@@ -76,7 +76,11 @@ def open_capture(scenario: Scenario, path: str, name: str) -> PcapSink | PcapngS
             next_step="name the file .pcapng or .pcap",
         )  # fmt: skip
     link = LINKS[scenario.link] if scenario.node else LinkType.CAN_SOCKETCAN
-    return open_sink(path, int(link), channels_of(scenario) or None)
+    try:
+        return open_sink(path, int(link), channels_of(scenario) or None)
+    except (CaptureError, UsageError) as error:
+        error.where = name
+        raise
 
 
 def channels_of(scenario: Scenario) -> tuple[str, ...]:

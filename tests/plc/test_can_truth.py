@@ -1,0 +1,108 @@
+"""The truth about simulated CAN against the rules of diagnosis, written a second time and applied to the log."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nvscope.definition.pdos import Pdos
+from nvscope.plc.scenario import Scenario, load_scenario, read_scenario
+from nvscope.plc.simulator import channels_of, open_capture, simulate
+from tests.oracle.can_reference import DefinedList, findings, read
+from tests.packets import document_of, tracked
+from tests.plc.collected import Collected, definition_of
+from tests.plc.comparison import compare
+from tests.plc.random_can_scenario import random_can_scenario
+
+SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("can-*.toml"))
+ALONE = [path for path in SCENARIOS if not load_scenario(path).node]
+
+
+def log_of(scenario: Scenario, path: Path) -> tuple[dict[str, Any], str]:
+    """Return the truth about a scenario and its candump log."""
+    with open_capture(scenario, str(path), str(path)) as sink:
+        truth = simulate(scenario, sink)
+    return truth, path.read_text()
+
+
+def defined_lists(scenario: Scenario) -> list[DefinedList]:
+    """Return the lists of the definition files, by the packing rule of those who read them."""
+    definition = definition_of(scenario)
+    if definition is None:
+        return []
+    pdos = Pdos(definition)
+    return [
+        DefinedList(
+            cob_id,
+            [pdo.layout.layout.size_bytes for pdo in pdos.by_cob_id.values() if pdo.list is entry and pdo.layout],
+            pdos.intervals_ns.get(cob_id),
+        )
+        for cob_id, entry in pdos.lists.items()
+    ]
+
+
+def expected_of(truth: dict[str, Any]) -> dict[Any, int]:
+    return {
+        (finding["code"], finding["list"], finding["subindex"]): finding["count"]
+        for finding in truth["findings"]
+        if finding["code"] != "NV902"
+    }
+
+
+@pytest.mark.parametrize("path", ALONE, ids=[path.stem for path in ALONE])
+def test_what_was_put_into_a_scenario_is_what_the_rules_find(path: Path, tmp_path: Path) -> None:
+    scenario = load_scenario(path)
+    truth, log = log_of(scenario, tmp_path / "a.log")
+    assert expected_of(truth) == findings(read(log), defined_lists(scenario))
+    assert json.loads(json.dumps(truth)) == truth
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_what_was_put_in_at_random_is_what_the_rules_find(seed: int, tmp_path: Path) -> None:
+    scenario = read_scenario(random_can_scenario(seed))
+    truth, log = log_of(scenario, tmp_path / "a.log")
+    lines = read(log)
+    assert expected_of(truth) == findings(lines, defined_lists(scenario))
+    assert truth["capture"]["frames"] == len(lines)
+    by_channel = Counter(line.channel for line in lines)
+    assert {bus["channel"]: bus["frames"] for bus in truth["buses"]} == by_channel
+    seen = Counter((line.channel, len(line.name) == 8, int(line.name, 16)) for line in lines if not line.remote)
+    told = {
+        (entry["channel"], stream["extended"], stream["cob_id"]): stream["telegrams"]
+        for entry in truth["lists"]
+        for stream in entry["streams"]
+    }
+    assert told == {key: count for key, count in seen.items() if key[2] < 1 << 29}
+
+
+@pytest.mark.parametrize("seed", range(100, 124))
+def test_a_report_says_what_was_put_in_at_random(seed: int) -> None:
+    """All but findings, which are for tests/test_scenarios.py."""
+    scenario = read_scenario(random_can_scenario(seed))
+    sink = Collected()
+    truth = simulate(scenario, sink)
+    report = document_of(tracked(sink.batches), definition_of(scenario), channels_of(scenario))
+    assert compare("report", truth, report) == []
+
+
+def test_a_difference_does_not_go_unnoticed(tmp_path: Path) -> None:
+    scenario = load_scenario(next(path for path in SCENARIOS if path.stem == "can-missing-pdo"))
+    truth, log = log_of(scenario, tmp_path / "a.log")
+    lines = read(log)
+    assert expected_of(truth) == {("NV604", "can/can0/272", None): 3}
+    assert findings(lines[:1000] + lines[1001:], defined_lists(scenario)) != expected_of(truth)
+
+
+def test_an_incomplete_sending_at_the_end_is_designed_and_cannot_be_known(tmp_path: Path) -> None:
+    text = (
+        'duration = "1s"\n[[can_list]]\nname = "axis"\ncob_id = 0x110\nbytes = [8, 8]\ninterval = "100ms"\n'
+        '[[loss]]\nlist = "axis"\nsubindex = 1\ntelegrams = 10\n'
+    )
+    truth, log = log_of(read_scenario(text), tmp_path / "a.log")
+    assert truth["lists"][0]["designed"] == {"telegrams_sent": 20, "telegrams_lost": 1}
+    assert truth["findings"] == []
+    assert len(log.splitlines()) == 19
