@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import PacketBatch
-from nvscope.definition.model import Definition
-from nvscope.definition.pdos import Pdos
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
@@ -39,18 +37,7 @@ def tracked(batches: Iterable[PacketBatch]) -> TrackerState:
     return state
 
 
-def document_of(
-    state: TrackerState, definition: Definition | None = None, channels: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return the report of a state as data, without sources; ``channels`` are the names of the channels by number."""
-    defined = definition or Definition()
-    pdos = Pdos(defined)
-    summary = summarize(
-        state,
-        intervals_ns=defined.cyclic_intervals_ns(),
-        channels=channels,
-        can_parts=pdos.parts,
-        can_intervals_ns=pdos.intervals_ns,
-    )
-    findings = judge(state, summary=summary, definition=definition)
-    return report_document(state, summary, findings, [], definition)
+def document_of(state: TrackerState) -> dict[str, Any]:
+    """Return the report of a state as data, without sources."""
+    summary = summarize(state)
+    return report_document(state, summary, judge(state, summary=summary), [])

@@ -24,9 +24,9 @@ def check_can(scenario: Scenario, place: Place) -> None:
         if scenario.bus and channel not in {bus.channel for bus in scenario.bus}:
             buses = [bus.channel for bus in scenario.bus]
             raise place.error(f"there is no bus {channel!r}, though others are described", nearest(channel, buses))
-        if scenario.node and channel == ETHERNET:
+        if scenario.has_network and channel == ETHERNET:
             raise place.error(f"{channel!r} is the name of the network", "Call the bus can0 or the like.")
-    if scenario.node and scenario.channels and scenario.clock_step:
+    if scenario.has_network and scenario.channels and scenario.clock_step:
         raise place.below("clock_step").error("a clock that is set needs a scenario of Ethernet or of CAN alone")
     for position, entry in enumerate(scenario.can_list):
         _check_list(scenario, position, entry, place.below("can_list").below(position))

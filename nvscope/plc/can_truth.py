@@ -15,6 +15,7 @@ import numpy as np
 from dissectors.batch import I64
 from dissectors.can import EXTENDED
 from dissectors.can_error import CLASSES
+from dissectors.canopen import PREDEFINED
 from nvscope.plc.can_tables import CanList
 from nvscope.plc.can_timeline import CanFrames, CanTimeline, frames_bits
 from nvscope.plc.expected import CanKey, ExpectedFindings, expect_intervals, nominal_of
@@ -50,15 +51,14 @@ def can_lists(
     """
     frames = timeline.frames
     places = _places(scenario)
-    lists: dict[tuple[str, bool, int], list[tuple[_Place, _Identity, I64]]] = {}
+    lists: dict[CanKey, list[tuple[_Place, _Identity, I64]]] = {}
     remote = dict(_by_identity(scenario, frames, np.flatnonzero(frames.remote)))
     for identity, rows in _by_identity(scenario, frames, np.flatnonzero(~frames.error & ~frames.remote)):
         place = _Place(identity.identifier)
         if not identity.extended:
             place = places.get(identity.identifier, place)
-        lists.setdefault((identity.channel, identity.extended, place.base), []).append((place, identity, rows))
-    for (channel, _, base), streams in sorted(lists.items(), key=lambda entry: entry[0]):
-        key = CanKey(channel, base)
+        lists.setdefault(CanKey(identity.channel, identity.extended, place.base), []).append((place, identity, rows))
+    for key, streams in sorted(lists.items(), key=lambda entry: entry[0]):
         rows = np.sort(np.concatenate([rows for _, _, rows in streams]))
         streams.sort(key=lambda entry: entry[0].subindex)
         told = [
@@ -68,12 +68,14 @@ def can_lists(
         plan = streams[0][0].plan
         if plan is not None:
             _expect_cycles(scenario, frames, key, plan, found)
+            taken = sum(len(rows) for _, identity, rows in streams if _is_of_canopen(identity.identifier))
+            found.add("NV602", key, None, None, taken)
         last = str(frames.ts_ns[rows[-1]])
         yield {
             "key": str(key),
             "transport": "can",
-            "channel": channel,
-            "id": base,
+            "channel": key.channel,
+            "id": key.cob_id,
             "name": None if plan is None else plan.name,
             "senders": [],
             "readers": [],
@@ -126,6 +128,10 @@ def _places(scenario: Scenario) -> dict[int, _Place]:
         for subindex in range(len(plan.data_bytes) if plan.has_definition else 0):
             places.setdefault(plan.cob_id + subindex, _Place(plan.cob_id, subindex, plan))
     return places
+
+
+def _is_of_canopen(cob_id: int) -> bool:
+    return any(service.first <= cob_id <= service.last for service in PREDEFINED)
 
 
 def _by_identity(scenario: Scenario, frames: CanFrames, rows: I64) -> Iterator[tuple[_Identity, I64]]:

@@ -24,9 +24,10 @@ UNUSED_TELEGRAMS = 8
 
 
 class CanKey(NamedTuple):
-    """A list on CAN: its bus, and its first identifier."""
+    """A list on CAN: its bus, and its first identifier; extended ones come behind the others."""
 
     channel: str
+    extended: bool
     cob_id: int
 
     def __str__(self) -> str:

@@ -437,7 +437,7 @@ class Scenario:
     )
     snap_length: int = key(integer(0, 65_535), "bytes kept of each frame that is not of CAN; 0 keeps all", default=0)
     wild: bool = key(FLAG, "faults may meet; the truth about counters is then not exact", default=False)
-    node: tuple[Node, ...] = key(tables(Node), "controllers and PCs; needed for all that is not on CAN", default=())
+    node: tuple[Node, ...] = key(tables(Node), "controllers and PCs; CAN does without", default=())
     list: tuple[ListPlan, ...] = key(tables(ListPlan), "network variables lists", default=())
     reader: tuple[Reader, ...] = key(tables(Reader), "who reads what", default=())
     traffic: tuple[Traffic, ...] = key(tables(Traffic), "foreign traffic", default=())
@@ -503,6 +503,11 @@ class Scenario:
         """The CAN buses that any table names, in the order of their names."""
         tables = (self.bus, self.can_list, self.can_traffic, self.error_frames, self.bus_off)
         return tuple(sorted({entry.channel for table in tables for entry in table}))
+
+    @property
+    def has_network(self) -> bool:
+        """Whether there is something else than CAN; nodes alone, which CAN has too, send nothing."""
+        return not self.channels or bool(self.list or self.traffic)
 
     def rows(self) -> Iterator[tuple[str, int, object]]:
         """Yield every table of every array of tables, with the array's name and its position there."""

@@ -42,7 +42,7 @@ def simulate(
     The sink stays open. ``progress`` is told frames written and frames in all after each batch. Raises
     ConfigurationError before anything is written where faults of the scenario contradict each other.
     """
-    timeline = make_timeline(scenario) if scenario.node else None
+    timeline = make_timeline(scenario) if scenario.has_network else None
     can = make_can_timeline(scenario) if scenario.channels else None
     truth = make_truth(scenario, timeline, can)
     written = 0
@@ -60,7 +60,7 @@ def open_capture(scenario: Scenario, path: str, name: str) -> PcapSink | PcapngS
     Raises UsageError where the format cannot hold what is in the scenario.
     """
     suffix = Path(name).suffix.lower()
-    if scenario.node and scenario.channels and suffix != ".pcapng":
+    if scenario.has_network and scenario.channels and suffix != ".pcapng":
         raise UsageError(
             f"the scenario has frames of CAN and others, which a {suffix} file cannot hold side by side", where=name,
             next_step="name the file .pcapng",
@@ -70,12 +70,12 @@ def open_capture(scenario: Scenario, path: str, name: str) -> PcapSink | PcapngS
             f"the scenario has {len(scenario.channels)} CAN buses, which a .pcap file cannot tell apart", where=name,
             next_step="name the file .pcapng or .log",
         )  # fmt: skip
-    if scenario.node and suffix == ".log":
+    if scenario.has_network and suffix == ".log":
         raise UsageError(
             "the scenario has no frames of CAN, and a candump log holds no others", where=name,
             next_step="name the file .pcapng or .pcap",
         )  # fmt: skip
-    link = LINKS[scenario.link] if scenario.node else LinkType.CAN_SOCKETCAN
+    link = LINKS[scenario.link] if scenario.has_network else LinkType.CAN_SOCKETCAN
     try:
         return open_sink(path, int(link), channels_of(scenario) or None)
     except (CaptureError, UsageError) as error:
@@ -87,7 +87,7 @@ def channels_of(scenario: Scenario) -> tuple[str, ...]:
     """Return the names of the channels of a scenario's packets, by number; none where there is no CAN."""
     if not scenario.channels:
         return ()
-    return ((ETHERNET,) if scenario.node else ()) + scenario.channels
+    return ((ETHERNET,) if scenario.has_network else ()) + scenario.channels
 
 
 def all_packets(

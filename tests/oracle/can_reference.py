@@ -15,6 +15,12 @@ from typing import NamedTuple
 
 _LINE = re.compile(r"\((\d+)\.(\d{6}|\d{9})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#(?:(R)(\d?)|(#.)?([0-9A-F]*))")
 
+CANOPEN = (
+    (0x000, 0x000), (0x080, 0x0FF), (0x100, 0x100), (0x181, 0x1FF), (0x201, 0x27F), (0x281, 0x2FF), (0x301, 0x37F),
+    (0x381, 0x3FF), (0x401, 0x47F), (0x481, 0x4FF), (0x501, 0x57F), (0x581, 0x5FF), (0x601, 0x67F), (0x701, 0x77F),
+    (0x7E4, 0x7E5),
+)  # fmt: skip
+
 FindingKey = tuple[str, str | None, int | None]
 
 
@@ -81,6 +87,8 @@ def findings(lines: Iterable[Line], lists: Iterable[DefinedList]) -> dict[Findin
     for (channel, name), stream in streams.items():
         cob_id = int(name, 16)
         entry, subindex = of_cob_id.get(cob_id, (None, 0)) if len(name) == 3 else (None, 0)
+        if entry and any(first <= cob_id <= last for first, last in CANOPEN):
+            found["NV602", f"can/{channel}/{entry.cob_id}", None] += len(stream.times)
         where = (f"can/{channel}/{entry.cob_id if entry else cob_id}", subindex)
         if entry:
             wrong = sum(size != entry.sizes[subindex] for size in stream.sizes)

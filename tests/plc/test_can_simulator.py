@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from dissectors.batch import LinkType
 from nvscope.capture.open import open_source
+from nvscope.definition.pdos import Pdos
 from nvscope.errors import ConfigurationError, ExitCode
 from nvscope.plc.can_bus import priority_of, transmit
 from nvscope.plc.can_definition import can_definitions
@@ -25,7 +26,7 @@ from nvscope.plc.scenario import load_scenario, read_scenario
 from nvscope.plc.simulator import channels_of, open_capture, simulate
 from nvscope.plc.timeline import make_timeline
 from tests.capture.can_logs import frames_of
-from tests.plc.collected import Collected, definition_of
+from tests.plc.collected import Collected, project_of
 from tests.plc.random_can_scenario import random_can_scenario
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -160,14 +161,10 @@ def test_what_is_written_is_what_is_read_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("packed", [True, False])
-def test_definitions_make_pdos_of_the_given_lengths(packed: bool) -> None:
+def test_definitions_make_pdos_of_the_given_lengths(packed: bool, tmp_path: Path) -> None:
     sizes = [8, 5, 6, 8, 7, 3] if packed else [1, 2, 3, 4, 5, 6, 7, 8]
     text = AXIS.replace("[8, 8, 4]", f"{sizes}\npacked = {str(packed).lower()}")
-    definition = definition_of(read_scenario(SECOND + text))
-    assert definition is not None
-    from nvscope.definition.pdos import Pdos  # noqa: PLC0415
-
-    pdos = Pdos(definition)
+    pdos = Pdos(project_of(read_scenario(SECOND + text), tmp_path).definition)
     layouts = [pdos.by_cob_id[0x110 + place].layout for place in range(len(sizes))]
     assert [layout and layout.layout.size_bytes for layout in layouts] == sizes
     assert 0x110 + len(sizes) not in pdos.by_cob_id

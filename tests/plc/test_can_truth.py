@@ -10,15 +10,16 @@ from typing import Any
 import pytest
 
 from nvscope.definition.pdos import Pdos
+from nvscope.findings.catalogue import CATALOGUE
 from nvscope.plc.scenario import Scenario, load_scenario, read_scenario
-from nvscope.plc.simulator import channels_of, open_capture, simulate
+from nvscope.plc.simulator import open_capture, simulate
 from tests.oracle.can_reference import DefinedList, findings, read
-from tests.packets import document_of, tracked
-from tests.plc.collected import Collected, definition_of
-from tests.plc.comparison import compare
+from tests.plc.collected import project_of, reported
+from tests.plc.comparison import compare, differences
 from tests.plc.random_can_scenario import random_can_scenario
 
 SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("can-*.toml"))
+FINDINGS = set(CATALOGUE) - {"NV601", "NV605"}
 ALONE = [path for path in SCENARIOS if not load_scenario(path).node]
 
 
@@ -29,12 +30,9 @@ def log_of(scenario: Scenario, path: Path) -> tuple[dict[str, Any], str]:
     return truth, path.read_text()
 
 
-def defined_lists(scenario: Scenario) -> list[DefinedList]:
+def defined_lists(scenario: Scenario, directory: Path) -> list[DefinedList]:
     """Return the lists of the definition files, by the packing rule of those who read them."""
-    definition = definition_of(scenario)
-    if definition is None:
-        return []
-    pdos = Pdos(definition)
+    pdos = Pdos(project_of(scenario, directory).definition)
     return [
         DefinedList(
             cob_id,
@@ -57,7 +55,7 @@ def expected_of(truth: dict[str, Any]) -> dict[Any, int]:
 def test_what_was_put_into_a_scenario_is_what_the_rules_find(path: Path, tmp_path: Path) -> None:
     scenario = load_scenario(path)
     truth, log = log_of(scenario, tmp_path / "a.log")
-    assert expected_of(truth) == findings(read(log), defined_lists(scenario))
+    assert expected_of(truth) == findings(read(log), defined_lists(scenario, tmp_path))
     assert json.loads(json.dumps(truth)) == truth
 
 
@@ -66,7 +64,7 @@ def test_what_was_put_in_at_random_is_what_the_rules_find(seed: int, tmp_path: P
     scenario = read_scenario(random_can_scenario(seed))
     truth, log = log_of(scenario, tmp_path / "a.log")
     lines = read(log)
-    assert expected_of(truth) == findings(lines, defined_lists(scenario))
+    assert expected_of(truth) == findings(lines, defined_lists(scenario, tmp_path))
     assert truth["capture"]["frames"] == len(lines)
     by_channel = Counter(line.channel for line in lines)
     assert {bus["channel"]: bus["frames"] for bus in truth["buses"]} == by_channel
@@ -80,13 +78,18 @@ def test_what_was_put_in_at_random_is_what_the_rules_find(seed: int, tmp_path: P
 
 
 @pytest.mark.parametrize("seed", range(100, 124))
-def test_a_report_says_what_was_put_in_at_random(seed: int) -> None:
-    """All but findings, which are for tests/test_scenarios.py."""
-    scenario = read_scenario(random_can_scenario(seed))
-    sink = Collected()
-    truth = simulate(scenario, sink)
-    report = document_of(tracked(sink.batches), definition_of(scenario), channels_of(scenario))
+def test_a_report_says_what_was_put_in_at_random(seed: int, tmp_path: Path) -> None:
+    truth, report = reported(read_scenario(random_can_scenario(seed)), tmp_path)
     assert compare("report", truth, report) == []
+
+
+@pytest.mark.xfail(strict=True, reason="NV604, and NV501 to NV504 on CAN, are not in the report yet")
+def test_a_report_finds_what_was_put_in_at_random(tmp_path: Path) -> None:
+    found = {}
+    for seed in range(100, 124):
+        truth, report = reported(read_scenario(random_can_scenario(seed)), tmp_path)
+        found[seed] = differences(truth, report, FINDINGS)
+    assert {seed: lines for seed, lines in found.items() if lines} == {}
 
 
 def test_a_difference_does_not_go_unnoticed(tmp_path: Path) -> None:
@@ -94,7 +97,7 @@ def test_a_difference_does_not_go_unnoticed(tmp_path: Path) -> None:
     truth, log = log_of(scenario, tmp_path / "a.log")
     lines = read(log)
     assert expected_of(truth) == {("NV604", "can/can0/272", None): 3}
-    assert findings(lines[:1000] + lines[1001:], defined_lists(scenario)) != expected_of(truth)
+    assert findings(lines[:1000] + lines[1001:], defined_lists(scenario, tmp_path)) != expected_of(truth)
 
 
 def test_an_incomplete_sending_at_the_end_is_designed_and_cannot_be_known(tmp_path: Path) -> None:
