@@ -174,7 +174,6 @@ def _stream(
             "min": int(intervals.min()) if len(intervals) else None,
             "max": int(intervals.max()) if len(intervals) else None,
         },
-        "items": None,
         "length": int(length[-1]),
         "checksum": None,
     }

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from dissectors.batch import LinkType
 from nvscope.capture.open import open_source
-from nvscope.definition.pdos import Pdos
+from nvscope.definition.packing import pack
 from nvscope.errors import ConfigurationError, ExitCode
 from nvscope.plc.can_bus import priority_of, transmit
 from nvscope.plc.can_definition import can_definitions
@@ -164,11 +164,9 @@ def test_what_is_written_is_what_is_read_back(tmp_path: Path) -> None:
 def test_definitions_make_pdos_of_the_given_lengths(packed: bool, tmp_path: Path) -> None:
     sizes = [8, 5, 6, 8, 7, 3] if packed else [1, 2, 3, 4, 5, 6, 7, 8]
     text = AXIS.replace("[8, 8, 4]", f"{sizes}\npacked = {str(packed).lower()}")
-    pdos = Pdos(project_of(read_scenario(SECOND + text), tmp_path).definition)
-    layouts = [pdos.by_cob_id[0x110 + place].layout for place in range(len(sizes))]
-    assert [layout and layout.layout.size_bytes for layout in layouts] == sizes
-    assert 0x110 + len(sizes) not in pdos.by_cob_id
-    assert pdos.intervals_ns == {0x110: 10_000_000}
+    (entry,) = project_of(read_scenario(SECOND + text), tmp_path).definition.lists
+    assert [layout.layout.size_bytes for layout in pack(entry)] == sizes
+    assert (entry.protocol, entry.list_id, entry.interval_ns) == ("CAN", 0x110, 10_000_000)
 
 
 @pytest.mark.parametrize(

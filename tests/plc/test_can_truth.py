@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from nvscope.definition.pdos import Pdos
+from nvscope.definition.packing import pack
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.plc.scenario import Scenario, load_scenario, read_scenario
 from nvscope.plc.simulator import open_capture, simulate
@@ -32,14 +32,13 @@ def log_of(scenario: Scenario, path: Path) -> tuple[dict[str, Any], str]:
 
 def defined_lists(scenario: Scenario, directory: Path) -> list[DefinedList]:
     """Return the lists of the definition files, by the packing rule of those who read them."""
-    pdos = Pdos(project_of(scenario, directory).definition)
     return [
         DefinedList(
-            cob_id,
-            [pdo.layout.layout.size_bytes for pdo in pdos.by_cob_id.values() if pdo.list is entry and pdo.layout],
-            pdos.intervals_ns.get(cob_id),
+            entry.list_id or 0,
+            [layout.layout.size_bytes for layout in pack(entry)],
+            entry.interval_ns if entry.cyclic else None,
         )
-        for cob_id, entry in pdos.lists.items()
+        for entry in project_of(scenario, directory).definition.lists
     ]
 
 
