@@ -7,7 +7,9 @@ import json
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -18,7 +20,7 @@ from nvscope.plc.scenario import load_scenario
 from nvscope.plc.simulator import simulate
 from nvscope.plc.timeline import LINKS
 from tests.packets import document_of, tracked
-from tests.plc.collected import Collected, run
+from tests.plc.collected import Collected, reported, run
 from tests.plc.comparison import differences
 
 SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
@@ -26,20 +28,55 @@ SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
 EXACT = [path for path in SCENARIOS if not load_scenario(path).wild]
 """Where faults meet, as in wild scenarios, what they come to is not known beforehand."""
 
+NOT_YET = {
+    "can-missing-pdo": "NV604",
+    "can-two-channels": "NV604",
+    "can-burst": "NV503 on CAN",
+    "can-late": "NV501 on CAN",
+    "can-jitter": "NV502 on CAN",
+    "can-stopped": "NV504 on CAN",
+    "can-bus-off": "NV501 on CAN",
+    "can-and-ethernet": "NV501 on CAN",
+    "can-canopen-collision": "NV602 in a report",
+}
+"""What the report does not say yet."""
+
+NOT_YET_AS_OFTEN = {"can-error-frames": "NV606 counts frames of the most frequent class, not all"}
+"""What it says with another count."""
+
+
+def cases(not_yet: dict[str, str]) -> list[Any]:
+    """Return the scenarios, those as expected failures that the report does not agree with yet."""
+    return [
+        pytest.param(
+            path,
+            id=path.stem,
+            marks=[pytest.mark.xfail(strict=True, reason=not_yet[path.stem])] if path.stem in not_yet else [],
+        )
+        for path in EXACT
+    ]
+
+
 UNSEEN = {
     "NV405", "NV406", "NV407",  # need a definition
+    "NV601", "NV602", "NV604", "NV605",  # of definitions and of buses
     "NV901", "NV903", "NV904",  # of capture files, see tests/cli
 }  # fmt: skip
 
 
+@cache
 def report_on(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the truth about a scenario and the report on its traffic."""
+    scenario = load_scenario(path)
+    if scenario.channels:
+        with TemporaryDirectory() as directory:
+            return reported(scenario, Path(directory))
     sink = Collected()
-    truth = simulate(load_scenario(path), sink)
+    truth = simulate(scenario, sink)
     return truth, document_of(tracked(sink.batches))
 
 
-@pytest.mark.parametrize("path", EXACT, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", cases(NOT_YET))
 def test_report_says_what_the_scenario_expects(path: Path) -> None:
     expected = load_scenario(path).expect
     assert expected is not None, "a scenario has an [expect] table"
@@ -59,7 +96,7 @@ def test_report_says_what_the_scenario_expects(path: Path) -> None:
         assert {key: counters for key, counters in counted.items() if counters} == expected.counters
 
 
-@pytest.mark.parametrize("path", EXACT, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", cases(NOT_YET | NOT_YET_AS_OFTEN))
 def test_report_agrees_with_the_truth(path: Path) -> None:
     truth, report = report_on(path)
     assert truth["exact"]
@@ -68,7 +105,7 @@ def test_report_agrees_with_the_truth(path: Path) -> None:
 
 def test_scenarios_show_every_finding_of_the_network() -> None:
     shown = {finding["code"] for path in SCENARIOS for finding in report_on(path)[1]["findings"]}
-    assert shown == {code for code in CATALOGUE if code[2] in "123459"} - UNSEEN
+    assert shown == {code for code in CATALOGUE if code[2] in "1234569"} - UNSEEN
 
 
 def test_the_sample_plant_is_what_its_scenario_makes(tmp_path: Path) -> None:

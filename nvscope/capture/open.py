@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from dissectors.batch import LinkType
+from nvscope.capture.candump_sink import CandumpSink
 from nvscope.capture.capture_file import STDIN, CaptureFile, NoCapture
 from nvscope.capture.pcap import PcapSink
 from nvscope.capture.pcapng import PcapngSink
@@ -55,16 +57,26 @@ def _open_directory(directory: str, sizes: ReadingSizes) -> list[CaptureFile]:
     return files
 
 
-def open_sink(path: str, link: int) -> PcapSink | PcapngSink:
-    """Return a sink for a .pcap or .pcapng file; ``link`` is the link type that a pcap file is for.
+def open_sink(path: str, link: int, channels: Sequence[str] | None = None) -> PcapSink | PcapngSink | CandumpSink:
+    """Return a sink for a .pcap or .pcapng file or a candump .log; ``link`` is the link type of what will be written.
 
-    Raises UsageError for another suffix, CaptureError where the file cannot be written.
+    ``channels`` are the names of the channels by number, where packets have any: a .pcap file holds none.
+    Raises UsageError for another suffix and for a log of something else than CAN, CaptureError where the file cannot be
+    written.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".pcap":
         return PcapSink(path, link)
     if suffix == ".pcapng":
-        return PcapngSink(path)
+        return PcapngSink(path, channels)
+    if suffix == ".log":
+        if link != LinkType.CAN_SOCKETCAN:
+            raise UsageError(
+                "a candump log holds frames of CAN only", where=path, next_step="name the file .pcapng or .pcap"
+            )
+        return CandumpSink(path, channels or ())
     raise UsageError(
-        f"no capture format has the suffix {suffix!r}", where=path, next_step="name the file .pcapng or .pcap"
+        f"no capture format has the suffix {suffix!r}",
+        where=path,
+        next_step="name the file .pcapng or .pcap, or, for CAN, .log",
     )

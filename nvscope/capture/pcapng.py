@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import struct
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -579,42 +579,52 @@ class _InterfaceTable:
 class PcapngSink(FileSink):
     """Writes packets of any link types to a pcapng file of one section in this machine's byte order, times in ns.
 
-    Every link type is an interface. Packets are cut to ``MAX_PACKET_BYTES``, times before 1970 become 1970.
+    Every link type is an interface; with ``channels``, names by number that may grow, every channel of it is one, and
+    has its name. Packets are cut to ``MAX_PACKET_BYTES``, times before 1970 become 1970.
     """
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, channels: Sequence[str] | None = None) -> None:
         super().__init__(path)
+        self._channels = channels
         self._numbers: dict[int, int] = {}
         self._output.write(struct.pack("=IIIHHqI", SECTION, 28, BYTE_ORDER_MAGIC, 1, 0, -1, 28))
 
     def write(self, batch: PacketBatch) -> None:
         if not len(batch):
             return
-        only = batch.single_link
-        for link in [only] if only is not None else np.unique(batch.link).tolist():
-            if link not in self._numbers:
-                self._numbers[link] = len(self._numbers)
-                option = struct.pack("=HHB3xHH", _OPTION_TIME_RESOLUTION, 1, 9, _OPTION_END, 0)
-                self._output.write(
-                    struct.pack("=IIHHI", INTERFACE, 32, link, 0, MAX_PACKET_BYTES) + option + struct.pack("=I", 32)
-                )
+        key = batch.link.astype(np.int64)
+        if self._channels is not None:
+            key = key << 16 | batch.channels
+        seen, key = np.unique(key, return_inverse=True)
+        for known in seen.tolist():
+            if known not in self._numbers:
+                self._numbers[known] = len(self._numbers)
+                self._output.write(self._interface(known))
+        interface = np.array([self._numbers[known] for known in seen.tolist()], np.uint32)[key]
         for rows in stretches(batch.captured, len(batch), BATCH_BYTES):
-            self._output.write(self._blocks(batch[rows]))
+            self._output.write(self._blocks(batch[rows], interface[rows]))
 
-    def _blocks(self, batch: PacketBatch) -> U8:
+    def _interface(self, key: int) -> bytes:
+        link, options = key, b""
+        if self._channels is not None:
+            link, channel = key >> 16, key & 0xFFFF
+            name = self._channels[channel].encode("utf-8", "replace") if channel < len(self._channels) else b""
+            if name:
+                options = struct.pack("=HH", _OPTION_INTERFACE_NAME, len(name)) + name + bytes(-len(name) % 4)
+        options += struct.pack("=HHB3xHH", _OPTION_TIME_RESOLUTION, 1, 9, _OPTION_END, 0)
+        size = 20 + len(options)
+        return struct.pack("=IIHHI", INTERFACE, size, link, 0, MAX_PACKET_BYTES) + options + struct.pack("=I", size)
+
+    def _blocks(self, batch: PacketBatch, interface: U32) -> U8:
         captured = np.minimum(batch.captured, MAX_PACKET_BYTES).astype(np.int64)
         sizes = (captured + 3 & ~3) + _PACKET_OVERHEAD
         ends = np.cumsum(sizes)
         begins = ends - sizes
-        only = batch.single_link
         units = np.maximum(batch.ts_ns, 0)
         headers = np.empty((len(batch), 7), np.uint32)
         headers[:, 0] = ENHANCED_PACKET
         headers[:, 1] = sizes
-        headers[:, 2] = 0 if only is None else self._numbers[only]
-        if only is None:
-            for link, number in self._numbers.items():
-                headers[batch.link == link, 2] = number
+        headers[:, 2] = interface
         headers[:, 3] = units >> 32
         headers[:, 4] = units & 0xFFFFFFFF
         headers[:, 5] = captured

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nvscope.errors import CaptureError, UsageError
 
+if TYPE_CHECKING:
+    from nvscope.plc.scenario import Scenario
+
 
 def simulate(
     scenario: Annotated[str | None, typer.Argument(metavar="SCENARIO.toml", show_default=False)] = None,
     write: Annotated[
-        str | None, typer.Option("-w", "--write", metavar="FILE", help="The .pcap or .pcapng file to write.")
+        str | None,
+        typer.Option("-w", "--write", metavar="FILE", help="The .pcap, .pcapng or candump .log file to write."),
     ] = None,
     truth: Annotated[
         str | None,
         typer.Option(
             "--truth", metavar="FILE", help="Where the truth goes as JSON; - is stdout. Default: FILE.truth.json."
+        ),
+    ] = None,
+    gvl: Annotated[
+        str | None,
+        typer.Option(
+            "--gvl", metavar="DIRECTORY", help="Where a .gvl file for each list on CAN goes; reports need them."
         ),
     ] = None,
     keys: Annotated[bool, typer.Option("--keys", help="List all keys of a scenario and their meaning.")] = False,
@@ -47,13 +57,15 @@ def simulate(
 
     import json
 
-    from nvscope.capture.open import open_sink
+    from nvscope.plc.can_definition import can_definitions
+    from nvscope.plc.simulator import open_capture
     from nvscope.plc.simulator import simulate as run
-    from nvscope.plc.timeline import LINKS
 
     # What stands under the name already stays until there is something whole to replace it.
     unfinished = Path(write).with_name(f".{Path(write).name}.unfinished{Path(write).suffix}")
-    sink = open_sink(str(unfinished), LINKS[plan.link])
+    texts = can_definitions(plan)
+    definitions = _definition_files(plan, gvl, texts) if gvl is not None else {}
+    sink = open_capture(plan, str(unfinished), write)
     try:
         try:
             told = run(plan, sink)
@@ -64,6 +76,9 @@ def simulate(
             typer.echo(text, nl=False)
         else:
             told_to.write_text(text, encoding="utf-8")
+        for path, content in definitions.items():
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(content, encoding="utf-8")
         unfinished.replace(write)
     except OSError as error:
         where = error.filename or write
@@ -73,3 +88,16 @@ def simulate(
     if told_to is not None:
         frames = told["capture"]["frames"]
         typer.echo(f"{write}: {frames} frames; the truth about them: {told_to}", err=True)
+
+
+def _definition_files(plan: Scenario, directory: str, definitions: dict[str, str]) -> dict[Path, str]:
+    """Return the files of definitions; a list is called as its file is."""
+    for name in definitions:
+        if Path(name).name != name or name.startswith("."):
+            raise plan.error("can_list", f"{name!r} is no name that a file can have", "Give the list another name.")
+    folder = Path(directory)
+    if folder.exists() and not folder.is_dir():
+        raise UsageError("definitions need a directory", where=directory, next_step="name another one with --gvl")
+    if not folder.parent.is_dir():
+        raise CaptureError("no such directory", where=str(folder.parent), next_step="make it, or name another one")
+    return {folder / f"{name}.gvl": text for name, text in definitions.items()}

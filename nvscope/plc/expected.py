@@ -7,7 +7,7 @@ shapes from templates, lateness from the true times, torn cycles from which tele
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,13 +23,28 @@ from nvscope.plc.timeline import Role
 UNUSED_TELEGRAMS = 8
 
 
+class CanKey(NamedTuple):
+    """A list on CAN: its bus, and its first identifier; extended ones come behind the others."""
+
+    channel: str
+    extended: bool
+    cob_id: int
+
+    def __str__(self) -> str:
+        return f"can/{self.channel}/{self.cob_id}"
+
+
+AnyKey = ListKey | CanKey
+Where = tuple[AnyKey, IPAddress | None, int | None]
+
+
 class ExpectedFindings:
     """Findings by code, list, node and SubIndex, and how often each is to be found."""
 
     def __init__(self) -> None:
-        self._counts: Counter[tuple[str, ListKey | None, IPAddress | None, int | None]] = Counter()
+        self._counts: Counter[tuple[str, AnyKey | None, IPAddress | None, int | None]] = Counter()
 
-    def add(self, code: str, key: ListKey | None, node: IPAddress | None, subindex: int | None, count: int = 1) -> None:
+    def add(self, code: str, key: AnyKey | None, node: IPAddress | None, subindex: int | None, count: int = 1) -> None:
         """Expect a finding ``count`` times more; none if it is 0."""
         if count:
             self._counts[code, key, node, subindex] += int(count)
@@ -46,10 +61,11 @@ class ExpectedFindings:
     def rows(self) -> list[dict[str, Any]]:
         """Return the findings as values for JSON, by code, list, node and SubIndex."""
 
-        def order(entry: tuple[str, ListKey | None, IPAddress | None, int | None]) -> tuple[Any, ...]:
+        def order(entry: tuple[str, AnyKey | None, IPAddress | None, int | None]) -> tuple[Any, ...]:
             code, key, node, subindex = entry
             address = (0, 0) if node is None else (node.version, int(node))
-            return code, key or (), address, -1 if subindex is None else subindex
+            place = () if key is None else ("can" if isinstance(key, CanKey) else "udp", *key)
+            return code, place, address, -1 if subindex is None else subindex
 
         return [
             {
@@ -63,8 +79,10 @@ class ExpectedFindings:
         ]
 
 
-def list_name(key: ListKey) -> str:
+def list_name(key: AnyKey) -> str:
     """Return the key of a list as in reports: ``udp/1202/7``."""
+    if isinstance(key, CanKey):
+        return str(key)
     return f"udp/{key[0]}/{key[1]}"
 
 
@@ -114,17 +132,29 @@ def expect_timing(seen: Observation, key: ListKey, stream: int, found: ExpectedF
     timeline, entry = seen.timeline, seen.streams[stream]
     rows = _timed(seen, stream)
     intervals: I64 = np.diff(timeline.ts_ns[rows])
-    nominal_ns = _nominal(intervals)
+    nominal_ns = nominal_of(intervals)
     if nominal_ns is None:
         return intervals
-    silent_ns = int(timeline.ts_ns.max() - timeline.ts_ns[seen.rows_of_stream(stream)[-1]])
+    silent_ns = int(seen.end_ns - timeline.ts_ns[seen.rows_of_stream(stream)[-1]])
     excused = _loss_between(seen, rows) & (entry.scope != "unused")
-    where = (key, seen.addresses[entry.node], entry.subindex)
-    found.add("NV501", *where, int((2 * intervals > 5 * nominal_ns)[~excused].sum()))
-    found.add("NV502", *where, 2 * (_percentile(intervals, 99) - nominal_ns) > nominal_ns)
+    expect_intervals(
+        (key, seen.addresses[entry.node], entry.subindex), intervals, nominal_ns, silent_ns, found, excused
+    )
+    return intervals
+
+
+def expect_intervals(
+    where: Where, intervals: I64, nominal_ns: int, silent_ns: int, found: ExpectedFindings, excused: Bool | None = None
+) -> None:
+    """Expect what is unusual about the intervals of a stream that was silent for ``silent_ns`` at the end.
+
+    Late ones that are ``excused`` count for nothing.
+    """
+    late = 2 * intervals > 5 * nominal_ns
+    found.add("NV501", *where, int((late if excused is None else late[~excused]).sum()))
+    found.add("NV502", *where, 2 * (_percentile(intervals, 99) - _percentile(intervals, 50)) > nominal_ns)
     found.add("NV503", *where, int(((10 * intervals < nominal_ns) & (intervals >= 0)).sum()))
     found.add("NV504", *where, silent_ns > 10 * nominal_ns)
-    return intervals
 
 
 def expect_torn(seen: Observation, key: ListKey, streams: list[int], found: ExpectedFindings) -> None:
@@ -138,7 +168,7 @@ def expect_torn(seen: Observation, key: ListKey, streams: list[int], found: Expe
         writer = timeline.writers[number]
         own = range(writer.first_stream, writer.first_stream + len(writer.shapes))
         rows = [seen.rows_of_stream(stream) for stream in own]
-        regular = all(_nominal(np.diff(timeline.ts_ns[_timed(seen, stream)])) is not None for stream in own)
+        regular = all(nominal_of(np.diff(timeline.ts_ns[_timed(seen, stream)])) is not None for stream in own)
         last_items = [seen.templates[timeline.template[some[-1]]].items for some in rows if len(some)]
         if len(own) < 2 or not regular or max(last_items) < 2:
             continue
@@ -173,7 +203,7 @@ def _percentile(intervals: I64, percent: int) -> int:
     return int(np.sort(intervals)[(percent * len(intervals) + 99) // 100 - 1])
 
 
-def _nominal(intervals: I64) -> int | None:
+def nominal_of(intervals: I64) -> int | None:
     """Return the median where the intervals of a stream are regular."""
     if not len(intervals):
         return None
@@ -181,9 +211,14 @@ def _nominal(intervals: I64) -> int | None:
     return median if median > 0 and 2 * (p95 - p5) <= median else None
 
 
+def expect_clock(ts_ns: I64, found: ExpectedFindings) -> None:
+    """Expect a finding for each time that is before the one in front of it."""
+    found.add("NV902", None, None, None, int((np.diff(ts_ns) < 0).sum()))
+
+
 def expect_capture(seen: Observation, found: ExpectedFindings) -> None:
     """Expect what concerns the whole capture, or a node in all its lists."""
-    found.add("NV902", None, None, None, int((np.diff(seen.timeline.ts_ns) < 0).sum()))
+    expect_clock(seen.timeline.ts_ns, found)
     data, repeated = int(seen.data.sum()), int(seen.repeated.sum())
     found.add("NV905", None, None, None, repeated if 10 * repeated > 8 * (data - repeated) else 0)
     for template, count in seen.by_template(np.flatnonzero(seen.truncated & (seen.role == Role.PARAMETER))):

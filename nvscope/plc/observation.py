@@ -24,16 +24,17 @@ ListKey = tuple[int, int]
 
 
 class Observation:
-    """The frames of a timeline as seen, columns of shape (n,).
+    """The frames of a timeline as seen, columns of shape (n,); ``end_ns`` is the end of the capture.
 
     ``telegram`` is true for what an observer recognises as one, ``judged`` for those whose header is captured,
     ``data`` for well-formed data telegrams among them. ``by_stream`` are the rows of ``data``, sorted by stream and
     then in the order of the capture; ``same_stream`` tells which of them follow one of their own stream.
     """
 
-    def __init__(self, scenario: Scenario, timeline: Timeline) -> None:
+    def __init__(self, scenario: Scenario, timeline: Timeline, end_ns: int) -> None:
         self.scenario = scenario
         self.timeline = timeline
+        self.end_ns = end_ns
         self.templates = timeline.templates
         self.streams = timeline.streams
         self.addresses: list[IPAddress] = [ipaddress.ip_address(node.address) for node in scenario.node]

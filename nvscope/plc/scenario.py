@@ -1,8 +1,8 @@
 """Scenario: a plant, its traffic and what goes wrong in it, as a file that can be read without running it.
 
-A scenario is TOML. ``[[node]]``, ``[[list]]`` and ``[[reader]]`` describe who sends what to whom; every other array of
-tables is a kind of fault or of foreign traffic. The dataclasses below are the table of all keys: reading, messages and
-``document`` come from them.
+A scenario is TOML. ``[[node]]``, ``[[list]]`` and ``[[reader]]`` describe who sends what to whom over UDP, ``[[bus]]``
+and ``[[can_list]]`` what is sent over CAN; every other array of tables is a kind of fault or of foreign traffic. The
+dataclasses below are the table of all keys: reading, messages and ``document`` come from them.
 
 A telegram is named by its number: telegram 1 is the first one that its sender sends in that (list, SubIndex). A fault
 that chooses telegrams does so by ``telegrams``, ``every`` or ``probability``, and takes all of them if none is given.
@@ -21,6 +21,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from nvscope.errors import ConfigurationError
+from nvscope.plc.can_check import check_can
+from nvscope.plc.can_tables import Bus, BusOff, CanList, CanTraffic, ErrorFrames
 from nvscope.toml_table import (
     DURATION,
     FLAG,
@@ -46,6 +48,7 @@ MAX_DATA_BYTES = 1452
 PACKED_DATA_BYTES = 256
 MAX_TELEGRAMS_PER_LIST = 1024
 SLOWEST_NS = 31 * 86_400_000_000_000
+MAX_PDO_BYTES = 8
 U8_MAX, U16_MAX = 0xFF, 0xFFFF
 
 
@@ -262,6 +265,13 @@ class Shape(Selection):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WrongDlc(Selection):
+    """PDOs on CAN that are shorter or longer than they should be."""
+
+    data_bytes: int = key(integer(0, MAX_PDO_BYTES), "data bytes", name="bytes")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Malformed(Selection):
     """Extra telegrams that make no sense, sent by the list's sender right after the chosen ones."""
 
@@ -320,7 +330,7 @@ class Restart:
 class Stop:
     """A node sends no more, be it one list or all of them."""
 
-    node: str = key(TEXT, "the node")
+    node: str = key(TEXT, "the node; all that send the list if it is not given", default="")
     at_ns: int = key(LENGTH, "when", name="at")
     list: str = key(TEXT, "only this list", default="")
 
@@ -342,6 +352,10 @@ class Burst:
     at_ns: int = key(LENGTH, "when", name="at")
     count: int = key(integer(1, 10_000), "how many extra ones")
     gap_ns: int = key(LENGTH, "from one to the next", name="gap")
+
+
+ON_CAN = (Loss, Late, WrongDlc, Stop, Pause, Burst)
+"""The faults of a list on CAN."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -417,14 +431,21 @@ class Scenario:
     duration_ns: int = key(LENGTH, "how long is recorded", name="duration")
     start_ns: int = key(MOMENT, "time of the first moment", default=1_704_067_200_000_000_000, name="start")
     link: str = key(
-        choice("ethernet", "sll", "sll2", "raw", "null", "loop"), "link layer of the capture", default="ethernet"
+        choice("ethernet", "sll", "sll2", "raw", "null", "loop"),
+        "link layer of the capture, of what is not on CAN",
+        default="ethernet",
     )
-    snap_length: int = key(integer(0, 65_535), "bytes kept of each frame; 0 keeps all", default=0)
+    snap_length: int = key(integer(0, 65_535), "bytes kept of each frame that is not of CAN; 0 keeps all", default=0)
     wild: bool = key(FLAG, "faults may meet; the truth about counters is then not exact", default=False)
-    node: tuple[Node, ...] = key(tables(Node), "controllers and PCs")
+    node: tuple[Node, ...] = key(tables(Node), "controllers and PCs; CAN does without", default=())
     list: tuple[ListPlan, ...] = key(tables(ListPlan), "network variables lists", default=())
     reader: tuple[Reader, ...] = key(tables(Reader), "who reads what", default=())
     traffic: tuple[Traffic, ...] = key(tables(Traffic), "foreign traffic", default=())
+    bus: tuple[Bus, ...] = key(tables(Bus), "CAN buses", default=())
+    can_list: tuple[CanList, ...] = key(tables(CanList), "network variables lists on CAN", default=())
+    can_traffic: tuple[CanTraffic, ...] = key(tables(CanTraffic), "other frames on CAN", default=())
+    error_frames: tuple[ErrorFrames, ...] = key(tables(ErrorFrames), "error frames of CAN", default=())
+    bus_off: tuple[BusOff, ...] = key(tables(BusOff), "CAN controllers that leave the bus", default=())
     loss: tuple[Loss, ...] = key(tables(Loss), "lost telegrams", default=())
     fragmented: tuple[Fragmented, ...] = key(tables(Fragmented), "IP fragments", default=())
     duplicate: tuple[Duplicate, ...] = key(tables(Duplicate), "duplicates", default=())
@@ -436,6 +457,7 @@ class Scenario:
     reserved_flags: tuple[ReservedFlags, ...] = key(tables(ReservedFlags), "undocumented flags", default=())
     ascii_identity: tuple[AsciiIdentity, ...] = key(tables(AsciiIdentity), "identities in ASCII", default=())
     shape: tuple[Shape, ...] = key(tables(Shape), "changed definitions", default=())
+    wrong_dlc: tuple[WrongDlc, ...] = key(tables(WrongDlc), "PDOs of another length", default=())
     malformed: tuple[Malformed, ...] = key(tables(Malformed), "malformed telegrams", default=())
     missing_acknowledgement: tuple[MissingAcknowledgement, ...] = key(
         tables(MissingAcknowledgement), "missing acknowledgements", default=()
@@ -470,6 +492,22 @@ class Scenario:
     def list_numbers(self) -> dict[str, int]:
         """The position of each list by its name."""
         return {entry.name: position for position, entry in enumerate(self.list)}
+
+    @property
+    def can_numbers(self) -> dict[str, int]:
+        """The position of each list on CAN by its name."""
+        return {entry.name: position for position, entry in enumerate(self.can_list)}
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The CAN buses that any table names, in the order of their names."""
+        tables = (self.bus, self.can_list, self.can_traffic, self.error_frames, self.bus_off)
+        return tuple(sorted({entry.channel for table in tables for entry in table}))
+
+    @property
+    def has_network(self) -> bool:
+        """Whether there is something else than CAN; nodes alone, which CAN has too, send nothing."""
+        return not self.channels or bool(self.list or self.traffic)
 
     def rows(self) -> Iterator[tuple[str, int, object]]:
         """Yield every table of every array of tables, with the array's name and its position there."""
@@ -520,16 +558,19 @@ def document() -> str:
 
 def _check(scenario: Scenario, place: Place) -> None:
     """Raise ConfigurationError where tables contradict themselves or each other."""
-    if not scenario.node:
-        raise place.below("node").error("a scenario needs a node")
+    if not scenario.node and not scenario.channels:
+        raise place.below("node").error("a scenario needs a node, or a list on CAN")
     if not 0 < scenario.duration_ns <= SLOWEST_NS:
         raise place.below("duration").error("the duration must be more than 0 and at most 31 days")
     _check_nodes(scenario, place)
     for position, entry in enumerate(scenario.list):
         _check_list(scenario, entry, place.below("list").below(position))
     _check_names(scenario, place)
+    check_can(scenario, place)
     for where, fault in scenario.selections():
-        _check_selection(scenario, fault, place.below(where))
+        _check_choice(fault, place.below(where))
+        if fault.list in scenario.list_numbers:
+            _check_selection(scenario, fault, place.below(where))
     for position, traffic in enumerate(scenario.traffic):
         below = place.below("traffic").below(position)
         if not traffic.interval_ns:
@@ -548,7 +589,12 @@ def _check(scenario: Scenario, place: Place) -> None:
                 raise below.below(name).error(f"the list has {len(owner.shapes)} telegrams, not {len(given)}")
         if sender.checksum and len(sender.checksum) not in {1, len(owner.shapes)}:
             raise below.below("checksum").error("one value, or one for each telegram of the list")
+    for position, stop in enumerate(scenario.stop):
+        if not stop.node and not stop.list:
+            raise place.below("stop").below(position).error("a stop needs a node or a list")
     for position, burst in enumerate(scenario.burst):
+        if burst.list not in scenario.list_numbers:
+            continue
         owner = scenario.list[scenario.list_numbers[burst.list]]
         if burst.gap_ns < owner.spacing_ns * len(owner.shapes):
             raise place.below("burst").below(position).below("gap").error("the telegrams of one sending take longer")
@@ -619,7 +665,7 @@ def _check_list(scenario: Scenario, entry: ListPlan, place: Place) -> None:
 
 def _check_names(scenario: Scenario, place: Place) -> None:
     """Raise ConfigurationError where a node or list is named that does not exist."""
-    known = {"node": scenario.node_numbers, "list": scenario.list_numbers}
+    known: dict[str, dict[str, int]] = {"node": scenario.node_numbers, "list": scenario.list_numbers}
     known |= {"reader": known["node"], "host": known["node"]}
     for table, position, entry in scenario.rows():
         below = place.below(table).below(position)
@@ -630,6 +676,12 @@ def _check_names(scenario: Scenario, place: Place) -> None:
             named.append(("to", entry.to))
         for attribute, name in named:
             names = known.get(attribute, known["node"])
+            if attribute == "list" and isinstance(entry, ON_CAN):
+                names = scenario.can_numbers if isinstance(entry, WrongDlc) else names | scenario.can_numbers
+            if attribute == "list" and name in scenario.can_numbers and name not in names:
+                raise below.below(attribute).error(f"{name!r} is sent over CAN, where there is no such thing")
+            if not isinstance(name, str):
+                continue
             if name and name not in names:
                 kind = "list" if attribute == "list" else "node"
                 raise below.below(attribute).error(f"there is no {kind} {name!r}", nearest(name, names))
@@ -647,11 +699,14 @@ def _check_names(scenario: Scenario, place: Place) -> None:
             raise below.error("senders, readers and destination of a list need the same version of IP")
 
 
-def _check_selection(scenario: Scenario, fault: Selection, place: Place) -> None:
+def _check_choice(fault: Selection, place: Place) -> None:
     if (len(fault.telegrams) > 0) + (fault.every > 0) + (fault.probability > 0) > 1:
         raise place.error("telegrams, every and probability exclude each other")
     if fault.telegrams and (fault.from_ns or fault.until_ns is not None):
         raise place.error("numbered telegrams need no times")
+
+
+def _check_selection(scenario: Scenario, fault: Selection, place: Place) -> None:
     if isinstance(fault, Late) and fault.subindex is not None:
         raise place.below("subindex").error("a sending is late with all its telegrams")
     if isinstance(fault, Shape) and fault.items is None and fault.data_bytes is None:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from dissectors.batch import I32, I64, U8, U16, Bool
 from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT
+from nvscope.plc.can_tables import CanList
 from nvscope.plc.noise import chance, noise_key, uniform
 from nvscope.plc.ordering import order_by
 from nvscope.plc.scenario import U16_MAX, Late, ListPlan, Scenario, Selection
@@ -231,12 +232,27 @@ def _scopes(scenario: Scenario, writers: tuple[Writer, ...]) -> list[str]:
 def _sendings(scenario: Scenario, writer: Writer) -> I64:
     """Return when a writer's sendings are due, before its node's other lists come in between."""
     plan = writer.plan
+    times, end_ns = due_times(scenario, plan, writer.name)
+    if plan.answers_boot_up:
+        for reader in scenario.reader:
+            if reader.list == plan.name and reader.boot_up:
+                times = np.concatenate([times, np.array(reader.boot_up, np.int64) + plan.answer_delay_ns])
+    times = np.sort(times)
+    times = times[(times >= plan.from_ns) & (times < end_ns)]
+    return _without_outages(scenario, writer, times)
+
+
+def due_times(scenario: Scenario, plan: ListPlan | CanList, name: str) -> tuple[I64, int]:
+    """Return when the sendings of a list are due, in no order, and when they end, which some may be behind.
+
+    ``name`` is that of the writer: each has jitter of its own.
+    """
     end_ns = min(scenario.duration_ns, plan.until_ns if plan.until_ns is not None else scenario.duration_ns)
     first_ns = plan.from_ns + plan.phase_ns
     count = max((end_ns - first_ns + plan.interval_ns - 1) // plan.interval_ns, 0)
     numbers = np.arange(count, dtype=np.int64)
     times = first_ns + numbers * plan.interval_ns
-    key = noise_key(scenario.seed, "sending", writer.name)
+    key = noise_key(scenario.seed, "sending", name)
     if plan.mode == "on_change":
         times += uniform(key, numbers, max(plan.interval_ns * (_SLOT_SHARE - 1) // _SLOT_SHARE, 1))
     elif plan.jitter_ns:
@@ -249,18 +265,12 @@ def _sendings(scenario: Scenario, writer: Writer) -> I64:
         due = times[times >= burst.at_ns]
         if len(due) and burst.list == plan.name:
             extra.append(due[0] + burst.gap_ns * np.arange(1, burst.count + 1))
-    if plan.answers_boot_up:
-        for reader in scenario.reader:
-            if reader.list == plan.name and reader.boot_up:
-                extra.append(np.array(reader.boot_up, np.int64) + plan.answer_delay_ns)
-    times = np.sort(np.concatenate(extra))
-    times = times[(times >= plan.from_ns) & (times < end_ns)]
-    return _without_outages(scenario, writer, times)
+    return np.concatenate(extra), end_ns
 
 
 def _without_outages(scenario: Scenario, writer: Writer, times: I64) -> I64:
     for stop in scenario.stop:
-        if scenario.node_numbers[stop.node] == writer.node and stop.list in {"", writer.plan.name}:
+        if stop.node in {"", scenario.node[writer.node].name} and stop.list in {"", writer.plan.name}:
             times = times[times < stop.at_ns]
     for restart in scenario.restart:
         if scenario.node_numbers[restart.node] == writer.node:
@@ -271,11 +281,12 @@ def _without_outages(scenario: Scenario, writer: Writer, times: I64) -> I64:
 def _late_sendings(scenario: Scenario, writer: Writer, times: I64) -> I64:
     for position, late in enumerate(scenario.late):
         if late.list == writer.plan.name and late.node in {"", scenario.node[writer.node].name}:
-            times = _postponed(scenario, late, f"late[{position}]", writer.name, times)
+            times = postponed(scenario, late, f"late[{position}]", writer.name, times)
     return times
 
 
-def _postponed(scenario: Scenario, late: Late, place: str, name: str, times: I64) -> I64:
+def postponed(scenario: Scenario, late: Late, place: str, name: str, times: I64) -> I64:
+    """Return when the sendings due at ``times``, rising, are sent where some of them are late."""
     result = times.copy()
     result[chosen(scenario, late, place, name, times)] += late.by_ns
     return np.maximum.accumulate(result)

@@ -13,11 +13,14 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.netvar import CHECKSUM_PRESENT
+from nvscope.plc.can_timeline import CanTimeline
+from nvscope.plc.can_truth import can_buses, can_lists
 from nvscope.plc.expected import (
     UNUSED_TELEGRAMS,
     ExpectedFindings,
     checksum_mismatches,
     expect_capture,
+    expect_clock,
     expect_single,
     expect_swapped,
     expect_timing,
@@ -44,41 +47,58 @@ _STREAM_FIGURES = ("lost", "duplicates", "overtaken", "restarts")
 _FIGURE_CODES = {"duplicates": "NV202", "overtaken": "NV203", "restarts": "NV204"}
 
 
-def make_truth(scenario: Scenario, timeline: Timeline) -> dict[str, Any]:
+def make_truth(scenario: Scenario, timeline: Timeline | None, can: CanTimeline | None = None) -> dict[str, Any]:
     """Return the truth as values for JSON; keys are those of a report (``nvscope.report/1``) where they mean the same.
 
+    ``timeline`` are the frames of all links but CAN, ``can`` those of CAN: of these it is the truth for who knows the
+    definitions of their lists (``can_definition``).
     ``exact`` is false for a wild scenario: its figures of loss are then what was put in, not what can be observed.
     Values are null where the rules leave an observer without a chance: figures of a sender whose way of counting cannot
     be told, intervals where a node that counts across streams was restarted.
     """
-    seen = Observation(scenario, timeline)
-    telling = _Telling(seen)
-    lists = [telling.list_truth(key) for key in seen.rows_of_lists]
-    expect_capture(seen, telling.found)
-    telegrams = int(seen.telegram.sum())
-    return {
+    parts = ([] if timeline is None else [timeline.ts_ns]) + ([] if can is None else [can.frames.ts_ns])
+    ends = [(int(part.min()), int(part.max())) for part in parts if len(part)]
+    start_ns, end_ns = min((first for first, _ in ends), default=0), max((last for _, last in ends), default=0)
+    found = ExpectedFindings()
+    lists: list[dict[str, Any]] = []
+    telegrams = 0
+    if can is not None:
+        lists += can_lists(scenario, can, end_ns, found)
+    if timeline is not None:
+        seen = Observation(scenario, timeline, end_ns)
+        telling = _Telling(seen, found)
+        lists += [telling.list_truth(key) for key in seen.rows_of_lists]
+        expect_capture(seen, found)
+        telegrams = int(seen.telegram.sum())
+    frames = sum(len(part) for part in parts)
+    can_frames = 0 if can is None else len(can)
+    truth = {
         "schema": SCHEMA,
         "title": scenario.title,
         "seed": scenario.seed,
         "exact": not scenario.wild,
         "capture": {
-            "frames": len(timeline),
+            "frames": frames,
             "telegrams": telegrams,
-            "other_frames": len(timeline) - telegrams,
-            "start_ns": str(timeline.ts_ns.min()) if len(timeline) else None,
-            "end_ns": str(timeline.ts_ns.max()) if len(timeline) else None,
+            "other_frames": frames - telegrams,
+            **({"can_frames": can_frames} if can_frames else {}),
+            "start_ns": str(start_ns) if frames else None,
+            "end_ns": str(end_ns) if frames else None,
         },
         "lists": lists,
-        "findings": telling.found.rows(),
     }
+    if can is not None:
+        expect_clock(can.frames.ts_ns, found)
+        truth["buses"] = list(can_buses(scenario, can, found))
+    return truth | {"findings": found.rows()}
 
 
 class _Telling:
-    """The lists of an observation as values for JSON; the findings are collected on the way."""
+    """The lists of an observation as values for JSON; their findings go to ``found`` on the way."""
 
-    def __init__(self, seen: Observation) -> None:
+    def __init__(self, seen: Observation, found: ExpectedFindings) -> None:
         self.seen = seen
-        self.found = ExpectedFindings()
+        self.found = found
         self.figures: Figures = count_figures(seen)
         self.recognisable = [is_recognisable(seen, node) for node in range(len(seen.addresses))]
         arrived = seen.data & (seen.timeline.label != Label.COPY)

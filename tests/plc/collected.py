@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from dissectors.batch import PacketBatch
+from nvscope.analysis import Inquiry
+from nvscope.definition.project import Project, read_project
+from nvscope.plc.can_definition import can_definitions
 from nvscope.plc.scenario import Scenario
-from nvscope.plc.simulator import simulate
+from nvscope.plc.simulator import open_capture, simulate
 from tests.oracle.frame import Frame
 
 
@@ -34,3 +38,22 @@ def run(scenario: Scenario) -> tuple[dict[str, Any], list[Frame]]:
     sink = Collected()
     truth = simulate(scenario, sink)
     return truth, list(sink.frames())
+
+
+def project_of(scenario: Scenario, directory: Path) -> Project:
+    """Return what the definition files of a scenario's lists on CAN tell, which are written to a directory."""
+    paths = []
+    for name, text in can_definitions(scenario).items():
+        path = directory / f"{name}.gvl"
+        path.write_text(text, encoding="utf-8")
+        paths.append(str(path))
+    return read_project(None, definitions=paths)
+
+
+def reported(scenario: Scenario, directory: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the truth about a scenario and the report on its capture, with the definitions of its lists on CAN."""
+    path = str(directory / "simulated.pcapng")
+    with open_capture(scenario, path, path) as sink:
+        truth = simulate(scenario, sink)
+    inquiry = Inquiry([path], project_of(scenario, directory))
+    return truth, inquiry.report(inquiry.analyze())

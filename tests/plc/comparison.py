@@ -6,6 +6,7 @@ intervals means that nobody can know; findings that hang on such figures are lef
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 UNKNOWABLE = {
@@ -22,17 +23,27 @@ def differences(truth: dict[str, Any], report: dict[str, Any], codes: set[str]) 
     found = compare("report", truth, report)
     unknowable = {stream["node"] for entry in truth["lists"] for stream in entry["streams"] if stream["lost"] is None}
     expected, actual = (
-        {
-            key: finding["count"]
+        _counts(
+            finding
             for finding in source["findings"]
             if (key := finding_key(finding))[0] in codes and not (key[0] in OF_COUNTERS and key[2] in unknowable)
-        }
+        )
         for source in (truth, report)
     )
     for key in sorted(expected.keys() | actual.keys(), key=str):
         if expected.get(key) != actual.get(key):
             found.append(f"finding {key}: truth {expected.get(key)}, report {actual.get(key)}")
     return found
+
+
+def _counts(findings: Iterable[dict[str, Any]]) -> dict[FindingKey, int | None]:
+    """Return how often each finding is there; those of several buses have one key."""
+    counts: dict[FindingKey, int | None] = {}
+    for finding in findings:
+        key, count = finding_key(finding), finding["count"]
+        before = counts.get(key)
+        counts[key] = count if before is None or count is None else before + count
+    return counts
 
 
 def finding_key(finding: dict[str, Any]) -> FindingKey:
