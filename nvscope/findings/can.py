@@ -64,8 +64,10 @@ def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
     silent = _silent(entry, defined)
     if len(entry.streams) == 1:
         stream = entry.streams[0]
+        # The last cycle is not over.
+        cycles_over = max(stream.telegrams - 1, 1)
         yield Finding(
-            "NV604", f"Of {len(defined)} frames of this list, {silent} {_verb(silent)} never seen.", stream.telegrams,
+            "NV604", f"Of {len(defined)} frames of this list, {silent} {_verb(silent)} never seen.", cycles_over,
             stream.first_ns, stream.last_ns, (), entry.number,
         )  # fmt: skip
         return

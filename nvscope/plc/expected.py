@@ -31,7 +31,7 @@ class CanKey(NamedTuple):
     cob_id: int
 
     def __str__(self) -> str:
-        return f"can/{self.channel}/{self.cob_id}"
+        return f"can/{self.channel}/{self.cob_id}{'x' if self.extended else ''}"
 
 
 AnyKey = ListKey | CanKey

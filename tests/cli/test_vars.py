@@ -41,7 +41,8 @@ def test_the_variables_as_data() -> None:
     text = next(row for row in document["variables"] if row["name"] == "sText")
     assert text == {
         "list": "udp/1202/42", "list_name": "axis", "name": "sText", "type": "STRING(30)", "sender": "10.77.0.3",
-        "packing": "documented", "subindex": 0, "value": "order 199", "text": "'order 199'", "last_ns": "1795255531065858815",
+        "packing": "documented", "subindex": 0, "value": "order 199", "text": "'order 199'",
+        "last_ns": "1795255531065858815",
         "changed_ns": "1795255531065858815", "telegrams": 199, "changes": 198,
         "min": None, "max": None, "min_text": None, "max_text": None,
     }  # fmt: skip

@@ -89,7 +89,8 @@ def findings(lines: Iterable[Line], lists: Iterable[DefinedList]) -> dict[Findin
         entry, subindex = of_cob_id.get(cob_id, (None, 0)) if len(name) == 3 else (None, 0)
         if entry and any(first <= cob_id <= last for first, last in CANOPEN):
             found["NV602", f"can/{channel}/{entry.cob_id}", None] += len(stream.times)
-        where = (f"can/{channel}/{entry.cob_id if entry else cob_id}", subindex)
+        number = str(entry.cob_id) if entry else f"{cob_id}x" if len(name) > 3 else str(cob_id)
+        where = (f"can/{channel}/{number}", subindex)
         if entry:
             wrong = sum(size != entry.sizes[subindex] for size in stream.sizes)
         else:
