@@ -11,7 +11,11 @@ from nvscope.tracker.timing import Histogram, bucket_of
 
 WINDOW_S = 60
 _S_NS = 1_000_000_000
-_MAX_WAITING = 1 << 18
+_MAX_WAITING = 1 << 20
+
+# Stream, second of the window and bucket are sorted as one number.
+_BUCKET_BITS, _SECOND_BITS = 21, 6
+_BUCKET_OFFSET = 1 << (_BUCKET_BITS - 1)
 
 
 class Recent:
@@ -76,10 +80,13 @@ class Recent:
         key, count = np.concatenate(keys), np.concatenate(counts)
         inside = np.flatnonzero(key[:, 1] > since)
         key, count = key[inside], count[inside]
-        order = np.lexsort((key[:, 2], key[:, 1], key[:, 0]))
-        key, count = key[order], count[order]
-        start = np.flatnonzero(np.append(True, (key[1:] != key[:-1]).any(axis=1)))[: len(key)]
-        self._keys = key[start]
+        number = key[:, 0] << (_SECOND_BITS + _BUCKET_BITS)
+        number |= (key[:, 1] - (since + 1)) << _BUCKET_BITS
+        number |= key[:, 2] + _BUCKET_OFFSET
+        order = np.argsort(number)
+        number, count = number[order], count[order]
+        start = np.flatnonzero(np.append(True, number[1:] != number[:-1]))[: len(number)]
+        self._keys = key[order[start]]
         merge = (np.add, np.minimum, np.maximum)
         columns = [how.reduceat(count[:, at], start) for at, how in enumerate(merge)] if len(key) else [count[:, 0]] * 3
         self._counts = np.stack(columns, axis=1)
