@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ from nvscope.view.document import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
     from nvscope.definition.layouts import Layouts
+    from nvscope.tracker.hops import Hops
     from nvscope.tracker.values import Values
     from nvscope.view.chosen import Chosen
     from nvscope.view.display_filter import DisplayFilter
@@ -53,7 +54,8 @@ class Analysis:
     """What one reading of captures showed: everything, and what a filter leaves of it.
 
     ``summary`` and ``findings`` are those of all telegrams; ``chosen`` is what the filter chose, None without one.
-    ``values`` are those of the chosen telegrams, None without definitions.
+    ``values`` are those of the chosen telegrams, None without definitions. ``hops`` compare the variables that several
+    lists have, whatever the filter; None where nobody asked.
     """
 
     infos: Sequence[SourceInfo]
@@ -62,6 +64,7 @@ class Analysis:
     findings: Sequence[Finding]
     values: Values | None = None
     chosen: Chosen | None = None
+    hops: Hops | None = None
 
 
 @dataclass(frozen=True)
@@ -127,19 +130,25 @@ class Inquiry:
         self._check_rereadable(chosen)
         return self._judged(expression, self._read())
 
-    def analyze(self, expression: str | None = None, *, values: bool = False) -> Analysis:
+    def analyze(self, expression: str | None = None, *, values: bool = False, compare: bool = False) -> Analysis:
         """Read the captures, judge them, and choose among it what an expression chooses.
 
-        ``values``: the variables are wanted too. UsageError as ``filter``.
+        ``values``: the variables are wanted too; ``compare``: those that several lists have are compared. UsageError as
+        ``filter``, and without definitions to compare by.
         """
+        if compare and self.layouts is None:
+            raise UsageError(
+                "--compare needs to know the variables of the lists",
+                next_step="name the exported lists and their types with --gvl FILE",
+            )
         if expression is None:
-            return self._read(values=values)
+            return self._read(values=values, compare=compare)
         from nvscope.view.chosen import Chosen  # noqa: PLC0415
 
         chosen = self.filter(expression)
-        found = self._read(values=values, chosen=chosen)
+        found = self._read(values=values, chosen=chosen, compare=compare)
         left = Chosen(found.state, chosen, found.findings)
-        return Analysis(found.infos, found.state, found.summary, found.findings, found.values, left)
+        return replace(found, chosen=left)
 
     def report(self, found: Analysis, *, names: bool = True, values: bool = False) -> dict[str, Any]:
         """Return the report on an analysis as data (schema ``nvscope.report/1``).
@@ -160,6 +169,11 @@ class Inquiry:
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": found.state.chosen}
+        if found.hops is not None:
+            from nvscope.view.hops import hop_rows  # noqa: PLC0415
+
+            document["hops"] = hop_rows(found.hops, found.state.end_ns)
+            document["hops_of_other_types"] = found.hops.untyped
         return document
 
     def choice(self, chosen: DisplayFilter | None, source: Source) -> Choose | None:
@@ -181,7 +195,9 @@ class Inquiry:
             return DEFAULT_CAN_FIELDS
         return tuple(dict.fromkeys((*DEFAULT_FIELDS, *DEFAULT_CAN_FIELDS)))
 
-    def _read(self, *, values: bool = False, chosen: DisplayFilter | None = None) -> Analysis:
+    def _read(
+        self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False
+    ) -> Analysis:  # fmt: skip
         taken = None
         if self.layouts is not None:
             from nvscope.tracker.values import Values  # noqa: PLC0415
@@ -190,14 +206,19 @@ class Inquiry:
         project, definition = self.project, self.project.definition
         timeout_ns = self.timeout_ns or project.limits.acknowledgement_ns
         source = open_source(self.paths)
+        hops = None
+        if compare and self.layouts is not None:
+            from nvscope.tracker.hops import Hops  # noqa: PLC0415
+
+            hops = Hops(self.layouts, self.ports, self.pdo_rules(source))
         with self.watch(source) as progress:
             state = track(
                 source, ports=self.ports, timeout_ns=timeout_ns, values=taken, choose=self.choice(chosen, source),
-                progress=progress, pdos=self.pdo_rules(source),
+                progress=progress, pdos=self.pdo_rules(source), beside=hops.observe if hops else None,
             )  # fmt: skip
         summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers)
         findings = judge(state, source.infos, summary=summary, limits=project.limits, definition=definition)
-        return Analysis(source.infos, state, summary, findings, taken)
+        return Analysis(source.infos, state, summary, findings, taken, hops=hops)
 
     def _fields(self, verdicts: Verdicts | None) -> Mapping[str, TelegramField]:
         from nvscope.view.vocabulary import vocabulary  # noqa: PLC0415

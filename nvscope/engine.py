@@ -11,6 +11,7 @@ from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.state import TrackerState
 
 if TYPE_CHECKING:
+    from dissectors.batch import PacketBatch
     from dissectors.can_pdo import PdoRules
     from dissectors.varieties import Choose
     from nvscope.tracker.values import Values
@@ -24,17 +25,20 @@ def track(
     values: Values | None = None,
     choose: Choose | None = None,
     pdos: PdoRules | None = None,
+    beside: Callable[[PacketBatch], None] | None = None,
     progress: Callable[[], None] | None = None,
 ) -> TrackerState:
     """Run a source to its end and return what it showed.
 
     ``ports`` decides by hand which UDP payloads are telegrams; ``values`` is what takes the values of variables, if
     they are wanted; ``choose`` is a filter, ``pdos`` say which lists CAN frames belong to (``TrackerState``);
-    ``progress`` is called after each batch.
+    ``beside`` is given each batch too; ``progress`` is called after each.
     """
     state = TrackerState(timeout_ns, ports, values=values, choose=choose, pdos=pdos)
     for batch in source:
         state.observe(batch)
+        if beside:
+            beside(batch)
         if progress:
             progress()
     return state

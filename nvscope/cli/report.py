@@ -29,6 +29,13 @@ def report(
     details: Annotated[
         bool, typer.Option("-v", "--details", help="Show the diagnosis structure and the streams of every list.")
     ] = False,
+    compare: Annotated[
+        bool,
+        typer.Option(
+            "--compare",
+            help="Compare variables that several lists have, such as on Ethernet and CAN: delays, differences.",
+        ),
+    ] = False,
     wanted: FilterOption = None,
     gvl: GvlOption = None,
     project: ProjectOption = None,
@@ -65,7 +72,7 @@ def report(
 
     keep_freed_memory()
     inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet))
-    found = inquiry.analyze(wanted, values=as_json)
+    found = inquiry.analyze(wanted, values=as_json, compare=compare)
     document = inquiry.report(found, names=not no_names, values=as_json)
     shown = colour_wanted(colour)
     if as_json:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from nvscope import units
 from nvscope.findings.catalogue import Severity
-from nvscope.report import columns, content
+from nvscope.report import columns, content, hops
 from nvscope.view.escape import markdown_code, markdown_safe
 
 
@@ -32,6 +32,15 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
     if report["lists"]:
         yield ""
         yield from _table(*columns.overview(report))
+    if "hops" in report:
+        yield ""
+        yield f"### {hops.TITLE}"
+        yield ""
+        measures, rows = hops.hops(report)
+        yield from _table(measures, rows) if rows else ()
+        for sentence in hops.remarks(report):
+            yield ""
+            yield markdown_safe(sentence)
     if report["findings"]:
         yield ""
         yield f"### Findings: {content.tally(report['findings'])}"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from nvscope import units
 from nvscope.findings.catalogue import Severity
-from nvscope.report import columns, content
+from nvscope.report import columns, content, hops
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible_document
 from nvscope.view.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, display_width, wrap
@@ -45,6 +45,12 @@ def _lines(report: content.Report, width: int, clock: content.Clock, details: bo
     if report["lists"]:
         yield from _section("Lists", width)
         yield from _table(*columns.overview(report), width)
+    measures, rows = hops.hops(report)
+    if "hops" in report:
+        yield from _section(hops.TITLE, width)
+        yield from _table(measures, rows, width) if rows else ()
+        for sentence in hops.remarks(report):
+            yield from wrap([Cell(sentence, Tone.FAINT)], text_width)
     if report["findings"]:
         yield from _section(f"Findings: {content.tally(report['findings'])}", width)
         yield from _findings(report, text_width, clock, None if details else _MOST_FINDINGS)

@@ -1,0 +1,74 @@
+"""The table of variables that several lists have: from where to where, how late, and for how long they differed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from nvscope import units
+from nvscope.report.columns import NOTHING, Measure
+from nvscope.report.content import Report, Row
+from nvscope.view.table import Cell, Column, Tone
+
+TITLE = "Hops: the same variable in several lists"
+
+
+def hops(report: Report) -> tuple[list[Measure], list[Row]]:
+    """Return columns and rows of the table; no rows where it was not asked for."""
+    return list(_HOPS), report.get("hops", [])
+
+
+def remarks(report: Report) -> Sequence[str]:
+    """Return what is to be said about the table, or about its absence."""
+    if "hops" not in report:
+        return ()
+    told = []
+    if not report["hops"]:
+        told.append(
+            "No variable was seen in two lists: only variables of the same name and type are compared, of lists that "
+            "are defined."
+        )
+    if different := report["hops_of_other_types"]:
+        named = ", ".join(different[:_MOST_NAMED])
+        more = f" and {len(different) - _MOST_NAMED} more" if len(different) > _MOST_NAMED else ""
+        told.append(f"Not compared, since their types differ: {named}{more}.")
+    return told
+
+
+_MOST_NAMED = 6
+
+
+def _followed(row: Row) -> Cell:
+    """Return how many changes followed; the others are to values that the other end never had."""
+    text = f"{units.count(row['followed'])} of {units.count(row['changes'])}"
+    if not row["changes"]:
+        return Cell("no change", Tone.FAINT)
+    return Cell(text, Tone.WARNING if row["followed"] < row["changes"] else Tone.PLAIN)
+
+
+def _duration(duration_ns: int | None) -> Cell:
+    return Cell(NOTHING, Tone.FAINT) if duration_ns is None else Cell(units.duration(duration_ns))
+
+
+def _differed(row: Row) -> Cell:
+    if not row["observed_ns"]:
+        return Cell(NOTHING, Tone.FAINT)
+    return Cell(units.percent(row["differed_ns"], row["observed_ns"]))
+
+
+def _now(row: Row) -> Cell:
+    if row["equal"]:
+        return Cell("equal", Tone.FAINT)
+    return Cell(f"{row['from']['text']} / {row['to']['text']}", Tone.WARNING)
+
+
+_HOPS = (
+    Measure(Column("variable", shortest=12), lambda row: Cell(row["variable"], Tone.STRONG), identifier=True),
+    Measure(Column("from", shortest=16), lambda row: Cell(row["from"]["list"]), identifier=True),
+    Measure(Column("to", shortest=16), lambda row: Cell(row["to"]["list"]), identifier=True),
+    Measure(Column("followed", right=True, importance=9), _followed),
+    Measure(Column("delay p50", right=True, importance=10), lambda row: _duration(row["delay_ns"]["p50"])),
+    Measure(Column("p99", right=True, importance=5), lambda row: _duration(row["delay_ns"]["p99"])),
+    Measure(Column("max", right=True, importance=7), lambda row: _duration(row["delay_ns"]["max"])),
+    Measure(Column("differed", right=True, importance=8), _differed),
+    Measure(Column("at the end", importance=6), _now),
+)
