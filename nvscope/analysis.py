@@ -172,7 +172,7 @@ class Inquiry:
             )
         summary = summarize(
             state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, channels=source.channels,
-            can_parts=self.pdos.parts, can_intervals_ns=self.pdos.intervals_ns,
+            can_parts=self.pdos.parts, can_intervals_ns=self.pdos.intervals_ns, buses=project.buses,
         )  # fmt: skip
         findings = judge(state, source.infos, summary=summary, limits=project.limits, definition=definition)
         return Analysis(source.infos, state, summary, findings, taken)

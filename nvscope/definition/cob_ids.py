@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dissectors.canopen import Service, services_within
-from nvscope.definition.difference import list_difference
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
 
@@ -76,8 +75,12 @@ def overlaps(lists: Sequence[CobIds]) -> Iterator[tuple[CobIds, CobIds]]:
 def _one_list(one: ListDefinition, other: ListDefinition) -> bool:
     if one.position == other.position:
         return True
-    same = one.list_id == other.list_id and one.name.upper() == other.name.upper()
-    return same and list_difference(one, other).same_on_wire
+    if one.list_id != other.list_id or one.name.upper() != other.name.upper():
+        return False
+    # Not before there are two files of one list: it takes as long to import as all else here.
+    from nvscope.definition.difference import list_difference  # noqa: PLC0415
+
+    return list_difference(one, other).same_on_wire
 
 
 def canopen_uses(taken: CobIds) -> str:

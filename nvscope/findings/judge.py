@@ -9,6 +9,7 @@ from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.findings.answers import judge_answers
 from nvscope.findings.can import judge_can
+from nvscope.findings.can_bus import judge_buses
 from nvscope.findings.capture import judge_capture
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.cob_ids import judge_cob_ids
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 JUDGES = (
     judge_headers, judge_loss, judge_answers, judge_consistency, judge_definition, judge_timing, judge_cob_ids,
-    judge_can, judge_capture,
+    judge_can, judge_buses, judge_capture,
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""How busy each CAN bus was: the bits of each second, by channel."""
+"""How busy each CAN bus was: the bits of each second by channel, those of each stream, and what tells the bit rate."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, U16
 from dissectors.can import CanBatch
-from dissectors.can_bits import Stuffing, wire_bits
+from dissectors.can_bits import Stuffing, WireBits, wire_bits
 from dissectors.keys import KeyTable
+from nvscope.tracker.bit_rate import BackToBack
 from nvscope.tracker.columns import Columns
 
 _S_NS = 1_000_000_000
-_BEFORE_1970 = 1 << 62
+BEFORE_1970 = 1 << 62
+"""What is added to seconds since 1970, so that none is below 0."""
+
 _FEW_KEYS = 1 << 16
 
 
@@ -28,7 +31,18 @@ class SecondColumns(Columns):
     exact_bits: I64
     worst_bits: I64
     fast_bits: I64
-    COLUMNS: ClassVar = {name: (np.int64(0), 1) for name in ("frames", "exact_bits", "worst_bits", "fast_bits")}
+    worst_fast_bits: I64
+    COLUMNS: ClassVar = {
+        name: (np.int64(0), 1) for name in ("frames", "exact_bits", "worst_bits", "fast_bits", "worst_fast_bits")
+    }
+
+
+class StreamBits(Columns):
+    """One row a stream of ``CanState``: its exact bits at the nominal, and at the data bit rate, of all its frames."""
+
+    bits: I64
+    fast_bits: I64
+    COLUMNS: ClassVar = {"bits": (np.int64(0), 1), "fast_bits": (np.int64(0), 1)}
 
 
 class CanLoad:
@@ -40,22 +54,33 @@ class CanLoad:
     def __init__(self) -> None:
         self.keys = KeyTable()
         self.columns = SecondColumns()
+        self.streams = StreamBits()
+        self.back_to_back = BackToBack()
 
-    def observe(self, frames: CanBatch) -> None:
-        """Take the frames of a batch."""
-        if not len(frames):
-            return
+    def observe(self, frames: CanBatch) -> WireBits:
+        """Take the frames of a batch, at least one; return their exact bits."""
         number = self._numbers(frames)
         columns = self.columns
         columns.resize(len(self.keys))
         exact, worst = wire_bits(frames, Stuffing.EXACT), wire_bits(frames, Stuffing.WORST)
         rows = len(self.keys)
         columns.frames[:rows] += np.bincount(number, minlength=rows)
-        for column, bits in (
-            (columns.exact_bits, exact.nominal), (columns.worst_bits, worst.nominal), (columns.fast_bits, exact.fast),
-        ):  # fmt: skip
-            # Sums of a batch stay far below the 2^53 up to which they are exact.
-            column[:rows] += np.bincount(number, bits, minlength=rows).astype(np.int64)
+        _add(columns.exact_bits, number, exact.nominal, rows)
+        _add(columns.worst_bits, number, worst.nominal, rows)
+        if exact.fast.any():
+            _add(columns.fast_bits, number, exact.fast, rows)
+            _add(columns.worst_fast_bits, number, worst.fast, rows)
+        self.back_to_back.observe(frames, exact.nominal)
+        return exact
+
+    def observe_streams(self, stream: I64, bits: WireBits, row: I64) -> None:
+        """Add the bits of some rows of a batch to the streams they belong to."""
+        columns = self.streams
+        columns.resize(int(stream.max()) + 1)
+        rows = len(columns)
+        _add(columns.bits, stream, bits.nominal[row], rows)
+        if bits.fast.any():
+            _add(columns.fast_bits, stream, bits.fast[row], rows)
 
     def _numbers(self, frames: CanBatch) -> I64:
         """Return the row of each frame's channel and second."""
@@ -64,14 +89,14 @@ class CanLoad:
         channels = int(frames.channel.max()) + 1
         if (last - first + 1) * channels > _FEW_KEYS:
             return self.keys.numbers(
-                frames.channel.astype(np.uint64), (second + _BEFORE_1970).astype(np.uint64)
+                frames.channel.astype(np.uint64), (second + BEFORE_1970).astype(np.uint64)
             )  # fmt: skip
         # Of the few that a batch mostly has, each is looked up once.
         local = (second - first) * channels + frames.channel
         seen = np.flatnonzero(np.bincount(local))
         number = np.zeros((last - first + 1) * channels, np.int64)
         number[seen] = self.keys.numbers(
-            (seen % channels).astype(np.uint64), (seen // channels + first + _BEFORE_1970).astype(np.uint64)
+            (seen % channels).astype(np.uint64), (seen // channels + first + BEFORE_1970).astype(np.uint64)
         )
         own: I64 = number[local]
         return own
@@ -81,3 +106,8 @@ class CanLoad:
         own = np.flatnonzero(self.keys.high == channel)
         order = np.argsort(self.keys.low[own], kind="stable")
         return own[order], self.columns
+
+
+def _add(column: I64, number: I64, bits: U16, rows: int) -> None:
+    # Sums of a batch stay far below the 2^53 up to which they are exact.
+    column[:rows] += np.bincount(number, bits, minlength=rows).astype(np.int64)

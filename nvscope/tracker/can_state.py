@@ -101,7 +101,7 @@ class CanState:
         self.frames += len(batch)
         self._observe_faults(batch, first_frame)
         self._observe_errors(batch, first_frame)
-        self.load.observe(batch)
+        bits = self.load.observe(batch)
         told = (batch.fault == Fault.NONE) | (batch.fault >= Fault.TRUNCATED)
         told &= ~batch.error
         row = np.flatnonzero(told)
@@ -109,6 +109,7 @@ class CanState:
             return
         stream = self._numbers(batch.channel[row], batch.identifier[row], batch.extended[row])
         self.columns.resize(len(self.streams))
+        self.load.observe_streams(stream, bits, row)
         remote = batch.remote[row]
         if remote.any():
             np.add.at(self.columns.remote, stream[remote], 1)

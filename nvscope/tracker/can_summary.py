@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from dissectors.can import EXTENDED_MASK
+from nvscope.definition.buses import Buses
+from nvscope.tracker.can_bus import CanBusSummary, channel_name, summarize_buses
 from nvscope.tracker.can_state import EXTENDED_KEY, CanState
 from nvscope.tracker.intervals import Intervals, intervals_of
 
@@ -57,24 +59,6 @@ class CanListSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class CanBusSummary:
-    """One channel: its frames, and the bits of its seconds.
-
-    ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one (exact stuffing), ``worst_bits``
-    those that it could have had at most. ``bits`` and ``fast_bits`` are sums over all, exact; the latter at the data
-    bit rate of CAN FD.
-    """
-
-    channel: str
-    frames: int
-    seconds: int
-    bits: int
-    fast_bits: int
-    peak_bits: int
-    worst_bits: int
-
-
-@dataclass(frozen=True, slots=True)
 class CanSummary:
     """Lists by channel and COB-ID, standard before extended; buses by name of the channel."""
 
@@ -84,7 +68,7 @@ class CanSummary:
 
     def channel(self, number: int) -> str:
         """Return the name of a channel."""
-        return _name(self.channels, number)
+        return channel_name(self.channels, number)
 
 
 def summarize_can(
@@ -94,11 +78,13 @@ def summarize_can(
     *,
     parts: Mapping[int, tuple[int, int]] = MappingProxyType({}),
     intervals_ns: Mapping[int, int] = MappingProxyType({}),
+    buses: Buses | None = None,
 ) -> CanSummary:
     """Compute the summary of a state; ``channels`` are the names by number, ``can0`` and so on where there are none.
 
     ``first_number`` is the number of the first list. ``parts`` tells of standard COB-IDs to which list (by its COB-ID)
-    they belong, and as which part; another COB-ID is a list alone. ``intervals_ns`` are the nominal intervals of lists.
+    they belong, and as which part; another COB-ID is a list alone. ``intervals_ns`` are the nominal intervals of lists,
+    ``buses`` the bit rates that are given.
     """
     histograms = state.timing.histograms()
     streams: dict[tuple[str, int], list[CanStreamSummary]] = defaultdict(list)
@@ -111,7 +97,7 @@ def summarize_can(
         extended, cob_id = bool(word & EXTENDED_KEY), word & EXTENDED_MASK
         base, subindex = (word, 0) if extended else parts.get(cob_id, (cob_id, 0))
         intervals = intervals_of(state.timing, stream, histograms.of(stream), intervals_ns.get(base))
-        streams[_name(channels, channel), base].append(
+        streams[channel_name(channels, channel), base].append(
             CanStreamSummary(
                 stream=stream, cob_id=cob_id, extended=extended, subindex=subindex, intervals=intervals,
                 by_length=tuple(columns.by_length[stream].tolist()), **known
@@ -123,23 +109,4 @@ def summarize_can(
         )
         for number, ((channel, base), own) in enumerate(sorted(streams.items()))
     ]
-    return CanSummary(lists, _buses(state, channels), channels)
-
-
-def _buses(state: CanState, channels: Sequence[str]) -> list[CanBusSummary]:
-    buses = []
-    for channel in sorted(set(state.load.keys.high.tolist()), key=lambda number: _name(channels, number)):
-        rows, columns = state.load.seconds_of(channel)
-        exact = columns.exact_bits[rows]
-        busiest = int(exact.argmax())
-        buses.append(
-            CanBusSummary(
-                _name(channels, channel), int(columns.frames[rows].sum()), len(rows), int(exact.sum()),
-                int(columns.fast_bits[rows].sum()), int(exact[busiest]), int(columns.worst_bits[rows][busiest]),
-            )
-        )  # fmt: skip
-    return buses
-
-
-def _name(channels: Sequence[str], number: int) -> str:
-    return (channels[number] if number < len(channels) else "") or f"can{number}"
+    return CanSummary(lists, summarize_buses(state, channels, buses), channels)

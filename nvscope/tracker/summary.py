@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from dissectors.netvar import CHECKSUM_PRESENT
+from nvscope.definition.buses import Buses
 from nvscope.tracker import address
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from nvscope.tracker.can_summary import CanSummary, summarize_can
@@ -129,12 +130,13 @@ def summarize(
     channels: Sequence[str] = (),
     can_parts: Mapping[int, tuple[int, int]] = MappingProxyType({}),
     can_intervals_ns: Mapping[int, int] = MappingProxyType({}),
+    buses: Buses | None = None,
 ) -> Summary:
     """Compute the summary of a state.
 
     ``intervals_ns`` are the nominal intervals of lists that have to be sent at one, by port and Index. ``readers`` are
     the lists that nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on
-    any port. ``channels``, ``can_parts`` and ``can_intervals_ns`` are as for ``summarize_can``.
+    any port. ``channels``, ``can_parts``, ``can_intervals_ns`` and ``buses`` are as for ``summarize_can``.
     """
     flows = state.flows
     nodes = list(zip(flows.nodes.high.tolist(), flows.nodes.low.tolist(), strict=True))
@@ -152,7 +154,7 @@ def summarize(
     _count(state, lists)
     lists.sort(key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
-    can = summarize_can(state.can, channels, len(lists), parts=can_parts, intervals_ns=can_intervals_ns)
+    can = summarize_can(state.can, channels, len(lists), parts=can_parts, intervals_ns=can_intervals_ns, buses=buses)
     timeout_ns = state.acknowledgement.timeout_ns
     return Summary(lists, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
 

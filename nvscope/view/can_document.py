@@ -1,4 +1,4 @@
-"""Lists and buses of CAN as data: what ``nvscope.report/1`` says of them.
+"""Lists on CAN as data: what ``nvscope.report/1`` says of them.
 
 A frame names neither sender nor reader, and carries no counter: what cannot be known is None.
 """
@@ -29,22 +29,6 @@ def can_lists(summary: CanSummary, names: Mapping[int, str]) -> Iterator[dict[st
             "nodes": [],
             "streams": [_stream(stream) for stream in entry.streams],
         }
-
-
-def can_buses(summary: CanSummary) -> list[dict[str, Any]]:
-    """Return what was seen of each channel; bits are those on the wire, with stuff bits."""
-    return [
-        {
-            "channel": bus.channel,
-            "frames": bus.frames,
-            "seconds": bus.seconds,
-            "bits": bus.bits,
-            "fast_bits": bus.fast_bits,
-            "peak_bits": bus.peak_bits,
-            "worst_bits": bus.worst_bits,
-        }
-        for bus in summary.buses
-    ]
 
 
 def _diagnosis(entry: CanListSummary) -> dict[str, Any]:

@@ -17,7 +17,8 @@ from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Diagnosis, ListSummary, StreamSummary, Summary
 from nvscope.version import __version__
-from nvscope.view.can_document import can_buses, can_lists
+from nvscope.view.bus_document import can_buses
+from nvscope.view.can_document import can_lists
 from nvscope.view.intervals import interval_row
 
 if TYPE_CHECKING:

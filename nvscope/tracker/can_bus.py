@@ -1,0 +1,167 @@
+"""What follows from the frames of a CAN bus: its bit rate, its load, and which identifiers take it."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64
+from dissectors.can import EXTENDED_MASK
+from nvscope.definition.buses import Buses, BusSettings
+from nvscope.tracker.can_load import BEFORE_1970, CanLoad
+from nvscope.tracker.can_state import EXTENDED_KEY, CanState
+
+F64 = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+_S_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class BitRate:
+    """Bits per second of a bus, and of the data phase of CAN FD; ``given``, or else found from the frames."""
+
+    nominal: int
+    data: int | None
+    given: bool
+
+    def seconds(self, bits: float, fast_bits: float) -> float:
+        """Return how long bits take; those of the data phase count as none where its bit rate is unknown."""
+        return bits / self.nominal + (fast_bits / self.data if self.data else 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class BusLoad:
+    """Which part of the time a bus was busy, in percent, counted as ``canbusload`` does: bits over bit rate.
+
+    ``mean`` is that from the first frame to the last (of a second, where they are no further apart), ``peak`` that of
+    the busiest second, which began at ``peak_ns``, and ``worst`` what that one could have had with stuff bits
+    wherever its frames can have some. ``partial`` where there are bits at a data bit rate that is unknown: they are not
+    counted.
+    """
+
+    mean: float
+    peak: float
+    peak_ns: int
+    worst: float
+    partial: bool
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifierBits:
+    """The bits of an identifier with all its frames, and which part of the bus's time (else of its bits) they take."""
+
+    cob_id: int
+    extended: bool
+    frames: int
+    bits: int
+    fast_bits: int
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class CanBusSummary:
+    """One channel: its frames, and the bits of its seconds.
+
+    ``number`` is that of the state. ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one
+    (exact stuffing), ``worst_bits`` those that it could have had at most. ``bits`` and ``fast_bits`` are sums over all,
+    exact; the latter at the data bit rate of CAN FD. ``load`` is None where no bit rate is known. ``identifiers`` are
+    those with frames, the largest share first.
+    """
+
+    number: int
+    channel: str
+    frames: int
+    seconds: int
+    bits: int
+    fast_bits: int
+    peak_bits: int
+    worst_bits: int
+    bit_rate: BitRate | None
+    load: BusLoad | None
+    identifiers: Sequence[IdentifierBits]
+
+
+def summarize_buses(state: CanState, channels: Sequence[str], buses: Buses | None = None) -> list[CanBusSummary]:
+    """Return the buses of a state by name; ``buses`` are the bit rates that are given."""
+    given, streams = buses or Buses(), _streams(state)
+    numbers = sorted(set(state.load.keys.high.tolist()), key=lambda number: channel_name(channels, number))
+    return [_bus(state, number, channel_name(channels, number), given, streams.get(number, [])) for number in numbers]
+
+
+def second_loads(load: CanLoad, channel: int, rate: BitRate) -> tuple[I64, F64]:
+    """Return when the seconds of a channel that had frames began (ns), and the load of each in percent."""
+    rows, columns = load.seconds_of(channel)
+    began_ns = (load.keys.low[rows].astype(np.int64) - BEFORE_1970) * _S_NS
+    return began_ns, _percent(rate, columns.exact_bits[rows], columns.fast_bits[rows])
+
+
+def channel_name(channels: Sequence[str], number: int) -> str:
+    """Return the name of a channel, of which ``channels`` are those that have one."""
+    return (channels[number] if number < len(channels) else "") or f"can{number}"
+
+
+def _percent(rate: BitRate, bits: I64, fast_bits: I64) -> F64:
+    fast = fast_bits * (100 / rate.data) if rate.data else 0.0
+    load: F64 = bits * (100 / rate.nominal) + fast
+    return load
+
+
+def _bus(state: CanState, number: int, channel: str, given: Buses, streams: Sequence[int]) -> CanBusSummary:
+    rows, columns = state.load.seconds_of(number)
+    exact, fast = columns.exact_bits[rows], columns.fast_bits[rows]
+    rate = _rate(state, number, given.of(channel))
+    if rate is None:
+        busiest, load = int(exact.argmax()), None
+    else:
+        began_ns, percent = second_loads(state.load, number, rate)
+        busiest = int(percent.argmax())
+        top = rows[busiest : busiest + 1]
+        worst = _percent(rate, columns.worst_bits[top], columns.worst_fast_bits[top])
+        busy_s = rate.seconds(int(exact.sum()), int(fast.sum()))
+        partial = bool(fast.any()) and not rate.data
+        mean = 100 * busy_s / _duration_s(state, streams)
+        load = BusLoad(mean, float(percent[busiest]), int(began_ns[busiest]), float(worst[0]), partial)
+    return CanBusSummary(
+        number, channel, int(columns.frames[rows].sum()), len(rows), int(exact.sum()), int(fast.sum()),
+        int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load, _identifiers(state, streams, rate),
+    )  # fmt: skip
+
+
+def _rate(state: CanState, number: int, given: BusSettings) -> BitRate | None:
+    if given.bit_rate is not None:
+        return BitRate(given.bit_rate, given.data_bit_rate, True)
+    found = state.load.back_to_back.rate(number)
+    return None if found is None else BitRate(found, given.data_bit_rate, False)
+
+
+def _duration_s(state: CanState, streams: Sequence[int]) -> float:
+    sent = [stream for stream in streams if state.columns.frames[stream]]
+    if not sent:
+        return 1.0
+    columns = state.columns
+    return max(1.0, int(columns.last_ns[sent].max() - columns.first_ns[sent].min()) / _S_NS)
+
+
+def _streams(state: CanState) -> dict[int, list[int]]:
+    """Return the streams of each channel."""
+    streams = defaultdict(list)
+    for stream, channel in enumerate(state.streams.high.tolist()):
+        streams[channel].append(stream)
+    return streams
+
+
+def _identifiers(state: CanState, streams: Sequence[int], rate: BitRate | None) -> list[IdentifierBits]:
+    rows = np.array(streams, np.int64)
+    bits, fast = state.load.streams.bits[rows], state.load.streams.fast_bits[rows]
+    part = _percent(rate, bits, fast) if rate else (bits + fast).astype(np.float64)
+    share = part * (100 / max(float(part.sum()), 1e-9))
+    frames = state.columns.frames[rows] + state.columns.remote[rows]
+    order = np.lexsort((state.streams.low[rows], -share))
+    columns = (column[order].tolist() for column in (state.streams.low[rows], frames, bits, fast, share))
+    return [
+        IdentifierBits(word & EXTENDED_MASK, bool(word & EXTENDED_KEY), *figures)
+        for word, *figures in zip(*columns, strict=True)
+    ]
