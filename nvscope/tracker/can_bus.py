@@ -1,9 +1,9 @@
-"""What follows from the frames of a CAN bus: its bit rate, its load, and which identifiers take it."""
+"""What follows from the frames of a CAN bus: bit rate, load, which identifiers take it, errors, CANopen nodes."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +11,10 @@ import numpy as np
 from dissectors.batch import I64
 from dissectors.can import EXTENDED_MASK
 from nvscope.definition.buses import Buses, BusSettings
+from nvscope.tracker.can_errors import BusErrors
 from nvscope.tracker.can_load import BEFORE_1970, CanLoad
 from nvscope.tracker.can_state import EXTENDED_KEY, CanState
+from nvscope.tracker.canopen import CanOpenNode
 
 F64 = np.ndarray[tuple[int], np.dtype[np.float64]]
 
@@ -68,7 +70,7 @@ class CanBusSummary:
     ``number`` is that of the state. ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one
     (exact stuffing), ``worst_bits`` those that it could have had at most. ``bits`` and ``fast_bits`` are sums over all,
     exact; the latter at the data bit rate of CAN FD. ``load`` is None where no bit rate is known. ``identifiers`` are
-    those with frames, the largest share first.
+    those with frames, the largest share first. ``errors`` is None without error frames.
     """
 
     number: int
@@ -82,18 +84,29 @@ class CanBusSummary:
     bit_rate: BitRate | None
     load: BusLoad | None
     identifiers: Sequence[IdentifierBits]
+    errors: BusErrors | None
+    canopen_nodes: Sequence[CanOpenNode]
 
 
-def summarize_buses(state: CanState, channels: Sequence[str], buses: Buses | None = None) -> list[CanBusSummary]:
-    """Return the buses of a state by name; ``buses`` are the bit rates that are given."""
-    given, streams = buses or Buses(), _streams(state)
-    numbers = sorted(set(state.load.keys.high.tolist()), key=lambda number: channel_name(channels, number))
-    return [_bus(state, number, channel_name(channels, number), given, streams.get(number, [])) for number in numbers]
+def summarize_buses(
+    state: CanState, channels: Sequence[str], buses: Buses | None = None, lists: Collection[int] = ()
+) -> list[CanBusSummary]:
+    """Return the buses of a state by name; ``buses`` are the bit rates that are given, ``lists`` COB-IDs of lists."""
+    given, streams, rows = buses or Buses(), _streams(state), state.load.rows_by_channel()
+    errors, nodes = state.errors.by_channel(), state.canopen.by_channel(lists)
+    found = [
+        _bus(
+            state, number, channel_name(channels, number), given, rows[number], streams.get(number, []),
+            errors.get(number), nodes.get(number, []),
+        )
+        for number in rows
+    ]  # fmt: skip
+    return sorted(found, key=lambda bus: bus.channel)
 
 
-def second_loads(load: CanLoad, channel: int, rate: BitRate) -> tuple[I64, F64]:
+def second_loads(load: CanLoad, rows: I64, rate: BitRate) -> tuple[I64, F64]:
     """Return when the seconds of a channel that had frames began (ns), and the load of each in percent."""
-    rows, columns = load.seconds_of(channel)
+    columns = load.columns
     began_ns = (load.keys.low[rows].astype(np.int64) - BEFORE_1970) * _S_NS
     return began_ns, _percent(rate, columns.exact_bits[rows], columns.fast_bits[rows])
 
@@ -109,14 +122,23 @@ def _percent(rate: BitRate, bits: I64, fast_bits: I64) -> F64:
     return load
 
 
-def _bus(state: CanState, number: int, channel: str, given: Buses, streams: Sequence[int]) -> CanBusSummary:
-    rows, columns = state.load.seconds_of(number)
+def _bus(
+    state: CanState,
+    number: int,
+    channel: str,
+    given: Buses,
+    rows: I64,
+    streams: Sequence[int],
+    errors: BusErrors | None,
+    nodes: Sequence[CanOpenNode],
+) -> CanBusSummary:
+    columns = state.load.columns
     exact, fast = columns.exact_bits[rows], columns.fast_bits[rows]
     rate = _rate(state, number, given.of(channel))
     if rate is None:
         busiest, load = int(exact.argmax()), None
     else:
-        began_ns, percent = second_loads(state.load, number, rate)
+        began_ns, percent = second_loads(state.load, rows, rate)
         busiest = int(percent.argmax())
         top = rows[busiest : busiest + 1]
         worst = _percent(rate, columns.worst_bits[top], columns.worst_fast_bits[top])
@@ -127,6 +149,7 @@ def _bus(state: CanState, number: int, channel: str, given: Buses, streams: Sequ
     return CanBusSummary(
         number, channel, int(columns.frames[rows].sum()), len(rows), int(exact.sum()), int(fast.sum()),
         int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load, _identifiers(state, streams, rate),
+        errors, nodes,
     )  # fmt: skip
 
 

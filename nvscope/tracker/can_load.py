@@ -11,7 +11,7 @@ from dissectors.can import CanBatch
 from dissectors.can_bits import Stuffing, WireBits, wire_bits
 from dissectors.keys import KeyTable
 from nvscope.tracker.bit_rate import BackToBack
-from nvscope.tracker.columns import Columns
+from nvscope.tracker.columns import Columns, runs_of
 
 _S_NS = 1_000_000_000
 BEFORE_1970 = 1 << 62
@@ -101,11 +101,13 @@ class CanLoad:
         own: I64 = number[local]
         return own
 
-    def seconds_of(self, channel: int) -> tuple[I64, SecondColumns]:
-        """Return the rows of a channel by time, as places in ``columns``, and these."""
-        own = np.flatnonzero(self.keys.high == channel)
-        order = np.argsort(self.keys.low[own], kind="stable")
-        return own[order], self.columns
+    def rows_by_channel(self) -> dict[int, I64]:
+        """Return which rows of ``columns`` are those of each channel, by time."""
+        order = np.lexsort((self.keys.low, self.keys.high))
+        channel = self.keys.high[order].astype(np.int64)
+        start, stop = runs_of(channel)
+        runs = zip(channel[start].tolist(), start.tolist(), stop.tolist(), strict=True)
+        return {number: order[first:last] for number, first, last in runs}
 
 
 def _add(column: I64, number: I64, bits: U16, rows: int) -> None:

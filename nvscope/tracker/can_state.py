@@ -13,9 +13,10 @@ import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, Bool
 from dissectors.can import DLC_OF_LENGTH, FD_LENGTHS, MAX_FD_DATA_BYTES, CanBatch, Fault
-from dissectors.can_error import classes_of
 from dissectors.keys import KeyTable
+from nvscope.tracker.can_errors import CanErrors
 from nvscope.tracker.can_load import CanLoad
+from nvscope.tracker.canopen import CanOpen
 from nvscope.tracker.columns import Columns, runs_of, stable_order
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.loss import NodeSteps
@@ -76,14 +77,13 @@ class CanState:
     """The CAN frames observed so far.
 
     ``streams`` are keyed by (channel, identifier, with ``EXTENDED_KEY`` where it is one of 29 bits). ``lengths`` are
-    changes of length by stream, ``errors`` error frames by (channel, class bit), ``faults`` frames that could not be
-    read, or not wholly, by (channel, ``dissectors.can.Fault``).
+    changes of length by stream, ``faults`` frames that could not be read, or not wholly, by (channel,
+    ``dissectors.can.Fault``).
     """
 
     def __init__(self) -> None:
         self.frames = 0
         self.data_frames = 0
-        self.error_frames = 0
         self.streams = KeyTable()
         # The streams of standard identifiers, by channel and identifier: nearly all frames are found here.
         self._standard = np.empty(0, np.int64)
@@ -91,7 +91,8 @@ class CanState:
         self.timing = Timing()
         self.load = CanLoad()
         self.lengths = EventLog()
-        self.errors = EventLog()
+        self.errors = CanErrors()
+        self.canopen = CanOpen()
         self.faults = EventLog()
 
     def observe(self, batch: CanBatch, first_frame: int) -> None:
@@ -100,7 +101,8 @@ class CanState:
             return
         self.frames += len(batch)
         self._observe_faults(batch, first_frame)
-        self._observe_errors(batch, first_frame)
+        self.errors.observe(batch, first_frame)
+        self.canopen.observe(batch, first_frame)
         bits = self.load.observe(batch)
         told = (batch.fault == Fault.NONE) | (batch.fault >= Fault.TRUNCATED)
         told &= ~batch.error
@@ -138,20 +140,6 @@ class CanState:
         if len(wrong):
             channel, fault = (column[wrong].astype(np.uint64) for column in (batch.channel, batch.fault))
             self.faults.record(channel, fault, batch.ts_ns[wrong], batch.row[wrong] + first_frame)
-
-    def _observe_errors(self, batch: CanBatch, first_frame: int) -> None:
-        error = np.flatnonzero(batch.error)
-        if not len(error):
-            return
-        self.error_frames += len(error)
-        classes = classes_of(batch)[error]
-        when, frame, channel = batch.ts_ns[error], batch.row[error] + first_frame, batch.channel[error]
-        for bit in range(16):
-            own = np.flatnonzero((classes >> np.uint16(bit)) & np.uint16(1))
-            if len(own):
-                self.errors.record(
-                    channel[own].astype(np.uint64), np.full(len(own), 1 << bit, np.uint64), when[own], frame[own]
-                )
 
     def _observe_data(self, batch: CanBatch, row: I64, stream: I64, first_frame: int) -> None:
         if not len(row):

@@ -109,4 +109,4 @@ def summarize_can(
         )
         for number, ((channel, base), own) in enumerate(sorted(streams.items()))
     ]
-    return CanSummary(lists, summarize_buses(state, channels, buses), channels)
+    return CanSummary(lists, summarize_buses(state, channels, buses, parts), channels)

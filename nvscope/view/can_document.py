@@ -8,13 +8,25 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from dissectors.canopen import title_of
 from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary, CanSummary
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
 from nvscope.view.intervals import interval_row
 
 
-def can_lists(summary: CanSummary, names: Mapping[int, str]) -> Iterator[dict[str, Any]]:
-    """Yield the lists on CAN, with their COB-IDs as streams; ``names`` are those of lists, by COB-ID."""
+def canopen_label(cob_id: int, extended: bool, names: Mapping[int, str | None]) -> str | None:
+    """Return what CANopen's predefined set uses a COB-ID for, such as ``heartbeat node 5``.
+
+    None where it has none, or where a list is defined there: ``names`` has its COB-ID.
+    """
+    return None if extended or cob_id in names else title_of(cob_id) or None
+
+
+def can_lists(summary: CanSummary, names: Mapping[int, str | None]) -> Iterator[dict[str, Any]]:
+    """Yield the lists on CAN, with their COB-IDs as streams.
+
+    ``names`` are those of lists, by COB-ID, None of one that has no name.
+    """
     for entry in summary.lists:
         yield {
             "key": entry.key,
@@ -22,6 +34,7 @@ def can_lists(summary: CanSummary, names: Mapping[int, str]) -> Iterator[dict[st
             "channel": entry.channel,
             "id": entry.cob_id,
             "name": None if entry.streams[0].extended else names.get(entry.cob_id),
+            "canopen": canopen_label(entry.cob_id, entry.streams[0].extended, names),
             "senders": [],
             "readers": [],
             "diag": _diagnosis(entry),

@@ -44,9 +44,9 @@ def report_document(
     """
     names = {key: entry.name or None for key, entry in definition.by_port_and_id().items()} if definition else {}
     can_names = {
-        entry.list_id: entry.name
+        entry.list_id: entry.name or None
         for entry in reversed(definition.lists if definition else ())
-        if entry.protocol.upper() == "CAN" and entry.list_id is not None and entry.name
+        if entry.protocol.upper() == "CAN" and entry.list_id is not None
     }
     keys = {entry.number: entry.key for entry in summary.lists}
     keys |= {entry.number: entry.key for entry in summary.can.lists}
@@ -76,7 +76,7 @@ def report_document(
         ],
         "findings": [_finding(finding, keys, summary) for finding in findings],
     }
-    return document | ({"buses": can_buses(summary.can)} if summary.can.buses else {})
+    return document | ({"buses": can_buses(summary.can, can_names)} if summary.can.buses else {})
 
 
 def _time(time_ns: int | None) -> str | None:

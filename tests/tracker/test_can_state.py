@@ -107,7 +107,8 @@ def test_error_frames_are_told_by_channel_and_class() -> None:
     ]
     messages = [one["message"] for one in report(frames, 4)["findings"] if one["code"] == "NV606"]
     assert messages == [
-        "Channel can0: error frames, by what they tell: controller problem (1), bus off (1), controller restarted (1).",
+        "Channel can0: error frames, by what they tell: controller problem (1), bus off (1), controller restarted (1). "
+        "It was off the bus 1 time, for 1 ns. The controller told: error active again (1).",
         "Channel vcan1: error frames, by what they tell: no acknowledgement on transmission (1).",
     ]
 
