@@ -175,9 +175,8 @@ def read_project(path: Path | None, definitions: Sequence[str] | None = None) ->
     if told.lists:
         lists = with_settings(definition.lists, told.lists, ports[0], str(path))
         definition = replace(definition, lists=lists)
-    return Project(
-        path, tuple(files), definition, dict(told.nodes), ports, told.limits, Buses(told.buses), dict(told.keys)
-    )
+    buses = Buses.of_project(told.buses)
+    return Project(path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys))
 
 
 def document() -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from dissectors.can_error import CLASSES, CONTROLLER_BITS
 from dissectors.canopen import ERROR_REGISTER, NODE_STATES, emergency_text
+from dissectors.layout import Bit
 from nvscope.tracker.can_bus import BitRate, BusLoad, CanBusSummary
 from nvscope.tracker.can_errors import BusErrors
 from nvscope.tracker.can_summary import CanSummary
@@ -86,8 +88,8 @@ def _errors(errors: BusErrors | None) -> dict[str, Any] | None:
         "frames": errors.count,
         "first_ns": str(errors.first_ns),
         "last_ns": str(errors.last_ns),
-        "classes": errors.classes,
-        "states": errors.states,
+        "classes": _labelled(CLASSES, errors.classes),
+        "states": _labelled(CONTROLLER_BITS, errors.states),
         "bus_off": {
             "count": errors.bus_offs,
             "restarted": errors.restarts,
@@ -99,6 +101,10 @@ def _errors(errors: BusErrors | None) -> dict[str, Any] | None:
         "tx_errors": errors.tx_errors,
         "rx_errors": errors.rx_errors,
     }
+
+
+def _labelled(bits: Sequence[Bit], frames: Mapping[str, int]) -> list[dict[str, Any]]:
+    return [{"name": bit.name, "label": bit.label, "frames": frames[bit.name]} for bit in bits if bit.name in frames]
 
 
 def _node(node: CanOpenNode) -> dict[str, Any]:
