@@ -17,6 +17,7 @@ import numpy as np
 
 from dissectors.batch import I64, U16
 from dissectors.can import MAX_DATA_BYTES, CanBatch
+from dissectors.can_bits import HEAD_BITS, HEAD_BITS_EXTENDED, TAIL_BITS
 from nvscope.tracker.columns import Columns, runs_of, stable_order
 
 USUAL_RATES = (
@@ -66,9 +67,12 @@ def _cells(rate: int, low: int, high: int) -> slice:
 _NEAR = [_cells(rate, -1, 1) for rate in USUAL_RATES]
 _BELOW = [_cells(rate, -3, -1) for rate in USUAL_RATES]
 _ABOVE = [_cells(rate, 1, 3) for rate in USUAL_RATES]
-_RATE_OF_CELL = np.full(_CELLS, -1)
-for _number, _near in enumerate(_NEAR):
-    _RATE_OF_CELL[_near] = _number
+# Among frames of a shape, those near a rate are chosen by their distance alone: had their bits a say too, the distance
+# would seem to grow with these. A frame takes about 1.04 times the bits that it has without stuff bits.
+_SHAPE_EDGES = np.array([edge for rate in USUAL_RATES for edge in (rate / 1.15, rate / 0.96)])
+_BARE_BITS = np.array(
+    [head + 8 * size + TAIL_BITS for head in (HEAD_BITS, HEAD_BITS_EXTENDED) for size in range(MAX_DATA_BYTES + 1)]
+)
 
 
 class _ChannelColumns(Columns):
@@ -76,8 +80,9 @@ class _ChannelColumns(Columns):
 
     ``bits`` are those of the last frame, 0 where no distance can be measured from it, ``shape`` its bytes of data, and
     whether it is extended. ``finer`` tells by entry of ``_QUANTA_NS`` how many stamps are no multiples of it. ``pairs``
-    counts pairs by when frames are stamped and cell. The rest are sums over those near a rate, by when frames are
-    stamped, rate and shape: of ones, bits, distances in thousandths of a bit, of their squares and products.
+    counts pairs by when frames are stamped and cell. The rest are sums over those that may be back to back at a rate,
+    by when frames are stamped, rate and shape: of ones, bits, distances in thousandths of a bit, of squares and
+    products.
     """
 
     seen: I64
@@ -143,7 +148,8 @@ class BackToBack:
             run = channel[start]
         time_ns, own = frames.ts_ns[row], bits[row].astype(np.int64)
         own[frames.fd[row]] = 0
-        shape = np.minimum(frames.length[row], MAX_DATA_BYTES) + frames.extended[row] * np.int64(MAX_DATA_BYTES + 1)
+        size = np.where(frames.remote[row], 0, np.minimum(frames.length[row], MAX_DATA_BYTES)).astype(np.int64)
+        shape = size + frames.extended[row] * np.int64(MAX_DATA_BYTES + 1)
         before_ns, before, before_shape = (np.empty_like(time_ns) for _ in range(3))
         for last, value, column in (
             (before_ns, time_ns, columns.last_ns), (before, own, columns.bits), (before_shape, shape, columns.shape),
@@ -164,11 +170,11 @@ class BackToBack:
         cell = np.searchsorted(_EDGES, bits * float(_NS_PER_S) / distance_ns, side="right")
         counted = np.bincount(channel * _CELLS + cell, minlength=channels * _CELLS).reshape(channels, _CELLS)
         columns.pairs[:channels, stamped * _CELLS : (stamped + 1) * _CELLS] += counted
-        number = _RATE_OF_CELL[cell]
-        near = np.flatnonzero(number >= 0)
+        place = np.searchsorted(_SHAPE_EDGES, _BARE_BITS[shape] * float(_NS_PER_S) / distance_ns)
+        near = np.flatnonzero(place & 1)
         if not len(near):
             return
-        number, bits = number[near], bits[near]
+        number, bits = place[near] >> 1, bits[near]
         distance = distance_ns[near] * np.array(USUAL_RATES)[number] // (_NS_PER_S // 1000)
         key = ((channel[near] * len(_STAMPED) + stamped) * _RATES + number) * _SHAPES + shape[near]
         for column, value in (
@@ -212,14 +218,15 @@ class BackToBack:
                 (columns.sum_product, 1e3), (columns.sum_distance2, 1e6),
             )
         )  # fmt: skip
-        if abs(distance.sum() / bits.sum() - 1) > _MOST_DEPARTURE:
+        if not near.any() or abs(distance.sum() / bits.sum() - 1) > _MOST_DEPARTURE:
             return 0
         # Within each shape, around its means.
         count = np.maximum(near, 1)
+        chosen = float(near.sum())
         spread = float((bits2 - bits * bits / count).sum())
-        if spread < _LEAST_BITS_VARIANCE * pairs:
+        if spread < _LEAST_BITS_VARIANCE * chosen:
             return 0
         slope = float((product - bits * distance / count).sum()) / spread
         rest = max(0.0, float((distance2 - distance * distance / count).sum()) - slope**2 * spread)
-        error = (rest / pairs / spread) ** 0.5
+        error = (rest / chosen / spread) ** 0.5
         return pairs if _SLOPE[0] <= slope <= _SLOPE[1] and error <= _MOST_SLOPE_ERROR else 0
