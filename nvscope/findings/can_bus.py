@@ -71,7 +71,7 @@ def _bus_off(errors: BusErrors, at_ns: int) -> str:
         text += f", for {units.duration(errors.off_ns)}"
         text += f" in all, {units.duration(errors.longest_off_ns)} at the longest" if ended > 1 else ""
     if errors.off_since_ns is not None:
-        text += f"{', and' if ended else ','} since {units.duration(max(at_ns - errors.off_since_ns, 0))} to the end"
+        text += f"{', and' if ended else ','} for the last {units.duration(max(at_ns - errors.off_since_ns, 0))}"
     return f"{text}."
 
 

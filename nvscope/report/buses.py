@@ -15,13 +15,17 @@ from nvscope.view.table import NO_BREAK, Cell, Column, Tone
 MOST_IDENTIFIERS = 8
 """So many identifiers of a bus are shown unless all are wanted: those with the largest share."""
 
+MOST_BUSES = 16
+"""So many buses are shown unless all are wanted, the first by name."""
+
 _GAP = " · "
 
 
-def buses(report: Report) -> Sequence[Row]:
-    """Return the buses of a report; one without CAN has none."""
+def buses(report: Report, most: int | None = None) -> tuple[Sequence[Row], int]:
+    """Return the buses of a report, and how many there are beside these; one without CAN has none."""
     found: Sequence[Row] = report.get("buses", ())
-    return found
+    shown = found[:most]
+    return shown, len(found) - len(shown)
 
 
 def headline(bus: Row, clock: Clock) -> list[Cell]:

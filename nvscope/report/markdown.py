@@ -33,7 +33,7 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
     if report["lists"]:
         yield ""
         yield from _table(*columns.overview(report))
-    for bus in buses.buses(report):
+    for bus in buses.buses(report)[0]:
         yield from _bus(bus, clock)
     if report["findings"]:
         yield ""

@@ -45,8 +45,12 @@ def _lines(report: content.Report, width: int, clock: content.Clock, details: bo
     if report["lists"]:
         yield from _section("Lists", width)
         yield from _table(*columns.overview(report), width)
-    for bus in buses.buses(report):
+    shown, left = buses.buses(report, None if details else buses.MOST_BUSES)
+    for bus in shown:
         yield from _bus(bus, width, clock, details)
+    if left:
+        more = f"{units.count_of(left, 'bus', 'buses')} more: -v shows all, --json and --md too."
+        yield from ([], *wrap([Cell(more)], text_width))
     if report["findings"]:
         yield from _section(f"Findings: {content.tally(report['findings'])}", width)
         yield from _findings(report, text_width, clock, None if details else _MOST_FINDINGS)

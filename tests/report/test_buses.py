@@ -117,6 +117,15 @@ def test_no_line_is_wider_than_the_terminal(width: int, details: bool) -> None:
     assert ("309h" in shown) == details
 
 
+def test_of_many_buses_the_first_are_shown() -> None:
+    many = document(*(bus(channel=f"can{number}") for number in range(20)))
+    shown = text.render(many, width=100)
+    assert (shown.count("Bus can"), shown.splitlines()[-1]) == (
+        16, "4 buses more: -v shows all, --json and --md too.",
+    )  # fmt: skip
+    assert text.render(many, width=100, details=True).count("Bus can") == markdown.render(many).count("### Bus") == 20
+
+
 def test_a_bus_in_markdown() -> None:
     shown = markdown.render(document(WHOLE), utc=True)
     assert "\n### Bus `can0`\n\n- 250 kbit/s (found) · 12 345 frames · load: 23.1 % in the mean" in shown

@@ -103,7 +103,7 @@ def test_a_bus_that_fails_twice_and_stays_off() -> None:
     (found,) = findings(frames)
     assert found.message == (
         "Channel can0: error frames, by what they tell: controller problem (1), bus off (4), controller restarted (1). "
-        "It was off the bus 3 times, for 2.5 s in all, 2.0 s at the longest, and since 3.0 s to the end. "
+        "It was off the bus 3 times, for 2.5 s in all, 2.0 s at the longest, and for the last 3.0 s. "
         "The controller told: error passive by transmit errors (1). "
         "Its error counters went up to 128 (transmit) and 96 (receive)."
     )
