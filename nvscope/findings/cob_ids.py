@@ -6,7 +6,6 @@ one finding for a channel on which frames with these COB-IDs were seen, or one w
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
@@ -14,14 +13,14 @@ from dissectors.canopen import use_of
 from nvscope.definition.cob_ids import CobIds, canopen_ids, canopen_uses, cob_id_range, overlaps, taken_in
 from nvscope.findings.definition_names import file_name, together
 from nvscope.findings.finding import Facts, Finding
-from nvscope.tracker.can_summary import CanStreamSummary
+from nvscope.tracker.can_bus import IdentifierBits
 from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.units import count_of
 
 _OF_A_DEVICE = ("heartbeat", "EMCY", "SDO answer")
 """Services whose frames only a CANopen device sends, with its node-ID in the COB-ID."""
 
-_Seen = dict[str, dict[int, CanStreamSummary]]
+_Seen = dict[str, dict[int, IdentifierBits]]
 
 
 def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
@@ -32,11 +31,10 @@ def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
     lists = taken_in(facts.definition) if facts.definition else []
     if not lists:
         return
-    seen: _Seen = defaultdict(dict)
-    for entry in facts.summary.can.lists:
-        for stream in entry.streams:
-            if not stream.extended:
-                seen[entry.channel][stream.cob_id] = stream
+    seen: _Seen = {
+        bus.channel: {entry.cob_id: entry for entry in bus.identifiers if not entry.extended}
+        for bus in facts.summary.can.buses
+    }
     by_list: dict[int, tuple[CobIds, list[CobIds]]] = {}
     for one, other in overlaps(lists):
         by_list.setdefault(id(one), (one, []))[1].append(other)
@@ -74,19 +72,19 @@ def _findings(
     """Yield a finding on COB-IDs for each channel on which they were seen, or one; with ``mine``, on CANopen's."""
     numbers = {(entry.channel, entry.cob_id): entry.number for entry in facts.summary.can.lists}
     somewhere = False
-    for channel, streams in sorted(seen.items()):
-        hit = [streams[cob_id] for cob_id in cob_ids if cob_id in streams]
+    for channel, identifiers in sorted(seen.items()):
+        hit = [identifiers[cob_id] for cob_id in cob_ids if cob_id in identifiers]
         if not hit:
             continue
         somewhere = True
-        sent = sum(stream.frames for stream in hit)
-        ranges = _ranges([stream.cob_id for stream in hit])
+        sent = sum(entry.frames for entry in hit)
+        ranges = _ranges([entry.cob_id for entry in hit])
         told = f"{message} On {channel}, {count_of(sent, 'frame')} of {ranges} {'was' if sent == 1 else 'were'} seen."
         if mine is not None:
-            told += _company(streams, hit, mine)
+            told += _company(identifiers, hit, mine)
         yield Finding(
-            code, told, sent, min(stream.first_ns for stream in hit), max(stream.last_ns for stream in hit),
-            tuple(sorted(stream.first_frame for stream in hit)[:FRAMES_KEPT]),
+            code, told, sent, min(entry.first_ns for entry in hit), max(entry.last_ns for entry in hit),
+            tuple(sorted(entry.first_frame for entry in hit)[:FRAMES_KEPT]),
             numbers.get((channel, taken.first)),
         )  # fmt: skip
     if not somewhere:
@@ -94,14 +92,14 @@ def _findings(
         yield Finding(code, message + none, 1, None, None)
 
 
-def _company(streams: dict[int, CanStreamSummary], hit: Sequence[CanStreamSummary], mine: set[int]) -> str:
+def _company(identifiers: dict[int, IdentifierBits], hit: Sequence[IdentifierBits], mine: set[int]) -> str:
     """Return which CANopen devices there are beside the lists, and which of them have the identifiers that collide."""
-    uses = (use_of(cob_id) for cob_id in streams.keys() - mine)
+    uses = (use_of(cob_id) for cob_id in identifiers.keys() - mine)
     devices = {node for service, node in uses if service in _OF_A_DEVICE}
     if not devices:
         return " No heartbeat, emergency or SDO answer of a CANopen device was seen there."
     told = f" CANopen devices are there: {_nodes(devices)}"
-    owners = devices & {use_of(stream.cob_id)[1] for stream in hit}
+    owners = devices & {use_of(entry.cob_id)[1] for entry in hit}
     return f"{told}; COB-IDs of {_nodes(owners)} collide." if owners else f"{told}."
 
 

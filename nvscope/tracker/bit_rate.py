@@ -25,7 +25,7 @@ USUAL_RATES = (
 )  # fmt: skip
 """The bit rates that buses have."""
 
-MAX_PAIRS = 1 << 15
+MAX_PAIRS = 1 << 14
 """So many frames of a channel, the first, are looked at: a bus does not change its bit rate."""
 
 _MAX_CHANNELS = 256

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, U64
 from dissectors.can import EXTENDED_MASK
 from nvscope.definition.buses import Buses, BusSettings
 from nvscope.tracker.can_errors import BusErrors
+from nvscope.tracker.can_identifiers import EXTENDED_KEY, IdentifierColumns
 from nvscope.tracker.can_load import BEFORE_1970, CanLoad
-from nvscope.tracker.can_state import EXTENDED_KEY, CanState
+from nvscope.tracker.can_state import CanState
 from nvscope.tracker.canopen import CanOpenNode
+from nvscope.tracker.columns import runs_of
 
 F64 = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 _S_NS = 1_000_000_000
+_NOTHING = np.empty(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +55,16 @@ class BusLoad:
 
 @dataclass(frozen=True, slots=True)
 class IdentifierBits:
-    """The bits of an identifier with all its frames, and which part of the bus's time (else of its bits) they take."""
+    """The frames of an identifier and their bits; ``share`` is their part of the bus's busy time, else of its bits."""
 
     cob_id: int
     extended: bool
     frames: int
     bits: int
     fast_bits: int
+    first_ns: int
+    last_ns: int
+    first_frame: int
     share: float
 
 
@@ -92,11 +97,12 @@ def summarize_buses(
     state: CanState, channels: Sequence[str], buses: Buses | None = None, lists: Collection[int] = ()
 ) -> list[CanBusSummary]:
     """Return the buses of a state by name; ``buses`` are the bit rates that are given, ``lists`` COB-IDs of lists."""
-    given, streams, rows = buses or Buses(), _streams(state), state.load.rows_by_channel()
+    given, rows = buses or Buses(), state.load.rows_by_channel()
+    identifiers = _rows_by_channel(state.load.identifiers.keys.high)
     errors, nodes = state.errors.by_channel(), state.canopen.by_channel(lists)
     found = [
         _bus(
-            state, number, channel_name(channels, number), given, rows[number], streams.get(number, []),
+            state, number, channel_name(channels, number), given, rows[number], identifiers.get(number, _NOTHING),
             errors.get(number), nodes.get(number, []),
         )
         for number in rows
@@ -128,7 +134,7 @@ def _bus(
     channel: str,
     given: Buses,
     rows: I64,
-    streams: Sequence[int],
+    identifiers: I64,
     errors: BusErrors | None,
     nodes: Sequence[CanOpenNode],
 ) -> CanBusSummary:
@@ -144,11 +150,11 @@ def _bus(
         worst = _percent(rate, columns.worst_bits[top], columns.worst_fast_bits[top])
         busy_s = rate.seconds(int(exact.sum()), int(fast.sum()))
         partial = bool(fast.any()) and not rate.data
-        mean = 100 * busy_s / _duration_s(state, streams)
+        mean = 100 * busy_s / _duration_s(state.load.identifiers.columns, identifiers)
         load = BusLoad(mean, float(percent[busiest]), int(began_ns[busiest]), float(worst[0]), partial)
     return CanBusSummary(
         number, channel, int(columns.frames[rows].sum()), len(rows), int(exact.sum()), int(fast.sum()),
-        int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load, _identifiers(state, streams, rate),
+        int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load, _identifiers(state, identifiers, rate),
         errors, nodes,
     )  # fmt: skip
 
@@ -160,31 +166,32 @@ def _rate(state: CanState, number: int, given: BusSettings) -> BitRate | None:
     return None if found is None else BitRate(found, given.data_bit_rate, False)
 
 
-def _duration_s(state: CanState, streams: Sequence[int]) -> float:
-    sent = [stream for stream in streams if state.columns.frames[stream]]
-    if not sent:
+def _duration_s(columns: IdentifierColumns, own: I64) -> float:
+    if not len(own):
         return 1.0
-    columns = state.columns
-    return max(1.0, int(columns.last_ns[sent].max() - columns.first_ns[sent].min()) / _S_NS)
+    return max(1.0, int(columns.last_ns[own].max() - columns.first_ns[own].min()) / _S_NS)
 
 
-def _streams(state: CanState) -> dict[int, list[int]]:
-    """Return the streams of each channel."""
-    streams = defaultdict(list)
-    for stream, channel in enumerate(state.streams.high.tolist()):
-        streams[channel].append(stream)
-    return streams
+def _rows_by_channel(channel: U64) -> dict[int, I64]:
+    """Return the rows of each channel, as they come."""
+    order = np.argsort(channel, kind="stable")
+    start, stop = runs_of(channel[order].astype(np.int64))
+    numbers = channel[order[start]].tolist()
+    return {
+        number: order[first:last] for number, first, last in zip(numbers, start.tolist(), stop.tolist(), strict=True)
+    }
 
 
-def _identifiers(state: CanState, streams: Sequence[int], rate: BitRate | None) -> list[IdentifierBits]:
-    rows = np.array(streams, np.int64)
-    bits, fast = state.load.streams.bits[rows], state.load.streams.fast_bits[rows]
+def _identifiers(state: CanState, own: I64, rate: BitRate | None) -> list[IdentifierBits]:
+    keys, columns = state.load.identifiers.keys.low[own], state.load.identifiers.columns
+    bits, fast = columns.bits[own], columns.fast_bits[own]
     part = _percent(rate, bits, fast) if rate else (bits + fast).astype(np.float64)
     share = part * (100 / max(float(part.sum()), 1e-9))
-    frames = state.columns.frames[rows] + state.columns.remote[rows]
-    order = np.lexsort((state.streams.low[rows], -share))
-    columns = (column[order].tolist() for column in (state.streams.low[rows], frames, bits, fast, share))
+    order = np.lexsort((keys, -share))
+    figures = [
+        columns.column(name)[own] for name in ("frames", "bits", "fast_bits", "first_ns", "last_ns", "first_frame")
+    ]
+    told = (column[order].tolist() for column in (keys, *figures, share))
     return [
-        IdentifierBits(word & EXTENDED_MASK, bool(word & EXTENDED_KEY), *figures)
-        for word, *figures in zip(*columns, strict=True)
+        IdentifierBits(word & EXTENDED_MASK, bool(word & EXTENDED_KEY), *row) for word, *row in zip(*told, strict=True)
     ]

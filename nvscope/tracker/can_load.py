@@ -1,4 +1,4 @@
-"""How busy each CAN bus was: the bits of each second by channel, those of each stream, and what tells the bit rate."""
+"""How busy each CAN bus was: the bits of each second and identifier by channel, and what tells the bit rate."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 
 from dissectors.batch import I64, U16
 from dissectors.can import CanBatch
-from dissectors.can_bits import Stuffing, WireBits, wire_bits
+from dissectors.can_bits import Stuffing, wire_bits
 from dissectors.keys import KeyTable
 from nvscope.tracker.bit_rate import BackToBack
+from nvscope.tracker.can_identifiers import CanIdentifiers
 from nvscope.tracker.columns import Columns, runs_of
 
 _S_NS = 1_000_000_000
@@ -37,14 +38,6 @@ class SecondColumns(Columns):
     }
 
 
-class StreamBits(Columns):
-    """One row a stream of ``CanState``: its exact bits at the nominal, and at the data bit rate, of all its frames."""
-
-    bits: I64
-    fast_bits: I64
-    COLUMNS: ClassVar = {"bits": (np.int64(0), 1), "fast_bits": (np.int64(0), 1)}
-
-
 class CanLoad:
     """The bits of all channels by second, keyed by (channel, second since 1970, offset by 2^62).
 
@@ -54,11 +47,11 @@ class CanLoad:
     def __init__(self) -> None:
         self.keys = KeyTable()
         self.columns = SecondColumns()
-        self.streams = StreamBits()
+        self.identifiers = CanIdentifiers()
         self.back_to_back = BackToBack()
 
-    def observe(self, frames: CanBatch) -> WireBits:
-        """Take the frames of a batch, at least one; return their exact bits."""
+    def observe(self, frames: CanBatch, first_frame: int) -> None:
+        """Take the frames of a batch, at least one; its first packet is the frame ``first_frame``."""
         number = self._numbers(frames)
         columns = self.columns
         columns.resize(len(self.keys))
@@ -70,17 +63,8 @@ class CanLoad:
         if exact.fast.any():
             _add(columns.fast_bits, number, exact.fast, rows)
             _add(columns.worst_fast_bits, number, worst.fast, rows)
+        self.identifiers.observe(frames, exact, first_frame)
         self.back_to_back.observe(frames, exact.nominal)
-        return exact
-
-    def observe_streams(self, stream: I64, bits: WireBits, row: I64) -> None:
-        """Add the bits of some rows of a batch to the streams they belong to."""
-        columns = self.streams
-        columns.resize(int(stream.max()) + 1)
-        rows = len(columns)
-        _add(columns.bits, stream, bits.nominal[row], rows)
-        if bits.fast.any():
-            _add(columns.fast_bits, stream, bits.fast[row], rows)
 
     def _numbers(self, frames: CanBatch) -> I64:
         """Return the row of each frame's channel and second."""

@@ -23,9 +23,6 @@ from nvscope.tracker.loss import NodeSteps
 from nvscope.tracker.sequence import Step, Steps
 from nvscope.tracker.timing import Timing
 
-EXTENDED_KEY = 1 << 31
-"""The bit by which the key of an extended identifier differs from that of a standard one."""
-
 _NO_LENGTH = -1
 _STANDARD = 1 << 11
 _LENGTHS = len(FD_LENGTHS)
@@ -103,7 +100,7 @@ class CanState:
         self._observe_faults(batch, first_frame)
         self.errors.observe(batch, first_frame)
         self.canopen.observe(batch, first_frame)
-        bits = self.load.observe(batch)
+        self.load.observe(batch, first_frame)
         told = (batch.fault == Fault.NONE) | (batch.fault >= Fault.TRUNCATED)
         told &= ~batch.error
         row = np.flatnonzero(told)
@@ -111,7 +108,6 @@ class CanState:
             return
         stream = self._numbers(batch.channel[row], batch.identifier[row], batch.extended[row])
         self.columns.resize(len(self.streams))
-        self.load.observe_streams(stream, bits, row)
         remote = batch.remote[row]
         if remote.any():
             np.add.at(self.columns.remote, stream[remote], 1)

@@ -10,7 +10,8 @@ from types import MappingProxyType
 from dissectors.can import EXTENDED_MASK
 from nvscope.definition.buses import Buses
 from nvscope.tracker.can_bus import CanBusSummary, channel_name, summarize_buses
-from nvscope.tracker.can_state import EXTENDED_KEY, CanState
+from nvscope.tracker.can_identifiers import EXTENDED_KEY
+from nvscope.tracker.can_state import CanState
 from nvscope.tracker.intervals import Intervals, intervals_of
 
 
