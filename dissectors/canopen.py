@@ -94,6 +94,19 @@ def _look_up(table: U8, identifier: U32, other: Bool) -> U8:
     return found
 
 
+def use_of(cob_id: int) -> tuple[str, int]:
+    """Return the function of a COB-ID and its node, such as ("heartbeat", 5): "" for none, 0 where it is of no node."""
+    if not 0 <= cob_id <= MAX_COB_ID:
+        return "", 0
+    return FUNCTION_NAMES[_FUNCTION[cob_id]], int(_NODE[cob_id])
+
+
+def title_of(cob_id: int) -> str:
+    """Return what a COB-ID is for, such as "heartbeat node 5", "SYNC", or "" outside of the predefined set."""
+    name, node = use_of(cob_id)
+    return f"{name} node {node}" if node else name
+
+
 NMT_COMMANDS = {
     1: "start",
     2: "stop",
@@ -256,11 +269,10 @@ def describe(identifier: int, data: bytes, remote: bool = False) -> str:
     Returns "" for an identifier outside of it. ``identifier`` is that of a base frame; ``data`` may have any length. A
     segment of an SDO block transfer cannot be told from a command, and is taken for one.
     """
-    if not 0 <= identifier <= MAX_COB_ID or not _FUNCTION[identifier]:
+    title = title_of(identifier)
+    if not title:
         return ""
-    name = FUNCTION_NAMES[_FUNCTION[identifier]]
-    node = int(_NODE[identifier])
-    title = f"{name} node {node}" if node else name
+    name, _ = use_of(identifier)
     if remote:
         return f"{title}: asked for"
     reader = _READERS.get(name)

@@ -216,7 +216,10 @@ class Inquiry:
                 source, ports=self.ports, timeout_ns=timeout_ns, values=taken, choose=self.choice(chosen, source),
                 progress=progress, pdos=self.pdo_rules(source), beside=hops.observe if hops else None,
             )  # fmt: skip
-        summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers)
+        summary = summarize(
+            state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,
+            cob_ids={cob_id for _, cob_id in self.pdos.by_cob_id},
+        )  # fmt: skip
         findings = judge(state, source.infos, summary=summary, limits=project.limits, definition=definition)
         return Analysis(source.infos, state, summary, findings, taken, hops=hops)
 

@@ -36,6 +36,15 @@ def data_size(size_bytes: int) -> str:
     return f"{_with_tenth(divide(size_bytes * 10, divisor))} TB"
 
 
+def bit_rate(bits_per_s: int) -> str:
+    """Return ``250 kbit/s``, ``33.3 kbit/s``, ``1 Mbit/s``: with a decimal where it is not whole."""
+    for unit, factor in (("Mbit/s", 1_000_000), ("kbit/s", 1_000)):
+        if bits_per_s >= factor:
+            tenths = divide(bits_per_s * 10, factor)
+            return f"{_with_tenth(tenths) if tenths % 10 else count(tenths // 10)} {unit}"
+    return f"{bits_per_s} bit/s"
+
+
 def percent(numerator: int, denominator: int) -> str:
     """Return the share as ``0.3 %``, ``12 %``; from 10 % on without a decimal, and ``<0.1 %`` for little but not none.
 
@@ -49,6 +58,11 @@ def percent(numerator: int, denominator: int) -> str:
     if abs(permille) < 100:
         return f"{_with_tenth(permille)} %"
     return f"{count(divide(numerator * 100, denominator))} %"
+
+
+def load(percent_: float) -> str:
+    """Return a load or a share that is measured in percent as ``23.1 %``: always with a decimal."""
+    return f"{_with_tenth(round(percent_ * 10))} %"
 
 
 def duration(duration_ns: int) -> str:

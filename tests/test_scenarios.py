@@ -28,30 +28,14 @@ SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
 EXACT = [path for path in SCENARIOS if not load_scenario(path).wild]
 """Where faults meet, as in wild scenarios, what they come to is not known beforehand."""
 
-NOT_YET = {
-    "can-canopen-collision": "NV602 in a report",
-}
-"""What the report does not say yet."""
 
-NOT_YET_AS_OFTEN = {"can-error-frames": "NV606 counts frames of the most frequent class, not all"}
-"""What it says with another count."""
-
-
-def cases(not_yet: dict[str, str]) -> list[Any]:
-    """Return the scenarios, those as expected failures that the report does not agree with yet."""
-    return [
-        pytest.param(
-            path,
-            id=path.stem,
-            marks=[pytest.mark.xfail(strict=True, reason=not_yet[path.stem])] if path.stem in not_yet else [],
-        )
-        for path in EXACT
-    ]
+def cases() -> list[Any]:
+    return [pytest.param(path, id=path.stem) for path in EXACT]
 
 
 UNSEEN = {
     "NV405", "NV406", "NV407",  # need a definition
-    "NV601", "NV602", "NV605",  # of definitions and of buses
+    "NV601", "NV605",  # of definitions and of buses
     "NV901", "NV903", "NV904",  # of capture files, see tests/cli
 }  # fmt: skip
 
@@ -68,7 +52,7 @@ def report_on(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return truth, document_of(tracked(sink.batches))
 
 
-@pytest.mark.parametrize("path", cases(NOT_YET))
+@pytest.mark.parametrize("path", cases())
 def test_report_says_what_the_scenario_expects(path: Path) -> None:
     expected = load_scenario(path).expect
     assert expected is not None, "a scenario has an [expect] table"
@@ -88,7 +72,7 @@ def test_report_says_what_the_scenario_expects(path: Path) -> None:
         assert {key: counters for key, counters in counted.items() if counters} == expected.counters
 
 
-@pytest.mark.parametrize("path", cases(NOT_YET | NOT_YET_AS_OFTEN))
+@pytest.mark.parametrize("path", cases())
 def test_report_agrees_with_the_truth(path: Path) -> None:
     truth, report = report_on(path)
     assert truth["exact"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -50,6 +51,16 @@ def report(
             show_default=False,
         ),
     ] = None,
+    bit_rates: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--bitrate",
+            metavar="[CHANNEL@]RATE[,RATE]",
+            help="Bit rate of CAN buses, of one channel or of all, behind a comma that of CAN FD's data phase; without "
+            "it, what the project says, or what the frames tell.",
+            show_default=False,
+        ),
+    ] = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -65,6 +76,7 @@ def report(
     if as_json and as_markdown:
         raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
     plant = project_of(project, gvl)
+    plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
 
     from nvscope.analysis import Inquiry
     from nvscope.cli.memory import keep_freed_memory

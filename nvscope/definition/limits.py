@@ -22,6 +22,9 @@ class Limits:
     stopped_percent: int = key(
         _PERCENT, "NV504: silence at the end for longer than this share of the nominal interval", default=1000
     )
+    bus_load_percent: int = key(
+        integer(1, 1_000), "NV605: more load of a CAN bus in a second, of its bit rate", default=70
+    )
     mirrored_percent: int = key(
         _PERCENT, "NV905: more telegrams that repeat the one before than this share of the others", default=80
     )

@@ -9,9 +9,10 @@ from __future__ import annotations
 import ipaddress
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import pairwise
 
-from dissectors.canopen import MAX_COB_ID, services_within
+from dissectors.canopen import MAX_COB_ID
+from nvscope.definition.cob_ids import CobIds, canopen_uses, cob_id_text, overlaps, taken_by
 from nvscope.definition.difference import list_difference
 from nvscope.definition.model import Array, ListDefinition, Position, Structure, Union, elements
 from nvscope.definition.named_sizes import named_sizes
@@ -38,11 +39,9 @@ class Packed:
         return self.list.on_can
 
     @property
-    def cob_ids(self) -> tuple[int, int]:
-        """The first and the last COB-ID that the list takes on CAN: one for each 8 bytes begun."""
-        first = self.list.list_id or 0
-        frames = sum(max(1, -(-telegram.layout.size_bytes // 8)) for telegram in self.telegrams)
-        return first, first + max(frames, 1) - 1
+    def cob_ids(self) -> CobIds | None:
+        """What the list takes on CAN; None where it is not there, or its identifier is unknown."""
+        return taken_by(self.list, self.telegrams)
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,32 +224,28 @@ def find_sizes_by_name(subject: Subject) -> Iterator[Place]:
             yield Place(found.position, found.list_name, f"{found.what} of {found.variable} is {found.text}")
 
 
-def _can_lists(subject: Subject) -> list[Packed]:
-    return [packed for packed in subject.lists if packed.on_can and packed.list.list_id is not None]
+def _can_lists(subject: Subject) -> list[CobIds]:
+    return [taken for packed in subject.lists if (taken := packed.cob_ids) is not None]
 
 
 def find_can_overlaps(subject: Subject) -> Iterator[Place]:
-    for one, other in combinations(_can_lists(subject)[:_MOST_NAMESAKES], 2):
-        (first, last), (other_first, other_last) = one.cob_ids, other.cob_ids
-        if one.list.position != other.list.position and first <= other_last and other_first <= last:
-            what = f"{other.list.name} takes {_range(*other.cob_ids)}, {one.list.name} {_range(*one.cob_ids)}"
-            yield _of_list(other.list, f"{what} ({one.list.position})")
+    for one, other in overlaps(_can_lists(subject)):
+        what = f"{other.list.name} takes {other.text}, {one.list.name} {one.text}"
+        yield _of_list(other.list, f"{what} ({one.list.position})")
 
 
 def find_can_services(subject: Subject) -> Iterator[Place]:
-    for packed in _can_lists(subject):
-        services = services_within(*packed.cob_ids)
-        if services:
-            names = ", ".join(f"{service.name} ({_range(service.first, service.last)})" for service in services)
-            message = f"{packed.list.name} takes {_range(*packed.cob_ids)}, which CANopen uses for {names}"
-            yield _of_list(packed.list, message)
+    for taken in _can_lists(subject):
+        uses = canopen_uses(taken)
+        if uses:
+            yield _of_list(taken.list, f"{taken.list.name} takes {taken.text}, which CANopen uses for {uses}")
 
 
 def find_can_identifiers(subject: Subject) -> Iterator[Place]:
-    for packed in _can_lists(subject):
-        if packed.cob_ids[1] > MAX_COB_ID:
-            message = f"{packed.list.name} takes {_range(*packed.cob_ids)}, beyond {_hexadecimal(MAX_COB_ID)}"
-            yield _of_list(packed.list, message)
+    for taken in _can_lists(subject):
+        if taken.last > MAX_COB_ID:
+            message = f"{taken.list.name} takes {taken.text}, beyond {cob_id_text(MAX_COB_ID)}"
+            yield _of_list(taken.list, message)
 
 
 def find_can_long(subject: Subject) -> Iterator[Place]:
@@ -274,11 +269,3 @@ def tell_can_unsupported(entry: ListDefinition) -> str | None:
     if not entry.on_can or not wanted:
         return None
     return f"{entry.name} is sent over CAN with {' and '.join(wanted)}"
-
-
-def _range(first: int, last: int) -> str:
-    return _hexadecimal(first) if first == last else f"{_hexadecimal(first)} to {_hexadecimal(last)}"
-
-
-def _hexadecimal(number: int) -> str:
-    return f"{number:03X}h"

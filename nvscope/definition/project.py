@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from nvscope.definition.buses import BUS_TABLES, Buses, BusSettings
 from nvscope.definition.limits import Limits
 from nvscope.definition.model import DEFAULT_PORT, Definition
 from nvscope.definition.project_lists import LIST_TABLES, NAME, ListSettings, with_settings
@@ -105,6 +106,7 @@ class ProjectFile:
     )
     nodes: tuple[tuple[str, Node], ...] = key(Kind('{name}."ADDRESS"', _nodes, Node), "a node", default=())
     lists: tuple[tuple[int, ListSettings], ...] = key(LIST_TABLES, "what no definition file says of a list", default=())
+    buses: tuple[tuple[str, BusSettings], ...] = key(BUS_TABLES, "bit rates of a CAN bus", default=())
     limits: Limits = key(  # noqa: RUF009  # a field, not a default
         table_of(Limits), "from where on something is worth a finding", default=_USUAL
     )
@@ -127,6 +129,7 @@ class Project:
     nodes: Mapping[str, Node] = field(default_factory=dict)
     ports: tuple[int, ...] = (DEFAULT_PORT,)
     limits: Limits = field(default_factory=Limits)
+    buses: Buses = field(default_factory=Buses)
     keys: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -172,7 +175,8 @@ def read_project(path: Path | None, definitions: Sequence[str] | None = None) ->
     if told.lists:
         lists = with_settings(definition.lists, told.lists, ports[0], str(path))
         definition = replace(definition, lists=lists)
-    return Project(path, tuple(files), definition, dict(told.nodes), ports, told.limits, dict(told.keys))
+    buses = Buses.of_project(told.buses)
+    return Project(path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys))
 
 
 def document() -> str:

@@ -1,13 +1,11 @@
-"""NV603, NV604 and NV606: frames of another length, lists of which frames are missing, and error frames."""
+"""NV603 and NV604: frames of another length, and lists of which frames are missing."""
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from dissectors.can_error import CLASSES
 from nvscope.definition.pdos import Pdo
 from nvscope.findings.finding import Facts, Finding, events_of
 from nvscope.tracker.can_summary import CanListSummary
@@ -15,16 +13,14 @@ from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.tracker.state import PDO_LENGTH_CODE
 from nvscope.units import count, count_of, duration, percent
 
-_LABELS = {bit.mask: bit.label for bit in CLASSES}
 _MOST_NAMED = 4
 
 
 def judge_can(facts: Facts) -> Iterator[Finding]:
-    """Yield NV603 for each COB-ID of another length, NV604 for each list, and NV606 for each channel."""
+    """Yield NV603 for each COB-ID with frames of another length, and NV604 for each list."""
     yield from _lengths(facts)
     for entry in facts.summary.can.lists:
         yield from _incomplete(facts, entry)
-    yield from _errors(facts)
 
 
 def _lengths(facts: Facts) -> Iterator[Finding]:
@@ -104,18 +100,3 @@ def _silent(entry: CanListSummary, defined: Sequence[Pdo]) -> str:
 
 def _verb(names: str) -> str:
     return "were" if "," in names or " and " in names else "was"
-
-
-def _errors(facts: Facts) -> Iterator[Finding]:
-    errors, channel_name = facts.state.can.errors, facts.state.flows.channel
-    by_channel = defaultdict(list)
-    for row, (channel, mask) in enumerate(zip(errors.keys.high.tolist(), errors.keys.low.tolist(), strict=True)):
-        by_channel[channel].append((mask, events_of(errors.rows, row)))
-    for channel, classes in sorted(by_channel.items()):
-        told = ", ".join(f"{_LABELS.get(mask, hex(mask))} ({events.count})" for mask, events in sorted(classes))
-        frames = sorted({frame for _, events in classes for frame in events.frames})[:FRAMES_KEPT]
-        most = max(events.count for _, events in classes)
-        yield Finding(
-            "NV606", f"Channel {channel_name(channel)}: error frames, by what they tell: {told}.", most,
-            min(events.first_ns for _, events in classes), max(events.last_ns for _, events in classes), tuple(frames),
-        )  # fmt: skip

@@ -479,19 +479,25 @@ _CAN = (
     Kind(
         "NV601", "cob-id-overlap", _ERROR,
         "Two lists use the same COB-ID: a list takes one COB-ID per 8 bytes (not packed: per variable), counted up "
-        "from its identifier, and it grew into the next list.",
+        "from its identifier, and it grew into the next list. This follows from the definitions; a report adds how "
+        "many frames of these COB-IDs were sent, by channel.",
         ("list identifiers chosen without room for the COB-IDs that are assigned automatically",),
         ("Choose identifiers at least as far apart as each list has telegrams; leave some room to grow.",),
     ),
     Kind(
         "NV602", "canopen-collision", _ERROR,
         "A COB-ID of the list belongs to the predefined connection set of CANopen: NMT, SYNC, EMCY, PDO, SDO, "
-        "heartbeat or LSS. CANopen devices may take the telegrams for theirs, with any effect up to a stop.",
+        "heartbeat or LSS. CANopen devices may take the telegrams for theirs, with any effect up to a stop. This "
+        "follows from the definitions; a report adds whether such frames were sent, and which CANopen devices were "
+        "there. On a bus without any, a list in the range of a PDO does no harm until one is added.",
         (
             "a list identifier within a range of CANopen on a bus with CANopen devices",
             "a list that grew into such a range",
         ),
-        ("Choose an identifier that no device of this bus uses, and check the whole range of the list.",),
+        (
+            "Choose an identifier that no device of this bus uses, and check the whole range of the list.",
+            "A PDO of the node that is named may be switched off, or have another COB-ID: look at its configuration.",
+        ),
     ),
     Kind(
         "NV603", "dlc-mismatch", _ERROR,
@@ -515,7 +521,10 @@ _CAN = (
     ),
     Kind(
         "NV605", "bus-load", _WARNING,
-        "The bus was so busy that frames of low priority come late or not at all.",
+        "The bus was busy for more than 70 % of a second (bus_load_percent in the table [limits] of nvscope.toml): "
+        "frames of low priority come late or not at all. The bits of each second, with the stuff bits that the frames "
+        "have, are held against the bit rate: that of --bitrate, or of the table [buses] of nvscope.toml, or one "
+        "found from frames that follow each other at once. Where none is known, nothing is said.",
         (
             "too many lists with too short intervals for the bit rate",
             "transmission on change of values that change in every cycle",
@@ -525,7 +534,9 @@ _CAN = (
     ),
     Kind(
         "NV606", "error-frames", _WARNING,
-        "Error frames were seen on the bus: nodes reject what others send, and frames are repeated.",
+        "Error frames were seen on the bus: nodes reject what others send, and frames are repeated. A controller "
+        "whose transmit errors go on leaves the bus (bus-off), and neither sends nor receives until it is restarted: "
+        "what is missing in the capture then may have been sent all the same.",
         (
             "missing or surplus terminating resistors (two of 120 ohms, one at each end)",
             "a node with another bit rate or sample point",
@@ -534,6 +545,8 @@ _CAN = (
         (
             "Measure the resistance between CAN_H and CAN_L with the power off: about 60 ohms.",
             "Unplug the nodes one by one until the error frames stop.",
+            "Bus-off of the recording computer itself: check its bit rate and its plug first. Frames that nobody "
+            "acknowledges mean that no other node is awake.",
         ),
     ),
 )  # fmt: skip

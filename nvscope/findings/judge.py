@@ -9,8 +9,10 @@ from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.findings.answers import judge_answers
 from nvscope.findings.can import judge_can
+from nvscope.findings.can_bus import judge_buses
 from nvscope.findings.capture import judge_capture
 from nvscope.findings.catalogue import CATALOGUE
+from nvscope.findings.cob_ids import judge_cob_ids
 from nvscope.findings.consistency import judge_consistency
 from nvscope.findings.definition import judge_definition
 from nvscope.findings.finding import Facts, Finding
@@ -26,8 +28,8 @@ if TYPE_CHECKING:
     from nvscope.definition.model import Definition
 
 JUDGES = (
-    judge_headers, judge_loss, judge_answers, judge_consistency, judge_definition, judge_timing, judge_can,
-    judge_capture,
+    judge_headers, judge_loss, judge_answers, judge_consistency, judge_definition, judge_timing, judge_cob_ids,
+    judge_can, judge_buses, judge_capture,
 )  # fmt: skip
 
 

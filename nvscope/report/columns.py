@@ -144,6 +144,11 @@ def _checksum(value: object) -> Cell:
     return Cell(f"0x{value:02x}") if isinstance(value, int) else _text(value)
 
 
+def _name(row: Row) -> Cell:
+    """Return the name of a list, or what CANopen uses its identifier for."""
+    return _text(row["name"]) if row["name"] else _text(row.get("canopen"), Tone.FAINT)
+
+
 def _spread(durations_ns: Sequence[int]) -> Cell:
     """Return the lower median, or the extremes where they are more than a tenth apart."""
     if not durations_ns:
@@ -206,7 +211,7 @@ def _jitter(entry: Row) -> Cell:
 _OVERVIEW = (
     Measure(Column("status"), lambda row: status(row["worst"])),
     Measure(Column("list", shortest=16), lambda row: _text(row["key"], Tone.STRONG), identifier=True),
-    Measure(Column("name", importance=7, shortest=12), lambda row: _text(row["name"]), identifier=True),
+    Measure(Column("name", importance=7, shortest=12), _name, identifier=True),
     Measure(Column("sender", shortest=16), lambda row: _text(row["from"]), identifier=True),
     Measure(Column("reader", importance=1, shortest=16), lambda row: _text(row["to"]), identifier=True),
     Measure(Column("interval", right=True, importance=9), _interval),

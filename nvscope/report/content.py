@@ -41,6 +41,10 @@ class Clock:
             return units.clock_time(time_ns, utc=self.utc)
         return units.absolute_time(time_ns, utc=self.utc)
 
+    def second(self, time_ns: int) -> str:
+        """Return a moment to the second."""
+        return self.moment(time_ns).partition(".")[0]
+
     def since_start(self, time_ns: int) -> str:
         """Return the time since the start of the capture as an IEC literal."""
         return units.iec_time(time_ns - (self.start_ns or 0))

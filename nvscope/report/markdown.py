@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from nvscope import units
 from nvscope.findings.catalogue import Severity
-from nvscope.report import columns, content, hops
+from nvscope.report import buses, columns, content, hops
 from nvscope.view.escape import markdown_code, markdown_safe
+from nvscope.view.table import NO_BREAK
 
 
 def render(report: content.Report, *, utc: bool = False) -> str:
@@ -32,6 +33,8 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
     if report["lists"]:
         yield ""
         yield from _table(*columns.overview(report))
+    for bus in buses.buses(report)[0]:
+        yield from _bus(bus, clock)
     if "hops" in report:
         yield ""
         yield f"### {hops.TITLE}"
@@ -65,6 +68,20 @@ def _cell(measure: columns.Measure, text: str) -> str:
 
 def _row(texts: Sequence[str]) -> str:
     return f"| {' | '.join(texts)} |"
+
+
+def _bus(bus: content.Row, clock: content.Clock) -> Iterator[str]:
+    yield ""
+    yield f"### Bus {markdown_code(bus['channel'])}"
+    yield ""
+    told = "".join(cell.text for cell in buses.headline(bus, clock)[2:])
+    yield f"- {markdown_safe(told.replace(NO_BREAK, ' '))}"
+    for cells in buses.error_lines(bus, clock):
+        yield f"- {markdown_safe(''.join(cell.text for cell in cells).replace(NO_BREAK, ' '))}"
+    for measures, rows in (buses.identifiers(bus), buses.nodes(bus, clock)):
+        if rows:
+            yield ""
+            yield from _table(measures, rows)
 
 
 def _findings(report: content.Report, clock: content.Clock) -> Iterator[str]:

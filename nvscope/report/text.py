@@ -1,4 +1,4 @@
-"""The report for people at a terminal: the verdict, the capture, the lists, then the findings, worst first."""
+"""The report for people at a terminal: the verdict, the capture, lists, CAN buses, then the findings, worst first."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from nvscope import units
 from nvscope.findings.catalogue import Severity
-from nvscope.report import columns, content, hops
+from nvscope.report import buses, columns, content, hops
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible_document
 from nvscope.view.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, display_width, wrap
@@ -45,6 +45,12 @@ def _lines(report: content.Report, width: int, clock: content.Clock, details: bo
     if report["lists"]:
         yield from _section("Lists", width)
         yield from _table(*columns.overview(report), width)
+    shown, left = buses.buses(report, None if details else buses.MOST_BUSES)
+    for bus in shown:
+        yield from _bus(bus, width, clock, details)
+    if left:
+        more = f"{units.count_of(left, 'bus', 'buses')} more: -v shows all, --json and --md too."
+        yield from ([], *wrap([Cell(more)], text_width))
     measures, rows = hops.hops(report)
     if "hops" in report:
         yield from _section(hops.TITLE, width)
@@ -68,8 +74,21 @@ def _section(title: str, width: int) -> list[Line]:
     return [[], *wrap([Cell(title, Tone.STRONG)], width)]
 
 
-def _table(measures: Sequence[columns.Measure], rows: Sequence[content.Row], width: int) -> list[Line]:
-    return align([measure.column for measure in measures], [columns.cells(measures, row) for row in rows], width)
+def _table(measures: Sequence[columns.Measure], rows: Sequence[content.Row], width: int, indent: int = 0) -> list[Line]:
+    cells = [columns.cells(measures, row) for row in rows]
+    return align([measure.column for measure in measures], cells, width, indent)
+
+
+def _bus(bus: content.Row, width: int, clock: content.Clock, details: bool) -> Iterator[Line]:
+    yield []
+    yield from wrap(buses.headline(bus, clock), min(width, _TEXT_WIDTH), 0, 2)
+    for cells in buses.error_lines(bus, clock):
+        yield from wrap(cells, min(width, _TEXT_WIDTH), 2, 4)
+    shown = buses.identifiers(bus, None if details else buses.MOST_IDENTIFIERS)
+    for measures, rows in (shown, buses.nodes(bus, clock)):
+        if rows:
+            yield []
+            yield from _table(measures, rows, width, 2)
 
 
 def _findings(report: content.Report, width: int, clock: content.Clock, most: int | None) -> Iterator[Line]:

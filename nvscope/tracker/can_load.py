@@ -1,4 +1,4 @@
-"""How busy each CAN bus was: the bits of each second, by channel."""
+"""How busy each CAN bus was: the bits of each second and identifier by channel, and what tells the bit rate."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, U16
 from dissectors.can import CanBatch
 from dissectors.can_bits import Stuffing, wire_bits
 from dissectors.keys import KeyTable
-from nvscope.tracker.columns import Columns
+from nvscope.tracker.bit_rate import BackToBack
+from nvscope.tracker.can_identifiers import CanIdentifiers
+from nvscope.tracker.columns import Columns, runs_of
 
 _S_NS = 1_000_000_000
-_BEFORE_1970 = 1 << 62
+BEFORE_1970 = 1 << 62
+"""What is added to seconds since 1970, so that none is below 0."""
+
 _FEW_KEYS = 1 << 16
 
 
@@ -28,7 +32,10 @@ class SecondColumns(Columns):
     exact_bits: I64
     worst_bits: I64
     fast_bits: I64
-    COLUMNS: ClassVar = {name: (np.int64(0), 1) for name in ("frames", "exact_bits", "worst_bits", "fast_bits")}
+    worst_fast_bits: I64
+    COLUMNS: ClassVar = {
+        name: (np.int64(0), 1) for name in ("frames", "exact_bits", "worst_bits", "fast_bits", "worst_fast_bits")
+    }
 
 
 class CanLoad:
@@ -40,22 +47,24 @@ class CanLoad:
     def __init__(self) -> None:
         self.keys = KeyTable()
         self.columns = SecondColumns()
+        self.identifiers = CanIdentifiers()
+        self.back_to_back = BackToBack()
 
-    def observe(self, frames: CanBatch) -> None:
-        """Take the frames of a batch."""
-        if not len(frames):
-            return
+    def observe(self, frames: CanBatch, first_frame: int) -> None:
+        """Take the frames of a batch, at least one; its first packet is the frame ``first_frame``."""
         number = self._numbers(frames)
         columns = self.columns
         columns.resize(len(self.keys))
         exact, worst = wire_bits(frames, Stuffing.EXACT), wire_bits(frames, Stuffing.WORST)
         rows = len(self.keys)
         columns.frames[:rows] += np.bincount(number, minlength=rows)
-        for column, bits in (
-            (columns.exact_bits, exact.nominal), (columns.worst_bits, worst.nominal), (columns.fast_bits, exact.fast),
-        ):  # fmt: skip
-            # Sums of a batch stay far below the 2^53 up to which they are exact.
-            column[:rows] += np.bincount(number, bits, minlength=rows).astype(np.int64)
+        _add(columns.exact_bits, number, exact.nominal, rows)
+        _add(columns.worst_bits, number, worst.nominal, rows)
+        if exact.fast.any():
+            _add(columns.fast_bits, number, exact.fast, rows)
+            _add(columns.worst_fast_bits, number, worst.fast, rows)
+        self.identifiers.observe(frames, exact, first_frame)
+        self.back_to_back.observe(frames, exact.nominal)
 
     def _numbers(self, frames: CanBatch) -> I64:
         """Return the row of each frame's channel and second."""
@@ -64,20 +73,27 @@ class CanLoad:
         channels = int(frames.channel.max()) + 1
         if (last - first + 1) * channels > _FEW_KEYS:
             return self.keys.numbers(
-                frames.channel.astype(np.uint64), (second + _BEFORE_1970).astype(np.uint64)
+                frames.channel.astype(np.uint64), (second + BEFORE_1970).astype(np.uint64)
             )  # fmt: skip
         # Of the few that a batch mostly has, each is looked up once.
         local = (second - first) * channels + frames.channel
         seen = np.flatnonzero(np.bincount(local))
         number = np.zeros((last - first + 1) * channels, np.int64)
         number[seen] = self.keys.numbers(
-            (seen % channels).astype(np.uint64), (seen // channels + first + _BEFORE_1970).astype(np.uint64)
+            (seen % channels).astype(np.uint64), (seen // channels + first + BEFORE_1970).astype(np.uint64)
         )
         own: I64 = number[local]
         return own
 
-    def seconds_of(self, channel: int) -> tuple[I64, SecondColumns]:
-        """Return the rows of a channel by time, as places in ``columns``, and these."""
-        own = np.flatnonzero(self.keys.high == channel)
-        order = np.argsort(self.keys.low[own], kind="stable")
-        return own[order], self.columns
+    def rows_by_channel(self) -> dict[int, I64]:
+        """Return which rows of ``columns`` are those of each channel, by time."""
+        order = np.lexsort((self.keys.low, self.keys.high))
+        channel = self.keys.high[order].astype(np.int64)
+        start, stop = runs_of(channel)
+        runs = zip(channel[start].tolist(), start.tolist(), stop.tolist(), strict=True)
+        return {number: order[first:last] for number, first, last in runs}
+
+
+def _add(column: I64, number: I64, bits: U16, rows: int) -> None:
+    # Sums of a batch stay far below the 2^53 up to which they are exact.
+    column[:rows] += np.bincount(number, bits, minlength=rows).astype(np.int64)

@@ -10,9 +10,10 @@ import numpy as np
 
 from dissectors.batch import U8
 from dissectors.can import CanBatch
-from dissectors.can_error import classes_of
 from dissectors.can_pdo import words
+from nvscope.tracker.can_errors import CanErrors
 from nvscope.tracker.can_load import CanLoad
+from nvscope.tracker.canopen import CanOpen
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.loss import NodeSteps
@@ -22,17 +23,16 @@ from nvscope.tracker.sequence import Step, Steps
 class CanState:
     """The CAN frames observed so far.
 
-    ``errors`` are error frames by (channel, class bit), ``faults`` frames that could not be read, or not wholly, by
-    (channel, ``dissectors.can.Fault``), ``remotes`` those that ask for data, by (channel, identifier as in
-    ``dissectors.can_pdo.words``).
+    ``faults`` are frames that could not be read, or not wholly, by (channel, ``dissectors.can.Fault``), ``remotes``
+    those that ask for data, by (channel, identifier as in ``dissectors.can_pdo.words``).
     """
 
     def __init__(self) -> None:
         self.frames = 0
-        self.error_frames = 0
         self.load = CanLoad()
         self.cycles = Cycles()
-        self.errors = EventLog()
+        self.errors = CanErrors()
+        self.canopen = CanOpen()
         self.faults = EventLog()
         self.remotes = EventLog()
 
@@ -40,9 +40,10 @@ class CanState:
         """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
         self.frames += len(frames)
         self._observe_faults(frames, first_frame)
-        self._observe_errors(frames, first_frame)
         self._observe_remotes(frames, first_frame)
-        self.load.observe(frames)
+        self.errors.observe(frames, first_frame)
+        self.canopen.observe(frames, first_frame)
+        self.load.observe(frames, first_frame)
 
     def _observe_faults(self, frames: CanBatch, first_frame: int) -> None:
         wrong = np.flatnonzero(frames.fault)
@@ -55,20 +56,6 @@ class CanState:
         if len(asking):
             channel, number = frames.channel[asking].astype(np.uint64), words(frames)[asking]
             self.remotes.record(channel, number, frames.ts_ns[asking], frames.row[asking] + first_frame)
-
-    def _observe_errors(self, frames: CanBatch, first_frame: int) -> None:
-        error = np.flatnonzero(frames.error)
-        if not len(error):
-            return
-        self.error_frames += len(error)
-        classes = classes_of(frames)[error]
-        when, frame, channel = frames.ts_ns[error], frames.row[error] + first_frame, frames.channel[error]
-        for bit in range(16):
-            own = np.flatnonzero((classes >> np.uint16(bit)) & np.uint16(1))
-            if len(own):
-                self.errors.record(
-                    channel[own].astype(np.uint64), np.full(len(own), 1 << bit, np.uint64), when[own], frame[own]
-                )
 
 
 def no_steps(count: int) -> tuple[Steps, NodeSteps]:

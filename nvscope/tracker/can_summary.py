@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -12,8 +12,9 @@ import numpy as np
 
 from dissectors.can_pdo import EXTENDED, ON_CAN
 from dissectors.netvar import HEADER
+from nvscope.definition.buses import Buses
 from nvscope.list_key import ListKey, list_key, told_of
-from nvscope.tracker.can_state import CanState
+from nvscope.tracker.can_bus import CanBusSummary, summarize_buses
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.flows import LENGTH_SHIFT, NOBODY
 from nvscope.tracker.intervals import Intervals, intervals_of, percentiles_of
@@ -78,24 +79,6 @@ class CanListSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class CanBusSummary:
-    """One channel: its frames, and the bits of its seconds.
-
-    ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one (exact stuffing), ``worst_bits``
-    those that it could have had at most. ``bits`` and ``fast_bits`` are sums over all, exact; the latter at the data
-    bit rate of CAN FD.
-    """
-
-    channel: str
-    frames: int
-    seconds: int
-    bits: int
-    fast_bits: int
-    peak_bits: int
-    worst_bits: int
-
-
-@dataclass(frozen=True, slots=True)
 class CanSummary:
     """Lists by channel and COB-ID, standard before extended; buses by name of the channel."""
 
@@ -104,9 +87,17 @@ class CanSummary:
 
 
 def summarize_can(
-    state: TrackerState, *, intervals_ns: Mapping[ListKey, int] = MappingProxyType({})
+    state: TrackerState,
+    *,
+    intervals_ns: Mapping[ListKey, int] = MappingProxyType({}),
+    buses: Buses | None = None,
+    cob_ids: Collection[int] = (),
 ) -> CanSummary:  # fmt: skip
-    """Compute what follows from the CAN frames of a state; ``intervals_ns`` are the nominal intervals of lists."""
+    """Compute what follows from the CAN frames of a state.
+
+    ``intervals_ns`` are the nominal intervals of lists, ``buses`` the bit rates that are given, ``cob_ids`` those that
+    defined lists take: they are not CANopen's.
+    """
     if not state.can.frames:
         return CanSummary()
     flows, memory, timing = state.flows, state.memory.columns, state.timing
@@ -150,19 +141,4 @@ def summarize_can(
         for port, index in [flows.list_key(number)]
     ]
     lists.sort(key=lambda entry: (entry.port, entry.index))
-    return CanSummary(lists, _buses(state.can, flows.channel))
-
-
-def _buses(state: CanState, name: Callable[[int], str]) -> list[CanBusSummary]:
-    buses = []
-    for channel in sorted(set(state.load.keys.high.tolist()), key=name):
-        rows, columns = state.load.seconds_of(channel)
-        exact = columns.exact_bits[rows]
-        busiest = int(exact.argmax())
-        buses.append(
-            CanBusSummary(
-                name(channel), int(columns.frames[rows].sum()), len(rows), int(exact.sum()),
-                int(columns.fast_bits[rows].sum()), int(exact[busiest]), int(columns.worst_bits[rows][busiest]),
-            )
-        )  # fmt: skip
-    return buses
+    return CanSummary(lists, summarize_buses(state.can, flows.channel, buses, cob_ids))

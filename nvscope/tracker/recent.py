@@ -67,6 +67,8 @@ class Recent:
 
     def _count(self) -> None:
         """Sort in what waits, and let go of what is older than the window."""
+        if not self._waiting and not len(self._keys):
+            return
         since = self._latest_s - WINDOW_S
         keys, counts = [self._keys], [self._counts]
         for stream, time_ns, interval_ns in self._waiting:

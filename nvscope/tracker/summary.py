@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 from dissectors.can_pdo import ON_CAN
 from dissectors.netvar import CHECKSUM_PRESENT
+from nvscope.definition.buses import Buses
 from nvscope.list_key import ListKey, list_key
 from nvscope.tracker import address
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
@@ -105,11 +106,14 @@ def summarize(
     *,
     intervals_ns: Mapping[ListKey, int] = MappingProxyType({}),
     readers: Mapping[str, Collection[tuple[int | None, int]]] = MappingProxyType({}),
+    buses: Buses | None = None,
+    cob_ids: Collection[int] = (),
 ) -> Summary:
     """Compute the summary of a state.
 
     ``intervals_ns`` are the nominal intervals of lists that have to be sent at one. ``readers`` are the lists that
     nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on any port.
+    ``buses`` and ``cob_ids`` are as for ``summarize_can``.
     """
     flows = state.flows
     nodes = list(zip(flows.nodes.high.tolist(), flows.nodes.low.tolist(), strict=True))
@@ -127,7 +131,7 @@ def summarize(
     _count(state, lists)
     on_udp = sorted((entry for entry in lists if entry.port < ON_CAN), key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
-    can = summarize_can(state, intervals_ns=intervals_ns)
+    can = summarize_can(state, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
     timeout_ns = state.acknowledgement.timeout_ns
     return Summary(on_udp, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
 

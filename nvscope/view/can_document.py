@@ -5,23 +5,28 @@ A frame names neither sender nor reader, and carries no counter: what cannot be 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from dissectors.can_pdo import EXTENDED
-from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary, CanSummary
+from dissectors.canopen import title_of
+from nvscope.list_key import ListKey, told_of
+from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
 from nvscope.view.diagnosis_row import diagnosis_row
 from nvscope.view.intervals import interval_row
 
 
-def can_list(entry: CanListSummary, name: str | None) -> dict[str, Any]:
-    """Return a list on CAN, with its COB-IDs as streams; ``name`` is what people call it."""
+def can_list(entry: CanListSummary, names: Mapping[ListKey, str]) -> dict[str, Any]:
+    """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without."""
+    name = told_of(names, (entry.port, entry.index))
     return {
         "key": entry.key,
         "transport": "can",
         "channel": entry.port,
         "id": entry.index & ~EXTENDED,
-        "name": name,
+        "name": name or None,
+        "canopen": canopen_label(entry, entry.index, defined=name is not None),
         "senders": [],
         "readers": [],
         "diag": diagnosis_row(entry.diagnosis),
@@ -31,20 +36,12 @@ def can_list(entry: CanListSummary, name: str | None) -> dict[str, Any]:
     }
 
 
-def can_buses(summary: CanSummary) -> list[dict[str, Any]]:
-    """Return what was seen of each channel; bits are those on the wire, with stuff bits."""
-    return [
-        {
-            "channel": bus.channel,
-            "frames": bus.frames,
-            "seconds": bus.seconds,
-            "bits": bus.bits,
-            "fast_bits": bus.fast_bits,
-            "peak_bits": bus.peak_bits,
-            "worst_bits": bus.worst_bits,
-        }
-        for bus in summary.buses
-    ]
+def canopen_label(entry: CanListSummary, cob_id: int, *, defined: bool) -> str | None:
+    """Return what CANopen's predefined set uses a COB-ID of a list for, such as ``heartbeat node 5``.
+
+    None where it has none, or where the list is ``defined``.
+    """
+    return None if defined or entry.extended else title_of(cob_id) or None
 
 
 def _stream(stream: CanStreamSummary) -> dict[str, Any]:

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
-from nvscope.list_key import ListKey, told_of
+from nvscope.list_key import ListKey
 from nvscope.tracker.can_summary import CanListSummary
 from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 from nvscope.version import __version__
-from nvscope.view.can_document import can_buses, can_list
+from nvscope.view.bus_document import can_buses
+from nvscope.view.can_document import can_list
 from nvscope.view.diagnosis_row import diagnosis_row, time_text
 from nvscope.view.intervals import interval_row
 
@@ -44,7 +45,7 @@ def report_document(
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by port and
     identifier of their list, each list has its own. ``node_names`` are by the text of the address.
     """
-    names = {key: entry.name or None for key, entry in definition.by_key().items()} if definition else {}
+    names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
     keys = {entry.number: entry.key for entry in summary.lists}
     keys |= {entry.number: entry.key for entry in summary.can.lists}
 
@@ -68,18 +69,15 @@ def report_document(
             "end_ns": time_text(state.end_ns),
         },
         "lists": [
+            *(can_list(entry, names) | valued(entry) for entry in summary.can.lists),
             *(
-                can_list(entry, told_of(names, (entry.port, entry.index))) | valued(entry)
-                for entry in summary.can.lists
-            ),
-            *(
-                _list(entry, summary, names.get((entry.port, entry.index)), node_names) | valued(entry)
+                _list(entry, summary, names.get((entry.port, entry.index)) or None, node_names) | valued(entry)
                 for entry in summary.lists
             ),
         ],
         "findings": [_finding(finding, keys, summary) for finding in findings],
     }
-    return document | ({"buses": can_buses(summary.can)} if summary.can.buses else {})
+    return document | ({"buses": can_buses(summary.can, names)} if summary.can.buses else {})
 
 
 def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Mapping[str, str]) -> dict[str, Any]:

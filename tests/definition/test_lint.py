@@ -179,7 +179,7 @@ SAMPLES: list[tuple[str, list[str], str, list[str]]] = [
     (
         "can-canopen",
         [can("a : ARRAY [0..1] OF LREAL;", ListIdentifier="384")],
-        "a.gvl:3:1 a takes 180h to 181h, which CANopen uses for TPDO1 (181h to 1FFh)",
+        "a.gvl:3:1 a takes 180h to 181h, which CANopen uses for TPDO1 of node 1",
         [can(ListIdentifier="384")],
     ),
     (

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from nvscope.definition.buses import BusSettings
 from nvscope.definition.limits import Limits
 from nvscope.definition.project import MAX_DEFINITION_FILES, Project, document, find_project, read_project
 from nvscope.errors import ConfigurationError
@@ -25,6 +26,10 @@ ports = [1300, 1202]
 name = "drives"; port = 1202; interval = "20ms"; min_gap = "5ms"
 [lists.0x181]
 name = "io"; transport = "can"; pack = false
+[buses.can0]
+bit_rate = "250k"; data_bit_rate = 2_000_000
+[buses."can*"]
+bit_rate = 500000
 [limits]
 jitter_percent = 40
 acknowledgement = "250ms"
@@ -75,6 +80,9 @@ def test_a_whole_project(tmp_path: Path) -> None:
     assert project.readers == {"192.168.1.10": ((None, 7), (1202, 8)), "10.0.0.2": ((None, 9),)}
     assert project.ports == (1300, 1202)
     assert project.limits == Limits(jitter_percent=40, acknowledgement_ns=250_000_000)
+    assert project.buses.of("can0") == BusSettings(250_000, 2_000_000)
+    assert project.buses.of("can1") == BusSettings(500_000)
+    assert project.buses.of("vcan0") == BusSettings()
     assert project.keys == {"view.filter": "/"}
     drives, io = project.definition.lists
     assert (drives.name, drives.list_id, drives.port, len(drives.variables)) == ("drives", 42, 1202, 1)
@@ -201,6 +209,11 @@ def test_identifiers_are_written_in_several_ways(key: str, tmp_path: Path) -> No
         ("[limits]\njitter_percent = 1.5", ": limits.jitter_percent", "a whole number is expected", ""),
         ("[limits]\nacknowledgement = '0s'", ": limits.acknowledgement", "must be more than 0", ""),
         ("[limits]\njiter_percent = 1", ": limits.jiter_percent", "unknown key", "is 'jitter_percent'"),
+        ("[buses.can0]\nbitrate = 1", ": buses.can0.bitrate", "unknown key 'bitrate'", "is 'bit_rate'"),
+        ("[buses.can0]\nbit_rate = '9x'", ": buses.can0.bit_rate", "'9x' is no bit rate", '"250k"'),
+        ("[buses.can0]\nbit_rate = 1.5", ": buses.can0.bit_rate", "a bit rate is expected", '"250k"'),
+        ("[buses.can0]\nbit_rate = '99M'", ": buses.can0.bit_rate", "'99M' is no bit rate of CAN: 1000 to", ""),
+        ("[limits]\nbus_load_percent = 0", ": limits.bus_load_percent", "0 is out of range", ""),
         ("[keys]\nquit = 1", ": keys.quit", "a text is expected", ""),
         ("a = " + "[" * 5000, "", "nested too deeply", ""),
     ],

@@ -82,7 +82,6 @@ def test_a_report_says_what_was_put_in_at_random(seed: int, tmp_path: Path) -> N
     assert compare("report", truth, report) == []
 
 
-@pytest.mark.xfail(strict=True, reason="NV604, and NV501 to NV504 on CAN, are not in the report yet")
 def test_a_report_finds_what_was_put_in_at_random(tmp_path: Path) -> None:
     found = {}
     for seed in range(100, 124):

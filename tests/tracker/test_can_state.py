@@ -114,7 +114,8 @@ def test_error_frames_are_told_by_channel_and_class() -> None:
     ]
     messages = [one["message"] for one in report(frames, 4)["findings"] if one["code"] == "NV606"]
     assert messages == [
-        "Channel can0: error frames, by what they tell: controller problem (1), bus off (1), controller restarted (1).",
+        "Channel can0: error frames, by what they tell: controller problem (1), bus off (1), controller restarted (1). "
+        "It was off the bus 1 time, for 1 ns. The controller told: error active again (1).",
         "Channel vcan1: error frames, by what they tell: no acknowledgement on transmission (1).",
     ]
 
@@ -161,7 +162,7 @@ def cyclic(period_ns: int, frames: int, cob_ids: Sequence[int], size: int = 8) -
 
 def three_frames(**settings: Any) -> Definition:
     return Definition(
-        (replace(list_of([LREAL, LREAL, LREAL], list_id=0x190), protocol="CAN", name="press", **settings),)
+        (replace(list_of([LREAL, LREAL, LREAL], list_id=0x680), protocol="CAN", name="press", **settings),)
     )
 
 
@@ -171,24 +172,24 @@ def codes(found: dict[str, Any]) -> list[tuple[str, str | None, int | None, int]
 
 @pytest.mark.parametrize("cut", [3, 50, 1000])
 def test_a_cycle_without_one_of_its_frames_is_incomplete(cut: int) -> None:
-    frames = cyclic(10_000_000, 40, (0x190, 0x191, 0x192))
-    missing = {(20, 0x191), (25, 0x190), (30, 0x192), (31, 0x192)}
+    frames = cyclic(10_000_000, 40, (0x680, 0x681, 0x682))
+    missing = {(20, 0x681), (25, 0x680), (30, 0x682), (31, 0x682)}
     left = [
         frame for place, frame in enumerate(frames) if (place // 3, frame[2]) not in missing
     ]  # fmt: skip
     found = report(left, cut, three_frames(interval_ns=10_000_000))
-    assert ("NV604", "can/can0/400", None, 4) in codes(found)
+    assert ("NV604", "can/can0/1664", None, 4) in codes(found)
     assert report(frames, cut, three_frames(interval_ns=10_000_000))["findings"] == []
 
 
 def test_frames_that_are_never_seen_make_every_cycle_incomplete() -> None:
     definition = three_frames(interval_ns=10_000_000)
-    (two,) = report(cyclic(10_000_000, 20, (0x190, 0x192)), 1000, definition)["findings"]
+    (two,) = report(cyclic(10_000_000, 20, (0x680, 0x682)), 1000, definition)["findings"]
     assert two["code"] == "NV604"
-    assert "Never seen: 0x191." in two["message"]
-    (one,) = report(cyclic(10_000_000, 20, (0x190,)), 1000, definition)["findings"]
+    assert "Never seen: 0x681." in two["message"]
+    (one,) = report(cyclic(10_000_000, 20, (0x680,)), 1000, definition)["findings"]
     assert (one["code"], one["count"]) == ("NV604", 19)
-    assert one["message"] == "Of 3 frames of this list, 0x191, 0x192 were never seen."
+    assert one["message"] == "Of 3 frames of this list, 0x681, 0x682 were never seen."
 
 
 def test_late_bursts_and_silence_are_told_as_on_udp() -> None:
@@ -202,21 +203,21 @@ def test_late_bursts_and_silence_are_told_as_on_udp() -> None:
 
 
 def test_a_definition_is_for_its_channel_or_for_any() -> None:
-    frames = [(START_NS + number, channel, 0x191, bytes(8)) for number in range(4) for channel in (0, 1)]
+    frames = [(START_NS + number, channel, 0x681, bytes(8)) for number in range(4) for channel in (0, 1)]
     everywhere = report(frames, 100, three_frames())
     assert [(entry["key"], entry["name"]) for entry in everywhere["lists"]] == [
-        ("can/can0/400", "press"), ("can/vcan1/400", "press"),
+        ("can/can0/1664", "press"), ("can/vcan1/1664", "press"),
     ]  # fmt: skip
     there = report(frames, 100, three_frames(channel="vcan1"))
     assert [(entry["key"], entry["name"]) for entry in there["lists"]] == [
-        ("can/can0/401", None), ("can/vcan1/400", "press"),
+        ("can/can0/1665", None), ("can/vcan1/1664", "press"),
     ]  # fmt: skip
 
 
 def test_a_defined_list_that_is_never_sent_is_silent() -> None:
     found = report(cyclic(10_000_000, 3, (0x300,)), 100, three_frames())
     (silent,) = [one for one in found["findings"] if one["code"] == "NV407"]
-    assert silent["message"] == "List press (can/*/400) is defined, but not one frame of it was seen."
+    assert silent["message"] == "List press (can/*/1664) is defined, but not one frame of it was seen."
 
 
 def test_many_channels_take_little_memory() -> None:

@@ -1,0 +1,123 @@
+"""NV601 and NV602: lists on CAN that take the COB-IDs of other lists, or those that CANopen has given away.
+
+Both follow from definitions alone; a capture adds whether such frames were sent, and what else was on the bus. Each is
+one finding for a channel on which frames with these COB-IDs were seen, or one without time where there were none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+from dissectors.canopen import use_of
+from nvscope.definition.cob_ids import CobIds, canopen_ids, canopen_uses, cob_id_range, overlaps, taken_in
+from nvscope.findings.definition_names import file_name, together
+from nvscope.findings.finding import Facts, Finding
+from nvscope.list_key import ANY_CHANNEL
+from nvscope.tracker.can_bus import IdentifierBits
+from nvscope.tracker.events import FRAMES_KEPT
+from nvscope.units import count_of
+
+_OF_A_DEVICE = ("heartbeat", "EMCY", "SDO answer")
+"""Services whose frames only a CANopen device sends, with its node-ID in the COB-ID."""
+
+_Seen = dict[str, dict[int, IdentifierBits]]
+
+
+def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
+    """Yield NV601 for each list that others overlap, and NV602 for each within CANopen's set; none without definition.
+
+    Of two lists that overlap, the finding is one of that which is defined first.
+    """
+    lists = taken_in(facts.definition) if facts.definition else []
+    if not lists:
+        return
+    seen: _Seen = {
+        bus.channel: {entry.cob_id: entry for entry in bus.identifiers if not entry.extended}
+        for bus in facts.summary.can.buses
+    }
+    by_list: dict[int, tuple[CobIds, list[CobIds]]] = {}
+    for one, other in overlaps(lists):
+        by_list.setdefault(id(one), (one, []))[1].append(other)
+    for one, others in by_list.values():
+        shared = sorted({cob_id for other in others for cob_id in one.shared(other)})
+        yield from _findings(facts, seen, "NV601", one, shared, _overlap(one, others, shared))
+    mine = {cob_id for taken in lists for cob_id in range(taken.first, taken.last + 1)}
+    for taken in {_identity(taken): taken for taken in reversed(lists)}.values():
+        uses = canopen_uses(taken)
+        if uses:
+            message = f"{_name(taken)} takes {taken.text}, which CANopen uses for {uses}."
+            yield from _findings(facts, seen, "NV602", taken, canopen_ids(taken), message, mine)
+
+
+def _identity(taken: CobIds) -> tuple[str, int, int]:
+    """Return by what lists are told apart: the files of both sides speak of one list."""
+    return taken.list.name.upper(), taken.first, taken.last
+
+
+def _overlap(one: CobIds, others: Sequence[CobIds], shared: Sequence[int]) -> str:
+    named = together([f"{_name(other)} ({file_name(other.list)}, {other.text})" for other in others])
+    take = "takes" if len(others) == 1 else "take"
+    return f"{_name(one)} ({file_name(one.list)}) takes {one.text}; {named} {take} {_ranges(shared)} too."
+
+
+def _findings(
+    facts: Facts,
+    seen: _Seen,
+    code: str,
+    taken: CobIds,
+    cob_ids: Sequence[int],
+    message: str,
+    mine: set[int] | None = None,
+) -> Iterator[Finding]:
+    """Yield a finding on COB-IDs for each channel on which they were seen, or one; with ``mine``, on CANopen's."""
+    numbers = {(entry.port, entry.index): entry.number for entry in facts.summary.can.lists}
+    somewhere = False
+    for channel, identifiers in sorted(seen.items()):
+        if taken.list.channel not in (ANY_CHANNEL, channel):
+            continue
+        hit = [identifiers[cob_id] for cob_id in cob_ids if cob_id in identifiers]
+        if not hit:
+            continue
+        somewhere = True
+        sent = sum(entry.frames for entry in hit)
+        ranges = _ranges([entry.cob_id for entry in hit])
+        told = f"{message} On {channel}, {count_of(sent, 'frame')} of {ranges} {'was' if sent == 1 else 'were'} seen."
+        if mine is not None:
+            told += _company(identifiers, hit, mine)
+        yield Finding(
+            code, told, sent, min(entry.first_ns for entry in hit), max(entry.last_ns for entry in hit),
+            tuple(sorted(entry.first_frame for entry in hit)[:FRAMES_KEPT]),
+            numbers.get((channel, taken.first)),
+        )  # fmt: skip
+    if not somewhere:
+        none = " No such frame was seen." if facts.summary.can.buses else ""
+        yield Finding(code, message + none, 1, None, None)
+
+
+def _company(identifiers: dict[int, IdentifierBits], hit: Sequence[IdentifierBits], mine: set[int]) -> str:
+    """Return which CANopen devices there are beside the lists, and which of them have the identifiers that collide."""
+    uses = (use_of(cob_id) for cob_id in identifiers.keys() - mine)
+    devices = {node for service, node in uses if service in _OF_A_DEVICE}
+    if not devices:
+        return " No heartbeat, emergency or SDO answer of a CANopen device was seen there."
+    told = f" CANopen devices are there: {_nodes(devices)}"
+    owners = devices & {use_of(entry.cob_id)[1] for entry in hit}
+    return f"{told}; COB-IDs of {_nodes(owners)} collide." if owners else f"{told}."
+
+
+def _nodes(numbers: set[int]) -> str:
+    return together([f"node {number}" for number in sorted(numbers)])
+
+
+def _ranges(cob_ids: Sequence[int]) -> str:
+    """Return COB-IDs, rising, as ranges."""
+    runs = [
+        [cob_id for _, cob_id in run]
+        for _, run in groupby(enumerate(sorted(cob_ids)), key=lambda pair: pair[1] - pair[0])
+    ]
+    return together([cob_id_range(run[0], run[-1]) for run in runs])
+
+
+def _name(taken: CobIds) -> str:
+    return taken.list.name or f"list {cob_id_range(taken.first, taken.first)}"

@@ -1,0 +1,98 @@
+"""Lists on CAN against each other and against CANopen: told from definitions alone, with what a capture adds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dissectors.canopen import PREDEFINED
+from nvscope.definition.cob_ids import canopen_ids, canopen_uses, overlaps, taken_in
+from nvscope.definition.model import Definition, ListDefinition, Position
+from nvscope.definition.pdos import Pdos
+from nvscope.findings.judge import judge
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import summarize
+from nvscope.view.document import report_document
+from tests.definition.lists import LREAL, list_of
+from tests.tracker.test_can_state import START_NS, Frame, batch
+
+
+def on_can(name: str, cob_id: int, frames: int) -> ListDefinition:
+    """Return a list that takes so many COB-IDs."""
+    entry = list_of([LREAL] * frames, list_id=cob_id)
+    return replace(entry, protocol="CAN", name=name, position=Position(f"{name}.gvl", 3, 1))
+
+
+def findings(lists: list[ListDefinition], frames: list[Frame], *codes: str) -> list[dict[str, Any]]:
+    definition = Definition(tuple(lists))
+    state = TrackerState(pdos=Pdos(definition).rules(lambda: ["can0", "can1"]))
+    if frames:
+        state.observe(batch(frames))
+    summary = summarize(state)
+    document = report_document(state, summary, judge(state, summary=summary, definition=definition), [], definition)
+    return [finding for finding in document["findings"] if finding["code"] in codes]
+
+
+def test_lists_that_overlap_are_told_with_the_frames_that_were_seen() -> None:
+    """press takes 190h to 192h, saw 192h: on can1 there are two frames of 192h, on can0 none."""
+    lists = [on_can("press", 0x240, 3), on_can("saw", 0x242, 1)]
+    frames = [(START_NS + place, 1, word, bytes(8)) for place, word in enumerate([0x240, 0x241, 0x242, 0x242])]
+    (found,) = findings(lists, [*frames, (START_NS + 9, 0, 0x555, b"")], "NV601")
+    assert found["message"] == (
+        "press (press.gvl) takes 240h to 242h; saw (saw.gvl, 242h) takes 242h too. On can1, 2 frames of 242h were seen."
+    )
+    assert (found["list"], found["count"], found["frames"]) == ("can/can1/576", 2, [3])
+    assert (found["first_ns"], found["last_ns"]) == (str(START_NS + 2), str(START_NS + 3))
+
+
+def test_an_overlap_is_one_of_the_definition_even_if_nothing_is_sent() -> None:
+    lists = [on_can("press", 0x240, 2), on_can("saw", 0x241, 2), on_can("lift", 0x241, 1)]
+    told = findings(lists, [], "NV601")
+    assert [(one["count"], one["first_ns"], one["frames"], one["list"]) for one in told] == [(1, None, [], None)] * 2
+    assert told[0]["message"] == (
+        "press (press.gvl) takes 240h to 241h; saw (saw.gvl, 241h to 242h) and lift (lift.gvl, 241h) take 241h too."
+    )
+
+
+def test_the_files_of_both_sides_of_a_list_do_not_overlap() -> None:
+    sender, reader = (replace(on_can("press", 0x240, 2), position=Position(side, 3, 1)) for side in ("a", "b"))
+    assert findings([sender, reader], [], "NV601") == []
+    assert len(findings([sender, reader], [], "NV602")) == 1
+
+
+def test_what_canopen_uses_is_named_with_service_and_node() -> None:
+    lists = [on_can("press", 0x181, 3)]
+    frames = [(START_NS + place, 0, word, bytes(8)) for place, word in enumerate([0x181, 0x182, 0x181])]
+    (alone,) = findings(lists, frames, "NV602")
+    assert alone["message"] == (
+        "press takes 181h to 183h, which CANopen uses for TPDO1 of nodes 1 to 3. "
+        "On can0, 3 frames of 181h to 182h were seen. "
+        "No heartbeat, emergency or SDO answer of a CANopen device was seen there."
+    )
+    assert (alone["list"], alone["count"], alone["frames"]) == ("can/can0/385", 3, [1, 2])
+    frames += [(START_NS + 5, 0, 0x702, b"\5"), (START_NS + 6, 0, 0x709, b"\5")]
+    (beside,) = findings(lists, frames, "NV602")
+    assert beside["message"].endswith("CANopen devices are there: node 2 and node 9; COB-IDs of node 2 collide.")
+
+
+def test_a_list_outside_of_every_range_is_fine() -> None:
+    assert findings([on_can("press", 0x680, 8), on_can("saw", 0x688, 2)], [], "NV601", "NV602") == []
+
+
+@given(st.lists(st.tuples(st.integers(0, 0x7FF), st.integers(1, 9)), max_size=12))
+def test_overlaps_and_services_are_those_found_identifier_by_identifier(ranges: list[tuple[int, int]]) -> None:
+    definition = Definition(tuple(on_can(f"l{place}", *one) for place, one in enumerate(ranges)))
+    taken = taken_in(definition)
+    sets = [set(range(first, first + frames)) for first, frames in ranges]
+    pairs = [(a, b) for a in range(len(sets)) for b in range(a + 1, len(sets)) if sets[a] & sets[b]]
+    found = [(taken.index(one), taken.index(other)) for one, other in overlaps(taken)]
+    assert found == pairs
+    for (one, other), (a, b) in zip(overlaps(taken), pairs, strict=True):
+        assert set(one.shared(other)) == sets[a] & sets[b]
+    used = {cob_id for service in PREDEFINED for cob_id in range(service.first, service.last + 1)}
+    for entry, own in zip(taken, sets, strict=True):
+        assert set(canopen_ids(entry)) == own & used
+        assert bool(canopen_uses(entry)) == bool(own & used)

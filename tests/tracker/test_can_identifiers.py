@@ -1,0 +1,50 @@
+"""Identifiers by channel, against counting them frame by frame."""
+
+from __future__ import annotations
+
+import random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dissectors.can import dissect_can
+from dissectors.can_bits import Stuffing, wire_bits
+from dissectors.can_pdo import EXTENDED
+from nvscope.tracker.can_identifiers import CanIdentifiers
+from tests.tracker.test_can_state import START_NS, Frame, batch
+
+WORDS = [0, 0x181, 0x7FF, 0x8000_0181, 0x9FFF_FFFF, 0x4000_0181, 0x2000_0004]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 120), st.sampled_from([1, 5, 40, 120]))
+def test_identifiers_are_those_counted_frame_by_frame_whatever_the_cut(seed: int, count: int, cut: int) -> None:
+    """On few channels and on many, in data frames, remote frames, and errors, which have no identifier."""
+    choice, frames = random.Random(seed), []
+    for place in range(count):
+        word = choice.choice(WORDS)
+        data = b"" if word & 0x4000_0000 else choice.randbytes(choice.randrange(9))
+        frames.append((START_NS + place, choice.choice([0, 1, 63, 64, 65_535]), word, data))
+    seen, whole = CanIdentifiers(), batch(frames)
+    for begin in range(0, count, cut):
+        part = dissect_can(whole[begin : begin + cut])
+        seen.observe(part, wire_bits(part, Stuffing.EXACT), begin + 1)
+    columns = seen.columns
+    found = {
+        key: (int(columns.frames[row]), int(columns.bits[row]), int(columns.first_ns[row]), int(columns.last_ns[row]),
+              int(columns.first_frame[row]))
+        for row, key in enumerate(zip(seen.keys.high.tolist(), seen.keys.low.tolist(), strict=True))
+    }  # fmt: skip
+    assert found == counted(frames)
+
+
+def counted(frames: list[Frame]) -> dict[tuple[int, int], tuple[int, int, int, int, int]]:
+    bits = wire_bits(dissect_can(batch(frames)), Stuffing.EXACT).nominal.tolist()
+    told: dict[tuple[int, int], tuple[int, int, int, int, int]] = {}
+    for number, (time_ns, channel, word, _) in enumerate(frames, 1):
+        if word & 0x2000_0000:
+            continue
+        key = channel, (word & 0x1FFF_FFFF) | (EXTENDED if word >> 31 else 0)
+        sent, size, first_ns, _, frame = told.get(key, (0, 0, time_ns, 0, number))
+        told[key] = sent + 1, size + bits[number - 1], first_ns, time_ns, frame
+    return told
