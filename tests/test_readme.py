@@ -20,6 +20,7 @@ COMMANDS = [
     for line in text.splitlines()
     if not language and line.startswith("nvscope ")
 ]
+PROJECTS = [text for language, text in BLOCKS if language == "toml"]
 EXAMPLES = [text for language, text in BLOCKS if language == "python"]
 
 
@@ -45,7 +46,7 @@ def test_examples(example: str, here: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_the_project_file(tmp_path: Path) -> None:
-    (text,) = (text for language, text in BLOCKS if language == "toml")
+    text = PROJECTS[0]
     for name in tomllib.loads(text)["definitions"]:
         file = tmp_path / name.replace("**/*", "press").replace("*", "types")
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -55,3 +56,11 @@ def test_the_project_file(tmp_path: Path) -> None:
     project = read_project(tmp_path / "nvscope.toml")
     assert {entry.list_id: entry.interval_ns for entry in project.definition.lists}[7] == 50_000_000
     assert project.node_names == {"192.168.1.10": "press"}
+
+
+def test_the_project_file_of_lists_on_can(tmp_path: Path) -> None:
+    (tmp_path / "nvscope.toml").write_text(PROJECTS[1])
+    project = read_project(tmp_path / "nvscope.toml")
+    (entry,) = project.definition.lists
+    assert (entry.key, entry.name, entry.interval_ns) == (("", 0x110), "press", 50_000_000)
+    assert project.buses.of("can0").bit_rate == 250_000

@@ -17,12 +17,13 @@ import pytest
 from nvscope.capture.open import open_sink
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.plc.scenario import load_scenario
-from nvscope.plc.simulator import simulate
+from nvscope.plc.simulator import open_capture, simulate
 from nvscope.plc.timeline import LINKS
 from tests.packets import document_of, tracked
 from tests.plc.collected import Collected, reported, run
 from tests.plc.comparison import differences
 
+CAPTURES = Path(__file__).parent.parent / "captures"
 SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
 
 EXACT = [path for path in SCENARIOS if not load_scenario(path).wild]
@@ -82,6 +83,18 @@ def test_report_agrees_with_the_truth(path: Path) -> None:
 def test_scenarios_show_every_finding_of_the_network() -> None:
     shown = {finding["code"] for path in SCENARIOS for finding in report_on(path)[1]["findings"]}
     assert shown == {code for code in CATALOGUE if code[2] in "1234569"} - UNSEEN
+
+
+def test_the_sample_press_is_what_its_scenario_makes(tmp_path: Path) -> None:
+    sample = CAPTURES / "can"
+    scenario = load_scenario(sample / "press.toml")
+    truth, report = reported(scenario, tmp_path)
+    assert differences(truth, report, set(CATALOGUE)) == []
+    made = str(tmp_path / "press.log")
+    with open_capture(scenario, made, made) as sink:
+        simulate(scenario, sink)
+    for name in ("press.log", "press.gvl", "level.gvl"):
+        assert (tmp_path / name).read_bytes() == (sample / name).read_bytes()
 
 
 def test_the_sample_plant_is_what_its_scenario_makes(tmp_path: Path) -> None:
