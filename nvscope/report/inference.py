@@ -36,7 +36,13 @@ def render(document: Row, *, colour: bool = False, width: int = 80) -> str:
 def _lines(document: Row, width: int) -> Iterator[Line]:
     lists = document["lists"]
     if not lists:
-        yield from wrap([Cell("No data telegram was found: there is nothing to propose.", Tone.WARNING)], width)
+        told = "No data telegram was found: there is nothing to propose."
+        if document["on_can"]:
+            told = (
+                "Nothing is proposed of lists on CAN: without Items, nothing tells how many variables a frame carries. "
+                "Name their exported lists with --gvl FILE."
+            )
+        yield from wrap([Cell(told, Tone.WARNING)], width)
         return
     for number, entry in enumerate(lists):
         if number:

@@ -109,13 +109,14 @@ def drafts(found: Sequence[ListProposal]) -> list[Draft]:
 
 
 def inference_document(found: Sequence[ListProposal], samples: Samples) -> dict[str, Any]:
-    """Return proposals as data."""
+    """Return proposals as data; ``on_can`` counts COB-IDs, of which nothing tells how many variables they carry."""
     return {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
         "lists": [_list(entry) for entry in found],
         "frames": samples.read.frames,
         "left_out": samples.left_out,
+        "on_can": sum(isinstance(port, str) for port, _ in samples.read.lists),
     }
 
 
