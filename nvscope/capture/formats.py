@@ -33,6 +33,9 @@ class Format(Enum):
 
 BY_PYTHON_CAN = frozenset({Format.ASC, Format.BLF, Format.TRC, Format.CSV, Format.SQLITE, Format.MF4})
 
+CAN_LOGS = frozenset({kind.value for kind in BY_PYTHON_CAN} | {Format.CANDUMP.value})
+"""The names of formats that hold CAN frames and nothing else."""
+
 _MAGICS = {
     **dict.fromkeys(pcap.MAGICS, Format.PCAP),
     SECTION_MAGIC: Format.PCAPNG,

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from nvscope.capture.formats import CAN_LOGS
 from nvscope.findings.definition_names import file_name, together
 from nvscope.findings.finding import Facts, Finding, events_of
 from nvscope.findings.misfits import judge_misfits, shapes_of
@@ -28,7 +29,12 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
     described = {key: known for key, known in defined.items() if known.variables}
     seen: dict[ListKey, ListSummary] = {(entry.port, entry.index): entry for entry in facts.summary.lists}
     on_can = {id(facts.definition_of(entry)) for entry in facts.summary.can.lists}
-    silent = [key for key, known in defined.items() if key not in seen and id(known) not in on_can]
+    captured = _captured(facts)
+    silent = [
+        key
+        for key, known in defined.items()
+        if key not in seen and id(known) not in on_can and ("can" if known.on_can else "udp") in captured
+    ]
     alike = _alike(facts, silent, [entry for key, entry in seen.items() if key not in described])
     for key, entry in seen.items():
         if key in described:
@@ -37,6 +43,18 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
             yield _unknown(facts, entry, described, [other for other, keys in alike.items() if key in keys])
     for key in silent:
         yield _silent(facts, key, alike.get(key, ()))
+
+
+def _captured(facts: Facts) -> set[str]:
+    """Return the transports that were listened to: of what nobody captured, nothing is missed."""
+    frames, on_can = facts.state.frames, facts.state.can.frames
+    captured = set()
+    if on_can or any(info.format in CAN_LOGS for info in facts.sources):
+        captured.add("can")
+    empty = any(info.format not in CAN_LOGS and not info.frames for info in facts.sources)
+    if frames > on_can or empty or not captured:
+        captured.add("udp")
+    return captured
 
 
 def _mismatches(facts: Facts, entry: ListSummary) -> Iterator[Finding]:

@@ -23,7 +23,8 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.tracker.values import Values
 from nvscope.view.document import report_document
-from tests.definition.lists import INT, LREAL, list_of
+from tests.definition.lists import INT, LREAL, list_of, telegram
+from tests.packets import batch_of
 
 START_NS = 1_700_000_000_000_000_000
 Frame = tuple[int, int, int, bytes]  # time in ns, channel, identifier word, data
@@ -229,3 +230,16 @@ def test_many_channels_take_little_memory() -> None:
     tracemalloc.stop()
     assert len(found["lists"]) == 40
     assert peak < 60_000_000
+
+
+def test_lists_are_missed_only_on_what_was_captured() -> None:
+    on_udp = list_of([INT], list_id=7)
+    both = Definition((*three_frames().lists, on_udp))
+    found = report(cyclic(10_000_000, 3, (0x300,)), 100, both)
+    assert [one["message"] for one in found["findings"] if one["code"] == "NV407"] == [
+        "List press (can/*/1664) is defined, but not one frame of it was seen."
+    ]
+    state = TrackerState()
+    state.observe(batch_of([telegram(b"\1\0", 1, subindex=0, counter=1, ts_ns=START_NS, list_id=8)]))
+    messages = [one.message for one in judge(state, definition=both) if one.code == "NV407"]
+    assert messages == ["List test (udp/1202/7) is defined, but not one telegram of it was seen."]
