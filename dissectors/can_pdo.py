@@ -32,6 +32,13 @@ class Part(NamedTuple):
     items: int = 0
 
 
+class PdoList(NamedTuple):
+    """What is told of a list: of how many frames it is, and at which interval it is sent (0: unknown)."""
+
+    frames: int
+    interval_ns: int = 0
+
+
 def channel_name(names: Sequence[str], number: int) -> str:
     """Return what a channel is called, given the names that are known: can0 and so on where there is none."""
     return (names[number] if number < len(names) else "") or f"can{number}"
@@ -45,11 +52,13 @@ def _no_names() -> Sequence[str]:
 class PdoRules:
     """Which lists are on which COB-IDs.
 
-    ``parts`` are by channel and standard identifier; a channel of "" stands for all that are not named. ``names``
-    returns what channels are called, by number, as far as that is known.
+    ``parts`` are by channel and standard identifier, ``lists`` by channel and that of their first frame; a channel of
+    "" stands for all that are not named. ``names`` returns what channels are called, by number, as far as that is
+    known.
     """
 
     parts: Mapping[tuple[str, int], Part] = field(default_factory=dict)
+    lists: Mapping[tuple[str, int], PdoList] = field(default_factory=dict)
     names: Callable[[], Sequence[str]] = _no_names
 
     def channel(self, number: int) -> str:
@@ -63,6 +72,10 @@ class PdoRules:
                 if known := self.parts.get((name, identifier)):
                     return known
         return Part(identifier)
+
+    def list_of(self, channel: str, identifier: int) -> PdoList:
+        """Return what is told of a list on a channel."""
+        return self.lists.get((channel, identifier)) or self.lists.get(("", identifier)) or PdoList(1)
 
 
 def is_pdo(frames: CanBatch) -> Bool:

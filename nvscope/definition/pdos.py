@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from dissectors.can_pdo import Part, PdoRules
+from dissectors.can_pdo import Part, PdoList, PdoRules
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
 from nvscope.list_key import ListKey, told_of
@@ -57,7 +57,12 @@ class Pdos:
             (str(channel), cob_id): Part(pdo.list.list_id or 0, pdo.subindex, pdo.layout.items if pdo.layout else 0)
             for (channel, cob_id), pdo in self.by_cob_id.items()
         }
-        return PdoRules(parts, names)
+        lists = {
+            (str(channel), cob_id): PdoList(len(frames), (frames[0].list.cyclic and frames[0].list.interval_ns) or 0)
+            for (channel, cob_id), frames in self.lists.items()
+            if frames
+        }
+        return PdoRules(parts, lists, names)
 
 
 def frames_of(entry: ListDefinition) -> tuple[TelegramLayout, ...]:

@@ -58,15 +58,6 @@ def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
     if len(defined) < 2:
         return
     silent = _silent(entry, defined)
-    if len(entry.streams) == 1:
-        stream = entry.streams[0]
-        # The last cycle is not over.
-        cycles_over = max(stream.telegrams - 1, 1)
-        yield Finding(
-            "NV604", f"Of {len(defined)} frames of this list, {silent} {_verb(silent)} never seen.", cycles_over,
-            stream.first_ns, stream.last_ns, (), entry.number,
-        )  # fmt: skip
-        return
     cycles = facts.state.can.cycles
     if not all(stream.intervals.nominal for stream in entry.streams):
         return
@@ -96,7 +87,3 @@ def _silent(entry: CanListSummary, defined: Sequence[Pdo]) -> str:
     missing = [f"0x{entry.index + pdo.subindex:X}" for pdo in defined if pdo.subindex not in seen]
     more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
     return ", ".join(missing[:_MOST_NAMED]) + more
-
-
-def _verb(names: str) -> str:
-    return "were" if "," in names or " and " in names else "was"

@@ -6,18 +6,34 @@ telegrams have (``nvscope.tracker.flows``); which list they belong to is said fr
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
-from dissectors.batch import U8
+from dissectors.batch import I64, U8, Bool
 from dissectors.can import CanBatch
-from dissectors.can_pdo import words
+from dissectors.can_pdo import PdoRules, words
 from nvscope.tracker.can_errors import CanErrors
 from nvscope.tracker.can_load import CanLoad
 from nvscope.tracker.canopen import CanOpen
+from nvscope.tracker.columns import Columns
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.events import EventLog
+from nvscope.tracker.flows import Flows
 from nvscope.tracker.loss import NodeSteps
+from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sequence import Step, Steps
+
+
+class PdoColumns(Columns):
+    """One row a stream of ``Flows``: what is told of its list, if it is one on CAN.
+
+    ``interval_ns`` is that at which it is sent, 0 where nobody says; ``several``: it has several frames.
+    """
+
+    interval_ns: I64
+    several: Bool
+    COLUMNS: ClassVar = {"interval_ns": (np.int64(0), 1), "several": (np.False_, 1)}
 
 
 class CanState:
@@ -31,6 +47,7 @@ class CanState:
         self.frames = 0
         self.load = CanLoad()
         self.cycles = Cycles()
+        self.pdos = PdoColumns()
         self.errors = CanErrors()
         self.canopen = CanOpen()
         self.faults = EventLog()
@@ -44,6 +61,26 @@ class CanState:
         self.errors.observe(frames, first_frame)
         self.canopen.observe(frames, first_frame)
         self.load.observe(frames, first_frame)
+
+    def observe_cycles(
+        self, rows: DataRows, usual: Bool, usual_ns: I64, flows: Flows, rules: PdoRules, first_frame: int
+    ) -> None:
+        """Take the data frames of a batch; ``usual`` and ``usual_ns`` are the intervals that were learned so far.
+
+        Where the interval is told, it need not be learned.
+        """
+        told, known = self.pdos, len(self.pdos)
+        told.resize(len(flows.streams))
+        for stream in range(known, len(told)):
+            (channel, cob_id), _ = flows.place_key(stream)
+            if isinstance(channel, str):
+                frames, told.interval_ns[stream] = rules.list_of(channel, cob_id)
+                told.several[stream] = frames > 1
+        if not told.column("several").any():
+            return
+        interval_ns = np.where(told.column("interval_ns") > 0, told.column("interval_ns"), usual_ns[: len(told)])
+        usual = usual | (told.interval_ns[rows.stream] > 0)
+        self.cycles.observe(rows, None, usual, interval_ns, flows, first_frame, told.several)
 
     def _observe_faults(self, frames: CanBatch, first_frame: int) -> None:
         wrong = np.flatnonzero(frames.fault)

@@ -26,7 +26,8 @@ class PairColumns(Columns):
     """One row a sender and list: the telegram before, and the open cycle.
 
     ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle.
-    ``skew_ns`` is the longest time between the first and the last telegram of a cycle.
+    ``partial``: the open cycle may have begun before the capture. ``skew_ns`` is the longest time between the first and
+    the last telegram of a cycle.
     """
 
     streams: I64
@@ -37,6 +38,7 @@ class PairColumns(Columns):
     size: I64
     begin_ns: I64
     begin_frame: I64
+    partial: Bool
     skew_ns: I64
     COLUMNS: ClassVar = {
         "streams": (np.int64(0), 1),
@@ -47,15 +49,16 @@ class PairColumns(Columns):
         "size": (np.int64(0), 1),
         "begin_ns": (np.int64(0), 1),
         "begin_frame": (np.int64(0), 1),
+        "partial": (np.False_, 1),
         "skew_ns": (np.int64(0), 1),
     }
 
 
 class StreamPairs(Columns):
-    """One row a stream: its pair."""
+    """One row a stream: its pair, -1 of one that is not looked at."""
 
     pair: I64
-    COLUMNS: ClassVar = {"pair": (np.int64(0), 1)}
+    COLUMNS: ClassVar = {"pair": (np.int64(-1), 1)}
 
 
 class Cycles:
@@ -68,19 +71,28 @@ class Cycles:
         self.events = EventLog()
 
     def observe(
-        self, rows: DataRows, counter: U16 | None, usual: Bool, interval_ns: I64, flows: Flows, first_frame: int
+        self,
+        rows: DataRows,
+        counter: U16 | None,
+        usual: Bool,
+        interval_ns: I64,
+        flows: Flows,
+        first_frame: int,
+        several: Bool | None = None,
     ) -> None:
         """Take a batch; ``usual`` are the rows of streams whose interval is known, ``interval_ns`` theirs by stream.
 
-        ``counter`` is None for what has none; then a cycle is told by time and SubIndex alone.
+        ``counter`` is None for what has none; then a cycle is told by time and SubIndex alone, and the first one counts
+        only from its first SubIndex on, since the capture may have begun within it. ``several`` (by stream) are those
+        of lists that are known to have several SubIndexes, whether these are sent or not.
         """
-        self._number(rows, flows, first_frame)
+        self._number(rows, flows, first_frame, several)
         columns = self.columns
         if not (columns.column("streams") > 1).any():
             return
         run_pair = self.streams.pair[rows.run_stream]
         length = rows.stop - rows.start
-        taken = np.repeat(columns.streams[run_pair] > 1, length) & usual
+        taken = np.repeat((run_pair >= 0) & (columns.streams[run_pair] > 1), length) & usual
         active_from = columns.active_from[run_pair]
         if ((active_from > first_frame) & (active_from < NEVER)).any():
             taken &= rows.packet + first_frame >= np.repeat(active_from, length)
@@ -97,7 +109,7 @@ class Cycles:
         counter = None if counter is None else counter[row]
         self._cut(pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
 
-    def _number(self, rows: DataRows, flows: Flows, first_frame: int) -> None:
+    def _number(self, rows: DataRows, flows: Flows, first_frame: int, several: Bool | None) -> None:
         """Number the pairs of new streams, and note from when on a pair has several."""
         known = len(self.streams)
         if len(flows.streams) == known:
@@ -115,7 +127,10 @@ class Cycles:
         for stream, frame in zip(new.tolist(), first.tolist(), strict=True):
             pair = self.streams.pair[stream]
             columns.streams[pair] += 1
-            if columns.streams[pair] == 2:
+            if several is not None and several[stream]:
+                columns.streams[pair] = max(columns.streams[pair], 2)
+                columns.active_from[pair] = 0
+            elif columns.streams[pair] == 2:
                 columns.active_from[pair] = frame
 
     def _cut(
@@ -159,11 +174,20 @@ class Cycles:
         over_ns = np.concatenate([columns.begin_ns[run[closed]], begin_ns[over]])
         over_frame = np.concatenate([columns.begin_frame[run[closed]], begin_frame[over]])
         over_skew = np.concatenate([columns.last_ns[run[closed]] - columns.begin_ns[run[closed]], skew[over]])
-        self.events.record(over_pair.astype(np.uint64), over_size.astype(np.uint64), over_ns, over_frame)
+        partial = np.zeros(len(piece_start), np.bool_)
+        if counter is None:
+            opens = np.searchsorted(piece_start, start[first_of_pair])
+            partial[opens] = subindex[start[first_of_pair]] > 0
+            partial[carried] = columns.partial[run[goes_on]]
+        counts = ~np.concatenate([columns.partial[run[closed]], partial[over]])
+        over_pair, over_size, over_skew = over_pair[counts], over_size[counts], over_skew[counts]
+        self.events.record(
+            over_pair.astype(np.uint64), over_size.astype(np.uint64), over_ns[counts], over_frame[counts]
+        )
         np.maximum.at(columns.skew_ns, over_pair, over_skew)
         open_piece = np.flatnonzero(last_piece)
         columns.size[run], columns.begin_ns[run] = size[open_piece], begin_ns[open_piece]
-        columns.begin_frame[run] = begin_frame[open_piece]
+        columns.begin_frame[run], columns.partial[run] = begin_frame[open_piece], partial[open_piece]
         columns.subindex[run] = subindex[stop - 1]
         if counter is not None:
             columns.counter[run] = counter[stop - 1]

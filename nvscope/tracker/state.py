@@ -97,7 +97,8 @@ class TrackerState:
         choose: Choose | None = None,
         pdos: PdoRules | None = None,
     ) -> None:
-        self._sorter = Sorter(ports, pdos)
+        self._pdos = pdos or PdoRules()
+        self._sorter = Sorter(ports, self._pdos)
         self.values = values
         self.choose = choose
         self.chosen = 0
@@ -112,7 +113,7 @@ class TrackerState:
         self.last_ns: int | None = None
         self.longest_step_back_ns = 0
         self.can = CanState()
-        self.flows = Flows(pdos)
+        self.flows = Flows(self._pdos)
         self.memory = StreamMemory()
         self.loss = Loss()
         self.timing = Timing()
@@ -254,7 +255,8 @@ class TrackerState:
         intervals = self.timing.observe(rows, *no_steps(len(rows)), len(self.flows.streams), first_frame)
         if len(intervals.stream):
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
-        self.can.cycles.observe(rows, None, intervals.usual, self.timing.columns.usual_ns, self.flows, first_frame)
+        usual_ns = self.timing.columns.usual_ns
+        self.can.observe_cycles(rows, intervals.usual, usual_ns, self.flows, self._pdos, first_frame)
         changed, _, _ = self.consistency.observe(rows, self.flows)
         if len(changed):
             row = changed[np.argsort(rows.packet[changed])]

@@ -129,9 +129,12 @@ def timing(times: Sequence[int], end: int, defined: int | None) -> dict[str, int
 
 
 def incomplete(seen: Sequence[tuple[int, int]], entry: DefinedList) -> int:
-    """Count cycles that are over and have not all PDOs: rising ones within half an interval are one cycle."""
+    """Count cycles that are over and have not all PDOs: rising ones within half an interval are one cycle.
+
+    The capture may have begun within the first one, if it is seen from its middle on.
+    """
     assert entry.interval_ns
-    count, members = 0, 1
+    count, members = 0, len(entry.sizes) if seen[0][1] else 1
     for (before, earlier), (time, subindex) in pairwise(seen):
         if subindex > earlier and 2 * (time - before) <= entry.interval_ns:
             members += 1

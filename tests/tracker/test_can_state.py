@@ -189,8 +189,34 @@ def test_frames_that_are_never_seen_make_every_cycle_incomplete() -> None:
     assert two["code"] == "NV604"
     assert "Never seen: 0x681." in two["message"]
     (one,) = report(cyclic(10_000_000, 20, (0x680,)), 1000, definition)["findings"]
-    assert (one["code"], one["count"]) == ("NV604", 19)
-    assert one["message"] == "Of 3 frames of this list, 0x681, 0x682 were never seen."
+    assert (one["code"], one["count"]) == ("NV604", 19)  # the last cycle is not over
+    assert "Never seen: 0x681, 0x682." in one["message"]
+
+
+@pytest.mark.parametrize("cut", [1, 4, 1000])
+def test_short_captures_have_cycles_where_the_interval_is_defined(cut: int) -> None:
+    frames = cyclic(10_000_000, 4, (0x680, 0x681, 0x682))
+    del frames[4]
+    found = report(frames, cut, three_frames(interval_ns=10_000_000))
+    (incomplete,) = [one for one in found["findings"] if one["code"] == "NV604"]
+    assert (incomplete["count"], incomplete["frames"]) == (1, [4])
+    assert incomplete["message"].startswith("1 of 3 cycles (33 %) came without all 3 frames")
+
+
+@pytest.mark.parametrize("cut", [1, 7, 1000])
+def test_other_frames_before_a_list_do_not_count_in_its_cycles(cut: int) -> None:
+    before = [(START_NS - 100_000_000 + place * 1_000_000, 0, 0x700 + place % 3, bytes(1)) for place in range(30)]
+    frames = cyclic(10_000_000, 20, (0x680, 0x681, 0x682))
+    among = [(time_ns + 100_000, 0, 0x700 + place % 3, bytes(1)) for place, (time_ns, *_) in enumerate(frames)]
+    found = report(sorted([*before, *frames, *among]), cut, three_frames(interval_ns=10_000_000))
+    assert [one for one in found["findings"] if one["code"] == "NV604"] == []
+
+
+@pytest.mark.parametrize("cut", [1, 4, 1000])
+def test_a_capture_that_begins_within_a_cycle_misses_nothing(cut: int) -> None:
+    frames = cyclic(10_000_000, 20, (0x680, 0x681, 0x682))
+    assert report(frames[1:], cut, three_frames(interval_ns=10_000_000))["findings"] == []
+    assert report(frames[2:], cut, three_frames(interval_ns=10_000_000))["findings"] == []
 
 
 def test_late_bursts_and_silence_are_told_as_on_udp() -> None:
