@@ -79,9 +79,11 @@ class CanBatch:
     remote frame. ``row`` is the row of the packet, ``channel`` the bus (for SLL2 in a batch without channels: the index
     of the interface). ``identifier`` has no flag bits; of an error frame it holds the classes
     (``dissectors.can_error``). An error frame is neither extended nor remote, and no FD frame is remote or error.
-    ``length`` is what the frame tells, be it possible or not. Where ``fault`` is SHORT, all that is told is 0.
-    All columns have shape (n,); row, ts_ns and at int64, channel uint16, identifier uint32, length, captured and fault
-    (``Fault``) uint8, the rest bool.
+    ``length`` is what the frame tells, be it possible or not; ``dlc`` is the data length code on the wire: up to 8, for
+    CAN FD up to 15, and of a classic frame of 8 bytes 9 to 15 where the frame tells it (``len8_dlc``). Where ``fault``
+    is SHORT, all that is told is 0.
+    All columns have shape (n,); row, ts_ns and at int64, channel uint16, identifier uint32, length, dlc, captured and
+    fault (``Fault``) uint8, the rest bool.
     """
 
     data: U8
@@ -96,6 +98,7 @@ class CanBatch:
     brs: Bool
     esi: Bool
     length: U8
+    dlc: U8
     at: I64
     captured: U8
     fault: U8
@@ -112,23 +115,6 @@ class CanBatch:
         """Return a copy of the captured data of one frame."""
         start = int(self.at[position])
         return self.data[start : start + int(self.captured[position])].tobytes()
-
-    @property
-    def dlc(self) -> U8:
-        """The data length code of each frame on the wire, uint8: up to 8, for CAN FD up to 15.
-
-        A classic frame of 8 bytes may have a code of 9 to 15, where the frame tells it (``len8_dlc``).
-        """
-        within = np.minimum(self.length, MAX_FD_DATA_BYTES)
-        dlc: U8 = np.where(self.fd, DLC_OF_LENGTH[within], np.minimum(within, MAX_DATA_BYTES))
-        told = np.flatnonzero((self.length == MAX_DATA_BYTES) & ~self.fd & ~self.error & (self.fault != Fault.SHORT))
-        if len(told):
-            # Old captures have noise in the bytes between length and data.
-            between = self.data[self.at[told, np.newaxis] - np.arange(3, 0, -1)]
-            raw = between[:, 2]
-            sound = (between[:, 0] == 0) & (between[:, 1] == 0) & (raw > MAX_DATA_BYTES) & (raw <= 15)
-            dlc[told[sound]] = raw[sound]
-        return dlc
 
 
 def dissect_can(packets: PacketBatch, rows: I64 | None = None) -> CanBatch:
@@ -196,8 +182,24 @@ def dissect_can(packets: PacketBatch, rows: I64 | None = None) -> CanBatch:
     ts_ns = packets.ts_ns if whole else packets.ts_ns[spans.row]
     return CanBatch(
         packets.data, spans.row, ts_ns, _channels(packets, spans), identifier, extended, remote, error, fd, brs, esi,
-        length, at, captured.astype(np.uint8), fault,
+        length, _dlc(head, length, fd, error), at, captured.astype(np.uint8), fault,
     )  # fmt: skip
+
+
+def _dlc(head: Records, length: U8, fd: Bool, error: Bool) -> U8:
+    """Return the data length codes of frames."""
+    dlc = np.minimum(length, np.uint8(MAX_DATA_BYTES))
+    fast = np.flatnonzero(fd) if fd.any() else ()
+    if len(fast):
+        dlc[fast] = DLC_OF_LENGTH[np.minimum(length[fast], MAX_FD_DATA_BYTES)]
+    told = np.flatnonzero(head["len8_dlc"] > MAX_DATA_BYTES)
+    if len(told):
+        # Old captures have noise in the bytes between length and data.
+        part = head[told]
+        sound = (part["fd_flags"] == 0) & (part["reserved"] == 0) & (part["len8_dlc"] <= 15)
+        told = told[sound & (length[told] == MAX_DATA_BYTES) & ~(fd[told] | error[told])]
+        dlc[told] = head["len8_dlc"][told]
+    return dlc
 
 
 @dataclass(frozen=True, slots=True)

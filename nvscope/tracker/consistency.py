@@ -54,7 +54,10 @@ class Consistency:
         """Find telegrams whose shape is not that of the one before of their place."""
         shared = self.places.streams[flows.place_of(rows.run_stream)] > 1
         # In a place of one stream the shape can only be another where the variety is.
-        telling = np.unique(np.concatenate([rows.start, changes, changes - 1, rows.stop - 1]))
+        told = np.zeros(len(rows), np.bool_)
+        for place in (rows.start, changes, changes - 1, rows.stop - 1):
+            told[place] = True
+        telling = np.flatnonzero(told)
         if not shared.any():
             return self._changed_along(rows, telling, flows)
         is_shared = np.repeat(shared, rows.stop - rows.start)
