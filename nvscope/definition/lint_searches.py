@@ -17,6 +17,7 @@ from nvscope.definition.model import Array, ListDefinition, Position, Structure,
 from nvscope.definition.named_sizes import named_sizes
 from nvscope.definition.packing import TelegramLayout, capacity_bytes
 from nvscope.definition.syntax import FileSyntax
+from nvscope.list_key import ANY_CHANNEL
 from nvscope.units import count, count_of, duration
 
 MOST_TELEGRAMS = 20
@@ -232,9 +233,15 @@ def _can_lists(subject: Subject) -> list[Packed]:
 def find_can_overlaps(subject: Subject) -> Iterator[Place]:
     for one, other in combinations(_can_lists(subject)[:_MOST_NAMESAKES], 2):
         (first, last), (other_first, other_last) = one.cob_ids, other.cob_ids
+        if not _share_a_channel(one.list, other.list):
+            continue
         if one.list.position != other.list.position and first <= other_last and other_first <= last:
             what = f"{other.list.name} takes {_range(*other.cob_ids)}, {one.list.name} {_range(*one.cob_ids)}"
             yield _of_list(other.list, f"{what} ({one.list.position})")
+
+
+def _share_a_channel(one: ListDefinition, other: ListDefinition) -> bool:
+    return one.channel == other.channel or ANY_CHANNEL in (one.channel, other.channel)
 
 
 def find_can_services(subject: Subject) -> Iterator[Place]:
