@@ -7,7 +7,7 @@ nowhere: the rule of UDP is assumed, with 8 bytes a frame (``spec/netvar.md`` of
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dissectors.can_pdo import Part, PdoRules
 from nvscope.definition.model import Definition, ListDefinition
@@ -54,17 +54,20 @@ class Pdos:
     def rules(self, names: Callable[[], Sequence[str]]) -> PdoRules:
         """Return how frames are read; ``names`` returns what the channels are called, by number."""
         parts = {
-            (str(channel), cob_id): Part(pdo.list.list_id or 0, pdo.subindex, pdo.layout.items if pdo.layout else 0)
+            (str(channel), cob_id): Part(pdo.list.list_id or 0, pdo.subindex)
             for (channel, cob_id), pdo in self.by_cob_id.items()
         }
         return PdoRules(parts, names)
 
 
 def frames_of(entry: ListDefinition) -> tuple[TelegramLayout, ...]:
-    """Return the frames of a list, up to an element that no frame holds, or whose size nobody knows."""
+    """Return the frames of a list, up to an element that no frame holds, or whose size nobody knows.
+
+    Their number of items is 0: a frame does not tell it, so that definitions are told apart by their sizes alone.
+    """
     found: list[TelegramLayout] = []
     for layout in pack(entry):
         if layout.unknown or layout.layout.size_bytes > PDO_DATA_BYTES:
             break
-        found.append(layout)
+        found.append(replace(layout, sent_items=0))
     return tuple(found)
