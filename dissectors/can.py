@@ -267,6 +267,16 @@ def _is_fd(head: Records, spans: _Spans) -> Bool:
     return fd
 
 
+def channels_of(packets: PacketBatch) -> U16:
+    """Return the channel of each packet, uint16: that of the batch, else the index of the interface in SLL2 headers."""
+    if packets.channel is not None or LinkType.LINUX_SLL2 not in packets.link:
+        return packets.channels
+    spans = _spans(packets)
+    column = np.zeros(len(packets), np.uint16)
+    column[spans.row] = _channels(packets, spans)
+    return column
+
+
 def _channels(packets: PacketBatch, spans: _Spans) -> U16:
     if packets.channel is not None:
         return packets.channel if len(spans.row) == len(packets) else packets.channel[spans.row]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from dissectors.batch import LinkType
+from dissectors.can import dissect_can
 from dissectors.can_pdo import PdoRules
 from dissectors.netvar import PortRules
 from dissectors.varieties import Choose
@@ -184,16 +184,22 @@ class Inquiry:
 
         return PacketChoice(chosen, self.pdo_rules(source))
 
-    def default_fields(self) -> Sequence[TelegramField]:
+    @staticmethod
+    def default_fields(source: Capture) -> Sequence[TelegramField]:
         """Return what is written of each telegram or CAN frame where nobody says, by what the captures begin with."""
         from nvscope.view.fields import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS  # noqa: PLC0415
 
-        first = None if STDIN in self.paths else next(iter(open_source(self.paths)), None)
-        if first is None or LinkType.CAN_SOCKETCAN not in first.link:
+        on_can = others = False
+        for first in source.first_batches():
+            frames = len(dissect_can(first))
+            on_can |= frames > 0
+            others |= frames < len(first)
+        if not on_can:
             return DEFAULT_FIELDS
-        if first.single_link is not None:
+        if not others:
             return DEFAULT_CAN_FIELDS
-        return tuple(dict.fromkeys((*DEFAULT_FIELDS, *DEFAULT_CAN_FIELDS)))
+        # Fields cannot be compared, their names can.
+        return tuple({field.name: field for field in (*DEFAULT_FIELDS, *DEFAULT_CAN_FIELDS)}.values())
 
     def _read(
         self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False

@@ -150,11 +150,12 @@ class Captures:
         from nvscope.view.telegrams import Telegrams  # noqa: PLC0415
 
         inquiry = self._inquiry
-        table = TelegramTable([output_field(name, inquiry.fields) for name in fields] or inquiry.default_fields())
-        collected = Collected(table.schema)
-        table.open(collected)
+        named = [output_field(name, inquiry.fields) for name in fields]
         chosen = None if self._where is None else inquiry.filter(self._where)
         source = open_source(inquiry.paths)
+        table = TelegramTable(named or inquiry.default_fields(source))
+        collected = Collected(table.schema)
+        table.open(collected)
         for rows in Telegrams(source, ports=inquiry.ports, chosen=chosen, pdos=inquiry.pdo_rules(source)):
             table.add(rows)
         table.finish()

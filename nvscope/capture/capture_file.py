@@ -121,9 +121,19 @@ class CaptureFile:
             few = CaptureFile(self.path, sizes=_PEEK_SIZES, small_file_bytes=0, chunk_bytes=_PEEK_BYTES)
             first = next(iter(few), None)
         else:
-            first = next(self._batches, None)
-            self._batches = chain([] if first is None else [first], self._batches)
+            first = self._peek(self._batches)
         return None if first is None else int(first.ts_ns[0])
+
+    def first_batches(self) -> list[PacketBatch]:
+        """Return what the file begins with, if anything; it is read again later."""
+        first = next(iter(CaptureFile(self.path)), None) if self._batches is None else self._peek(self._batches)
+        return [] if first is None else [first]
+
+    def _peek(self, batches: Iterator[PacketBatch]) -> PacketBatch | None:
+        """Return the first batch of what can be read only once, and put it back."""
+        first = next(batches, None)
+        self._batches = chain([] if first is None else [first], batches)
+        return first
 
     def read(self, share: int) -> Iterator[PacketBatch]:
         """Return the packets, read with a ``share``-th of the memory that it would take otherwise."""

@@ -14,8 +14,12 @@ from typing import Protocol
 import numpy as np
 
 from dissectors.batch import I64, PAD_BYTES, U8, PacketBatch
+from dissectors.can import channels_of
+from dissectors.can_pdo import channel_name
 from nvscope.capture.source import SourceInfo
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, stretches
+
+_MAX_CHANNEL = 0xFFFF
 
 
 class Track(Protocol):
@@ -37,6 +41,10 @@ class Track(Protocol):
 
     def first_ts_ns(self) -> int | None:
         """Return the time of the first packet, or None where there is none."""
+        ...
+
+    def first_batches(self) -> list[PacketBatch]:
+        """Return what the source begins with, if anything; it is read again later."""
         ...
 
     def read(self, share: int) -> Iterator[PacketBatch]:
@@ -76,12 +84,13 @@ class _Head:
 class Timeline:
     """The packets of several tracks by time, and what is known of the tracks in the order they were given.
 
-    Channels of one name are one channel, whichever track they are of.
+    Channels of one name are one channel, whichever track they are of; those beyond 65 536 names are the last one.
     """
 
     def __init__(self, tracks: Sequence[Track], *, batch_packets: int = 32_768, batch_bytes: int = BATCH_BYTES) -> None:
         self._tracks = tracks
         self.channels: list[str] = []
+        self._numbers: dict[str, int] = {}
         self._batch_packets = batch_packets
         self._batch_bytes = batch_bytes
 
@@ -98,6 +107,11 @@ class Timeline:
     @property
     def position_bytes(self) -> int:
         return sum(track.position_bytes for track in self._tracks)
+
+    def first_batches(self) -> Iterator[PacketBatch]:
+        """Yield what each track begins with, if anything; it is read again later."""
+        for track in self._tracks:
+            yield from track.first_batches()
 
     def __iter__(self) -> Iterator[PacketBatch]:
         starts: list[tuple[int, str, int]] = []
@@ -127,17 +141,23 @@ class Timeline:
             heads = [head for head in heads if len(head.keys) or head.advance()]
 
     def _named(self, track: Track, batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:
-        """Yield batches with the channel numbers of the timeline in place of the track's own."""
+        """Yield batches with the channel numbers of the timeline in place of the track's own.
+
+        A channel without a name gets the one that it would be called by if its track were alone.
+        """
         for batch in batches:
-            names = track.channels or ("",)
-            for name in names:
-                if name not in self.channels:
+            own = channels_of(batch)
+            number = np.zeros(int(own.max(initial=0)) + 1, np.uint16)
+            for place in np.flatnonzero(np.bincount(own)).tolist():
+                name = channel_name(track.channels, place)
+                if name not in self._numbers and len(self.channels) <= _MAX_CHANNEL:
+                    self._numbers[name] = len(self.channels)
                     self.channels.append(name)
-            number = np.array([self.channels.index(name) for name in names], np.uint16)
-            if batch.channel is None and not number[0]:
+                number[place] = self._numbers.get(name, _MAX_CHANNEL)
+            if batch.channel is None and not number.any() and not own.any():
                 yield batch
             else:
-                yield replace(batch, channel=number[batch.channels])
+                yield replace(batch, channel=number[own])
 
     def _merge(self, pieces: list[tuple[PacketBatch, I64]]) -> Iterator[PacketBatch]:
         batches = [batch for batch, _ in pieces]

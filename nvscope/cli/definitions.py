@@ -68,6 +68,12 @@ def tell_of_lists(inquiry: Inquiry) -> None:
         name, unknown = visible(entry.name if entry else ""), visible(f"{element.name} : {element.type.name}")
         what = f"{name}: nobody knows how many bytes {unknown} has; from there on, bytes are bytes."
         typer.echo(f"nvscope: {what}", err=True)
+    for entry, element in layouts.unplaced if layouts else ():
+        told = visible(f"{element.name} : {element.type.name}")
+        why = f"no frame of CAN holds {told}" if element.type.size_bytes else f"nobody knows how many bytes {told} has"
+        typer.echo(
+            f"nvscope: {visible(entry.name)}: {why}; neither it nor what follows it can be shown.", err=True
+        )  # fmt: skip
     for entry in inquiry.project.definition.lists:
         if entry.list_id is None and entry.variables:
             name = visible(entry.name)

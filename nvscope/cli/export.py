@@ -122,11 +122,12 @@ def export(
         raise UsageError("no list is defined", next_step="name the exported lists and their types with --gvl FILE")
     if not lists and form_text:
         raise UsageError(f"{form_text} is for values", next_step="leave it out, or leave out --what and -e")
-    columns = [] if lists else _fields(fields or (), inquiry)
+    named = _fields(fields or (), inquiry)
     filtered = None if wanted is None else inquiry.filter(wanted)
 
     keep_freed_memory()
     source = open_source(paths)
+    columns = [] if lists else named or inquiry.default_fields(source)
     files = Files()
     try:
         with ProgressBar(source, quiet=quiet) as progress:
@@ -179,7 +180,7 @@ def _write_values(
 def _fields(names: Sequence[str], inquiry: Inquiry) -> Sequence[TelegramField]:
     from nvscope.view.fields import output_field
 
-    return [output_field(name, inquiry.fields) for name in names] or inquiry.default_fields()
+    return [output_field(name, inquiry.fields) for name in names]
 
 
 def _write_telegrams(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -23,9 +23,10 @@ from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from dissectors.batch import Bool
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis import Capture, Inquiry
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
+    from nvscope.view.telegram_field import TelegramField
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
 Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
@@ -98,7 +99,7 @@ def packets(
         from nvscope.cli.progress import watching
 
         inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
-    face = _face(
+    make = _face(
         output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour),
         {} if no_names else plant.node_names, inquiry, pdos,
     )  # fmt: skip
@@ -110,6 +111,7 @@ def packets(
     from nvscope.view.telegrams import TelegramRows, Telegrams
 
     source = open_source(paths)
+    face = make(source)
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
 
@@ -157,8 +159,8 @@ def _face(
     node_names: Mapping[str, str],
     inquiry: Inquiry | None,
     pdos: Pdos,
-) -> Face:
-    """Return the form that was asked for; UsageError where options contradict each other."""
+) -> Callable[[Capture], Face]:
+    """Return what makes the form that was asked for; UsageError where options contradict each other."""
     chosen_format = output or ("fields" if names else "text")
     if chosen_format != "text" and (trees or dumps):
         raise UsageError(
@@ -172,10 +174,11 @@ def _face(
         from nvscope.report.packets.text import Text
 
         layouts = inquiry.layouts if trees and inquiry else None
-        return Text(
+        text = Text(
             trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour, layouts=layouts,
             names=node_names, pdos=pdos,
         )  # fmt: skip
+        return lambda _: text
 
     from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedFields, separation
     from nvscope.view.fields import output_field
@@ -186,12 +189,12 @@ def _face(
             raise UsageError(
                 "-T fields needs to know which fields", next_step="for example -e frame.number -e nv.counter"
             )
-        return SeparatedFields(found, separation(settings))
+        separated = SeparatedFields(found, separation(settings))
+        return lambda _: separated
     assert inquiry
-    fields = found or inquiry.default_fields()
-    if chosen_format == "csv":
-        return Csv(fields)
-    return JsonArray(fields) if chosen_format == "json" else JsonLines(fields)
+    made: dict[str, Callable[[Sequence[TelegramField]], Face]] = {"csv": Csv, "json": JsonArray, "ndjson": JsonLines}
+    record = made[chosen_format]
+    return lambda source: record(found or inquiry.default_fields(source))
 
 
 def _line_width() -> int | None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from nvscope.definition.model import Definition, ListDefinition
+from nvscope.definition.model import Definition, Element, ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_part, pack
-from nvscope.definition.pdos import frames_of
+from nvscope.definition.pdos import frames_of, unplaced
 from nvscope.list_key import ANY_CHANNEL, ListKey, Port, told_of
 
 
@@ -15,17 +15,24 @@ class Layouts:
 
     Of a list on CAN they are its frames; one that is defined for any channel is found on each. ``left_out`` are the
     lists with an element whose size nobody knows, with the first of them: what stands behind it cannot be told apart.
+    ``unplaced`` are lists on CAN with the first element that no frame holds, or whose size nobody knows: frames up to
+    there are known.
     """
 
     def __init__(self, definition: Definition) -> None:
         self._lists: dict[ListKey, ListDefinition] = {}
         self._candidates: dict[ListKey, list[tuple[TelegramLayout, ...]]] = {}
         self._partly: dict[ListKey, tuple[TelegramLayout, ...]] = {}
+        self.unplaced: list[tuple[ListDefinition, Element]] = []
         for entry in definition.lists:
             # A list of which only name and interval are known has nothing to decode.
             if (key := entry.key) is not None and entry.variables:
-                self._lists.setdefault(key, entry)
                 layouts = frames_of(entry) if entry.on_can else pack(entry)
+                if entry.on_can and (element := unplaced(entry)):
+                    self.unplaced.append((entry, element))
+                if not layouts:
+                    continue
+                self._lists.setdefault(key, entry)
                 if any(layout.unknown for layout in layouts):
                     self._partly.setdefault(key, layouts)
                 else:

@@ -7,12 +7,13 @@ nowhere: the rule of UDP is assumed, with 8 bytes a frame (``spec/netvar.md`` of
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import takewhile
 
 from dissectors.can_pdo import Part, PdoList, PdoRules
-from nvscope.definition.model import Definition, ListDefinition
+from nvscope.definition.model import Definition, Element, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
-from nvscope.list_key import ListKey, told_of
+from nvscope.list_key import ANY_CHANNEL, ListKey, told_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +28,14 @@ class Pdo:
 class Pdos:
     """The frames of all lists on CAN, by channel ("" for any) and COB-ID.
 
-    Where lists overlap, a COB-ID is that of the list defined first.
+    Where lists overlap, a COB-ID is that of the list defined first; further definitions of that list are asked where a
+    frame has not the size that the first one gives it.
     """
 
     def __init__(self, definition: Definition) -> None:
         self.by_cob_id: dict[ListKey, Pdo] = {}
         self.lists: dict[ListKey, tuple[Pdo, ...]] = {}
+        self._by_size: dict[tuple[ListKey, int], Pdo] = {}
         for entry in definition.lists:
             if not entry.on_can or entry.list_id is None:
                 continue
@@ -41,11 +44,19 @@ class Pdos:
                 frames = [Pdo(entry, 0, None)]
             self.lists.setdefault((entry.channel, entry.list_id), tuple(frames))
             for pdo in frames:
-                self.by_cob_id.setdefault((entry.channel, entry.list_id + pdo.subindex), pdo)
+                key = entry.channel, entry.list_id + pdo.subindex
+                first = self.by_cob_id.setdefault(key, pdo)
+                if pdo.layout and first.list.list_id == entry.list_id:
+                    self._by_size.setdefault((key, pdo.layout.layout.size_bytes), pdo)
 
     def pdo_of(self, channel: str, cob_id: int) -> Pdo | None:
         """Return what a COB-ID of a channel carries, None where nobody says."""
         return told_of(self.by_cob_id, (channel, cob_id))
+
+    def fitting(self, channel: str, cob_id: int, size_bytes: int) -> Pdo | None:
+        """Return what a frame of so many bytes carries, None where it has the size of no definition."""
+        key = channel if (channel, cob_id) in self.by_cob_id else ANY_CHANNEL, cob_id
+        return self._by_size.get((key, size_bytes))
 
     def list_of(self, channel: str, cob_id: int) -> Sequence[Pdo]:
         """Return the frames of a list of a channel, none where nobody says."""
@@ -54,7 +65,7 @@ class Pdos:
     def rules(self, names: Callable[[], Sequence[str]]) -> PdoRules:
         """Return how frames are read; ``names`` returns what the channels are called, by number."""
         parts = {
-            (str(channel), cob_id): Part(pdo.list.list_id or 0, pdo.subindex, pdo.layout.items if pdo.layout else 0)
+            (str(channel), cob_id): Part(pdo.list.list_id or 0, pdo.subindex)
             for (channel, cob_id), pdo in self.by_cob_id.items()
         }
         lists = {
@@ -66,10 +77,21 @@ class Pdos:
 
 
 def frames_of(entry: ListDefinition) -> tuple[TelegramLayout, ...]:
-    """Return the frames of a list, up to an element that no frame holds, or whose size nobody knows."""
-    found: list[TelegramLayout] = []
-    for layout in pack(entry):
-        if layout.unknown or layout.layout.size_bytes > PDO_DATA_BYTES:
-            break
-        found.append(layout)
-    return tuple(found)
+    """Return the frames of a list, up to an element that no frame holds, or whose size nobody knows.
+
+    Their number of items is 0: a frame does not tell it, so that definitions are told apart by their sizes alone.
+    """
+    return tuple(replace(layout, sent_items=0) for layout in takewhile(_is_frame, pack(entry)))
+
+
+def unplaced(entry: ListDefinition) -> Element | None:
+    """Return the first element of a list on CAN that no frame holds, or whose size nobody knows; None without one.
+
+    Nobody can tell where it is, nor what is in a frame with it or behind it.
+    """
+    beyond = next((layout for layout in pack(entry) if not _is_frame(layout)), None)
+    return None if beyond is None else beyond.unknown or beyond.elements[0]
+
+
+def _is_frame(layout: TelegramLayout) -> bool:
+    return not layout.unknown and layout.layout.size_bytes <= PDO_DATA_BYTES

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from nvscope.export.long import SCHEMA, LongTable
+from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.view.defined_telegrams import DefinedTelegrams
 
@@ -51,7 +51,7 @@ def wide_frame(telegrams: DefinedTelegrams) -> tuple[pl.DataFrame, int]:
 
 def long_frame(telegrams: DefinedTelegrams) -> pl.DataFrame:
     """Return the values of all telegrams below each other."""
-    collected = Collected(SCHEMA)
+    collected = Collected(long_schema(telegrams.keys))
     long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, collected)
     for rows in telegrams:
         long.add(rows)

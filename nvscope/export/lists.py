@@ -21,9 +21,16 @@ def lists_to_write(layouts: Layouts, names: Sequence[str] = ()) -> Lists:
     that none has, and where there is no list at all.
     """
     told = [(key, definition) for key, _ in layouts.lists() for definition in layouts.definitions_of(*key)]
+    if not told and layouts.unplaced:
+        entry, element = layouts.unplaced[0]
+        raise UsageError(
+            f"no list can be decoded: nobody knows how {element.name} : {element.type.name} of {entry.name} is sent "
+            "on CAN",
+            next_step="leave its definition out to export the frames themselves",
+        )
     if not told:
         raise UsageError(
-            "no defined list can be looked for: of none does a file say a list identifier and UDP",
+            "no defined list can be looked for: of none does a file say a list identifier and UDP or CAN",
             next_step='write it into nvscope.toml: [lists.N] and below it name = "NAME"',
         )
     different = list({(key, entry.name): (key, entry) for key, entry in told}.values())

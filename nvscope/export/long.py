@@ -35,11 +35,13 @@ from nvscope.view.value_columns import ColumnDecoder, SpanColumn, ValueColumn, f
 PIECE_VALUES = 1 << 18
 PIECE_BYTES = 8 << 20
 
-SCHEMA = pa.schema(
+_COLUMNS = pa.schema(
     [
         pa.field("frame.time", MOMENT),
         pa.field("frame.number", pa.int64()),
         pa.field("ip.src", LABEL),
+        pa.field("can.channel", LABEL),
+        pa.field("can.id", pa.uint16()),
         pa.field("list", LABEL),
         pa.field("list_name", LABEL),
         pa.field("nv.subindex", pa.uint16()),
@@ -52,10 +54,21 @@ SCHEMA = pa.schema(
         pa.field("bytes", pa.binary()),
     ]
 )
+_ON_UDP, _ON_CAN = ("ip.src", "nv.subindex"), ("can.channel", "can.id")
+
+
+def long_schema(keys: Sequence[ListKey]) -> Any:
+    """Return the columns for some lists: where all are on UDP or all on CAN, without what only the others have."""
+    on_can = {isinstance(port, str) for port, _ in keys}
+    unknown = {*(_ON_UDP if False not in on_can else ()), *(_ON_CAN if True not in on_can else ())}
+    return pa.schema([column for column in _COLUMNS if column.name not in unknown])
 
 
 class LongTable:
-    """Writes the values of telegrams in the order of the capture, those of one telegram as they are declared."""
+    """Writes the values of telegrams in the order of the capture, those of one telegram as they are declared.
+
+    ``file`` is of ``long_schema``.
+    """
 
     def __init__(
         self,
@@ -76,6 +89,9 @@ class LongTable:
         self._elements = np.array([len(place.elements) for place in places], np.int64)
         self._first = np.cumsum(self._elements) - self._elements
         self._list = np.array([place.number for place in places], np.int64)
+        self._on_can = np.array([place.layout.list.on_can for place in places], np.bool_)
+        self._cob_id = np.array([place.layout.list.list_id or 0 for place in places], np.int64)
+        self._schema = long_schema(keys)
         self.telegrams = self.rows = 0
 
     def add(self, rows: DefinedRows) -> None:
@@ -104,18 +120,23 @@ class LongTable:
                 cells.put(start[which] + position, element, column)
         places = np.repeat(rows.place, elements)
         told = self._first[places] + np.arange(cells.count) - np.repeat(start, elements)
+        sender, subindex = np.repeat(rows.sender, elements), np.repeat(rows.subindex, elements)
+        on_can = self._on_can[places]
         arrays = [
             array_of(np.repeat(rows.ts_ns, elements), MOMENT),
             array_of(np.repeat(rows.frame, elements), pa.int64()),
-            labels(np.repeat(rows.sender, elements), self._senders()),
-            self._lists(self._list[places], np.repeat(rows.sender, elements)),
+            labels(sender, self._senders(), ~on_can),
+            labels(sender, self._senders(), on_can),
+            with_nulls((self._cob_id[places] + subindex).astype(np.uint16), bits_of(on_can), pa.uint16()),
+            self._lists(self._list[places], sender),
             labels(places, self._list_names),
-            array_of(np.repeat(rows.subindex.astype(np.uint16), elements), pa.uint16()),
+            with_nulls(subindex.astype(np.uint16), bits_of(~on_can), pa.uint16()),
             labels(told, self._variables),
             labels(told, self._types),
             *cells.arrays(),
         ]
-        self._file.write(pa.table(arrays, schema=SCHEMA))
+        kept = [array for array, column in zip(arrays, _COLUMNS, strict=True) if column in self._schema]
+        self._file.write(pa.table(kept, schema=self._schema))
         self.telegrams += len(rows)
         self.rows += cells.count
 

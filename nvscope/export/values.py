@@ -10,7 +10,7 @@ from nvscope.definition.model import ListDefinition
 from nvscope.errors import UsageError
 from nvscope.export.files import Files, table_file
 from nvscope.export.held import Slabs
-from nvscope.export.long import SCHEMA, LongTable
+from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.list_key import ListKey
 from nvscope.units import count
@@ -62,7 +62,8 @@ def write_wide(
 
 def write_long(telegrams: DefinedTelegrams, path: str, files: Files, progress: Callable[[], None]) -> int:
     """Write the values of all telegrams to one file; return how many telegrams there are."""
-    long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, table_file(files.open(path), SCHEMA))
+    file = table_file(files.open(path), long_schema(telegrams.keys))
+    long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, file)
     for rows in telegrams:
         long.add(rows)
         progress()

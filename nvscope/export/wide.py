@@ -36,7 +36,8 @@ HEAD = (
     pa.field("ip.src", LABEL),
     pa.field("nv.subindex", pa.uint16()),
 )
-"""What stands in front of the variables; named as the fields of telegrams are."""
+CAN_HEAD = (*HEAD[:2], pa.field("can.channel", LABEL), pa.field("can.id", pa.uint16()))
+"""What stands in front of the variables, on UDP and on CAN; named as the fields of telegrams are."""
 
 
 class _Column:
@@ -70,8 +71,12 @@ class WideTable:
             Part(place, pool, len(places)) if place.rest is None else OpenPart(place) for place in places
         ]
         self._senders = senders
-        self._columns, self._column_of = _columns(places)
-        self.schema = pa.schema([*HEAD, *(field for column in self._columns for field in column.fields())])
+        on_can = any(place.layout.list.on_can for place in places)
+        # The frames of a list have COB-IDs that follow each other.
+        self._first_number = (places[0].layout.list.list_id or 0) if on_can else 0
+        head = CAN_HEAD if on_can else HEAD
+        self._columns, self._column_of = _columns(places, head)
+        self.schema = pa.schema([*head, *(field for column in self._columns for field in column.fields())])
         self.rows = self.held_bytes = self.beyond_time = 0
 
     @property
@@ -110,7 +115,7 @@ class WideTable:
             array_of(ts_ns, MOMENT),
             array_of(frame[order], pa.int64()),
             labels(sender, self._senders()),
-            array_of(subindex.astype(np.uint16), pa.uint16()),
+            array_of((subindex + self._first_number).astype(np.uint16), pa.uint16()),
         ]
         for number, variable in enumerate(self._columns):
             arrays += _arrays(variable, parts.get(number, []), len(frame))
@@ -118,13 +123,13 @@ class WideTable:
         return pa.table(arrays, schema=self.schema)
 
 
-def _columns(places: Sequence[Place]) -> tuple[list[_Column], list[list[int]]]:
+def _columns(places: Sequence[Place], head: Sequence[Any]) -> tuple[list[_Column], list[list[int]]]:
     """Return the columns of all variables, and which of them those of each place are.
 
     Telegrams of several definitions share the column of a variable that is of one type in all of them; the same holds
     for the bytes that nobody has described.
     """
-    names = Names({entry.name for entry in HEAD})
+    names = Names({entry.name for entry in head})
     columns: list[_Column] = []
     known: dict[tuple[object, ...], int] = {}
     column_of = []

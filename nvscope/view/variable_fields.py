@@ -23,7 +23,7 @@ from nvscope.definition.model import Element, Enumeration, Kind, scalar_of
 from nvscope.definition.packing import TelegramLayout, known_fronts
 from nvscope.definition.value import value_of
 from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
-from nvscope.list_key import ANY_CHANNEL, Port
+from nvscope.list_key import ANY_CHANNEL, ListKey, Port
 from nvscope.tracker.values import Block
 from nvscope.view.telegram_field import TelegramField
 from nvscope.view.telegrams import TelegramRows
@@ -44,7 +44,7 @@ def variable_fields(layouts: Layouts) -> dict[str, TelegramField]:
     ``refused``, and only the names with the list in front can be read.
     """
     places: dict[str, tuple[str, list[_Place]]] = {}
-    sightings = _Sightings()
+    sightings = _Sightings(key for key, _ in layouts.lists() if isinstance(key[0], str) and key[0] != ANY_CHANNEL)
     for key, _ in layouts.lists():
         whole = [(layout, False) for layout in _told_apart(layouts.candidates_of(*key))]
         for layout, is_front in whole + _fronts(layouts.partly_of(*key)):
@@ -137,10 +137,14 @@ class _Place:
         header, datagram = rows.telegrams.header, rows.telegrams.datagram
         found: Bool = rows.can.is_pdo & (index == self.index) & (subindex == self.layout.subindex)
         found &= (header["length"] == self.layout.length) & (datagram.captured_bytes >= self.layout.length)
-        if channel != ANY_CHANNEL:
-            named = [number for number in np.unique(port).tolist() if rows.can.port_text(number) == channel]
-            found &= np.isin(port, named)
+        if channel != ANY_CHANNEL or self.sightings.channels:
+            own = [number for number in np.unique(port).tolist() if self._is_on(rows.can.port_text(number))]
+            found &= np.isin(port, own)
         return np.flatnonzero(found)
+
+    def _is_on(self, port: Port) -> bool:
+        """Tell whether the definition is that of a channel: of its own, or of any that has none of its own."""
+        return port == self.port or (self.port == ANY_CHANNEL and (port, self.index) not in self.sightings.channels)
 
     def bytes_of(self, rows: TelegramRows, which: I64) -> BytesColumn:
         """Return its bytes in some telegrams in which it is."""
@@ -151,10 +155,12 @@ class _Place:
 class _Sightings:
     """Where the telegrams of each list are among those that are looked at: fields share it, and ask it several times.
 
-    Of the telegrams looked at last only, which are kept until others are.
+    Of the telegrams looked at last only, which are kept until others are. ``channels`` are the lists that are defined
+    for a CAN channel of their own.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, channels: Iterable[ListKey] = ()) -> None:
+        self.channels = frozenset(channels)
         self._last: tuple[TelegramRows | None, dict[_Key, I64]] = (None, {})
 
     def of(self, rows: TelegramRows) -> dict[_Key, I64]:

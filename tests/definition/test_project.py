@@ -142,6 +142,27 @@ def test_the_first_port_is_that_of_lists_without_one(tmp_path: Path) -> None:
     assert lists(plant(tmp_path, text, **files)) == [("a", 7, 1400), ("b", 8, 1202), ("alone", 9, 1400)]
 
 
+def test_a_list_is_on_can_where_it_has_a_channel(tmp_path: Path) -> None:
+    text = 'definitions = "plc/*.gvl"\n[lists.0x181]\nchannel = "can1"\n[lists.0x182]\ntransport = "can"'
+    one, other = plant(tmp_path, text, a_gvl=GVL.format(identifier=0x181, more="")).definition.lists
+    assert (one.name, one.on_can, one.key, len(one.variables)) == ("a", True, ("can1", 0x181), 1)
+    assert (other.on_can, other.key, other.variables) == (True, ("", 0x182), ())
+
+
+def test_of_a_list_on_both_the_settings_are_those_of_its_transport(tmp_path: Path) -> None:
+    """A gateway sends one list on UDP and on CAN: two files define it with one identifier."""
+    files = {"a_gvl": GVL.format(identifier=7, more=""), "b_gvl": GVL.format(identifier=7, more="")}
+    files["b_gvl"] = files["b_gvl"].replace('"UDP"', '"CAN"')
+    for said, keys in (
+        ('channel = "can0"', [(1202, 7), ("can0", 7)]),
+        ('transport = "can"\nname = "x"', [(1202, 7), ("", 7)]),
+        ('transport = "udp"\nport = 1202\nname = "x"', [(1202, 7), ("", 7)]),
+    ):
+        found = plant(tmp_path, f'definitions = "plc/*.gvl"\n[lists.7]\n{said}', **files).definition.lists
+        assert [entry.key for entry in found] == keys
+        assert [entry.name for entry in found].count("x") == said.count('"x"')
+
+
 def test_a_list_without_identifier_gets_it_by_its_name(tmp_path: Path) -> None:
     text = 'definitions = "plc/*.xml"\n[lists.7]\nname = "axis"\nport = 1300'
     (entry,) = plant(tmp_path, text, a_xml=PLCOPEN).definition.lists
@@ -205,6 +226,11 @@ def test_identifiers_are_written_in_several_ways(key: str, tmp_path: Path) -> No
         ("[lists.7]\ninterval = '-1s'", ": lists.7.interval", "a duration cannot be negative here", ""),
         ("[lists.7]\ninterval = 50", ": lists.7.interval", "a duration is expected, found a whole number", '"50ms"'),
         ("[lists.7]\ntransport = 'tcp'", ": lists.7.transport", "'tcp' is none of the choices", "known are: can, udp"),
+        ("[lists.7]\ntransport = 'udp'\nchannel = 'can0'", ": lists.7.channel", "a list on UDP has no channel", ""),
+        ("[lists.7]\nchannel = 'can0'\nport = 1202", ": lists.7.port", "a list on CAN has no port", "Leave it out"),
+        ("[lists.7]\nchannel = ''", ": lists.7.channel", "a name has 1 to 60 characters", ""),
+        ("[lists.7]\nchannel = 0", ": lists.7.channel", "a text is expected", ""),
+        ("[lists.2048]\ntransport = 'can'", ": lists.2048", "2048 is no COB-ID", "up to 0x7FF"),
         ("[limits]\nlate_percent = 0", ": limits.late_percent", "0 is out of range", ""),
         ("[limits]\njitter_percent = 1.5", ": limits.jitter_percent", "a whole number is expected", ""),
         ("[limits]\nacknowledgement = '0s'", ": limits.acknowledgement", "must be more than 0", ""),
@@ -263,7 +289,15 @@ def test_a_mistake_in_a_definition_file_names_that_file(tmp_path: Path) -> None:
 
 def test_all_keys_are_documented() -> None:
     text = document()
-    for key in ("`definitions`", "`ports`", '## nodes."ADDRESS"', "`reads`", "## [lists.IDENTIFIER]", "`min_gap`"):
+    for key in (
+        "`definitions`",
+        "`ports`",
+        '## nodes."ADDRESS"',
+        "`reads`",
+        "## [lists.IDENTIFIER]",
+        "`min_gap`",
+        "`channel`",
+    ):
         assert key in text
     assert "- `late_percent` (whole number 1 to 1000000, default `250`): NV501" in text
     assert "- `acknowledgement` (duration above 0, default `1s`)" in text

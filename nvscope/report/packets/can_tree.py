@@ -83,20 +83,22 @@ class CanTree:
         if not data and (frame.remote[0] or not length):
             return
         size = f"  {units.count_of(len(data), 'byte')}"
-        pdo = None
+        pdo, channel = None, ""
         if self._pdos and not (frame.extended[0] or frame.error[0] or frame.remote[0]):
             channel = self._can.pdos.channel(int(frame.channel[0]))
             pdo = self._pdos.pdo_of(channel, int(frame.identifier[0]))
-        if pdo is not None and pdo.layout is not None:
-            told = pdo.layout.layout.size_bytes
-            if len(data) == length == told:
+        if self._pdos and pdo is not None and pdo.layout is not None:
+            fitting = self._pdos.fitting(channel, int(frame.identifier[0]), length)
+            if fitting is not None and fitting.layout is not None and len(data) == length:
                 title = (
-                    f"  {visible(pdo.list.name)} {pdo.subindex}, packed as assumed: nothing documents the rule on CAN"
+                    f"  {visible(fitting.list.name)} {pdo.subindex}, packed as assumed: "
+                    "nothing documents the rule on CAN"
                 )
                 yield Entry([Cell("Variables", Tone.STRONG), Cell(title)])
-                yield from variable_entries(pdo.layout, data, at)
+                yield from variable_entries(fitting.layout, data, at)
                 return
-            why = f"not of the {units.count_of(told, 'byte')} that its definition has (NV603)"
+            told = units.count_of(pdo.layout.layout.size_bytes, "byte")
+            why = f"not of the {told} that its definition has (NV603)" if fitting is None else "not captured whole"
             yield Entry([Cell("Variables", Tone.STRONG), Cell(f"  {visible(pdo.list.name)}: {why}", Tone.WARNING)])
         missing = length - len(data)
         facts = [Cell(size)]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from dissectors.can import FD_LENGTHS, MAX_DATA_BYTES, CanBatch, Fault
 from dissectors.can_error import describe_error
 from dissectors.canopen import describe
+from nvscope.units import count_of
 from nvscope.view.can_rows import CanRows
 from nvscope.view.escape import visible
 from nvscope.view.table import Tone
@@ -40,7 +41,9 @@ def identifier_text(identifier: int, extended: bool) -> str:
 
 def flags_of(frames: CanBatch, row: int) -> str:
     """Return what kind of frame it is, where it is not a plain data frame."""
-    kinds = (("error", frames.error), ("remote", frames.remote), ("FD", frames.fd), ("BRS", frames.brs))
+    kinds = (
+        ("error", frames.error), ("remote", frames.remote), ("FD", frames.fd), ("BRS", frames.brs), ("ESI", frames.esi),
+    )  # fmt: skip
     return " ".join(name for name, column in kinds if column[row])
 
 
@@ -63,10 +66,19 @@ class Meanings:
             return Meaning("")
         channel = str(can.port_text(int(can.port[place])))
         listed = self._list_name(channel, identifier)
-        told = describe(identifier, data, bool(frames.remote[row]))
         if listed:
-            return Meaning(listed, Tone.STRONG)
-        return Meaning(told, Tone.FAINT)
+            size = "" if frames.remote[row] else self._wrong_size(channel, identifier, int(frames.length[row]))
+            return Meaning(f"{listed}{size}", Tone.WARNING if size else Tone.STRONG)
+        return Meaning(describe(identifier, data, bool(frames.remote[row])), Tone.FAINT)
+
+    def _wrong_size(self, channel: str, identifier: int, size_bytes: int) -> str:
+        """Return that a frame of a list has not the size that its definition gives it."""
+        pdo = self._pdos.pdo_of(channel, identifier) if self._pdos else None
+        if self._pdos is None or pdo is None or pdo.layout is None:
+            return ""
+        if self._pdos.fitting(channel, identifier, size_bytes) is not None:
+            return ""
+        return f": not of {count_of(pdo.layout.layout.size_bytes, 'byte')} (NV603)"
 
     def _list_name(self, channel: str, identifier: int) -> str:
         key = channel, identifier
