@@ -501,23 +501,30 @@ _CAN = (
     ),
     Kind(
         "NV603", "dlc-mismatch", _ERROR,
-        "A frame has fewer or more data bytes than the list's definition puts into this COB-ID.",
+        "A frame has fewer or more data bytes than the list's definition puts into this COB-ID, or, where nothing is "
+        "defined, than the frame before it.",
         (
             "the definition differs between the sides",
             "a different device sends with the same COB-ID",
+            "a protocol whose frames have no fixed length, where nothing is defined for the COB-ID",
             "packing that differs from what is assumed here: the rule on CAN is an inference",
         ),
         ("Compare the bytes with the definition; look for a second sender of the COB-ID.",),
     ),
     Kind(
         "NV604", "incomplete-cycle", _WARNING,
-        "Not all COB-IDs of the list were sent in a cycle: readers hold variables of different cycles.",
+        "Not all COB-IDs of the list came in a cycle, within half of its interval of each other: readers hold variables "
+        "of different cycles. How many COB-IDs the list has follows from its definition; those that never came are named.",
         (
             "frames with a lower COB-ID kept the bus busy",
-            "a full transmit queue in the sender",
+            "a full transmit queue in the sender, or frames that the capture missed",
             "transmission on change",
+            "a definition with more variables than the sender has, where a COB-ID never came",
         ),
-        ("Look at the bus load (NV605); send less often, or with a lower COB-ID.",),
+        (
+            "Look at the bus load (NV605) and at error frames (NV606); send less often, or with a lower COB-ID.",
+            "Where a COB-ID never came, compare the definition with that of the sender's project.",
+        ),
     ),
     Kind(
         "NV605", "bus-load", _WARNING,
