@@ -513,8 +513,9 @@ _CAN = (
     ),
     Kind(
         "NV604", "incomplete-cycle", _WARNING,
-        "Not all COB-IDs of the list came in a cycle, within half of its interval of each other: readers hold variables "
-        "of different cycles. How many COB-IDs the list has follows from its definition; those that never came are named.",
+        "Not all COB-IDs of the list came in a cycle, within half of its interval of each other: readers hold "
+        "variables of different cycles. How many COB-IDs the list has follows from its definition; those that never "
+        "came are named.",
         (
             "frames with a lower COB-ID kept the bus busy",
             "a full transmit queue in the sender, or frames that the capture missed",
