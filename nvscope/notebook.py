@@ -107,21 +107,26 @@ class Captures:
 
     @cached_property
     def lists(self) -> pl.DataFrame:
-        """A row a list: key, who sends and reads it, NetVarUDPDiagStruct, and all counters."""
+        """A row a list: key, who sends and reads it, NetVarUDPDiagStruct, and all counters; on CAN, a channel."""
         rows = [entry | entry["diag"] | entry["counters"] for entry in self.report["lists"]]
-        kinds: dict[str, _Kind] = {"key": str, "port": int, "id": int, "name": str, "senders": [str], "readers": [str]}
+        kinds: dict[str, _Kind] = {"key": str, "port": int, "channel": str, "id": int, "name": str}
+        kinds |= {"senders": [str], "readers": [str]}
         kinds |= {one.name: _KIND_OF_UNIT.get(one.unit, int) for one in (*DIAGNOSIS, *LIST_COUNTERS)}
         return _frame(rows, kinds)
 
     @cached_property
     def streams(self) -> pl.DataFrame:
-        """A row a stream: list, node, SubIndex, its counters, and its intervals as ``interval_p50`` and so on."""
+        """A row a stream: list, node, SubIndex, its counters, and its intervals as ``interval_p50`` and so on.
+
+        On CAN also the COB-ID and how many remote frames asked for it.
+        """
         rows = []
         for entry in self.report["lists"]:
             for stream in entry["streams"]:
                 intervals = {f"interval_{name}": value for name, value in stream["interval_ns"].items()}
                 rows.append({"list": entry["key"]} | stream | intervals)
-        kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "telegrams": int, "counter_scope": str}
+        kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "cob_id": int, "remote": int}
+        kinds |= {"telegrams": int, "counter_scope": str}
         kinds |= dict.fromkeys(STREAM_FIGURES, int) | {"items": int, "length": int, "checksum": int}
         kinds |= {"interval_count": int} | {f"interval_{name}": "duration" for name in _INTERVALS}
         return _frame(rows, kinds)
@@ -214,7 +219,7 @@ def _frame(rows: Sequence[dict[str, Any]], kinds: Mapping[str, _Kind]) -> pl.Dat
     plain = {str: pl.String, int: pl.Int64}
     columns = []
     for name, kind in kinds.items():
-        cells = [row[name] for row in rows]
+        cells = [row.get(name) for row in rows]  # lists on UDP have a port, those on CAN a channel
         if kind == "time":
             moments = [None if cell is None else int(cell) for cell in cells]
             columns.append(pl.Series(name, moments, pl.Int64).cast(pl.Datetime("ns", "UTC")))
