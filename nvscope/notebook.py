@@ -107,7 +107,7 @@ class Captures:
 
     @cached_property
     def lists(self) -> pl.DataFrame:
-        """A row a list: key, port or CAN channel, who sends and reads it, NetVarUDPDiagStruct, and all counters."""
+        """A row a list: key, who sends and reads it, NetVarUDPDiagStruct, and all counters; on CAN, a channel."""
         rows = [entry | entry["diag"] | entry["counters"] for entry in self.report["lists"]]
         kinds: dict[str, _Kind] = {"key": str, "port": int, "channel": str, "id": int, "name": str}
         kinds |= {"senders": [str], "readers": [str]}
@@ -118,15 +118,15 @@ class Captures:
     def streams(self) -> pl.DataFrame:
         """A row a stream: list, node, SubIndex, its counters, and its intervals as ``interval_p50`` and so on.
 
-        On CAN ``cob_id`` is its identifier, and nobody knows the node.
+        On CAN also the COB-ID and how many remote frames asked for it.
         """
         rows = []
         for entry in self.report["lists"]:
             for stream in entry["streams"]:
                 intervals = {f"interval_{name}": value for name, value in stream["interval_ns"].items()}
                 rows.append({"list": entry["key"]} | stream | intervals)
-        kinds: dict[str, _Kind] = {"list": str, "node": str, "cob_id": int, "subindex": int, "telegrams": int}
-        kinds["counter_scope"] = str
+        kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "cob_id": int, "remote": int}
+        kinds |= {"telegrams": int, "counter_scope": str}
         kinds |= dict.fromkeys(STREAM_FIGURES, int) | {"items": int, "length": int, "checksum": int}
         kinds |= {"interval_count": int} | {f"interval_{name}": "duration" for name in _INTERVALS}
         return _frame(rows, kinds)
@@ -219,7 +219,7 @@ def _frame(rows: Sequence[dict[str, Any]], kinds: Mapping[str, _Kind]) -> pl.Dat
     plain = {str: pl.String, int: pl.Int64}
     columns = []
     for name, kind in kinds.items():
-        cells = [row.get(name) for row in rows]  # what only one transport has is null on the other
+        cells = [row.get(name) for row in rows]  # lists on UDP have a port, those on CAN a channel
         if kind == "time":
             moments = [None if cell is None else int(cell) for cell in cells]
             columns.append(pl.Series(name, moments, pl.Int64).cast(pl.Datetime("ns", "UTC")))

@@ -78,7 +78,8 @@ def packets(
     """Show the telegrams of a capture one by one: as lines, trees, bytes, or as records for programs.
 
     A line has frame number, time, sender and receiver, list and SubIndex, service, items, Length, Counter, flags, and
-    what is wrong. -Y chooses among them. Exits with 3 where a capture could not be read to its end.
+    what is wrong; of a CAN frame it is as candump writes it, with what it means. -Y chooses among them. Exits with 3
+    where a capture could not be read to its end.
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)

@@ -328,6 +328,10 @@ def _infer(asked: _Asked, listed: str | None, write: str | None) -> Sequence[Sou
         for batch in source:
             samples.observe(batch)
             progress()
+    if any(isinstance(port, str) for port, _ in samples.read.lists):
+        typer.echo(
+            "nvscope: lists on CAN are not proposed: a frame does not tell how many variables it has.", err=True
+        )  # fmt: skip
     found = proposals(samples, listed)
     asked.tell(
         inference_document(found, samples), lambda document: face.render(document, colour=asked.colour, width=width())

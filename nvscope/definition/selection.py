@@ -160,8 +160,17 @@ def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> 
     if not found:
         told = ", ".join(f"{entry.name} ({list_key(*key)})" for key, entry in lists[:_MOST_LISTS]) or "none"
         more = f" and {len(lists) - _MOST_LISTS} more" if len(lists) > _MOST_LISTS else ""
-        raise UsageError(f"no list is named {given[:80]!r}", next_step=f"there are {told}{more}")
+        next_step = f"there are {told}{more}"
+        if channel := _channel_of(wanted, lists):
+            next_step += f"; frames of one channel are chosen by -Y 'can.channel == \"{channel}\"'"
+        raise UsageError(f"no list is named {given[:80]!r}", next_step=next_step)
     return found
+
+
+def _channel_of(wanted: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> str:
+    """Return the channel that a key names, where its list is defined for any; else nothing."""
+    match = re.fullmatch(r"can/([^/\"']{1,60})/(\d{1,10})", wanted)
+    return match[1] if match and (ANY_CHANNEL, int(match[2])) in [key for key, _ in lists] else ""
 
 
 def _on_can(key: ListKey) -> tuple[str, ...]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from dissectors.can import ERROR as ERROR_FLAG
-from dissectors.can import EXTENDED, FRAME, REMOTE, CanBatch
+from dissectors.can import EXTENDED_MASK, FRAME, STANDARD_MASK, CanBatch, Fault
 from dissectors.can_bits import Stuffing, wire_bits
 from dissectors.layout import Field
 from nvscope import units
@@ -71,20 +70,20 @@ class CanTree:
                 missing = Cell("not captured", Tone.WARNING)
                 yield Entry([place_cell(begin, content), label_cell(entry.label), missing])
                 continue
-            number = _word(frame) if entry.name == "identifier" else int.from_bytes(content, "big")
+            number = _word(frame, content) if entry.name == "identifier" else int.from_bytes(content, "big")
             value = Cell(number_text(entry, number))
             yield Entry([place_cell(begin, content), label_cell(entry.label), value], entry.help)
             if _has_bits(entry, frame):
                 yield from bit_entries(entry, number)
-        yield from self._data(frame, at + FRAME.size_bytes)
+        yield from self._data(frame, row, at + FRAME.size_bytes)
 
-    def _data(self, frame: CanBatch, at: int) -> Iterator[Entry]:
+    def _data(self, frame: CanBatch, row: int, at: int) -> Iterator[Entry]:
         data, length = frame.payload(0), int(frame.length[0])
         if not data and (frame.remote[0] or not length):
             return
         size = f"  {units.count_of(len(data), 'byte')}"
         pdo, channel = None, ""
-        if self._pdos and not (frame.extended[0] or frame.error[0] or frame.remote[0]):
+        if self._pdos and self._can.is_pdo[row] and not frame.extended[0]:
             channel = self._can.pdos.channel(int(frame.channel[0]))
             pdo = self._pdos.pdo_of(channel, int(frame.identifier[0]))
         if self._pdos and pdo is not None and pdo.layout is not None:
@@ -100,7 +99,7 @@ class CanTree:
             told = units.count_of(pdo.layout.layout.size_bytes, "byte")
             why = f"not of the {told} that its definition has (NV603)" if fitting is None else "not captured whole"
             yield Entry([Cell("Variables", Tone.STRONG), Cell(f"  {visible(pdo.list.name)}: {why}", Tone.WARNING)])
-        missing = length - len(data)
+        missing = length - len(data) if frame.fault[0] in (Fault.NONE, Fault.TRUNCATED, Fault.TOO_LONG) else 0
         facts = [Cell(size)]
         if missing > 0:
             facts.append(Cell(f", {units.count(missing)} more not captured", Tone.WARNING))
@@ -110,12 +109,13 @@ class CanTree:
                 yield Entry(list(line))
 
 
-def _word(frame: CanBatch) -> int:
+def _word(frame: CanBatch, content: bytes) -> int:
     """Return the identifier with its flags, as the number it is in whatever byte order it was captured."""
     word = int(frame.identifier[0])
-    flags = ((EXTENDED, frame.extended), (REMOTE, frame.remote), (ERROR_FLAG, frame.error))
-    for bit, column in flags:
-        word |= bit.mask if column[0] else 0
+    told = EXTENDED_MASK if frame.extended[0] or frame.error[0] else STANDARD_MASK
+    for number in (int.from_bytes(content, "big"), int.from_bytes(content, "little")):
+        if number & told == word:
+            return number
     return word
 
 
