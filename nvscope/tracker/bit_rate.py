@@ -54,7 +54,8 @@ def _edge(rate: int, windows: int) -> float:
     return float(rate * _WINDOW**windows)
 
 
-_EDGES = np.unique([_edge(rate, windows) for rate in USUAL_RATES for windows in (-3, -1, 1, 3)])
+# Without np.unique, which would import numpy.ma.
+_EDGES = np.array(sorted({_edge(rate, windows) for rate in USUAL_RATES for windows in (-3, -1, 1, 3)}))
 _CELLS = len(_EDGES) + 1
 
 
