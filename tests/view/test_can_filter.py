@@ -229,10 +229,14 @@ def test_a_filter_chooses_the_frames_that_a_plain_one_does(seed: int, draw: int)
 @pytest.mark.parametrize(
     ("expression", "what"),
     [
-        ("can.id == can0", "can0"), ("can.data[0] == 256", ""), ("can.data == 1.5", ""), ("can.flags.xtd > 5", ""),
-        ("can.channel == 0", ""), ("can.foo", "no field is called can.foo"),
+        ("can.id == can0", "can0"),
+        ("can.data[0] == 256", "256 is no sequence of bytes"),
+        ("can.data == 1.5", "1.5 is no sequence of bytes"),
+        ("can.flags.xtd > 5", "neither below nor above"),
+        ("can.channel == 0", "0 is no text"),
+        ("can.foo", "no field is called can.foo"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_meant_is_told(expression: str, what: str) -> None:
     with pytest.raises(UsageError, match=what):
         DisplayFilter(expression, vocabulary())
