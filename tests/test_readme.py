@@ -62,5 +62,5 @@ def test_the_project_file_of_lists_on_can(tmp_path: Path) -> None:
     (tmp_path / "nvscope.toml").write_text(PROJECTS[1])
     project = read_project(tmp_path / "nvscope.toml")
     (entry,) = project.definition.lists
-    assert (entry.key, entry.name, entry.interval_ns) == (("", 0x110), "press", 50_000_000)
+    assert (entry.key, entry.name, entry.interval_ns) == (("can0", 0x110), "press", 50_000_000)
     assert project.buses.of("can0").bit_rate == 250_000
