@@ -146,11 +146,11 @@ def some_log(seed: int, count: int) -> bytes:
 
 @pytest.mark.parametrize("small_file_bytes", [0, 8 << 20])
 def test_damaged_logs_are_read_as_line_by_line(tmp_path: Path, small_file_bytes: int) -> None:
-    """Thousands of logs with bytes changed, lines lost, doubled or cut: the frames and faults of the plain reading."""
+    """Hundreds of logs with bytes changed, lines lost, doubled or cut: the frames and faults of the plain reading."""
     chance = random.Random(1)
     original = some_log(2, 120)
     alphabet = b"0123456789ABCDEFabcdef#R_.() \n\r\tgTt\0\xff-:"
-    for _ in range(2000):
+    for _ in range(700):
         raw = bytearray(original)
         for _ in range(chance.choice((1, 1, 3, 30))):
             at = chance.randrange(len(raw))
