@@ -23,6 +23,9 @@ F64 = np.ndarray[tuple[int], np.dtype[np.float64]]
 _S_NS = 1_000_000_000
 _NOTHING = np.empty(0, np.int64)
 
+MOST_SECONDS = 86_400
+"""The load of so many seconds is told one by one."""
+
 
 @dataclass(frozen=True, slots=True)
 class BitRate:
@@ -43,8 +46,9 @@ class BusLoad:
 
     ``mean`` is that from the first frame to the last (of a second, where they are no further apart), ``peak`` that of
     the busiest second, which began at ``peak_ns``, and ``worst`` what that one could have had with stuff bits
-    wherever its frames can have some. ``partial`` where there are bits at a data bit rate that is unknown: they are not
-    counted.
+    wherever its frames can have some. ``by_second`` has when each second with frames began, its load, and the worst it
+    could have had, of the first ``MOST_SECONDS``. ``partial`` where there are bits at a data bit rate that is unknown:
+    they are not counted.
     """
 
     mean: float
@@ -52,6 +56,7 @@ class BusLoad:
     peak_ns: int
     worst: float
     partial: bool
+    by_second: Sequence[tuple[int, float, float]] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,12 +150,15 @@ def _bus(
     else:
         began_ns, percent = second_loads(state.load, rows, rate)
         busiest = int(percent.argmax())
-        top = rows[busiest : busiest + 1]
-        worst = _percent(rate, columns.worst_bits[top], columns.worst_fast_bits[top])
+        worst = _percent(rate, columns.worst_bits[rows], columns.worst_fast_bits[rows])
+        told = slice(0, MOST_SECONDS)
+        seconds = zip(began_ns[told].tolist(), percent[told].tolist(), worst[told].tolist(), strict=True)
         busy_s = rate.seconds(int(exact.sum()), int(fast.sum()))
         partial = bool(fast.any()) and not rate.data
         mean = 100 * busy_s / _duration_s(state.load.identifiers.columns, identifiers)
-        load = BusLoad(mean, float(percent[busiest]), int(began_ns[busiest]), float(worst[0]), partial)
+        load = BusLoad(
+            mean, float(percent[busiest]), int(began_ns[busiest]), float(worst[busiest]), partial, tuple(seconds)
+        )
     return CanBusSummary(
         number, channel, int(columns.frames[rows].sum()), len(rows), int(exact.sum()), int(fast.sum()),
         int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load, _identifiers(state, identifiers, rate),

@@ -21,6 +21,7 @@ _Names = Mapping[tuple[str, bool, int], tuple[str | None, str | None]]
 def can_buses(summary: CanSummary, names: Mapping[ListKey, str]) -> list[dict[str, Any]]:
     """Return what was seen of each channel; bits are those on the wire, with stuff bits, loads and shares percent.
 
+    ``by_second`` has for each second with frames when it began, its load, and the most it could have with stuff bits.
     ``names`` are those of defined lists, "" of one that has none.
     """
     known: dict[tuple[str, bool, int], tuple[str | None, str | None]] = {}
@@ -79,6 +80,7 @@ def _load(load: BusLoad | None) -> dict[str, Any] | None:
         "peak_ns": str(load.peak_ns),
         "worst": _rounded(load.worst),
         "partial": load.partial,
+        "by_second": [[str(began_ns), _rounded(part), _rounded(worst)] for began_ns, part, worst in load.by_second],
     }
 
 
