@@ -25,11 +25,10 @@ EXTENDED = can.EXTENDED.mask
 
 
 class Part(NamedTuple):
-    """What a COB-ID carries: a list, by its own COB-ID, which part of it, and how many items that has (0: unknown)."""
+    """What a COB-ID carries: a list, by its own COB-ID, and which part of it."""
 
     cob_id: int
     subindex: int = 0
-    items: int = 0
 
 
 class PdoList(NamedTuple):

@@ -148,8 +148,8 @@ class Varieties:
     ``datagram.payload`` is relative to the packet's first byte. Of no use are ``datagram.row``, the source port and
     Counter, and, where too little was captured, the fields behind SubIndex. Row 0 is ``NO_TELEGRAM``.
 
-    CAN frames (``on_can``) stand here as telegrams with the header that they have not: SubIndex, Items and Length are
-    what they would be, all else is 0. ``is_pdo`` are those that may carry variables.
+    CAN frames (``on_can``) stand here as telegrams with the header that they have not: SubIndex and Length are what
+    they would be, all else is 0. ``is_pdo`` are those that may carry variables.
 
     ``port`` and ``index`` (int64) say which list it is: destination port and Index, or, from ``ON_CAN`` on, channel and
     COB-ID (``dissectors.can_pdo``).
@@ -253,7 +253,7 @@ class Varieties:
             header["length"] = HEADER.size_bytes + part.length.astype(np.int64)
             index = np.empty(len(first), np.int64)
             for row, (channel, number) in enumerate(zip(part.channel.tolist(), own.tolist(), strict=True)):
-                index[row], header["subindex"][row], header["items"][row] = rules.part_of(channel, number)
+                index[row], header["subindex"][row] = rules.part_of(channel, number)
             nothing = np.zeros(len(first), np.int64)
             blank = DatagramBatch(
                 *(nothing.astype(getattr(NO_DATAGRAMS, column.name).dtype) for column in fields(DatagramBatch))

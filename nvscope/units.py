@@ -1,4 +1,4 @@
-"""Quantities as people read them: durations, times, counts, bytes, shares. Integer arithmetic, no locale.
+"""Quantities as people read them: durations, times, counts, bytes, shares, COB-IDs. Integer arithmetic, no locale.
 
 Halves are rounded to even. A regular space separates thousands; ``view.table.wrap`` keeps such a number on one line.
 """
@@ -21,6 +21,11 @@ def count(number: int) -> str:
 def count_of(number: int, noun: str, plural: str = "") -> str:
     """Return ``1 frame`` or ``1 234 frames``; ``plural`` where the noun does not simply take an s."""
     return f"{count(number)} {noun if number == 1 else plural or noun + 's'}"
+
+
+def cob_id(number: int, extended: bool = False) -> str:
+    """Return ``181h``, or ``18FF0201h`` for an identifier of 29 bits."""
+    return f"{number:08X}h" if extended else f"{number:03X}h"
 
 
 def data_size(size_bytes: int) -> str:

@@ -17,24 +17,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from dissectors import can
 from dissectors.batch import I32, I64, PAD_BYTES, U16, Bool, LinkType, PacketBatch
 
 if TYPE_CHECKING:
     Frames = np.ndarray[tuple[int, int], np.dtype[np.uint32]]
 
-EXTENDED = 0x8000_0000
-REMOTE = 0x4000_0000
-ERROR = 0x2000_0000
-IDENTIFIER = 0x1FFF_FFFF
-STANDARD_IDENTIFIER = 0x7FF
-
-BIT_RATE_SWITCH = 0x01
-ERROR_STATE = 0x02
-FD_FRAME = 0x04
-
-HEAD_BYTES = 8
-MAX_DATA_BYTES = 8
-MAX_FD_DATA_BYTES = 64
+EXTENDED, REMOTE, ERROR = can.EXTENDED.mask, can.REMOTE.mask, can.ERROR.mask
+IDENTIFIER, STANDARD_IDENTIFIER = can.EXTENDED_MASK, can.STANDARD_MASK
+BIT_RATE_SWITCH, ERROR_STATE, FD_FRAME = can.BIT_RATE_SWITCH.mask, can.ERROR_STATE.mask, can.FD_FRAME.mask
+HEAD_BYTES = can.FRAME.size_bytes
+MAX_DATA_BYTES, MAX_FD_DATA_BYTES = can.MAX_DATA_BYTES, can.MAX_FD_DATA_BYTES
 MAX_CHANNELS = 1 << 16
 MAX_CHANNEL_BYTES = 256
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dissectors.canopen import Service, services_within
+from nvscope import units
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
 from nvscope.list_key import ANY_CHANNEL
@@ -114,9 +115,4 @@ def _use(service: Service, taken: CobIds) -> str:
 
 def cob_id_range(first: int, last: int) -> str:
     """Return COB-IDs as people write them: ``181h``, ``181h to 183h``."""
-    return cob_id_text(first) if first == last else f"{cob_id_text(first)} to {cob_id_text(last)}"
-
-
-def cob_id_text(number: int) -> str:
-    """Return a COB-ID as people write it: ``181h``."""
-    return f"{number:03X}h"
+    return units.cob_id(first) if first == last else f"{units.cob_id(first)} to {units.cob_id(last)}"

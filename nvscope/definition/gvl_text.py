@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from nvscope.definition.gvl_file import gvl_file
 from nvscope.definition.infer import Field, Layout, Proposal
 from nvscope.definition.model import ListDefinition, Position, Scalar, String, Variable
 from nvscope.definition.packing import pack
@@ -111,24 +112,15 @@ def gvl_text(draft: Draft) -> str:
         "Interval": f"T#{interval}",
         "MinGap": "T#20ms",
     }
-    declarations = "\n".join(lines)
-    return "\n".join(
-        [
-            "<GVL>",
-            f"  <Declarations><![CDATA[{declarations}]]></Declarations>",
-            '  <NetvarSettings Protocol="UDP">',
-            *(f"    <{name}>{value}</{name}>" for name, value in settings.items()),
-            "    <EventVariable>",
-            "    </EventVariable>",
-            "    <ProtocolSettings>",
-            f'      <ProtocolSetting Name="Broadcast Adr." Value="{draft.address}" />',
-            f'      <ProtocolSetting Name="Port" Value="{draft.port}" />',
-            "    </ProtocolSettings>",
-            "  </NetvarSettings>",
-            "</GVL>",
-            "",
-        ]
-    )
+    more = [
+        "<EventVariable>",
+        "</EventVariable>",
+        "<ProtocolSettings>",
+        f'  <ProtocolSetting Name="Broadcast Adr." Value="{draft.address}" />',
+        f'  <ProtocolSetting Name="Port" Value="{draft.port}" />',
+        "</ProtocolSettings>",
+    ]
+    return gvl_file("UDP", lines, settings, more)
 
 
 def type_name(kind: Scalar | String) -> str:

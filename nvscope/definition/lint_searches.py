@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from dissectors.canopen import MAX_COB_ID
-from nvscope.definition.cob_ids import CobIds, canopen_uses, cob_id_text, overlaps, taken_by
+from nvscope.definition.cob_ids import CobIds, canopen_uses, overlaps, taken_by
 from nvscope.definition.difference import list_difference
 from nvscope.definition.model import Array, ListDefinition, Position, Structure, Union, elements
 from nvscope.definition.named_sizes import named_sizes
 from nvscope.definition.packing import TelegramLayout, capacity_bytes
 from nvscope.definition.syntax import FileSyntax
-from nvscope.units import count, count_of, duration
+from nvscope.units import cob_id, count, count_of, duration
 
 MOST_TELEGRAMS = 20
 """How many telegrams a receiver takes per task cycle, as one vendor states it."""
@@ -244,7 +244,7 @@ def find_can_services(subject: Subject) -> Iterator[Place]:
 def find_can_identifiers(subject: Subject) -> Iterator[Place]:
     for taken in _can_lists(subject):
         if taken.last > MAX_COB_ID:
-            message = f"{taken.list.name} takes {taken.text}, beyond {cob_id_text(MAX_COB_ID)}"
+            message = f"{taken.list.name} takes {taken.text}, beyond {cob_id(MAX_COB_ID)}"
             yield _of_list(taken.list, message)
 
 

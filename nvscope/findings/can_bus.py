@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from dissectors.batch import I64
 from dissectors.can_error import CLASSES, CONTROLLER_BITS
 from nvscope import units
-from nvscope.definition.cob_ids import cob_id_text
 from nvscope.findings.finding import Facts, Finding
-from nvscope.tracker.can_bus import CanBusSummary, IdentifierBits, second_loads
+from nvscope.tracker.can_bus import CanBusSummary, IdentifierBits
 from nvscope.tracker.can_errors import BusErrors
 
 _CLASSES = {bit.name: bit.label for bit in CLASSES}
@@ -22,18 +18,16 @@ _NAMED = 3
 
 def judge_buses(facts: Facts) -> Iterator[Finding]:
     """Yield NV605 for each channel with seconds above the limit, if its bit rate is known, and NV606 with errors."""
-    rows = facts.state.can.load.rows_by_channel() if facts.summary.can.buses else {}
     for bus in facts.summary.can.buses:
-        yield from _load(facts, bus, rows[bus.number])
+        yield from _load(facts, bus)
         if bus.errors is not None:
             yield _errors(facts, bus.channel, bus.errors)
 
 
-def _load(facts: Facts, bus: CanBusSummary, rows: I64) -> Iterator[Finding]:
+def _load(facts: Facts, bus: CanBusSummary) -> Iterator[Finding]:
     if bus.bit_rate is None or bus.load is None:
         return
-    began_ns, percent = second_loads(facts.state.can.load, rows, bus.bit_rate)
-    above = began_ns[np.flatnonzero(percent > facts.limits.bus_load_percent)]
+    above = bus.load.second_ns[bus.load.second > facts.limits.bus_load_percent]
     if not len(above):
         return
     rate, load = bus.bit_rate, bus.load
@@ -76,5 +70,4 @@ def _bus_off(errors: BusErrors, at_ns: int) -> str:
 
 
 def _share(entry: IdentifierBits) -> str:
-    name = f"{entry.cob_id:08X}h" if entry.extended else cob_id_text(entry.cob_id)
-    return f"{name} {units.load(entry.share)}"
+    return f"{units.cob_id(entry.cob_id, entry.extended)} {units.load(entry.share)}"

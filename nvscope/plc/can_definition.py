@@ -6,11 +6,12 @@ are chosen such that the PDOs become as long as the scenario says.
 
 from __future__ import annotations
 
+from nvscope.definition.gvl_file import gvl_file
+from nvscope.definition.packing import PDO_DATA_BYTES
 from nvscope.duration import format_duration
 from nvscope.plc.can_tables import CanList
 from nvscope.plc.scenario import Scenario
 
-_PDO_BYTES = 8
 _TYPES = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
@@ -35,7 +36,8 @@ def _types(scenario: Scenario, position: int, entry: CanList) -> list[str]:
     room = 0
     for number, size in enumerate(entry.data_bytes):
         if not size or (entry.packed and 0 < size <= room):
-            why = "has no bytes" if not size else f"has room in the one before it, which has {_PDO_BYTES - room} bytes"
+            before = PDO_DATA_BYTES - room
+            why = f"has room in the one before it, which has {before} bytes" if size else "has no bytes"
             raise scenario.error(
                 f"can_list[{position}].bytes",
                 f"PDO {number} {why}: no definition packs a list like this",
@@ -43,7 +45,7 @@ def _types(scenario: Scenario, position: int, entry: CanList) -> list[str]:
             )
         whole = not entry.packed or room
         types += [_type(size)] if whole else [_type(part) for part in _parts(size)]
-        room = _PDO_BYTES - size
+        room = PDO_DATA_BYTES - size
     return types
 
 
@@ -69,15 +71,4 @@ def _text(entry: CanList, types: list[str]) -> str:
         "Interval": f"T#{format_duration(entry.interval_ns)}",
     }
     lines = ["VAR_GLOBAL", *(f"\tv{number} : {kind};" for number, kind in enumerate(types)), "END_VAR"]
-    declarations = "\n".join(lines)
-    return "\n".join(
-        [
-            "<GVL>",
-            f"  <Declarations><![CDATA[{declarations}]]></Declarations>",
-            '  <NetvarSettings Protocol="CAN">',
-            *(f"    <{name}>{value}</{name}>" for name, value in settings.items()),
-            "  </NetvarSettings>",
-            "</GVL>",
-            "",
-        ]
-    )
+    return gvl_file("CAN", lines, settings)

@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+from dissectors.can import MAX_DATA_BYTES as MAX_PDO_BYTES
 from nvscope.errors import ConfigurationError
 from nvscope.plc.can_check import check_can
 from nvscope.plc.can_tables import Bus, BusOff, CanList, CanTraffic, ErrorFrames
@@ -48,7 +49,6 @@ MAX_DATA_BYTES = 1452
 PACKED_DATA_BYTES = 256
 MAX_TELEGRAMS_PER_LIST = 1024
 SLOWEST_NS = 31 * 86_400_000_000_000
-MAX_PDO_BYTES = 8
 U8_MAX, U16_MAX = 0xFF, 0xFFFF
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
-from nvscope.report.columns import NOTHING, Measure
+from nvscope.report.columns import NOTHING, Measure, count_cell, used
 from nvscope.report.content import Clock, Report, Row, nanoseconds
 from nvscope.view.table import NO_BREAK, Cell, Column, Tone
 
@@ -61,13 +61,13 @@ def identifiers(bus: Row, most: int | None = MOST_IDENTIFIERS) -> tuple[list[Mea
         rows.append(
             {"cob_id": None, "name": None, "canopen": None, "left": len(left), "share": share, "load": load} | rest
         )
-    return [measure for measure in _IDENTIFIERS if any(measure.cell(row).text != NOTHING for row in rows)], rows
+    return used(_IDENTIFIERS, rows), rows
 
 
 def nodes(bus: Row, clock: Clock) -> tuple[list[Measure], list[Row]]:
     """Return columns and rows of the table of CANopen nodes."""
     rows: list[Row] = [{**node, "clock": clock} for node in bus["canopen_nodes"]]
-    return [measure for measure in _NODES if any(measure.cell(row).text != NOTHING for row in rows)], rows
+    return used(_NODES, rows), rows
 
 
 def error_lines(bus: Row, clock: Clock) -> list[list[Cell]]:
@@ -111,7 +111,7 @@ def _faint(text: str | None) -> Cell:
 def _identifier(entry: Row) -> Cell:
     if entry["cob_id"] is None:
         return Cell(f"{units.count(entry['left'])} more", Tone.FAINT)
-    return Cell(f"{entry['cob_id']:08X}h" if entry["extended"] else f"{entry['cob_id']:03X}h", Tone.STRONG)
+    return Cell(units.cob_id(entry["cob_id"], entry["extended"]), Tone.STRONG)
 
 
 def _load(entry: Row) -> Cell:
@@ -128,10 +128,6 @@ def _state(node: Row) -> Cell:
 def _moment(node: Row, time: str | None) -> Cell:
     time_ns = nanoseconds(time)
     return _faint(None) if time_ns is None else Cell(node["clock"].moment(time_ns))
-
-
-def _number(number: int, tone: Tone = Tone.PLAIN) -> Cell:
-    return Cell(units.count(number), tone if number else Tone.FAINT)
 
 
 def _emergency(node: Row) -> Cell:
@@ -153,8 +149,8 @@ _IDENTIFIERS = (
         lambda row: Cell(row["name"]) if row["name"] else _faint(row["canopen"]),
         identifier=True,
     ),
-    Measure(Column("frames", right=True, importance=8), lambda row: _number(row["frames"])),
-    Measure(Column("bits", right=True, importance=5), lambda row: _number(row["bits"] + row["fast_bits"])),
+    Measure(Column("frames", right=True, importance=8), lambda row: count_cell(row["frames"])),
+    Measure(Column("bits", right=True, importance=5), lambda row: count_cell(row["bits"] + row["fast_bits"])),
     Measure(Column("share", right=True), lambda row: Cell(units.load(row["share"]))),
     Measure(Column("load", right=True, importance=9), _load),
 )
@@ -163,10 +159,10 @@ _NODES = (
     Measure(Column("CANopen"), lambda row: Cell(f"node {row['node']}", Tone.STRONG)),
     Measure(Column("state"), _state),
     Measure(Column("since", importance=6), lambda row: _moment(row, row["since_ns"])),
-    Measure(Column("heartbeats", right=True, importance=3), lambda row: _number(row["heartbeats"])),
-    Measure(Column("changes", right=True, importance=2), lambda row: _number(row["changes"])),
-    Measure(Column("boot-ups", right=True, importance=5), lambda row: _number(row["boot_ups"], Tone.WARNING)),
-    Measure(Column("EMCY", right=True, importance=9), lambda row: _number(row["emergencies"], Tone.WARNING)),
+    Measure(Column("heartbeats", right=True, importance=3), lambda row: count_cell(row["heartbeats"])),
+    Measure(Column("changes", right=True, importance=2), lambda row: count_cell(row["changes"])),
+    Measure(Column("boot-ups", right=True, importance=5), lambda row: count_cell(row["boot_ups"], Tone.WARNING)),
+    Measure(Column("EMCY", right=True, importance=9), lambda row: count_cell(row["emergencies"], Tone.WARNING)),
     Measure(Column("last EMCY", importance=8, shortest=20), _emergency),
     Measure(Column("register", importance=1, shortest=12), _register),
     Measure(

@@ -39,12 +39,12 @@ def overview(report: Report) -> tuple[list[Measure], list[Row]]:
         }
         for entry in report["lists"]
     ]
-    return _used(_OVERVIEW, rows), rows
+    return used(_OVERVIEW, rows), rows
 
 
 def streams(entry: Row) -> tuple[list[Measure], list[Row]]:
     """Return columns and rows of the table of a list's streams: what was counted."""
-    return _used(_STREAMS, entry["streams"]), entry["streams"]
+    return used(_STREAMS, entry["streams"]), entry["streams"]
 
 
 def intervals(entry: Row) -> tuple[list[Measure], list[Row]]:
@@ -52,7 +52,7 @@ def intervals(entry: Row) -> tuple[list[Measure], list[Row]]:
     rows: list[Row] = [
         {**stream, **stream["interval_ns"]} for stream in entry["streams"] if stream["interval_ns"]["count"]
     ]
-    return _used(_INTERVALS, rows), rows
+    return used(_INTERVALS, rows), rows
 
 
 def cells(measures: Sequence[Measure], row: Row) -> list[Cell]:
@@ -60,7 +60,7 @@ def cells(measures: Sequence[Measure], row: Row) -> list[Cell]:
     return [measure.cell(row) for measure in measures]
 
 
-def _used(measures: Sequence[Measure], rows: Sequence[Row]) -> list[Measure]:
+def used(measures: Sequence[Measure], rows: Sequence[Row]) -> list[Measure]:
     """Return the columns in which at least one row has something to say."""
     return [measure for measure in measures if any(measure.cell(row).text != NOTHING for row in rows)]
 
@@ -83,7 +83,7 @@ def diagnosis_rows(diags: Sequence[Row], clock: Clock) -> list[list[Cell]]:
             rows.append([label, *(_known(time, clock.moment, NOTHING) for time in times)])
             below = [Cell("  since start", Tone.FAINT), *(_known(time, clock.since_start, "") for time in times)]
         elif counter.width_bits:
-            rows.append([label, *(_count(value) for value in values)])
+            rows.append([label, *(count_cell(value) for value in values)])
             below = [Cell(f"  as {_IEC_TYPE[counter.width_bits]}", Tone.FAINT)]
             below += (_wrapped(value, 1 << counter.width_bits) for value in values)
         else:
@@ -121,14 +121,15 @@ def _text(value: object, tone: Tone = Tone.PLAIN) -> Cell:
     return Cell(NOTHING, Tone.FAINT) if value is None or value in ("", NOTHING) else Cell(str(value), tone)
 
 
-def _count(number: int | None, tone: Tone = Tone.PLAIN) -> Cell:
+def count_cell(number: int | None, tone: Tone = Tone.PLAIN) -> Cell:
     """Return a counter: zero is faint, more has the tone given (less is not bad: it evens out elsewhere)."""
     if number is None:
         return Cell(NOTHING, Tone.FAINT)
     return Cell(units.count(number), tone if number > 0 else Tone.PLAIN if number else Tone.FAINT)
 
 
-def _duration(duration_ns: int | None, tone: Tone = Tone.PLAIN) -> Cell:
+def duration_cell(duration_ns: int | None, tone: Tone = Tone.PLAIN) -> Cell:
+    """Return a duration as people read it, nothing where there is none."""
     return Cell(NOTHING, Tone.FAINT) if duration_ns is None else Cell(units.duration(duration_ns), tone)
 
 
@@ -155,13 +156,13 @@ def _spread(durations_ns: Sequence[int]) -> Cell:
         return Cell(NOTHING, Tone.FAINT)
     ordered = sorted(durations_ns)
     if ordered[0] >= 0 and ordered[-1] * 10 <= ordered[0] * 11:
-        return _duration(ordered[(len(ordered) - 1) // 2])
+        return duration_cell(ordered[(len(ordered) - 1) // 2])
     return Cell(f"{units.duration(ordered[0])} … {units.duration(ordered[-1])}")
 
 
 def _lost(entry: Row) -> Cell:
     """Return what was lost; nobody knows it of a sender that does not count."""
-    return Cell("?", Tone.FAINT) if entry["erratic"] else _count(entry["counters"]["lost"], Tone.ERROR)
+    return Cell("?", Tone.FAINT) if entry["erratic"] else count_cell(entry["counters"]["lost"], Tone.ERROR)
 
 
 def _interval(entry: Row) -> Cell:
@@ -218,13 +219,13 @@ _OVERVIEW = (
     Measure(Column("defined", right=True, importance=9), _defined),
     Measure(Column("median", right=True, importance=2), _median),
     Measure(Column("jitter", right=True, importance=4), _jitter),
-    Measure(Column("sent", right=True, importance=10), lambda row: _count(row["diag"]["nSendCount"])),
+    Measure(Column("sent", right=True, importance=10), lambda row: count_cell(row["diag"]["nSendCount"])),
     Measure(Column("lost", right=True, importance=10), _lost),
     Measure(
         Column("no ack", right=True, importance=8),
-        lambda row: _count(row["counters"]["missing_acknowledgements"], Tone.ERROR),
+        lambda row: count_cell(row["counters"]["missing_acknowledgements"], Tone.ERROR),
     ),
-    Measure(Column("errors", right=True, importance=5), lambda row: _count(row["diag"]["nErrorCount"], Tone.ERROR)),
+    Measure(Column("errors", right=True, importance=5), lambda row: count_cell(row["diag"]["nErrorCount"], Tone.ERROR)),
     Measure(Column("last error", importance=3), lambda row: _last_error(row["diag"])),
 )
 
@@ -235,11 +236,11 @@ _STREAM = (
 
 _STREAMS = (
     *_STREAM,
-    Measure(Column("telegrams", right=True), lambda row: _count(row["telegrams"])),
-    Measure(Column("lost", right=True), lambda row: _count(row["lost"], Tone.ERROR)),
-    Measure(Column("dup", right=True, importance=6), lambda row: _count(row["duplicates"], Tone.WARNING)),
-    Measure(Column("overtaken", right=True, importance=5), lambda row: _count(row["overtaken"], Tone.WARNING)),
-    Measure(Column("restarts", right=True, importance=4), lambda row: _count(row["restarts"], Tone.WARNING)),
+    Measure(Column("telegrams", right=True), lambda row: count_cell(row["telegrams"])),
+    Measure(Column("lost", right=True), lambda row: count_cell(row["lost"], Tone.ERROR)),
+    Measure(Column("dup", right=True, importance=6), lambda row: count_cell(row["duplicates"], Tone.WARNING)),
+    Measure(Column("overtaken", right=True, importance=5), lambda row: count_cell(row["overtaken"], Tone.WARNING)),
+    Measure(Column("restarts", right=True, importance=4), lambda row: count_cell(row["restarts"], Tone.WARNING)),
     Measure(Column("items", right=True, importance=3), lambda row: _text(row["items"])),
     Measure(Column("length", right=True, importance=3), lambda row: _text(row["length"])),
     Measure(Column("checksum", right=True, importance=2), lambda row: _checksum(row["checksum"])),
@@ -248,16 +249,16 @@ _STREAMS = (
 
 _INTERVALS = (
     *_STREAM,
-    Measure(Column("nominal", right=True, importance=8), lambda row: _duration(row["nominal"])),
-    Measure(Column("min", right=True, importance=6), lambda row: _duration(row["min"])),
+    Measure(Column("nominal", right=True, importance=8), lambda row: duration_cell(row["nominal"])),
+    Measure(Column("min", right=True, importance=6), lambda row: duration_cell(row["min"])),
     Measure(
         Column("p50", right=True, importance=9),
-        lambda row: _duration(row["p50"], Tone.WARNING if _departs(row) else Tone.PLAIN),
+        lambda row: duration_cell(row["p50"], Tone.WARNING if _departs(row) else Tone.PLAIN),
     ),
-    Measure(Column("p95", right=True, importance=3), lambda row: _duration(row["p95"])),
-    Measure(Column("p99", right=True, importance=7), lambda row: _duration(row["p99"])),
-    Measure(Column("max", right=True, importance=9), lambda row: _duration(row["max"])),
-    Measure(Column("mean", right=True, importance=5), lambda row: _duration(row["mean"])),
-    Measure(Column("stddev", right=True, importance=4), lambda row: _duration(row["stddev"])),
-    Measure(Column("count", right=True, importance=2), lambda row: _count(row["count"])),
+    Measure(Column("p95", right=True, importance=3), lambda row: duration_cell(row["p95"])),
+    Measure(Column("p99", right=True, importance=7), lambda row: duration_cell(row["p99"])),
+    Measure(Column("max", right=True, importance=9), lambda row: duration_cell(row["max"])),
+    Measure(Column("mean", right=True, importance=5), lambda row: duration_cell(row["mean"])),
+    Measure(Column("stddev", right=True, importance=4), lambda row: duration_cell(row["stddev"])),
+    Measure(Column("count", right=True, importance=2), lambda row: count_cell(row["count"])),
 )

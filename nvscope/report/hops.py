@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
-from nvscope.report.columns import NOTHING, Measure
+from nvscope.report.columns import NOTHING, Measure, duration_cell
 from nvscope.report.content import Report, Row
 from nvscope.view.table import Cell, Column, Tone
 
@@ -45,10 +45,6 @@ def _followed(row: Row) -> Cell:
     return Cell(text, Tone.WARNING if row["followed"] < row["changes"] else Tone.PLAIN)
 
 
-def _duration(duration_ns: int | None) -> Cell:
-    return Cell(NOTHING, Tone.FAINT) if duration_ns is None else Cell(units.duration(duration_ns))
-
-
 def _differed(row: Row) -> Cell:
     if not row["observed_ns"]:
         return Cell(NOTHING, Tone.FAINT)
@@ -66,9 +62,9 @@ _HOPS = (
     Measure(Column("from", shortest=16), lambda row: Cell(row["from"]["list"]), identifier=True),
     Measure(Column("to", shortest=16), lambda row: Cell(row["to"]["list"]), identifier=True),
     Measure(Column("followed", right=True, importance=9), _followed),
-    Measure(Column("delay p50", right=True, importance=10), lambda row: _duration(row["delay_ns"]["p50"])),
-    Measure(Column("p99", right=True, importance=5), lambda row: _duration(row["delay_ns"]["p99"])),
-    Measure(Column("max", right=True, importance=7), lambda row: _duration(row["delay_ns"]["max"])),
+    Measure(Column("delay p50", right=True, importance=10), lambda row: duration_cell(row["delay_ns"]["p50"])),
+    Measure(Column("p99", right=True, importance=5), lambda row: duration_cell(row["delay_ns"]["p99"])),
+    Measure(Column("max", right=True, importance=7), lambda row: duration_cell(row["delay_ns"]["max"])),
     Measure(Column("differed", right=True, importance=8), _differed),
     Measure(Column("at the end", importance=6), _now),
 )

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from dissectors.batch import I64, U64
+from dissectors.batch import I64
 from dissectors.can import EXTENDED_MASK
 from dissectors.can_pdo import EXTENDED
 from nvscope.definition.buses import Buses, BusSettings
 from nvscope.tracker.can_errors import BusErrors
 from nvscope.tracker.can_identifiers import IdentifierColumns
-from nvscope.tracker.can_load import BEFORE_1970, CanLoad
+from nvscope.tracker.can_load import BEFORE_1970, rows_by_channel
 from nvscope.tracker.can_state import CanState
 from nvscope.tracker.canopen import CanOpenNode
-from nvscope.tracker.columns import runs_of
 
 F64 = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 _S_NS = 1_000_000_000
 _NOTHING = np.empty(0, np.int64)
-
-MOST_SECONDS = 86_400
-"""The load of so many seconds is told one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +42,9 @@ class BusLoad:
 
     ``mean`` is that from the first frame to the last (of a second, where they are no further apart), ``peak`` that of
     the busiest second, which began at ``peak_ns``, and ``worst`` what that one could have had with stuff bits
-    wherever its frames can have some. ``by_second`` has when each second with frames began, its load, and the worst it
-    could have had, of the first ``MOST_SECONDS``. ``partial`` where there are bits at a data bit rate that is unknown:
-    they are not counted.
+    wherever its frames can have some. ``second_ns`` is when each second with frames began, ``second`` its load,
+    ``second_worst`` the worst it could have had, columns of shape (n,). ``partial`` where there are bits at a data bit
+    rate that is unknown: they are not counted.
     """
 
     mean: float
@@ -56,7 +52,9 @@ class BusLoad:
     peak_ns: int
     worst: float
     partial: bool
-    by_second: Sequence[tuple[int, float, float]] = ()
+    second_ns: I64 = field(compare=False)
+    second: F64 = field(compare=False)
+    second_worst: F64 = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +76,12 @@ class IdentifierBits:
 class CanBusSummary:
     """One channel: its frames, and the bits of its seconds.
 
-    ``number`` is that of the state. ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one
+    ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one
     (exact stuffing), ``worst_bits`` those that it could have had at most. ``bits`` and ``fast_bits`` are sums over all,
     exact; the latter at the data bit rate of CAN FD. ``load`` is None where no bit rate is known. ``identifiers`` are
     those with frames, the largest share first. ``errors`` is None without error frames.
     """
 
-    number: int
     channel: str
     frames: int
     seconds: int
@@ -106,8 +103,8 @@ def summarize_buses(
 
     ``name`` returns what a channel is called.
     """
-    given, rows = buses or Buses(), state.load.rows_by_channel()
-    identifiers = _rows_by_channel(state.load.identifiers.keys.high)
+    given, rows = buses or Buses(), rows_by_channel(state.load.keys)
+    identifiers = rows_by_channel(state.load.identifiers.keys)
     errors, nodes = state.errors.by_channel(), state.canopen.by_channel(lists)
     found = [
         _bus(
@@ -117,13 +114,6 @@ def summarize_buses(
         for number in rows
     ]  # fmt: skip
     return sorted(found, key=lambda bus: bus.channel)
-
-
-def second_loads(load: CanLoad, rows: I64, rate: BitRate) -> tuple[I64, F64]:
-    """Return when the seconds of a channel that had frames began (ns), and the load of each in percent."""
-    columns = load.columns
-    began_ns = (load.keys.low[rows].astype(np.int64) - BEFORE_1970) * _S_NS
-    return began_ns, _percent(rate, columns.exact_bits[rows], columns.fast_bits[rows])
 
 
 def _percent(rate: BitRate, bits: I64, fast_bits: I64) -> F64:
@@ -148,19 +138,19 @@ def _bus(
     if rate is None:
         busiest, load = int(exact.argmax()), None
     else:
-        began_ns, percent = second_loads(state.load, rows, rate)
+        began_ns = (state.load.keys.low[rows].astype(np.int64) - BEFORE_1970) * _S_NS
+        percent = _percent(rate, exact, fast)
         busiest = int(percent.argmax())
         worst = _percent(rate, columns.worst_bits[rows], columns.worst_fast_bits[rows])
-        told = slice(0, MOST_SECONDS)
-        seconds = zip(began_ns[told].tolist(), percent[told].tolist(), worst[told].tolist(), strict=True)
         busy_s = rate.seconds(int(exact.sum()), int(fast.sum()))
         partial = bool(fast.any()) and not rate.data
         mean = 100 * busy_s / _duration_s(state.load.identifiers.columns, identifiers)
         load = BusLoad(
-            mean, float(percent[busiest]), int(began_ns[busiest]), float(worst[busiest]), partial, tuple(seconds)
-        )
+            mean, float(percent[busiest]), int(began_ns[busiest]), float(worst[busiest]), partial,
+            began_ns, percent, worst,
+        )  # fmt: skip
     return CanBusSummary(
-        number, channel, int(columns.frames[rows].sum()), len(rows), int(exact.sum()), int(fast.sum()),
+        channel, int(columns.frames[rows].sum()), len(rows), int(exact.sum()), int(fast.sum()),
         int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load, _identifiers(state, identifiers, rate),
         errors, nodes,
     )  # fmt: skip
@@ -177,16 +167,6 @@ def _duration_s(columns: IdentifierColumns, own: I64) -> float:
     if not len(own):
         return 1.0
     return max(1.0, int(columns.last_ns[own].max() - columns.first_ns[own].min()) / _S_NS)
-
-
-def _rows_by_channel(channel: U64) -> dict[int, I64]:
-    """Return the rows of each channel, as they come."""
-    order = np.argsort(channel, kind="stable")
-    start, stop = runs_of(channel[order].astype(np.int64))
-    numbers = channel[order[start]].tolist()
-    return {
-        number: order[first:last] for number, first, last in zip(numbers, start.tolist(), stop.tolist(), strict=True)
-    }
 
 
 def _identifiers(state: CanState, own: I64, rate: BitRate | None) -> list[IdentifierBits]:

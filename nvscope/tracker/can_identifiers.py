@@ -9,8 +9,9 @@ import numpy as np
 from dissectors.batch import I64
 from dissectors.can import CanBatch, Fault
 from dissectors.can_bits import WireBits
+from dissectors.can_pdo import words
 from dissectors.keys import KeyTable
-from nvscope.tracker.columns import Columns
+from nvscope.tracker.columns import Columns, add_sums
 
 _STANDARD = 1 << 11
 _DENSE_CHANNELS = 64
@@ -57,10 +58,9 @@ class CanIdentifiers:
             new, at = new[new >= before], at[new >= before]
             columns.first_ns[new], columns.first_frame[new] = frames.ts_ns[at], frames.row[at] + first_frame
         columns.frames[:rows] += np.bincount(number, minlength=rows)
-        # Sums of a batch stay far below the 2^53 up to which they are exact.
-        columns.bits[:rows] += np.bincount(number, bits.nominal, minlength=rows).astype(np.int64)
+        add_sums(columns.bits, number, bits.nominal, rows)
         if bits.fast.any():
-            columns.fast_bits[:rows] += np.bincount(number, bits.fast, minlength=rows).astype(np.int64)
+            add_sums(columns.fast_bits, number, bits.fast, rows)
         columns.last_ns[number] = frames.ts_ns  # of equal numbers, the last one stays
 
     def _numbers(self, frames: CanBatch) -> I64:
@@ -74,9 +74,8 @@ class CanIdentifiers:
         number[frames.extended | (frames.channel >= _DENSE_CHANNELS)] = -1
         other = np.flatnonzero(number < 0)
         if len(other):
-            extended = frames.extended[other]
-            word = frames.identifier[other].astype(np.uint64) | (extended.astype(np.uint64) << np.uint64(31))
-            number[other] = self.keys.numbers(frames.channel[other].astype(np.uint64), word)
-            short = other[~extended & (frames.channel[other] < _DENSE_CHANNELS)]
+            unknown = frames.take(other)
+            number[other] = self.keys.numbers(unknown.channel.astype(np.uint64), words(unknown))
+            short = other[~unknown.extended & (unknown.channel < _DENSE_CHANNELS)]
             dense[place[short]] = number[short]
         return number

@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U16
+from dissectors.batch import I64
 from dissectors.can import CanBatch
 from dissectors.can_bits import Stuffing, wire_bits
 from dissectors.keys import KeyTable
 from nvscope.tracker.bit_rate import BackToBack
 from nvscope.tracker.can_identifiers import CanIdentifiers
-from nvscope.tracker.columns import Columns, runs_of
+from nvscope.tracker.columns import Columns, add_sums, runs_of
 
 _S_NS = 1_000_000_000
 BEFORE_1970 = 1 << 62
@@ -58,11 +58,11 @@ class CanLoad:
         exact, worst = wire_bits(frames, Stuffing.EXACT), wire_bits(frames, Stuffing.WORST)
         rows = len(self.keys)
         columns.frames[:rows] += np.bincount(number, minlength=rows)
-        _add(columns.exact_bits, number, exact.nominal, rows)
-        _add(columns.worst_bits, number, worst.nominal, rows)
+        add_sums(columns.exact_bits, number, exact.nominal, rows)
+        add_sums(columns.worst_bits, number, worst.nominal, rows)
         if exact.fast.any():
-            _add(columns.fast_bits, number, exact.fast, rows)
-            _add(columns.worst_fast_bits, number, worst.fast, rows)
+            add_sums(columns.fast_bits, number, exact.fast, rows)
+            add_sums(columns.worst_fast_bits, number, worst.fast, rows)
         self.identifiers.observe(frames, exact, first_frame)
         self.back_to_back.observe(frames, exact.nominal)
 
@@ -85,15 +85,11 @@ class CanLoad:
         own: I64 = number[local]
         return own
 
-    def rows_by_channel(self) -> dict[int, I64]:
-        """Return which rows of ``columns`` are those of each channel, by time."""
-        order = np.lexsort((self.keys.low, self.keys.high))
-        channel = self.keys.high[order].astype(np.int64)
-        start, stop = runs_of(channel)
-        runs = zip(channel[start].tolist(), start.tolist(), stop.tolist(), strict=True)
-        return {number: order[first:last] for number, first, last in runs}
 
-
-def _add(column: I64, number: I64, bits: U16, rows: int) -> None:
-    # Sums of a batch stay far below the 2^53 up to which they are exact.
-    column[:rows] += np.bincount(number, bits, minlength=rows).astype(np.int64)
+def rows_by_channel(keys: KeyTable) -> dict[int, I64]:
+    """Return which rows are those of each channel, its number being the first word of their keys, by the second."""
+    order = np.lexsort((keys.low, keys.high))
+    channel = keys.high[order].astype(np.int64)
+    start, stop = runs_of(channel)
+    runs = zip(channel[start].tolist(), start.tolist(), stop.tolist(), strict=True)
+    return {number: order[first:last] for number, first, last in runs}

@@ -16,8 +16,8 @@ from nvscope.definition.buses import Buses
 from nvscope.list_key import ListKey, list_key, told_of
 from nvscope.tracker.can_bus import CanBusSummary, summarize_buses
 from nvscope.tracker.diagnosis import Diagnosis
-from nvscope.tracker.flows import LENGTH_SHIFT, NOBODY
-from nvscope.tracker.intervals import Intervals, intervals_of, percentiles_of
+from nvscope.tracker.flows import LENGTH_SHIFT, NOBODY_KEY
+from nvscope.tracker.intervals import Intervals, StreamIntervals
 
 if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 class CanStreamSummary:
     """The frames of one COB-ID of a channel: as ``StreamSummary`` has it, of a sender that nobody knows.
 
-    ``subindex`` is its place in its list, ``length`` the bytes of the last frame, ``items`` those of the definition (0:
-    there is none); ``remote`` counts frames that ask for it.
+    ``subindex`` is its place in its list, ``length`` the bytes of the last frame; ``remote`` counts frames that ask for
+    it.
     """
 
     stream: int
@@ -39,7 +39,6 @@ class CanStreamSummary:
     remote: int
     first_ns: int
     last_ns: int
-    items: int
     length: int
     intervals: Intervals
     last_minute: Intervals
@@ -88,20 +87,20 @@ class CanSummary:
 
 def summarize_can(
     state: TrackerState,
+    intervals: StreamIntervals,
     *,
     intervals_ns: Mapping[ListKey, int] = MappingProxyType({}),
     buses: Buses | None = None,
     cob_ids: Collection[int] = (),
-) -> CanSummary:  # fmt: skip
+) -> CanSummary:
     """Compute what follows from the CAN frames of a state.
 
-    ``intervals_ns`` are the nominal intervals of lists, ``buses`` the bit rates that are given, ``cob_ids`` those that
-    defined lists take: they are not CANopen's.
+    ``intervals`` are those measured, ``intervals_ns`` the nominal ones of lists, ``buses`` the bit rates that are
+    given, ``cob_ids`` those that defined lists take: they are not CANopen's.
     """
     if not state.can.frames:
         return CanSummary()
-    flows, memory, timing = state.flows, state.memory.columns, state.timing
-    histograms, recent = timing.histograms(), state.recent.histograms()
+    flows, memory = state.flows, state.memory.columns
     remotes = state.can.remotes
     asked = dict(
         zip(
@@ -110,12 +109,12 @@ def summarize_can(
         )
     )  # fmt: skip
     streams: dict[int, list[CanStreamSummary]] = defaultdict(list)
-    for stream in np.flatnonzero(flows.streams.low == np.uint64(NOBODY % (1 << 64))).tolist():
+    for stream in np.flatnonzero(flows.streams.low == np.uint64(NOBODY_KEY)).tolist():
         place = int(flows.streams.high[stream])
         number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
         index = int(flows.lists.low[number])
         word = index if index & EXTENDED else index + subindex
-        nominal = told_of(intervals_ns, flows.list_key(number))
+        whole, last_minute = intervals.of(stream, told_of(intervals_ns, flows.list_key(number)))
         signature = int(memory.signature[stream])
         streams[number].append(
             CanStreamSummary(
@@ -127,12 +126,9 @@ def summarize_can(
                 remote=asked.get((int(flows.lists.high[number]) - ON_CAN, word), 0),
                 first_ns=int(memory.first_ns[stream]),
                 last_ns=int(memory.last_ns[stream]),
-                items=signature & 0xFFFF,
                 length=(signature >> int(LENGTH_SHIFT) & 0xFFFF) - HEADER.size_bytes,
-                intervals=intervals_of(timing, stream, histograms.of(stream), nominal),
-                last_minute=percentiles_of(recent[stream], nominal)
-                if stream in recent
-                else Intervals(0, nominal=nominal),
+                intervals=whole,
+                last_minute=last_minute,
             )
         )
     lists = [

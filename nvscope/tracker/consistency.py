@@ -40,18 +40,18 @@ class Consistency:
 
         Positions in ``rows``, in no particular order across streams, in capture order within one.
         """
-        self.places.resize(len(flows.places))
-        np.add.at(self.places.streams, flows.streams.high[self._counted_streams :].astype(np.int64), 1)
-        self._counted_streams = len(flows.streams)
         changes = rows.changes()
         return (
-            self._changed_shapes(rows, changes, flows),
+            self.changed_shapes(rows, changes, flows),
             self._mismatches(rows, flows),
             _odd_flags(rows, changes, flows),
         )
 
-    def _changed_shapes(self, rows: DataRows, changes: I64, flows: Flows) -> I64:
-        """Find telegrams whose shape is not that of the one before of their place."""
+    def changed_shapes(self, rows: DataRows, changes: I64, flows: Flows) -> I64:
+        """Return the rows whose shape changed, as ``observe`` does; ``changes`` are those of ``rows``."""
+        self.places.resize(len(flows.places))
+        np.add.at(self.places.streams, flows.streams.high[self._counted_streams :].astype(np.int64), 1)
+        self._counted_streams = len(flows.streams)
         shared = self.places.streams[flows.place_of(rows.run_stream)] > 1
         # In a place of one stream the shape can only be another where the variety is.
         told = np.zeros(len(rows), np.bool_)

@@ -47,6 +47,9 @@ class Kind(IntEnum):
 NOBODY = -1
 """The node of what has no address."""
 
+NOBODY_KEY = NOBODY % (1 << 64)
+"""The same as the table of streams has it."""
+
 LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
 IS_PARAMETER = KNOWN_SERVICE.copy()
 """Mask over ID, as ``KNOWN_SERVICE``: the services of the Parameter Manager."""

@@ -12,6 +12,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from hashlib import blake2b
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,10 +21,9 @@ from dissectors.can_pdo import PdoRules
 from dissectors.netvar import HEADER, PortRules
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, type_text
-from nvscope.definition.packing import TelegramLayout
 from nvscope.list_key import ListKey
 from nvscope.tracker.data_telegrams import DataTelegrams, Stream, Telegrams, joined
-from nvscope.tracker.timing import bucket_bounds, bucket_of
+from nvscope.tracker.timing import Histogram, bucket_of
 from nvscope.tracker.values import Block, Table
 
 CHANGES_KEPT = 1024
@@ -55,13 +55,9 @@ class Direction:
 
     def percentile_ns(self, percent: int) -> int | None:
         """Return the middle of the bucket of a percentile of the delays, within the extremes; None without any."""
-        rank = max(-(-percent * self.timed // 100), 1)
-        for bucket in sorted(self.buckets):
-            rank -= self.buckets[bucket]
-            if rank <= 0:
-                low, high = bucket_bounds(np.array([bucket]))
-                return min(max((int(low[0]) + int(high[0])) // 2, self.least_ns), self.most_ns)
-        return None
+        buckets = sorted(self.buckets)
+        counts = np.array([self.buckets[bucket] for bucket in buckets], np.int64)
+        return Histogram(np.array(buckets, np.int64), counts, self.least_ns, self.most_ns).percentile_ns(percent)
 
     def add(self, delay: I64) -> None:
         """Take delays."""
@@ -110,6 +106,14 @@ class Pair:
     until_ns: int | None = None
 
 
+class _Wanted(NamedTuple):
+    """An element that several lists have, and where it is in the data of a telegram."""
+
+    offset: int
+    element: Element
+    name: Name
+
+
 class Hops:
     """The variables that several lists have, compared as batches come; however these are cut, it is the same.
 
@@ -123,7 +127,7 @@ class Hops:
         shared, self.untyped = _shared(layouts)
         self._shared = shared
         self._ends: dict[Name, dict[tuple[int, int], End]] = defaultdict(dict)
-        self._wanted: dict[int, tuple[tuple[int, int, Name], ...]] = {}
+        self._wanted: dict[tuple[int, int, int], tuple[_Wanted, ...]] = {}
         self.pairs: dict[Name, list[Pair]] = defaultdict(list)
 
     def observe(self, packets: PacketBatch) -> None:
@@ -143,13 +147,8 @@ class Hops:
 
     def _take(self, telegrams: Telegrams, changed: set[Name], fresh: dict[int, tuple[I64, U64]]) -> None:
         """Find the changes in telegrams of one stream."""
-        stream, size_bytes = telegrams.stream, telegrams.data.shape[1]
-        shape = telegrams.items, HEADER.size_bytes + size_bytes
-        layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
-        if layout is None or shape != (layout.items, layout.length):
-            return
-        for place, offset, name in self._wanted_of(layout):
-            element = layout.elements[place]
+        stream = telegrams.stream
+        for offset, element, name in self._wanted_of(telegrams):
             end = self._end(name, stream, element)
             if end is None:
                 continue
@@ -174,13 +173,18 @@ class Hops:
             fresh[id(end)] = times, values
             changed.add(name)
 
-    def _wanted_of(self, layout: TelegramLayout) -> tuple[tuple[int, int, Name], ...]:
-        """Return the elements that other lists have too: place, offset and name."""
-        known = self._wanted.get(id(layout))
-        if known is None:
-            spans = ((place, offset, _name(element)) for place, (offset, element) in enumerate(layout.spans()))
-            known = self._wanted[id(layout)] = tuple(one for one in spans if one[2] in self._shared)
-        return known
+    def _wanted_of(self, telegrams: Telegrams) -> tuple[_Wanted, ...]:
+        """Return the elements that other lists have too, of telegrams of one stream and shape."""
+        stream, size_bytes = telegrams.stream, telegrams.data.shape[1]
+        key = stream.number, telegrams.items, size_bytes
+        if key not in self._wanted:
+            shape = telegrams.items, HEADER.size_bytes + size_bytes
+            layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
+            fits = layout is not None and shape == (layout.items, layout.length)
+            spans = layout.spans() if layout is not None and fits else ()
+            told = (_Wanted(offset, element, _name(element)) for offset, element in spans)
+            self._wanted[key] = tuple(one for one in told if one.name in self._shared)
+        return self._wanted[key]
 
     def _end(self, name: Name, stream: Stream, element: Element) -> End | None:
         ends = self._ends[name]

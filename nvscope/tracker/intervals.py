@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from nvscope.tracker.recent import Recent
 from nvscope.tracker.timing import Histogram, Timing
 
 CYCLIC_SPREAD_PERCENT = 50
@@ -33,6 +34,21 @@ class Intervals:
         if not self.nominal or self.p99 is None or self.p50 is None:
             return None
         return 100 * (self.p99 - self.p50) / self.nominal
+
+
+class StreamIntervals:
+    """The intervals of any stream of a state, of the whole run and of the last minute, from one look at both."""
+
+    def __init__(self, timing: Timing, recent: Recent) -> None:
+        self._timing = timing
+        self._histograms = timing.histograms()
+        self._recent = recent.histograms()
+
+    def of(self, stream: int, nominal: int | None) -> tuple[Intervals, Intervals]:
+        """Return the intervals of both; ``nominal`` is what is told of a stream that should have an interval."""
+        whole = intervals_of(self._timing, stream, self._histograms.of(stream), nominal)
+        last = self._recent.get(stream)
+        return whole, Intervals(0, nominal=nominal) if last is None else percentiles_of(last, nominal)
 
 
 def intervals_of(timing: Timing, stream: int, histogram: Histogram, nominal: int | None = None) -> Intervals:

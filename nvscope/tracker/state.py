@@ -32,10 +32,11 @@ from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows, Kind
-from nvscope.tracker.loss import Loss
+from nvscope.tracker.loss import Loss, NodeSteps
 from nvscope.tracker.recent import Recent
 from nvscope.tracker.rows import DataRows, StreamMemory
-from nvscope.tracker.timing import Timing
+from nvscope.tracker.sequence import Steps
+from nvscope.tracker.timing import Intervals, Timing
 
 if TYPE_CHECKING:
     from nvscope.tracker.values import Values
@@ -236,9 +237,7 @@ class TrackerState:
             self.data_telegrams += len(rows)
             self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
             own, nodes = self.loss.observe(batch, rows, self.flows, first_frame)
-            intervals = self.timing.observe(rows, own, nodes, len(self.flows.streams), first_frame)
-            if len(intervals.stream):
-                self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
+            intervals = self._observe_intervals(rows, own, nodes, first_frame)
             usual_ns = self.timing.columns.usual_ns
             self.cycles.observe(rows, rows.counter, intervals.usual, usual_ns, self.flows, first_frame)
             errors.append(self._observe_consistency(rows, first_frame))
@@ -246,22 +245,30 @@ class TrackerState:
                 self.values.observe(batch, rows, self.flows, first_frame, chosen)
         return errors
 
+    def _observe_intervals(self, rows: DataRows, own: Steps, nodes: NodeSteps, first_frame: int) -> Intervals:
+        intervals = self.timing.observe(rows, own, nodes, len(self.flows.streams), first_frame)
+        if len(intervals.stream):
+            self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
+        return intervals
+
+    def _log_rows(self, code: int, rows: DataRows, place: I64, first_frame: int) -> None:
+        """Note something of some rows, in the order of the capture."""
+        if len(place):
+            row = place[np.argsort(rows.packet[place])]
+            lists, node, subindex = self.described(rows.stream[row])
+            self._log(code, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+
     def _observe_pdos(self, batch: SortedPackets, count: I64, first_frame: int, chosen: Bool | None) -> None:
         """Take the data frames of CAN: they have a time, a length and variables, and nothing else to go by."""
         rows = self.memory.rows(batch, count, self.flows, Kind.PDO)
         if not len(rows):
             return
         self.loss.streams.resize(len(self.flows.streams))
-        intervals = self.timing.observe(rows, *no_steps(len(rows)), len(self.flows.streams), first_frame)
-        if len(intervals.stream):
-            self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
+        intervals = self._observe_intervals(rows, *no_steps(len(rows)), first_frame)
         usual_ns = self.timing.columns.usual_ns
         self.can.observe_cycles(rows, intervals.usual, usual_ns, self.flows, self._pdos, first_frame)
-        changed, _, _ = self.consistency.observe(rows, self.flows)
-        if len(changed):
-            row = changed[np.argsort(rows.packet[changed])]
-            lists, node, subindex = self.described(rows.stream[row])
-            self._log(PDO_LENGTH_CODE, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+        changed = self.consistency.changed_shapes(rows, rows.changes(), self.flows)
+        self._log_rows(PDO_LENGTH_CODE, rows, changed, first_frame)
         if self.values is not None:
             self.values.observe(batch, rows, self.flows, first_frame, chosen)
 
@@ -314,10 +321,7 @@ class TrackerState:
         """Note changes of shape, checksum and flags."""
         changed, mismatch, strange = self.consistency.observe(rows, self.flows)
         for code, place in ((SHAPE_CODE, changed), (CHECKSUM_CODE, mismatch), (FLAGS_CODE, strange)):
-            if len(place):
-                row = place[np.argsort(rows.packet[place])]
-                lists, node, subindex = self.described(rows.stream[row])
-                self._log(code, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+            self._log_rows(code, rows, place, first_frame)
         np.add.at(self.flows.columns.mismatches, self.flows.varieties.flow[rows.variety[mismatch]], 1)
         lists, node, _ = self.described(rows.stream[mismatch])
         frame = rows.packet[mismatch] + first_frame

@@ -20,12 +20,11 @@ from nvscope.tracker.can_summary import CanSummary, summarize_can
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.errors import LastError
-from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY, Kind
-from nvscope.tracker.intervals import Intervals, intervals_of, percentiles_of
+from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, Kind
+from nvscope.tracker.intervals import Intervals, StreamIntervals
 from nvscope.tracker.state import TrackerState
 
 UNUSED_FROM_TELEGRAMS = 8
-_NOBODY = NOBODY % (1 << 64)  # as the table of streams has it
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +126,12 @@ def summarize(
         for number, (port, index) in enumerate(zip(flows.lists.high.tolist(), flows.lists.low.tolist(), strict=True))
     ]
     _diagnose(state, lists, order, reading)
-    _add_streams(state, lists, scopes, order, intervals_ns)
+    intervals = StreamIntervals(state.timing, state.recent)
+    _add_streams(state, lists, scopes, order, intervals_ns, intervals)
     _count(state, lists)
     on_udp = sorted((entry for entry in lists if entry.port < ON_CAN), key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
-    can = summarize_can(state, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
+    can = summarize_can(state, intervals, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
     timeout_ns = state.acknowledgement.timeout_ns
     return Summary(on_udp, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
 
@@ -145,7 +145,7 @@ def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     own: dict[int, list[int]] = defaultdict(lambda: [0, 0, 0])
     lists: dict[int, set[int]] = defaultdict(set)
     for stream, node in enumerate(nodes):
-        if node == _NOBODY:
+        if node == NOBODY_KEY:
             continue
         tally = own[node]
         tally[0] += regular[stream]
@@ -297,17 +297,16 @@ def _add_streams(
     scopes: dict[int, Scope],
     order: list[tuple[bool, int]],
     intervals_ns: Mapping[ListKey, int],
+    intervals: StreamIntervals,
 ) -> None:
     flows, memory, loss = state.flows, state.memory.columns, state.loss.streams
-    histograms = state.timing.histograms()
-    recent = state.recent.histograms()
     telegrams = memory.column("telegrams").tolist()
     for stream, (place, node) in enumerate(zip(flows.streams.high.tolist(), flows.streams.low.tolist(), strict=True)):
-        if node == _NOBODY:
+        if node == NOBODY_KEY:
             continue
         scope = scopes[node]
         entry = lists[int(flows.places.high[place])]
-        nominal = intervals_ns.get((entry.port, entry.index))
+        whole, last_minute = intervals.of(stream, intervals_ns.get((entry.port, entry.index)))
         counting = bool(loss.counting[stream])
         unused = not counting and telegrams[stream] >= UNUSED_FROM_TELEGRAMS
         signature = int(memory.signature[stream])
@@ -322,8 +321,8 @@ def _add_streams(
             scope=scope,
             counter_scope=SCOPE_UNUSED if unused else SCOPE_NAMES[scope],
             figures=_figures(state, stream, scope) if counting else dict.fromkeys(FIGURES, 0),
-            intervals=intervals_of(state.timing, stream, histograms.of(stream), nominal),
-            last_minute=percentiles_of(recent[stream], nominal) if stream in recent else Intervals(0, nominal=nominal),
+            intervals=whole,
+            last_minute=last_minute,
             items=signature & 0xFFFF,
             length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
             checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_PRESENT.mask else None,

@@ -15,6 +15,9 @@ from nvscope.tracker.can_summary import CanSummary
 from nvscope.tracker.canopen import CanOpenNode, Emergency
 from nvscope.view.can_document import canopen_label
 
+MOST_SECONDS = 86_400
+"""The load of so many seconds is told one by one."""
+
 _Names = Mapping[tuple[str, bool, int], tuple[str | None, str | None]]
 
 
@@ -74,13 +77,15 @@ def _bit_rate(rate: BitRate | None) -> dict[str, Any] | None:
 def _load(load: BusLoad | None) -> dict[str, Any] | None:
     if load is None:
         return None
+    columns = load.second_ns, load.second, load.second_worst
+    seconds = zip(*(column[:MOST_SECONDS].tolist() for column in columns), strict=True)
     return {
         "mean": _rounded(load.mean),
         "peak": _rounded(load.peak),
         "peak_ns": str(load.peak_ns),
         "worst": _rounded(load.worst),
         "partial": load.partial,
-        "by_second": [[str(began_ns), _rounded(part), _rounded(worst)] for began_ns, part, worst in load.by_second],
+        "by_second": [[str(began_ns), _rounded(part), _rounded(worst)] for began_ns, part, worst in seconds],
     }
 
 

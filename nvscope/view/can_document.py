@@ -55,7 +55,7 @@ def _stream(stream: CanStreamSummary) -> dict[str, Any]:
         "counter_scope": None,
         **dict.fromkeys(STREAM_FIGURES),
         "interval_ns": interval_row(stream.intervals),
-        "items": stream.items or None,
+        "items": None,
         "length": stream.length,
         "checksum": None,
     }
