@@ -21,7 +21,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from nvscope.analysis import Inquiry
+from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.capture_file import STDIN
 from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project, read_project
@@ -146,8 +146,8 @@ class Captures:
         """
         from nvscope.export.frames import Collected  # noqa: PLC0415
         from nvscope.export.telegrams import TelegramTable  # noqa: PLC0415
-        from nvscope.view.fields import output_field  # noqa: PLC0415
-        from nvscope.view.telegrams import Telegrams  # noqa: PLC0415
+        from nvscope.view.fields.frame import output_field  # noqa: PLC0415
+        from nvscope.view.rows.frames import Telegrams  # noqa: PLC0415
 
         inquiry = self._inquiry
         named = [output_field(name, inquiry.fields) for name in fields]
@@ -174,7 +174,7 @@ class Captures:
         """
         from nvscope.export.frames import long_frame, wide_frame  # noqa: PLC0415
         from nvscope.export.unwritten import beyond_time, left_out  # noqa: PLC0415
-        from nvscope.view.defined_telegrams import DefinedTelegrams  # noqa: PLC0415
+        from nvscope.view.rows.defined import DefinedTelegrams  # noqa: PLC0415
 
         if form not in ("wide", "long"):
             raise UsageError(f"form is not {form!r:.80}", next_step="give form='wide' or form='long'")

@@ -9,7 +9,7 @@ from dissectors.batch import PacketBatch
 from nvscope.capture.open import open_source
 from nvscope.definition.model import Definition
 from nvscope.definition.pdos import Pdos
-from nvscope.view.telegrams import TelegramRows, Telegrams
+from nvscope.view.rows.frames import TelegramRows, Telegrams
 
 
 def batches_of_log(log: str) -> tuple[list[PacketBatch], list[str]]:

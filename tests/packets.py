@@ -11,7 +11,7 @@ from dissectors.batch import PacketBatch
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from tests.oracle.frame import Frame
 
 

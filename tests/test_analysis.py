@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from nvscope.analysis import Inquiry
+from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.open import open_source
 from nvscope.definition.project import Project, read_project
 from nvscope.errors import UsageError
-from nvscope.view.telegrams import Telegrams
+from nvscope.view.rows.frames import Telegrams
 
 CAPTURES = Path(__file__).parents[1] / "captures"
 PLANT, PEERS = str(CAPTURES / "plant.pcapng.gz"), str(CAPTURES / "peers" / "peers.pcap")

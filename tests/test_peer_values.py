@@ -14,7 +14,7 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
 from nvscope.definition.value import value_of
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import Values
+from nvscope.tracker.variables.values import Values
 
 PEERS = Path(__file__).parent.parent / "captures" / "peers"
 FILES = [str(PEERS / name) for name in ("axis.gvl", "axis_types.st", "batch.gvl", "recipe.gvl", "counters.gvl")]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dissectors.batch import I64, PacketBatch
-from nvscope.capture.columns import Columns
+from nvscope.capture.batch_builder import Columns
 from nvscope.capture.lockstep import Framing, LockstepWalker
 from nvscope.capture.source import SourceInfo, Truncation
 from nvscope.capture.window import View

@@ -20,12 +20,12 @@ from nvscope.cli.sources import (
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.export.files import Files
     from nvscope.export.lists import Lists
-    from nvscope.view.defined_telegrams import DefinedTelegrams
-    from nvscope.view.telegram_field import TelegramField
-    from nvscope.view.telegrams import Telegrams
+    from nvscope.view.fields.field import TelegramField
+    from nvscope.view.rows.defined import DefinedTelegrams
+    from nvscope.view.rows.frames import Telegrams
 
 What = Literal["values", "telegrams"]
 Form = Literal["wide", "long"]
@@ -104,7 +104,7 @@ def export(
     if fields and what == "values":
         raise UsageError("-e is for telegrams", next_step="add --what telegrams; --list chooses among values")
 
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.open import open_source
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import ProgressBar, watching
@@ -132,7 +132,7 @@ def export(
     try:
         with ProgressBar(source, quiet=quiet) as progress:
             if lists:
-                from nvscope.view.defined_telegrams import DefinedTelegrams
+                from nvscope.view.rows.defined import DefinedTelegrams
 
                 assert layouts is not None
                 told = DefinedTelegrams(
@@ -142,7 +142,7 @@ def export(
                 written = _write_values(told, lists, write, form or "wide", files, progress)
                 fragments = told.fragments
             else:
-                from nvscope.view.telegrams import Telegrams
+                from nvscope.view.rows.frames import Telegrams
 
                 telegrams = Telegrams(source, ports=ports, chosen=filtered, pdos=inquiry.pdo_rules(source))
                 _write_telegrams(telegrams, columns, write, files, progress)
@@ -178,7 +178,7 @@ def _write_values(
 
 
 def _fields(names: Sequence[str], inquiry: Inquiry) -> Sequence[TelegramField]:
-    from nvscope.view.fields import output_field
+    from nvscope.view.fields.frame import output_field
 
     return [output_field(name, inquiry.fields) for name in names]
 

@@ -23,10 +23,10 @@ from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from dissectors.batch import Bool
-    from nvscope.analysis import Capture, Inquiry
+    from nvscope.analysis.inquiry import Capture, Inquiry
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
-    from nvscope.view.telegram_field import TelegramField
+    from nvscope.view.fields.field import TelegramField
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
 Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
@@ -96,7 +96,7 @@ def packets(
         )
     inquiry = None
     if asked:
-        from nvscope.analysis import Inquiry
+        from nvscope.analysis.inquiry import Inquiry
         from nvscope.cli.progress import watching
 
         inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
@@ -109,7 +109,7 @@ def packets(
     from nvscope import units
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
-    from nvscope.view.telegrams import TelegramRows, Telegrams
+    from nvscope.view.rows.frames import TelegramRows, Telegrams
 
     source = open_source(paths)
     face = make(source)
@@ -182,7 +182,7 @@ def _face(
         return lambda _: text
 
     from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedFields, separation
-    from nvscope.view.fields import output_field
+    from nvscope.view.fields.frame import output_field
 
     found = [output_field(name, inquiry.fields) for name in names] if inquiry else []
     if chosen_format == "fields":

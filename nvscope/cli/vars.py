@@ -25,7 +25,7 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import CaptureError, ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import SourceInfo
     from nvscope.definition.layouts import Layouts
     from nvscope.list_key import ListKey
@@ -96,7 +96,7 @@ def variables(
             "with --infer",
         )
 
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
 
     inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
@@ -185,7 +185,7 @@ def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
     from nvscope import units
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
-    from nvscope.view.variables import left_out, variables_document
+    from nvscope.view.documents.variables import left_out, variables_document
 
     keys = asked.keys(listed)
     keep_freed_memory()
@@ -225,10 +225,10 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
     from nvscope.definition.selection import names_of_lists, select, unplaced_text
     from nvscope.list_key import list_key
     from nvscope.report.history import Json, Text
-    from nvscope.tracker.history import History
+    from nvscope.tracker.variables.history import History
+    from nvscope.view.documents.history import change_row, change_summary
+    from nvscope.view.documents.variables import filter_told
     from nvscope.view.escape import visible
-    from nvscope.view.history import change_row, change_summary
-    from nvscope.view.variables import filter_told
 
     inquiry, layouts = asked.inquiry, asked.layouts
     wanted = select(layouts, name, listed)
@@ -268,9 +268,9 @@ def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
     from nvscope import units
     from nvscope.capture.open import open_source
     from nvscope.report import history as face
-    from nvscope.tracker.moment import Moment
+    from nvscope.tracker.variables.moment import Moment
     from nvscope.view.asked_time import Reference, parse_time
-    from nvscope.view.history import at_document
+    from nvscope.view.documents.history import at_document
 
     inquiry, layouts = asked.inquiry, asked.layouts
     keys = asked.keys(listed)
@@ -319,8 +319,8 @@ def _infer(asked: _Asked, listed: str | None, write: str | None) -> Sequence[Sou
     from nvscope.capture.open import open_source
     from nvscope.definition.gvl_text import gvl_text
     from nvscope.report import inference as face
-    from nvscope.tracker.samples import Samples
-    from nvscope.view.inference import drafts, inference_document, proposals
+    from nvscope.tracker.variables.samples import Samples
+    from nvscope.view.documents.inference import drafts, inference_document, proposals
 
     chosen_by, source = asked.chosen, open_source(asked.inquiry.paths)
     samples = Samples(asked.inquiry.ports, asked.inquiry.choice(chosen_by, source))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from dissectors.can_pdo import Part, PdoList, PdoRules
+from dissectors.can.pdo import Part, PdoList, PdoRules
 from nvscope.definition.model import Definition, Element, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
 from nvscope.list_key import ANY_CHANNEL, ListKey, told_of

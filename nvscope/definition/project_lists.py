@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from dissectors.canopen import MAX_COB_ID
+from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.model import ListDefinition, Position
 from nvscope.toml_table import FLAG, LENGTH, TEXT, Kind, Place, array, choice, integer, key, mapping, read_table
 

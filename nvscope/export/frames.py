@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
-from nvscope.view.defined_telegrams import DefinedTelegrams
+from nvscope.view.rows.defined import DefinedTelegrams
 
 if TYPE_CHECKING:
     import polars as pl

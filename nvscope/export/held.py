@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, U8
-from nvscope.view.defined_telegrams import DefinedRows, Place
-from nvscope.view.value_columns import ColumnDecoder, SpanColumn, ValueColumn
+from nvscope.view.rows.defined import DefinedRows, Place
+from nvscope.view.rows.values import ColumnDecoder, SpanColumn, ValueColumn
 
 _HEAD_BYTES = 3 * 8
 _OPEN_HEAD_BYTES = 5 * 8

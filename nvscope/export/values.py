@@ -14,7 +14,7 @@ from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.list_key import ListKey
 from nvscope.units import count
-from nvscope.view.defined_telegrams import DefinedTelegrams, Place
+from nvscope.view.rows.defined import DefinedTelegrams, Place
 
 MAX_FILES = 500
 MAX_COLUMNS = 10_000

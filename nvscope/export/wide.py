@@ -19,8 +19,8 @@ from nvscope.export.files import TableFile
 from nvscope.export.held import OpenPart, Part, Slabs
 from nvscope.export.names import Names, value_names
 from nvscope.expression.columns import FieldType
-from nvscope.view.defined_telegrams import DefinedRows, Place
-from nvscope.view.value_columns import ValueColumn, fits_time, value_type
+from nvscope.view.rows.defined import DefinedRows, Place
+from nvscope.view.rows.values import ValueColumn, fits_time, value_type
 
 PIECE_BYTES = 16 << 20
 """Data that is taken from a batch at once."""

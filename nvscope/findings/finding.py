@@ -13,7 +13,7 @@ from nvscope.definition.limits import Limits
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.pdos import Pdos
 from nvscope.list_key import ListKey, told_of
-from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary
+from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.state import SHAPE_CODE, TrackerState, finding_parts
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary

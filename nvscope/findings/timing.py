@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.findings.finding import AnyList, AnyStream, Facts, Finding
-from nvscope.tracker.can_summary import CanStreamSummary
+from nvscope.tracker.can.summary import CanStreamSummary
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.tracker.summary import StreamSummary

@@ -9,7 +9,7 @@ from nvscope.findings.catalogue import CATALOGUE, Kind
 from nvscope.report.ansi import paint
 from nvscope.report.content import status
 from nvscope.view.escape import visible
-from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 _MIN_WIDTH = 40
 _TEXT_WIDTH = 90

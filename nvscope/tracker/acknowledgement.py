@@ -13,11 +13,11 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.netvar import CHECKSUM_INVALID
-from nvscope.tracker.columns import Columns
+from nvscope.engine.flows import Flows
+from nvscope.engine.keyed_columns import Columns
+from nvscope.engine.rows import DataRows
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.errors import ErrorEvents
-from nvscope.tracker.flows import Flows
-from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sightings import NO_PACKET, Sightings
 
 NEVER = np.iinfo(np.int64).min

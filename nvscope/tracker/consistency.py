@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool
-from nvscope.tracker.columns import Columns, runs_of, stable_order
-from nvscope.tracker.flows import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Flows
-from nvscope.tracker.rows import DataRows
+from nvscope.engine.flows import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Flows
+from nvscope.engine.keyed_columns import Columns, runs_of, stable_order
+from nvscope.engine.rows import DataRows
 from nvscope.tracker.sequence import EARLY_WRAPS
 
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from dissectors.batch import I64, U16, Bool
 from dissectors.keys import KeyTable
-from nvscope.tracker.columns import Columns, runs_of, stable_order
+from nvscope.engine.flows import Flows
+from nvscope.engine.keyed_columns import Columns, runs_of, stable_order
+from nvscope.engine.rows import DataRows
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.flows import Flows
-from nvscope.tracker.rows import DataRows
 
 AnyColumn = TypeVar("AnyColumn", I64, U16)
 

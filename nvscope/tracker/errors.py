@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.keys import KeyTable
-from nvscope.tracker.columns import Columns
+from nvscope.engine.keyed_columns import Columns
 from nvscope.tracker.counters import ERROR_ORDER, DiagError
 
 

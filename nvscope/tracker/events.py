@@ -8,7 +8,7 @@ import numpy as np
 
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from nvscope.tracker.columns import Columns, runs_of, stable_order
+from nvscope.engine.keyed_columns import Columns, runs_of, stable_order
 
 FRAMES_KEPT = 10
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from dissectors.batch import I64, U8, U16, U64, Bool
 from dissectors.varieties import SortedPackets
-from nvscope.tracker.columns import Columns, order_by, runs_of_lengths
+from nvscope.engine.flows import Flows
+from nvscope.engine.keyed_columns import Columns, order_by, runs_of_lengths
+from nvscope.engine.rows import DataRows
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import EventRows
-from nvscope.tracker.flows import Flows
-from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sequence import Step, Steps, walk
 
 _LOGGED = (

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U64, Bool, PacketBatch
-from dissectors.can_pdo import PdoRules
+from dissectors.can.pdo import PdoRules
 from dissectors.netvar import (
     CHECKSUM_INVALID,
     HEADER,
@@ -23,23 +23,23 @@ from dissectors.netvar import (
     TelegramBatch,
 )
 from dissectors.varieties import NO_TELEGRAM, Choose, SortedPackets, Sorter
+from nvscope.engine.flows import Flows, Kind
+from nvscope.engine.keyed_columns import Columns
+from nvscope.engine.rows import DataRows, StreamMemory
 from nvscope.tracker.acknowledgement import TIMEOUT_NS, Acknowledgement, Messages
-from nvscope.tracker.can_state import CanState, no_steps
-from nvscope.tracker.columns import Columns
+from nvscope.tracker.can.state import CanState, no_steps
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.flows import Flows, Kind
 from nvscope.tracker.loss import Loss, NodeSteps
 from nvscope.tracker.recent import Recent
-from nvscope.tracker.rows import DataRows, StreamMemory
 from nvscope.tracker.sequence import Steps
 from nvscope.tracker.timing import Intervals, Timing
 
 if TYPE_CHECKING:
-    from nvscope.tracker.values import Values
+    from nvscope.tracker.variables.values import Values
 
 MAX_BATCH = 1 << 17
 

@@ -10,17 +10,17 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from dissectors.can_pdo import ON_CAN
+from dissectors import address
+from dissectors.can.pdo import ON_CAN
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.definition.buses import Buses
+from nvscope.engine.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, Kind
 from nvscope.list_key import ListKey, list_key
-from nvscope.tracker import address
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
-from nvscope.tracker.can_summary import CanSummary, summarize_can
+from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.errors import LastError
-from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, Kind
 from nvscope.tracker.intervals import Intervals, StreamIntervals
 from nvscope.tracker.state import TrackerState
 

@@ -17,7 +17,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.tracker.columns import Columns
+from nvscope.engine.keyed_columns import Columns
 from nvscope.tracker.events import FRAMES_KEPT, EventLog
 from nvscope.tracker.loss import NodeSteps
 from nvscope.tracker.sequence import Step, Steps

@@ -7,17 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from dissectors.batch import I64, Bool, PacketBatch
-from dissectors.can_pdo import PdoRules
+from dissectors.can.pdo import PdoRules
 from dissectors.netvar import Fault
 from dissectors.sorted_telegrams import SortedTelegrams
 from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
 from nvscope.expression.columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
 from nvscope.expression.expression import compile_expression
-from nvscope.view.can_rows import CanRows
-from nvscope.view.fields import FIELDS, expression_names
-from nvscope.view.telegram_field import TelegramField
-from nvscope.view.telegrams import TelegramRows
-from nvscope.view.verdict_fields import Verdicts
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import FIELDS, expression_names
+from nvscope.view.fields.verdicts import Verdicts
+from nvscope.view.rows.can import CanRows
+from nvscope.view.rows.frames import TelegramRows
 
 
 class DisplayFilter:

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 from nvscope.expression.columns import FieldType
-from nvscope.view.fields import EITHER_OF
-from nvscope.view.vocabulary import vocabulary
+from nvscope.view.fields.frame import EITHER_OF
+from nvscope.view.fields.vocabulary import vocabulary
 
 FIELDS = vocabulary()
 

@@ -10,8 +10,8 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition, Type
 from nvscope.definition.scalars import SCALARS
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import Values
-from nvscope.view.variables import variables_document
+from nvscope.tracker.variables.values import Values
+from nvscope.view.documents.variables import variables_document
 from tests.definition.lists import INT, REAL, UNKNOWN, list_of, telegram
 from tests.packets import batch_of
 from tests.tracker.test_values import START_NS

@@ -26,7 +26,7 @@ from nvscope.export import wide as wide_module
 from nvscope.export.frames import wide_frame
 from nvscope.export.lists import lists_to_write
 from nvscope.export.values import paths_of
-from nvscope.view.defined_telegrams import LeftOut
+from nvscope.view.rows.defined import LeftOut
 from tests.definition.lists import HERE, STATE, UNKNOWN, VARIABLES, list_of, telegram
 from tests.export.written import long, telegrams_of, wide
 from tests.oracle.frame import Frame

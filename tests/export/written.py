@@ -15,7 +15,7 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.export.files import Files
 from nvscope.export.values import paths_of, write_long, write_wide
-from nvscope.view.defined_telegrams import DefinedTelegrams
+from nvscope.view.rows.defined import DefinedTelegrams
 from tests.oracle.frame import Frame
 from tests.packets import batch_of
 

@@ -8,14 +8,14 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.canopen import PREDEFINED
+from dissectors.can.canopen import PREDEFINED
 from nvscope.definition.cob_ids import canopen_ids, canopen_uses, overlaps, taken_in
 from nvscope.definition.model import Definition, ListDefinition, Position
 from nvscope.definition.pdos import Pdos
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from tests.definition.lists import LREAL, list_of
 from tests.tracker.test_can_state import START_NS, Frame, batch
 

@@ -16,7 +16,7 @@ from nvscope.definition.packing import pack
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import Values
+from nvscope.tracker.variables.values import Values
 from tests.definition.lists import BOOL, HERE, INT, LINT, LREAL, REAL, TIME, UDINT, VARIABLES, list_of, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of

@@ -18,22 +18,22 @@ from pathlib import Path
 from dissectors.batch import PAD_BYTES, LinkType, PacketBatch
 from dissectors.link import MAX_VLAN_TAGS, VLAN_TYPES
 from dissectors.netvar import PortRules
+from nvscope.analysis.track import track
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.source import SourceInfo
-from nvscope.engine import track
 from nvscope.errors import UnreadableInput
 from nvscope.findings.judge import judge
 from nvscope.report import json as json_face
 from nvscope.report import markdown, text
-from nvscope.report.packets.line import Moment
 from nvscope.report.packets.records import Csv, JsonArray, JsonLines
 from nvscope.report.packets.text import Text
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from nvscope.view.escape import visible
-from nvscope.view.fields import DEFAULT_FIELDS
-from nvscope.view.telegrams import Telegrams
+from nvscope.view.fields.frame import DEFAULT_FIELDS
+from nvscope.view.lines.line import Moment
+from nvscope.view.rows.frames import Telegrams
 from tests.capture.reference import Content, read_pcap, read_pcapng
 from tests.fuzz.anatomy import PCAP_ORDERS, SECTION_MAGIC
 from tests.fuzz.mutations import COMPRESSIONS

@@ -6,8 +6,8 @@ import random
 from collections import defaultdict
 from pathlib import Path
 
+from nvscope.analysis.track import track
 from nvscope.capture.capture_file import CaptureFile
-from nvscope.engine import track
 from nvscope.errors import UnreadableInput
 
 _HEADER_BYTES = 20
@@ -34,7 +34,7 @@ def matching(raw: bytes, folder: Path, rng: random.Random) -> dict[str, bytes]:
         return {}
     shapes: dict[tuple[int, int], dict[int, tuple[int, int]]] = defaultdict(dict)
     from nvscope.tracker.summary import summarize  # noqa: PLC0415
-    from nvscope.view.document import report_document  # noqa: PLC0415
+    from nvscope.view.documents.report import report_document  # noqa: PLC0415
 
     for entry in report_document(state, summarize(state), [], [])["lists"]:
         for stream in entry["streams"]:

@@ -16,9 +16,9 @@ from typing import Any
 
 import pytest
 
+from nvscope.analysis.track import track
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
-from nvscope.engine import track
 from nvscope.errors import UnreadableInput
 from tests.fuzz.anatomy import anatomy_of
 from tests.fuzz.examination import NAME, Examined, assert_printable, content_of, ends, examine
@@ -214,7 +214,7 @@ def test_small_files_with_large_content_take_little_memory(tmp_path: Path, suffi
     program = (
         "import sys\n"
         "from nvscope.capture.capture_file import CaptureFile\n"
-        "from nvscope.engine import track\n"
+        "from nvscope.analysis.track import track\n"
         "print(track(CaptureFile(sys.argv[1])).frames)\n"
         "print(next(line for line in open('/proc/self/status') if line.startswith('VmHWM')).split()[1])\n"
     )

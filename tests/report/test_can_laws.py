@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType, PacketBatch
-from dissectors.can import dissect_can
-from dissectors.can_pdo import PdoRules
+from dissectors.can.frame import dissect_can
+from dissectors.can.pdo import PdoRules
 from dissectors.varieties import NO_TELEGRAM, Sorter
 from nvscope.capture.open import open_source
 from nvscope.capture.pcap import PcapSink
@@ -23,8 +23,8 @@ from nvscope.definition.load import load_definitions
 from nvscope.definition.pdos import Pdos
 from nvscope.report.packets.records import JsonLines
 from nvscope.report.packets.text import Text
-from nvscope.view.fields import DEFAULT_CAN_FIELDS
-from nvscope.view.telegrams import Telegrams
+from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS
+from nvscope.view.rows.frames import Telegrams
 from tests.can_plant import CanPlant, drawn_plant
 from tests.capture import build
 from tests.capture.reference import Packet

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from dissectors.can_pdo import PdoRules
+from dissectors.can.pdo import PdoRules
 from nvscope.capture.open import open_source
 from nvscope.definition.load import load_definitions
 from nvscope.definition.pdos import Pdos
 from nvscope.report.packets.text import Text
-from nvscope.view.telegrams import Telegrams
+from nvscope.view.rows.frames import Telegrams
 from tests.can_plant import Element, List
 from tests.capture import build
 from tests.capture.reference import Packet

@@ -25,16 +25,16 @@ from nvscope.capture.source import Source, SourceInfo
 from nvscope.errors import UsageError
 from nvscope.expression.columns import FieldType, TextColumn
 from nvscope.report.ansi import paint
-from nvscope.report.packets import moments
-from nvscope.report.packets.hexdump import dump
-from nvscope.report.packets.line import LineWriter, Moment
 from nvscope.report.packets.records import Csv, Face, JsonArray, JsonLines, SeparatedFields, separation
 from nvscope.report.packets.text import Text
-from nvscope.view.fields import DEFAULT_FIELDS, FIELDS
-from nvscope.view.layers import layers
-from nvscope.view.table import Tone, display_width
-from nvscope.view.telegram_field import TelegramField
-from nvscope.view.telegrams import TelegramRows, Telegrams
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS
+from nvscope.view.lines import moments
+from nvscope.view.lines.hexdump import dump
+from nvscope.view.lines.layers import layers
+from nvscope.view.lines.line import LineWriter, Moment
+from nvscope.view.lines.table import Tone, display_width
+from nvscope.view.rows.frames import TelegramRows, Telegrams
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import LINKS, data_frame, generate, mutate, telegram
 from tests.packets import batch_of

@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType
-from dissectors.can import dissect_can
-from dissectors.can_bits import Stuffing, wire_bits
+from dissectors.can.bits import Stuffing, wire_bits
+from dissectors.can.frame import dissect_can
 from nvscope.definition.buses import Buses, BusSettings
 from nvscope.definition.limits import Limits
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from tests.dissectors.test_can_bits import classic_bits
 from tests.oracle.frame import Frame as Packet
 from tests.packets import batch_of

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dissectors.can import dissect_can
+from dissectors.can.frame import dissect_can
 from nvscope.findings.judge import judge
-from nvscope.tracker.can_errors import BusErrors, CanErrors
+from nvscope.tracker.can.errors import BusErrors, CanErrors
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from tests.tracker.test_can_state import START_NS, Frame, batch

@@ -7,10 +7,10 @@ import random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dissectors.can import dissect_can
-from dissectors.can_bits import Stuffing, wire_bits
-from dissectors.can_pdo import EXTENDED
-from nvscope.tracker.can_identifiers import CanIdentifiers
+from dissectors.can.bits import Stuffing, wire_bits
+from dissectors.can.frame import dissect_can
+from dissectors.can.pdo import EXTENDED
+from nvscope.tracker.can.identifiers import CanIdentifiers
 from tests.tracker.test_can_state import START_NS, Frame, batch
 
 WORDS = [0, 0x181, 0x7FF, 0x8000_0181, 0x9FFF_FFFF, 0x4000_0181, 0x2000_0004]

@@ -21,8 +21,8 @@ from nvscope.definition.pdos import Pdos
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.tracker.values import Values
-from nvscope.view.document import report_document
+from nvscope.tracker.variables.values import Values
+from nvscope.view.documents.report import report_document
 from tests.definition.lists import INT, LREAL, list_of, telegram
 from tests.packets import batch_of
 

@@ -16,11 +16,11 @@ from nvscope.definition.model import Definition, String, Type
 from nvscope.definition.packing import pack
 from nvscope.definition.selection import select
 from nvscope.errors import UsageError
-from nvscope.tracker import samples as sampling
-from nvscope.tracker.history import History
-from nvscope.tracker.moment import Moment
-from nvscope.tracker.samples import Samples
-from nvscope.view.history import at_document, change_row, change_summary
+from nvscope.tracker.variables import samples as sampling
+from nvscope.tracker.variables.history import History
+from nvscope.tracker.variables.moment import Moment
+from nvscope.tracker.variables.samples import Samples
+from nvscope.view.documents.history import at_document, change_row, change_summary
 from tests.definition.lists import INT, REAL, UDINT, VARIABLES, list_of, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of

@@ -13,8 +13,8 @@ import pytest
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition, String
 from nvscope.definition.pdos import Pdos
-from nvscope.tracker.hops import Hops
-from nvscope.view.hops import hop_rows
+from nvscope.tracker.variables.hops import Hops
+from nvscope.view.documents.hops import hop_rows
 from tests.definition.lists import INT, LREAL, list_of, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of

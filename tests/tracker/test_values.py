@@ -15,8 +15,8 @@ from nvscope.definition.model import Definition, Enumeration, Kind, ListDefiniti
 from nvscope.definition.packing import pack
 from nvscope.definition.value import value_of
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import MOST_LAYOUTS, Values
-from nvscope.view.variables import variables_document
+from nvscope.tracker.variables.values import MOST_LAYOUTS, Values
+from nvscope.view.documents.variables import variables_document
 from tests.definition.lists import BOOL, INT, LREAL, REAL, STATE, TIME, UDINT, UNKNOWN, VARIABLES, list_of, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of

@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dissectors.can_pdo import PdoRules
+from dissectors.can.pdo import PdoRules
 from nvscope.capture.open import open_source
 from nvscope.errors import UsageError
 from nvscope.view.display_filter import DisplayFilter
-from nvscope.view.telegrams import TelegramRows, Telegrams
-from nvscope.view.vocabulary import vocabulary
+from nvscope.view.fields.vocabulary import vocabulary
+from nvscope.view.rows.frames import TelegramRows, Telegrams
 from tests.definition.lists import telegram
 from tests.export.given import written
 

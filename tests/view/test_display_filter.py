@@ -16,8 +16,8 @@ from nvscope.capture.open import open_source
 from nvscope.errors import UsageError
 from nvscope.expression.columns import FieldType
 from nvscope.view.display_filter import DisplayFilter
-from nvscope.view.fields import EITHER_OF, FIELDS, PROTOCOLS, expression_names
-from nvscope.view.telegrams import Telegrams
+from nvscope.view.fields.frame import EITHER_OF, FIELDS, PROTOCOLS, expression_names
+from nvscope.view.rows.frames import Telegrams
 from tests.oracle.traffic import LINKS, generate, mutate
 from tests.view.test_fields import rows_of, values
 

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dissectors import address
 from dissectors.batch import PacketBatch
 from dissectors.netvar import HEADER, PortRules
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import UsageError
 from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
-from nvscope.tracker import address
-from nvscope.view.fields import DEFAULT_FIELDS, FIELDS, output_field
-from nvscope.view.telegrams import TelegramRows, Telegrams
+from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS, output_field
+from nvscope.view.rows.frames import TelegramRows, Telegrams
 from tests.oracle.frame import Datagram, Frame, peel
 from tests.oracle.traffic import LINKS, generate, mutate
 from tests.packets import batch_of

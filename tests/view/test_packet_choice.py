@@ -7,7 +7,7 @@ import pytest
 
 from dissectors.varieties import Sorter
 from nvscope.view.display_filter import DisplayFilter, PacketChoice
-from nvscope.view.vocabulary import vocabulary
+from nvscope.view.fields.vocabulary import vocabulary
 from tests.dissectors.test_varieties import traffic
 from tests.packets import batch_of
 from tests.view.test_fields import rows_of
