@@ -24,7 +24,7 @@ EXTENDED = can.EXTENDED.mask
 """The bit by which the number of an extended identifier differs from that of a standard one."""
 
 
-class Part(NamedTuple):
+class PdoPart(NamedTuple):
     """What a COB-ID carries: a list, by its own COB-ID, and which part of it."""
 
     cob_id: int
@@ -56,7 +56,7 @@ class PdoRules:
     known.
     """
 
-    parts: Mapping[tuple[str, int], Part] = field(default_factory=dict)
+    parts: Mapping[tuple[str, int], PdoPart] = field(default_factory=dict)
     lists: Mapping[tuple[str, int], PdoList] = field(default_factory=dict)
     names: Callable[[], Sequence[str]] = _no_names
 
@@ -64,13 +64,13 @@ class PdoRules:
         """Return the name of a channel."""
         return channel_name(self.names(), number)
 
-    def part_of(self, channel: int, identifier: int) -> Part:
+    def part_of(self, channel: int, identifier: int) -> PdoPart:
         """Return what an identifier of a channel carries; extended ones have the bit ``EXTENDED``."""
         if self.parts and not identifier & EXTENDED:
             for name in (self.channel(channel), ""):
                 if known := self.parts.get((name, identifier)):
                     return known
-        return Part(identifier)
+        return PdoPart(identifier)
 
     def list_of(self, channel: str, identifier: int) -> PdoList:
         """Return what is told of a list on a channel."""

@@ -1,4 +1,4 @@
-"""Analysis: captures read with what a project says of them, to what was seen, what follows from it, and findings.
+"""Inquiry: captures and how to read them, to be asked what was seen, what follows from it, and what is wrong.
 
 Verbs, notebooks and whatever else wants to know something about captures ask an ``Inquiry``; there is one way from
 captures, project and filter to an answer.
@@ -6,7 +6,7 @@ captures, project and filter to an answer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 from dissectors import address
 from dissectors.can.frame import dissect_can
-from dissectors.can.pdo import PdoRules
 from dissectors.netvar import PortRules
-from dissectors.varieties import Choose
-from nvscope.analysis.track import track
 from nvscope.capture.capture_file import STDIN, CaptureFile
 from nvscope.capture.open import open_source
-from nvscope.capture.source import Source, SourceInfo
+from nvscope.capture.source import SourceInfo
 from nvscope.capture.timeline import Timeline
 from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import Observer, run
+from nvscope.engine.told import Told
 from nvscope.errors import UsageError
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
@@ -90,14 +90,44 @@ class Inquiry:
 
         return Layouts(self.project.definition)
 
+    def defined_layouts(self) -> Layouts:
+        """Return ``layouts``; UsageError where there are none."""
+        if self.layouts is None:
+            raise UsageError("the definition files declare types, but no list", next_step="name the exported list too")
+        return self.layouts
+
     @cached_property
     def pdos(self) -> Pdos:
         """The frames of the lists that are defined on CAN."""
         return Pdos(self.project.definition)
 
-    def pdo_rules(self, source: Source) -> PdoRules:
-        """Return which lists the CAN frames of a source belong to."""
-        return self.pdos.rules(lambda: source.channels)
+    def reading(self, chosen: DisplayFilter | None = None) -> Reading:
+        """Return how the captures are read, with a filter or without."""
+        choose = None
+        if chosen is not None:
+            from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
+
+            choose = PacketChoice(chosen)
+        timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
+        return Reading(self.ports, self.pdos.rules(), choose, timeout_ns)
+
+    def open(self) -> Capture:
+        """Return the captures as one source, to be read once."""
+        return open_source(self.paths)
+
+    def run(
+        self,
+        source: Capture,
+        observers: Sequence[Observer],
+        chosen: DisplayFilter | None = None,
+        *,
+        watch: Watch | None = None,
+    ) -> Iterator[Told]:
+        """Tell a source to observers, as ``nvscope.engine.run`` does; ``watch`` takes the place of the inquiry's."""
+        with (watch or self.watch)(source) as progress:
+            for told in run(source, self.reading(chosen), observers):
+                yield told
+                progress()
 
     @cached_property
     def names(self) -> Names:
@@ -176,14 +206,6 @@ class Inquiry:
             document["hops_of_other_types"] = found.hops.untyped
         return document
 
-    def choice(self, chosen: DisplayFilter | None, source: Source) -> Choose | None:
-        """Return a filter to be asked of the batches of a source in turn; None without one."""
-        if chosen is None:
-            return None
-        from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
-
-        return PacketChoice(chosen, self.pdo_rules(source))
-
     @staticmethod
     def default_fields(source: Capture) -> Sequence[TelegramField]:
         """Return what is written of each telegram or CAN frame where nobody says, by what the captures begin with."""
@@ -210,18 +232,17 @@ class Inquiry:
 
             taken = Values(self.layouts, wanted=values)
         project, definition = self.project, self.project.definition
-        timeout_ns = self.timeout_ns or project.limits.acknowledgement_ns
-        source = open_source(self.paths)
+        source, reading = self.open(), self.reading(chosen)
+        state = TrackerState(reading.timeout_ns, values=taken)
+        observers: list[Observer] = [state]
         hops = None
         if compare and self.layouts is not None:
             from nvscope.tracker.variables.hops import Hops  # noqa: PLC0415
 
-            hops = Hops(self.layouts, self.ports, self.pdo_rules(source))
-        with self.watch(source) as progress:
-            state = track(
-                source, ports=self.ports, timeout_ns=timeout_ns, values=taken, choose=self.choice(chosen, source),
-                progress=progress, pdos=self.pdo_rules(source), beside=hops.observe if hops else None,
-            )  # fmt: skip
+            hops = Hops(self.layouts)
+            observers.append(hops)
+        for _ in self.run(source, observers, chosen):
+            pass
         summary = summarize(
             state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,
             cob_ids={cob_id for _, cob_id in self.pdos.by_cob_id},

@@ -24,7 +24,7 @@ def join(parts: list[PacketBatch]) -> PacketBatch:
     )
 
 
-class Columns:
+class BatchBuilder:
     """Collects rows over one buffer into batches of ``capacity`` packets."""
 
     def __init__(self, capacity: int) -> None:

@@ -22,7 +22,6 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from dissectors.batch import Bool
     from nvscope.analysis.inquiry import Capture, Inquiry
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
@@ -107,30 +106,23 @@ def packets(
     chosen_by = inquiry.filter(wanted) if inquiry and wanted is not None else None
 
     from nvscope import units
+    from nvscope.analysis.packets import packets as read_packets
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
-    from nvscope.view.rows.frames import TelegramRows, Telegrams
+    from nvscope.engine.reading import Reading
+    from nvscope.view.rows.frames import PacketRows
 
     source = open_source(paths)
     face = make(source)
+    reading = inquiry.reading(chosen_by) if inquiry else Reading(ports, pdos.rules())
+    telegrams = PacketRows(limit=count)
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
-
-        def choose(rows: TelegramRows) -> Bool:
-            progress()  # where nothing is shown, nothing else moves the bar
-            assert chosen_by
-            return chosen_by(rows)
-
-        telegrams = Telegrams(
-            source, ports=ports, limit=count, chosen=choose if chosen_by else None,
-            pdos=pdos.rules(lambda: source.channels),
-        )  # fmt: skip
         out.write(face.begin())
-        for rows in telegrams:
+        for rows in read_packets(source, reading, telegrams, progress):
             for text in face.render(rows):
                 out.write(text)
             out.flush()
-            progress()
         out.write(face.end())
         out.flush()
     if not telegrams.telegrams:

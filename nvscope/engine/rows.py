@@ -10,13 +10,14 @@ import numpy as np
 from dissectors.batch import I64, U16, U64, Bool
 from dissectors.layout import gather_bytes
 from dissectors.varieties import SortedPackets
-from nvscope.engine.flows import COUNTER_SHIFT, Flows, Kind
-from nvscope.engine.keyed_columns import Columns, order_by, runs_of_lengths
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import COUNTER_SHIFT, FrameKind, Keys
+from nvscope.engine.runs import order_by, runs_of_lengths
 
 _COMPARE_ROWS = 8192
 
 
-class StreamColumns(Columns):
+class StreamColumns(KeyedColumns):
     """One row a stream: how often, when, and the last telegram (its signature; its bytes are in ``StreamMemory``)."""
 
     telegrams: I64
@@ -65,6 +66,17 @@ class DataRows:
         return changed[inside]
 
 
+def _no_rows() -> DataRows:
+    number, word = np.empty(0, np.int64), np.empty(0, np.uint64)
+    return DataRows(
+        number, number, number, number, number, word, np.empty(0, np.bool_), number, np.empty(0, np.uint16), number,
+        number, None,
+    )  # fmt: skip
+
+
+NO_ROWS = _no_rows()
+
+
 class StreamMemory:
     """What is kept of each stream from one batch to the next, and the rows made with it."""
 
@@ -72,19 +84,21 @@ class StreamMemory:
         self.columns = StreamColumns()
         self.payload: dict[int, bytes] = {}
 
-    def rows(self, batch: SortedPackets, count: I64, flows: Flows, kind: Kind = Kind.DATA) -> DataRows:
+    def rows(self, batch: SortedPackets, count: I64, keys: Keys, kind: FrameKind = FrameKind.DATA) -> DataRows:
         """Lay out well-formed data telegrams by stream, and remember the last one of each; or the PDOs, if so asked.
 
         ``count`` says how many telegrams there are of each variety. PDOs are never ``repeated``: without a counter,
         nobody can tell a repeated one from the next one.
         """
-        columns, varieties = self.columns, flows.varieties
-        streams = len(flows.streams)
+        columns, varieties = self.columns, keys.varieties
+        streams = len(keys.streams)
         columns.resize(streams)
         stream_of = varieties.column("stream")
         length = np.zeros(streams, np.int64)
         own = varieties.column("kind") == kind
         np.add.at(length, stream_of[own], count[own])
+        if not length.any():
+            return NO_ROWS
         # What is no data telegram goes behind all streams.
         packet = order_by(np.where(own, stream_of, streams), batch.variety, streams)[: length.sum()]
         run, start, stop = runs_of_lengths(length)
@@ -95,26 +109,26 @@ class StreamMemory:
             variety, counter, time_ns,
             np.flatnonzero(varieties.wants[variety]) if varieties.column("wants").any() else nothing, None,
         )  # fmt: skip
-        if kind == Kind.DATA:
-            rows = replace(rows, repeated=self._repeated(batch, rows, flows))
+        if kind == FrameKind.DATA:
+            rows = replace(rows, repeated=self._repeated(batch, rows, keys))
         columns.first_ns[run[rows.fresh]] = time_ns[start[rows.fresh]]
         columns.last_ns[run] = time_ns[stop - 1]
         columns.telegrams[run] += stop - start
-        columns.signature[run] = _signatures(rows, stop - 1, flows)
-        if kind == Kind.DATA:
+        columns.signature[run] = _signatures(rows, stop - 1, keys)
+        if kind == FrameKind.DATA:
             self._remember(batch, rows)
         return rows
 
-    def _repeated(self, batch: SortedPackets, rows: DataRows, flows: Flows) -> Bool | None:
+    def _repeated(self, batch: SortedPackets, rows: DataRows, keys: Keys) -> Bool | None:
         """Tell which rows equal the one before in their stream, byte for byte as far as both were captured."""
         again = np.zeros(len(rows), np.bool_)
-        alike = (_signatures(rows, rows.start, flows) == rows.signature_before) & ~rows.fresh
+        alike = (_signatures(rows, rows.start, keys) == rows.signature_before) & ~rows.fresh
         for row, stream in zip(rows.start[alike].tolist(), rows.run_stream[alike].tolist(), strict=True):
             again[row] = _payload(batch, int(rows.packet[row]), int(rows.variety[row])) == self.payload[stream]
         inner = np.flatnonzero(rows.counter[1:] == rows.counter[:-1]) + 1
         inner = inner[rows.stream[inner] == rows.stream[inner - 1]]
         if len(inner):
-            signature, length = flows.varieties.signature, batch.varieties.datagram.captured_bytes
+            signature, length = keys.varieties.signature, batch.varieties.datagram.captured_bytes
             now, previous = rows.variety[inner], rows.variety[inner - 1]
             inner = inner[(signature[now] == signature[previous]) & (length[now] == length[previous])]
             again[inner] = _equal_payloads(batch, rows, inner)
@@ -127,9 +141,9 @@ class StreamMemory:
             self.payload[stream] = _payload(batch, own_packet, own_variety)
 
 
-def _signatures(rows: DataRows, which: I64, flows: Flows) -> U64:
+def _signatures(rows: DataRows, which: I64, keys: Keys) -> U64:
     """Return the signatures of some rows, with their Counter."""
-    common: U64 = flows.varieties.signature[rows.variety[which]]
+    common: U64 = keys.varieties.signature[rows.variety[which]]
     return common | (rows.counter[which].astype(np.uint64) << COUNTER_SHIFT)
 
 

@@ -43,7 +43,7 @@ class Slabs:
         slabs.clear()
 
 
-class Part:
+class HeldTelegrams:
     """Telegrams of one size, in slabs; ``places`` is how many places of the list hold some."""
 
     def __init__(self, place: Place, slabs: Slabs, places: int) -> None:

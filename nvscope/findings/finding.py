@@ -70,7 +70,7 @@ class Facts:
     @cached_property
     def frames_of_stream(self) -> dict[int, tuple[int, int]]:
         """The first and the last frame of each stream."""
-        columns = self.state.flows.columns
+        columns = self.state.flows
         frames: dict[int, tuple[int, int]] = {}
         for stream, first, last in zip(
             *(columns.column(name).tolist() for name in ("stream", "first_frame", "last_frame")), strict=True

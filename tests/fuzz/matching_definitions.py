@@ -6,9 +6,9 @@ import random
 from collections import defaultdict
 from pathlib import Path
 
-from nvscope.analysis.track import track
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.errors import UnreadableInput
+from tests.packets import tracked
 
 _HEADER_BYTES = 20
 _MOST_LISTS = 12
@@ -29,7 +29,7 @@ def matching(raw: bytes, folder: Path, rng: random.Random) -> dict[str, bytes]:
     path = folder / "shapes"
     path.write_bytes(raw)
     try:
-        state = track(CaptureFile(str(path)))
+        state = tracked(CaptureFile(str(path)))
     except UnreadableInput:
         return {}
     shapes: dict[tuple[int, int], dict[int, tuple[int, int]]] = defaultdict(dict)

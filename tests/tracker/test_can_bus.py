@@ -22,7 +22,8 @@ from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
 from tests.dissectors.test_can_bits import classic_bits
 from tests.oracle.frame import Frame as Packet
-from tests.packets import batch_of
+from tests.packets import batch_of, observed
+from tests.packets import cut as cut_into
 from tests.tracker.can_bus_traffic import bus_traffic
 from tests.tracker.test_can_state import START_NS, Frame, batch, traffic
 
@@ -33,8 +34,7 @@ def report(
     frames: list[Frame], given: Buses | None = None, cut: int = 1 << 17, limits: Limits | None = None
 ) -> dict[str, Any]:
     state, whole = TrackerState(), batch(frames)
-    for begin in range(0, len(whole), cut):
-        state.observe(whole[begin : begin + cut])
+    observed(state, cut_into(whole, cut))
     summary = summarize(state, buses=given)
     return report_document(state, summary, judge(state, summary=summary, limits=limits), [])
 
@@ -123,7 +123,7 @@ def test_the_data_phase_of_can_fd_has_its_own_bit_rate() -> None:
     raw = struct.pack(">IBBBB", 0x123, 64, 4 | 1, 0, 0) + bytes(range(64))
     packets = batch_of([Packet(START_NS + place * 10**7, LinkType.CAN_SOCKETCAN, raw, len(raw)) for place in range(50)])
     state = TrackerState()
-    state.observe(packets)
+    observed(state, [packets])
     bits = wire_bits(dissect_can(packets), Stuffing.EXACT)
     for data, partial in ((2_000_000, False), (None, True)):
         (bus,) = summarize(state, buses=at(500_000, data)).can.buses

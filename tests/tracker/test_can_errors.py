@@ -15,6 +15,7 @@ from nvscope.findings.judge import judge
 from nvscope.tracker.can.errors import BusErrors, CanErrors
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
+from tests.packets import observed
 from tests.tracker.test_can_state import START_NS, Frame, batch
 
 S = 1_000_000_000
@@ -83,7 +84,7 @@ def test_errors_are_those_found_frame_by_frame_whatever_the_cut(seed: int, count
 
 def findings(frames: list[Frame]) -> list[Any]:
     state = TrackerState()
-    state.observe(batch(frames))
+    observed(state, [batch(frames)])
     return [one for one in judge(state, summary=summarize(state)) if one.code == "NV606"]
 
 

@@ -13,7 +13,17 @@ from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import Array, Definition, Elementary, Kind, Member, String, Structure, Type, scalar_of
+from nvscope.definition.model import (
+    Array,
+    Definition,
+    Elementary,
+    Member,
+    ScalarKind,
+    String,
+    Structure,
+    Type,
+    scalar_of,
+)
 from nvscope.definition.packing import pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
@@ -62,7 +72,7 @@ def test_fields_are_the_values_of_the_elements(types: list[Type], packed: bool, 
                 if subindex == layout.subindex:
                     value = value_of(element.type, parts[place])
                     scalar = scalar_of(element.type)
-                    if scalar and scalar.kind is Kind.DURATION:
+                    if scalar and scalar.kind is ScalarKind.DURATION:
                         value *= scalar.unit_ns
                 expected.append(value)
             found = seen(fields[f"var.{element.name.replace(' ', '')}"], rows)

@@ -13,7 +13,7 @@ from typing import Any
 from dissectors.can.canopen import MAX_NODES
 from dissectors.can.error import CLASSES, CONTROLLER_BITS
 from dissectors.can.frame import EXTENDED_MASK, MAX_DATA_BYTES, MAX_FD_DATA_BYTES
-from nvscope.toml_table import FLAG, LENGTH, TEXT, Kind, Place, array, choice, integer, key
+from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, integer, key
 
 MAX_PDOS = 128
 DEFAULT_BIT_RATE, DEFAULT_DATA_BIT_RATE = 500_000, 2_000_000
@@ -41,8 +41,8 @@ def _hexadecimal(value: Any, place: Place) -> str:
     return data.hex()
 
 
-BIT_RATE = Kind("bit rate", _bit_rate)
-BYTES = Kind("bytes in hexadecimal", _hexadecimal)
+BIT_RATE = ValueKind("bit rate", _bit_rate)
+BYTES = ValueKind("bytes in hexadecimal", _hexadecimal)
 CHANNEL = "the bus"
 ETHERNET = "eth0"
 """The name of what is no bus, where frames have names of channels."""

@@ -18,7 +18,8 @@ import numpy as np
 from dissectors.batch import I64, U16
 from dissectors.can.bits import HEAD_BITS, HEAD_BITS_EXTENDED, TAIL_BITS
 from dissectors.can.frame import MAX_DATA_BYTES, CanBatch
-from nvscope.engine.keyed_columns import Columns, runs_of, stable_order
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import runs_of, stable_order
 
 USUAL_RATES = (
     10_000, 20_000, 33_333, 50_000, 83_333, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
@@ -76,7 +77,7 @@ _BARE_BITS = np.array(
 )
 
 
-class _ChannelColumns(Columns):
+class _ChannelColumns(KeyedColumns):
     """One row a channel.
 
     ``bits`` are those of the last frame, 0 where no distance can be measured from it, ``shape`` its bytes of data, and

@@ -17,7 +17,8 @@ from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STA
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
 from dissectors.layout import gather_bytes
-from nvscope.engine.keyed_columns import Columns, runs_of, stable_order
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import runs_of, stable_order
 
 _SERVICES = {service.name: service for service in PREDEFINED}
 _NMT, _EMCY, _HEARTBEAT = (_SERVICES[name] for name in ("NMT", "EMCY", "heartbeat"))
@@ -39,7 +40,7 @@ def _kinds() -> U8:
 _KIND = _kinds()
 
 
-class _NodeColumns(Columns):
+class _NodeColumns(KeyedColumns):
     """One row a channel and node; node 0 has the commands to all. Frame numbers are 0, states -1 where there are none.
 
     ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest.

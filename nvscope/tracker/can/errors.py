@@ -18,7 +18,8 @@ from dissectors.can.error import (
 )
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
-from nvscope.engine.keyed_columns import Columns, runs_of, stable_order
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.events import EventLog
 
 _UNTOLD = -1
@@ -26,7 +27,7 @@ _STATES = len(CONTROLLER_BITS)
 _CLASS_OF_MASK = {bit.mask: bit for bit in CLASSES}
 
 
-class _ChannelColumns(Columns):
+class _ChannelColumns(KeyedColumns):
     """One row a channel with error frames.
 
     ``off`` is 1 while its controller is off the bus, since ``off_since_ns``; ``off_ns`` and ``longest_off_ns`` are of

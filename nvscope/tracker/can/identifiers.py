@@ -11,13 +11,14 @@ from dissectors.can.bits import WireBits
 from dissectors.can.frame import CanBatch, Fault
 from dissectors.can.pdo import words
 from dissectors.keys import KeyTable
-from nvscope.engine.keyed_columns import Columns, add_sums
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import add_sums
 
 _STANDARD = 1 << 11
 _DENSE_CHANNELS = 64
 
 
-class IdentifierColumns(Columns):
+class IdentifierColumns(KeyedColumns):
     """One row an identifier of a channel: its frames with and without data, and their exact bits at both bit rates."""
 
     frames: I64

@@ -10,7 +10,8 @@ from dissectors.batch import I64
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
-from nvscope.engine.keyed_columns import Columns, add_sums, runs_of
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import add_sums, runs_of
 from nvscope.tracker.can.bit_rate import BackToBack
 from nvscope.tracker.can.identifiers import CanIdentifiers
 
@@ -21,7 +22,7 @@ BEFORE_1970 = 1 << 62
 _FEW_KEYS = 1 << 16
 
 
-class SecondColumns(Columns):
+class SecondColumns(KeyedColumns):
     """One row a channel and second.
 
     ``exact_bits`` and ``worst_bits`` are those at the nominal bit rate, with the stuff bits that the frames have, or

@@ -1,7 +1,7 @@
 """What is known of CAN buses so far besides the data they carry: load, remote frames, error frames, faults.
 
 A frame tells neither its sender nor its list: an identifier of a channel is all there is. Data frames have streams as
-telegrams have (``nvscope.engine.flows``); which list they belong to is said from outside (``dissectors.can.pdo``).
+telegrams have (``nvscope.engine.keys``); which list they belong to is said from outside (``dissectors.can.pdo``).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from dissectors.batch import I64, U8, Bool
 from dissectors.can.frame import CanBatch
 from dissectors.can.pdo import PdoRules, words
-from nvscope.engine.flows import Flows
-from nvscope.engine.keyed_columns import Columns
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
 from nvscope.tracker.can.canopen import CanOpen
 from nvscope.tracker.can.errors import CanErrors
@@ -25,8 +25,8 @@ from nvscope.tracker.loss import NodeSteps
 from nvscope.tracker.sequence import Step, Steps
 
 
-class PdoColumns(Columns):
-    """One row a stream of ``Flows``: what is told of its list, if it is one on CAN.
+class PdoColumns(KeyedColumns):
+    """One row a stream of ``Keys``: what is told of its list, if it is one on CAN.
 
     ``interval_ns`` is that at which it is sent, 0 where nobody says; ``several``: it has several frames.
     """
@@ -63,16 +63,16 @@ class CanState:
         self.load.observe(frames, first_frame)
 
     def observe_cycles(
-        self, rows: DataRows, usual: Bool, usual_ns: I64, flows: Flows, rules: PdoRules, first_frame: int
+        self, rows: DataRows, usual: Bool, usual_ns: I64, keys: Keys, rules: PdoRules, first_frame: int
     ) -> None:
         """Take the data frames of a batch; ``usual`` and ``usual_ns`` are the intervals that were learned so far.
 
         Where the interval is told, it need not be learned.
         """
         told, known = self.pdos, len(self.pdos)
-        told.resize(len(flows.streams))
+        told.resize(len(keys.streams))
         for stream in range(known, len(told)):
-            (channel, cob_id), _ = flows.place_key(stream)
+            (channel, cob_id), _ = keys.place_key(stream)
             if isinstance(channel, str):
                 frames, told.interval_ns[stream] = rules.list_of(channel, cob_id)
                 told.several[stream] = frames > 1
@@ -80,7 +80,7 @@ class CanState:
             return
         interval_ns = np.where(told.column("interval_ns") > 0, told.column("interval_ns"), usual_ns[: len(told)])
         usual = usual | (told.interval_ns[rows.stream] > 0)
-        self.cycles.observe(rows, None, usual, interval_ns, flows, first_frame, told.several)
+        self.cycles.observe(rows, None, usual, interval_ns, keys, first_frame, told.several)
 
     def _observe_faults(self, frames: CanBatch, first_frame: int) -> None:
         wrong = np.flatnonzero(frames.fault)

@@ -13,11 +13,11 @@ import numpy as np
 from dissectors.can.pdo import EXTENDED, ON_CAN
 from dissectors.netvar import HEADER
 from nvscope.definition.buses import Buses
-from nvscope.engine.flows import LENGTH_SHIFT, NOBODY_KEY
+from nvscope.engine.keys import LENGTH_SHIFT, NOBODY_KEY
 from nvscope.list_key import ListKey, list_key, told_of
 from nvscope.tracker.can.bus import CanBusSummary, summarize_buses
 from nvscope.tracker.diagnosis import Diagnosis
-from nvscope.tracker.intervals import Intervals, StreamIntervals
+from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
 
 if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
@@ -40,8 +40,7 @@ class CanStreamSummary:
     first_ns: int
     last_ns: int
     length: int
-    intervals: Intervals
-    last_minute: Intervals
+    intervals: IntervalFigures
     node: None = None
 
 
@@ -100,7 +99,7 @@ def summarize_can(
     """
     if not state.can.frames:
         return CanSummary()
-    flows, memory = state.flows, state.memory.columns
+    keys, memory = state.keys, state.memory.columns
     remotes = state.can.remotes
     asked = dict(
         zip(
@@ -109,12 +108,12 @@ def summarize_can(
         )
     )  # fmt: skip
     streams: dict[int, list[CanStreamSummary]] = defaultdict(list)
-    for stream in np.flatnonzero(flows.streams.low == np.uint64(NOBODY_KEY)).tolist():
-        place = int(flows.streams.high[stream])
-        number, subindex = int(flows.places.high[place]), int(flows.places.low[place])
-        index = int(flows.lists.low[number])
+    for stream in np.flatnonzero(keys.streams.low == np.uint64(NOBODY_KEY)).tolist():
+        place = int(keys.streams.high[stream])
+        number, subindex = int(keys.places.high[place]), int(keys.places.low[place])
+        index = int(keys.lists.low[number])
         word = index if index & EXTENDED else index + subindex
-        whole, last_minute = intervals.of(stream, told_of(intervals_ns, flows.list_key(number)))
+        whole = intervals.of(stream, told_of(intervals_ns, keys.list_key(number)))
         signature = int(memory.signature[stream])
         streams[number].append(
             CanStreamSummary(
@@ -123,18 +122,17 @@ def summarize_can(
                 cob_id=word & ~EXTENDED,
                 extended=bool(word & EXTENDED),
                 telegrams=int(memory.telegrams[stream]),
-                remote=asked.get((int(flows.lists.high[number]) - ON_CAN, word), 0),
+                remote=asked.get((int(keys.lists.high[number]) - ON_CAN, word), 0),
                 first_ns=int(memory.first_ns[stream]),
                 last_ns=int(memory.last_ns[stream]),
                 length=(signature >> int(LENGTH_SHIFT) & 0xFFFF) - HEADER.size_bytes,
                 intervals=whole,
-                last_minute=last_minute,
             )
         )
     lists = [
         CanListSummary.of(number, (str(port), index), own)
         for number, own in streams.items()
-        for port, index in [flows.list_key(number)]
+        for port, index in [keys.list_key(number)]
     ]
     lists.sort(key=lambda entry: (entry.port, entry.index))
-    return CanSummary(lists, summarize_buses(state.can, flows.channel, buses, cob_ids))
+    return CanSummary(lists, summarize_buses(state.can, keys.channel, buses, cob_ids))

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from dissectors import address
-from dissectors.batch import I64, U8, Bool, PacketBatch
-from dissectors.can.pdo import PdoRules
+from dissectors.batch import I64, U8
 from dissectors.layout import gather_bytes
-from dissectors.netvar import HEADER, PortRules
-from dissectors.varieties import NO_TELEGRAM, Choose, SortedPackets, Sorter
-from nvscope.engine.flows import LENGTH_SHIFT, Flows, Kind
-from nvscope.engine.rows import DataRows, StreamMemory
+from dissectors.netvar import HEADER
+from nvscope.engine.keys import LENGTH_SHIFT
+from nvscope.engine.rows import DataRows
+from nvscope.engine.told import Told
 from nvscope.list_key import ListKey, Port
-
-_PIECE_PACKETS = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,97 +47,95 @@ class Telegrams:
     destination: str
 
 
-class DataTelegrams:
-    """The data telegrams of packet batches that follow each other; ``ports`` as for ``dissectors.netvar.dissect``.
+def _any(_: Stream) -> bool:
+    return True
 
-    ``choose`` tells of each batch which packets are wanted, None for all. ``frames`` counts those seen so far,
-    ``telegrams`` the telegrams of any service and the CAN frames, ``chosen`` those of them that are wanted. ``lists``
-    are those of which data telegrams came, ``chosen_lists`` those of which some were wanted. ``pdos`` say which lists
-    CAN frames belong to.
+
+class DataTelegrams:
+    """The data telegrams of batches that follow each other, those of ``wanted`` streams, and what else there was.
+
+    ``frames`` counts those seen so far, ``telegrams`` the telegrams of any service and the CAN frames, ``chosen`` those
+    of them that the filter chooses. ``lists`` are those of which data telegrams came, ``chosen_lists`` those of which
+    some were chosen.
     """
 
-    def __init__(
-        self, ports: PortRules | None = None, choose: Choose | None = None, pdos: PdoRules | None = None
-    ) -> None:
-        self._sorter = Sorter(ports, pdos)
-        self._choose = choose
-        self._flows = Flows(pdos)
-        self._memory = StreamMemory()
-        self._streams: dict[int, Stream] = {}
+    def __init__(self, wanted: Callable[[Stream], bool] = _any) -> None:
+        self._wanted = wanted
+        self._streams: dict[int, tuple[Stream, bool]] = {}
         self.frames = 0
         self.telegrams = 0
         self.chosen = 0
         self.lists: set[ListKey] = set()
         self.chosen_lists: set[ListKey] = set()
 
-    def pieces(self, packets: PacketBatch) -> Iterator[list[Telegrams]]:
-        """Yield the telegrams of a batch, a small piece of it at a time.
+    def of(self, told: Told) -> list[Telegrams]:
+        """Return the telegrams of a batch: an entry for each stream, shape and flags; their frames interleave."""
+        found = [*self._laid_out(told, told.laid.data), *self._laid_out(told, told.laid.pdos)]
+        self.frames += len(told)
+        self.telegrams += len(told.recognised)
+        if told.chosen is not None:
+            self.chosen += int(np.count_nonzero(told.chosen))
+        return found
 
-        Within a piece there is one entry for each stream and shape, so that a stream has several where its shape or
-        flags change; frames of different entries interleave.
-        """
-        for start in range(0, len(packets), _PIECE_PACKETS):
-            batch = self._sorter.sort(packets[start : start + _PIECE_PACKETS])
-            found = list(self._sorted(batch))
-            self.frames += len(batch)
-            yield found
-
-    def _sorted(self, batch: SortedPackets) -> Iterator[Telegrams]:
-        count = self._flows.observe(batch, self.frames + 1)
-        self.telegrams += len(batch) - int(count[NO_TELEGRAM])
-        chosen = None
-        if self._choose is not None:
-            chosen = self._choose(batch)
-            self.chosen += int(np.count_nonzero(chosen))
-        for kind in (Kind.DATA, Kind.PDO) if batch.can else (Kind.DATA,):
-            yield from self._laid_out(batch, self._memory.rows(batch, count, self._flows, kind), chosen)
-
-    def _laid_out(self, batch: SortedPackets, rows: DataRows, chosen: Bool | None) -> Iterator[Telegrams]:
-        signatures, truncated = self._flows.varieties.signature, batch.varieties.truncated
+    def _laid_out(self, told: Told, rows: DataRows) -> Iterator[Telegrams]:
+        signatures, common = told.keys.varieties.signature, told.varieties
+        truncated = common.truncated
+        some_truncated, datagram = bool(truncated.any()), common.datagram
         for number, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
-            packet, variety = rows.packet[start:stop], rows.variety[start:stop]
-            stream = self._stream(number)
+            stream, wanted = self._stream(told, number)
             self.lists.add((stream.port, stream.index))
-            if chosen is not None:
-                own_chosen = chosen[packet]
+            packet, variety = rows.packet[start:stop], rows.variety[start:stop]
+            if told.chosen is not None:
+                own_chosen = told.chosen[packet]
                 packet, variety = packet[own_chosen], variety[own_chosen]
             if len(packet):
                 self.chosen_lists.add((stream.port, stream.index))
-            if truncated.any():
+            if not wanted:
+                continue
+            if some_truncated:
                 whole = ~truncated[variety]
                 packet, variety = packet[whole], variety[whole]
-            for kind in np.unique(variety).tolist():
-                own = packet[variety == kind]
+            for kind, own in _by_variety(packet, variety):
                 size = (int(signatures[kind]) >> int(LENGTH_SHIFT) & 0xFFFF) - HEADER.size_bytes
-                at = batch.packets.offset[own] + (batch.varieties.datagram.payload[kind] + HEADER.size_bytes)
+                at = told.packets.offset[own] + (datagram.payload[kind] + HEADER.size_bytes)
                 data = (
-                    gather_bytes(batch.packets.data, at, size).view(np.uint8).reshape(len(own), size)
+                    gather_bytes(told.packets.data, at, size).view(np.uint8).reshape(len(own), size)
                     if size
                     else (np.empty((len(own), 0), np.uint8))
                 )
-                datagram, header = batch.varieties.datagram, batch.varieties.header[kind]
+                header = common.header[kind]
                 yield Telegrams(
-                    stream, int(header["items"]), data, own + (self.frames + 1),
-                    batch.packets.ts_ns[own], int(header["flags"]),
+                    stream, int(header["items"]), data, own + told.first_frame, told.packets.ts_ns[own],
+                    int(header["flags"]),
                     address.text(int(datagram.destination_hi[kind]), int(datagram.destination_lo[kind])),
                 )  # fmt: skip
 
-    def _stream(self, number: int) -> Stream:
+    def _stream(self, told: Told, number: int) -> tuple[Stream, bool]:
         known = self._streams.get(number)
         if known is None:
-            key = self._flows.stream_key(number)
-            known = self._streams[number] = Stream(number, *key.list, key.subindex, key.sender, key.order)
+            key = told.keys.stream_key(number)
+            stream = Stream(number, *key.list, key.subindex, key.sender, key.order)
+            known = self._streams[number] = stream, self._wanted(stream)
         return known
 
 
-def joined(piece: Iterable[Telegrams]) -> list[Telegrams]:
+def _by_variety(packet: I64, variety: I64) -> Iterator[tuple[int, I64]]:
+    """Yield the packets of one stream by variety; mostly there is one."""
+    if len(variety) and (variety[0] == variety).all():
+        yield int(variety[0]), packet
+        return
+    for kind in np.unique(variety).tolist():
+        yield kind, packet[variety == kind]
+
+
+def joined(telegrams: Iterable[Telegrams]) -> list[Telegrams]:
     """Return telegrams with those of one stream and shape together, each in the order of the capture.
 
     Entries are in the order of their first frames. Flags are those of any of the telegrams.
     """
     groups: dict[tuple[int, int, int], list[Telegrams]] = {}
-    for telegrams in sorted(piece, key=lambda entry: int(entry.frame[0])):
-        groups.setdefault((telegrams.stream.number, telegrams.items, telegrams.data.shape[1]), []).append(telegrams)
+    for part in sorted(telegrams, key=lambda entry: int(entry.frame[0])):
+        groups.setdefault((part.stream.number, part.items, part.data.shape[1]), []).append(part)
     return [parts[0] if len(parts) == 1 else _join(parts) for parts in groups.values()]
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool, PacketBatch
-from dissectors.can.pdo import PdoRules
-from dissectors.netvar import HEADER, PortRules
-from dissectors.varieties import Choose
+from dissectors.batch import I64, U8, Bool
+from dissectors.netvar import HEADER
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout
+from nvscope.engine.told import Told
 from nvscope.list_key import Port
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 from nvscope.tracker.variables.values import MOST_LAYOUTS, Block, blocks_of
@@ -69,30 +69,25 @@ class History:
     other Items or Length than its definitions.
     """
 
-    def __init__(
-        self,
-        layouts: Layouts,
-        wanted: Wanted,
-        *,
-        every: bool = False,
-        ports: PortRules | None = None,
-        choose: Choose | None = None,
-        pdos: PdoRules | None = None,
-    ) -> None:
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self, layouts: Layouts, wanted: Wanted, *, every: bool = False) -> None:
         self._layouts = layouts
         self._wanted = wanted
         self._every = every
-        self.read = DataTelegrams(ports, choose, pdos)
+        self.read = DataTelegrams(lambda stream: bool(self._names(stream)))
         self.tracks: dict[tuple[int, int, int], Track] = {}
         self._shapes: dict[int, int] = {}
+        self._shown: list[_Shown] = []
         self.unfitting = 0
 
-    def observe(self, packets: PacketBatch) -> Iterator[Entry]:
-        """Yield what the packets that follow those observed so far tell; a batch must be taken to its end."""
-        for piece in self.read.pieces(packets):
-            own = [part for part in piece if self._names(part.stream)]
-            shown = [found for telegrams in joined(own) if (found := self._add(telegrams)) is not None]
-            yield from _merged(shown)
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        self._shown = [shown for part in joined(self.read.of(told)) if (shown := self._add(part)) is not None]
+
+    def entries(self) -> Iterator[Entry]:
+        """Yield what the batch observed last tells."""
+        return _merged(self._shown)
 
     def _names(self, stream: Stream) -> frozenset[str]:
         return self._wanted(stream.port, stream.index, stream.subindex)

@@ -12,17 +12,18 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from hashlib import blake2b
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U64, Bool, PacketBatch
-from dissectors.can.pdo import PdoRules
-from dissectors.netvar import HEADER, PortRules
+from dissectors.batch import I64, U8, U64, Bool
+from dissectors.netvar import HEADER
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, type_text
+from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
-from nvscope.tracker.timing import Histogram, bucket_of
+from nvscope.tracker.buckets import bucket_of
+from nvscope.tracker.histograms import Histogram
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 from nvscope.tracker.variables.values import Block, Table
 
@@ -121,29 +122,32 @@ class Hops:
     with different types: these are not compared.
     """
 
-    def __init__(self, layouts: Layouts, ports: PortRules | None = None, pdos: PdoRules | None = None) -> None:
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self, layouts: Layouts) -> None:
         self._layouts = layouts
-        self._read = DataTelegrams(ports, None, pdos)
-        shared, self.untyped = _shared(layouts)
-        self._shared = shared
+        self._shared, self.untyped = _shared(layouts)
+        self._read = DataTelegrams(self._may_share)
         self._ends: dict[Name, dict[tuple[int, int], End]] = defaultdict(dict)
         self._wanted: dict[tuple[int, int, int], tuple[_Wanted, ...]] = {}
         self.pairs: dict[Name, list[Pair]] = defaultdict(list)
 
-    def observe(self, packets: PacketBatch) -> None:
-        """Take the packets that follow those observed so far."""
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
         if not self._shared:
             return
-        for piece in self._read.pieces(packets):
-            changed: set[Name] = set()
-            fresh: dict[int, tuple[I64, U64]] = {}
-            for telegrams in joined(piece):
-                self._take(telegrams, changed, fresh)
-            for name in changed:
-                for pair in self.pairs.get(name, ()):
-                    _compare(pair, fresh)
-                for end in self._ends[name].values():
-                    _remember(end, fresh.get(id(end)))
+        changed: set[Name] = set()
+        fresh: dict[int, tuple[I64, U64]] = {}
+        for telegrams in joined(self._read.of(told)):
+            self._take(telegrams, changed, fresh)
+        for name in changed:
+            for pair in self.pairs.get(name, ()):
+                _compare(pair, fresh)
+            for end in self._ends[name].values():
+                _remember(end, fresh.get(id(end)))
+
+    def _may_share(self, stream: Stream) -> bool:
+        return self._layouts.list_of(stream.port, stream.index) is not None
 
     def _take(self, telegrams: Telegrams, changed: set[Name], fresh: dict[int, tuple[I64, U64]]) -> None:
         """Find the changes in telegrams of one stream."""

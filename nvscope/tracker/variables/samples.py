@@ -7,12 +7,13 @@ stream grows. Which ones that are, their numbers within the stream decide, not h
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, PacketBatch
-from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT, PortRules
-from dissectors.varieties import Choose
+from dissectors.batch import I64, U8
+from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT
+from nvscope.engine.told import Told
 from nvscope.tracker.intervals import CYCLIC_SPREAD_PERCENT
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 
@@ -95,17 +96,18 @@ class Samples:
     ``left_out`` counts the telegrams of streams and shapes for which there was no room.
     """
 
-    def __init__(self, ports: PortRules | None = None, choose: Choose | None = None) -> None:
-        self.read = DataTelegrams(ports, choose)
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self) -> None:
+        self.read = DataTelegrams()
         self.found: dict[tuple[int, int, int], Sample] = {}
         self.left_out = 0
         self._shapes: dict[int, int] = {}
 
-    def observe(self, packets: PacketBatch) -> None:
-        """Take the packets that follow those observed so far."""
-        for piece in self.read.pieces(packets):
-            for telegrams in joined(piece):
-                self._add(telegrams)
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        for telegrams in joined(self.read.of(told)):
+            self._add(telegrams)
 
     def _add(self, telegrams: Telegrams) -> None:
         stream, size = telegrams.stream, telegrams.data.shape[1]

@@ -17,15 +17,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dissectors.batch import I64, U8, Bool
+from dissectors.batch import I64, U8
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER
-from dissectors.varieties import SortedPackets
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Elementary, Kind, String, scalar_of
+from nvscope.definition.model import Elementary, ScalarKind, String, scalar_of
 from nvscope.definition.packing import TelegramLayout
-from nvscope.engine.flows import Flows
 from nvscope.engine.rows import DataRows
+from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.tracker.events import FRAMES_KEPT, EventRows
 
@@ -57,19 +56,19 @@ class Block:
     def number_dtype(self) -> str | None:
         """The numpy type of the elements where they have an order, else None."""
         scalar = scalar_of(self.type)
-        return scalar.dtype if scalar and scalar.kind is not Kind.RAW else None
+        return scalar.dtype if scalar and scalar.kind is not ScalarKind.RAW else None
 
     @property
     def is_bool(self) -> bool:
         """Whether all bytes but 0 mean the same."""
         scalar = scalar_of(self.type)
-        return scalar is not None and scalar.kind is Kind.BOOL
+        return scalar is not None and scalar.kind is ScalarKind.BOOL
 
     @property
     def is_real(self) -> bool:
         """Whether equal values may have different bytes, as REAL and LREAL."""
         scalar = scalar_of(self.type)
-        return scalar is not None and scalar.kind is Kind.REAL
+        return scalar is not None and scalar.kind is ScalarKind.REAL
 
     def cells_of(self, data: U8) -> Table:
         """Return the elements of (n, data) telegrams as what can be compared: words, or bytes with leftovers as zeros.
@@ -188,23 +187,22 @@ class Values:
         found = (self._fitted.get((stream, shape)) for shape in self._layouts.get(stream, ()))
         return sorted((entry for entry in found if entry), key=lambda entry: entry.last_frame)
 
-    def observe(
-        self, batch: SortedPackets, rows: DataRows, flows: Flows, first_frame: int, chosen: Bool | None = None
-    ) -> None:
-        """Take the data telegrams of a batch; only the values of those whose packets are ``chosen``."""
-        self.unfitting.resize(len(flows.streams))
-        header = batch.varieties.header
+    def observe(self, told: Told, rows: DataRows) -> None:
+        """Take the data telegrams of a batch; only the values of those that are chosen."""
+        keys, first_frame = told.keys, told.first_frame
+        self.unfitting.resize(len(keys.streams))
+        header = told.varieties.header
         signs = (header["items"].astype(np.int64) << 16) | header["length"]
         for stream, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
-            key, subindex = flows.place_key(stream)
+            key, subindex = keys.place_key(stream)
             if self.layouts.list_of(*key) is None:
                 continue
             variety, own = rows.variety[start:stop], np.arange(start, stop)
             sent = signs[variety]
             misfits = np.ones(len(own), np.bool_)
-            whole = ~batch.varieties.truncated[variety]
-            if chosen is not None:
-                whole &= chosen[rows.packet[start:stop]]
+            whole = ~told.varieties.truncated[variety]
+            if told.chosen is not None:
+                whole &= told.chosen[rows.packet[start:stop]]
             for shape, layout in self._layouts_of(stream, key, subindex, sent).items():
                 fits = sent == (shape[0] << 16 | shape[1])
                 if not fits.any():
@@ -213,7 +211,7 @@ class Values:
                 self._count(stream, shape, layout, own[fits], rows, first_frame)
                 decoded = own[fits & whole] if self._wanted and layout.elements else own[:0]
                 if len(decoded):
-                    data = _data_of(batch, rows.packet[decoded], rows.variety[decoded], layout)
+                    data = _data_of(told, rows.packet[decoded], rows.variety[decoded], layout)
                     self._add(stream, layout, data, rows.time_ns[decoded], int(rows.packet[decoded[-1]]) + first_frame)
             if misfits.any():
                 others = own[misfits]
@@ -288,8 +286,8 @@ class Values:
         self.streams[stream] = sequence[-1]
 
 
-def _data_of(batch: SortedPackets, packet: I64, variety: I64, layout: TelegramLayout) -> U8:
+def _data_of(told: Told, packet: I64, variety: I64, layout: TelegramLayout) -> U8:
     """Return the bytes behind the headers of telegrams that fit a layout, as (n, bytes)."""
-    at = batch.packets.offset[packet] + batch.varieties.datagram.payload[variety] + HEADER.size_bytes
+    at = told.packets.offset[packet] + told.varieties.datagram.payload[variety] + HEADER.size_bytes
     size = layout.layout.size_bytes
-    return gather_bytes(batch.packets.data, at, size).view(np.uint8).reshape(len(packet), size)
+    return gather_bytes(told.packets.data, at, size).view(np.uint8).reshape(len(packet), size)

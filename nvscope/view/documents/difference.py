@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from nvscope.definition.byte_map import Part, Run
+from nvscope.definition.byte_map import Run, Stretch
 from nvscope.definition.difference import Difference, ListDifference, TelegramDifference
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout
@@ -82,7 +82,7 @@ def _run(run: Run) -> dict[str, Any]:
     }
 
 
-def _part(part: Part | None) -> dict[str, Any] | None:
+def _part(part: Stretch | None) -> dict[str, Any] | None:
     if part is None:
         return None
     return {"first": part.first, "last": part.last, "count": part.count, "type": part.type or None}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from nvscope.tracker.intervals import Intervals
+from nvscope.tracker.intervals import IntervalFigures
 
 
-def interval_row(intervals: Intervals) -> dict[str, int | None]:
+def interval_row(intervals: IntervalFigures) -> dict[str, int | None]:
     """Return count and nanoseconds; None for what is not known."""
     return {
         "count": intervals.count,

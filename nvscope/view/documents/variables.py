@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from nvscope.definition.model import Elementary, Enumeration, Kind, Scalar, type_text
+from nvscope.definition.model import Elementary, Enumeration, Scalar, ScalarKind, type_text
 from nvscope.definition.value import Value, value_of
 from nvscope.list_key import ListKey, list_key, list_order
 from nvscope.tracker.state import TrackerState
@@ -80,7 +80,7 @@ def _streams(state: TrackerState, values: Values) -> list[_Stream]:
     """Return the streams in the order of their rows."""
     entries = []
     for stream in values.streams:
-        key = state.flows.stream_key(stream)
+        key = state.keys.stream_key(stream)
         order = list_order(key.list), key.subindex, key.order
         entries.append((order, _Stream(key.list, key.subindex, key.sender, values.sequence(stream))))
     return [stream for _, stream in sorted(entries, key=lambda entry: entry[0])]
@@ -91,11 +91,11 @@ def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | No
 
     ``keys`` are those of the lists that are looked at, as their definition has them, None for all.
     """
-    flows = state.flows
-    listed = (values.layouts.key_of(*flows.list_key(number)) for number in range(len(flows.lists)))
+    keys_seen = state.keys
+    listed = (values.layouts.key_of(*keys_seen.list_key(number)) for number in range(len(keys_seen.lists)))
     defined = np.array([key is not None and (keys is None or key in keys) for key in listed], np.bool_)
     count = values.unfitting.column("count")
-    lists = flows.places.high.astype(np.int64)[flows.place_of(np.arange(len(count)))]
+    lists = keys_seen.places.high.astype(np.int64)[keys_seen.place_of(np.arange(len(count)))]
     return int(count[defined[lists]].sum()), int(state.lists.truncated[: len(defined)][defined].sum())
 
 
@@ -158,7 +158,7 @@ def value_text(kind: Elementary, raw: bytes) -> str:
     if isinstance(kind, Enumeration) and isinstance(value, int):
         names = [name for name, number in kind.values.items() if number == value]
         return f"{names[0]} ({value})" if names else f"{value} (no value of {kind.name})"
-    if isinstance(kind, Scalar) and kind.kind is Kind.BOOL:
+    if isinstance(kind, Scalar) and kind.kind is ScalarKind.BOOL:
         return "TRUE" if value else "FALSE"
     if isinstance(value, str):
         return f"'{value}'"
@@ -173,15 +173,15 @@ def _time_text(kind: Scalar, value: int) -> str:
     """Return an IEC 61131-3 literal with the short prefix of the type; of 64 bits with all that they tell."""
     time_ns = value * kind.unit_ns
     is_long = kind.unit_ns == 1
-    if kind.kind is Kind.DURATION:
+    if kind.kind is ScalarKind.DURATION:
         return iec_ltime(time_ns) if is_long else iec_time(time_ns)
     prefix = "L" if is_long else ""
     seconds, rest_ns = divmod(time_ns, _S_NS)
     digits = f"{rest_ns:09d}".rstrip("0")
     fraction = f".{digits}" if digits else ""
-    if kind.kind is Kind.TIME_OF_DAY:
+    if kind.kind is ScalarKind.TIME_OF_DAY:
         return f"{prefix}TOD#{seconds // 3_600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}{fraction}"
     day = date(time_ns, utc=True)
-    if kind.kind is Kind.DATE:
+    if kind.kind is ScalarKind.DATE:
         return f"{prefix}D#{day}"
     return f"{prefix}DT#{day}-{clock_time(time_ns, utc=True, digits=0)}{fraction}"

@@ -19,7 +19,7 @@ from dissectors.batch import I64, U8, Bool
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, Fault, Service
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Element, Enumeration, Kind, scalar_of
+from nvscope.definition.model import Element, Enumeration, ScalarKind, scalar_of
 from nvscope.definition.packing import TelegramLayout, known_fronts
 from nvscope.definition.value import value_of
 from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
@@ -237,7 +237,7 @@ def _numbers(place: _Place, rows: TelegramRows, which: I64) -> Numbers:
     scalar = scalar_of(place.element.type)
     assert scalar is not None
     cells: Any = _raw(place.bytes_of(rows, which), scalar.size_bytes).view(scalar.dtype)
-    if scalar.kind is Kind.BOOL:
+    if scalar.kind is ScalarKind.BOOL:
         return np.asarray(cells != 0)
     if not scalar.unit_ns:
         return np.asarray(cells)

@@ -17,7 +17,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.can.pdo import EXTENDED
 from dissectors.netvar import KNOWN_SERVICE
-from nvscope.engine.flows import IS_PARAMETER
+from nvscope.engine.keys import IS_PARAMETER
 from nvscope.expression.columns import Column, FieldType, TextColumn
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding

@@ -9,11 +9,11 @@ from nvscope.view.lines.table import Cell, Line, Tone
 _PER_LINE = 16
 _CHARACTERS = bytes(code if 0x20 <= code < 0x7F else ord(".") for code in range(256))
 
-Part = tuple[int, Tone]
+TonedSpan = tuple[int, Tone]
 """Up to which offset bytes have a tone."""
 
 
-def dump(data: bytes, parts: Sequence[Part] = (), indent: int = 0, first: int = 0) -> Iterator[Line]:
+def dump(data: bytes, parts: Sequence[TonedSpan] = (), indent: int = 0, first: int = 0) -> Iterator[Line]:
     """Yield the lines of a dump of ``data``, whose first byte is at offset ``first``.
 
     ``parts`` lie one behind the other; what is behind the last of them is plain.
@@ -31,7 +31,7 @@ def dump(data: bytes, parts: Sequence[Part] = (), indent: int = 0, first: int = 
         yield line
 
 
-def _spans(begin: int, end: int, parts: Sequence[Part]) -> Iterator[tuple[int, int, Tone]]:
+def _spans(begin: int, end: int, parts: Sequence[TonedSpan]) -> Iterator[tuple[int, int, Tone]]:
     """Yield the parts within a line, as positions in the line."""
     at = begin
     for stop, tone in (*parts, (end, Tone.PLAIN)):

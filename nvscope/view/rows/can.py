@@ -9,7 +9,8 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.can.frame import CanBatch
 from dissectors.can.pdo import ON_CAN, PdoRules
-from dissectors.varieties import SortedPackets, Varieties
+from dissectors.varieties import Varieties
+from nvscope.engine.told import Told
 from nvscope.list_key import Port
 
 
@@ -32,13 +33,13 @@ class CanRows:
     pdos: PdoRules
 
     @staticmethod
-    def of_packets(batch: SortedPackets, rows: I64, pdos: PdoRules) -> CanRows | None:
+    def of_packets(told: Told, rows: I64) -> CanRows | None:
         """Return what is known of some packets, which all hold telegrams or CAN frames; None where none is of CAN."""
-        if batch.can is None:
+        if told.can is None:
             return None
-        position = np.full(len(batch), -1)
-        position[batch.can.row] = np.arange(len(batch.can))
-        return _of_varieties(batch.varieties, batch.variety[rows], position[rows], batch.can, pdos)
+        position = np.full(len(told), -1)
+        position[told.can.row] = np.arange(len(told.can))
+        return _of_varieties(told.varieties, told.variety[rows], position[rows], told.can, told.pdos)
 
     @staticmethod
     def of_varieties(varieties: Varieties, numbers: I64, pdos: PdoRules) -> CanRows | None:

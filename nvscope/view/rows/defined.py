@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,15 +13,15 @@ from dissectors import address
 from dissectors.batch import I64, U8
 from dissectors.can.pdo import ON_CAN, PdoRules
 from dissectors.layout import gather_bytes
-from dissectors.netvar import HEADER, PortRules, Service
-from dissectors.varieties import NO_TELEGRAM, Choose, Sorter, Varieties
-from nvscope.capture.source import Source
+from dissectors.netvar import HEADER, Service
+from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.capture.spans import copy_spans
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
-from nvscope.engine.flows import Kind, kinds
-from nvscope.engine.keyed_columns import runs_of, stable_order
+from nvscope.engine.keys import FrameKind, kinds
+from nvscope.engine.runs import runs_of, stable_order
+from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.view.rows.values import SpanColumn
 
@@ -107,33 +108,21 @@ class DefinedRows:
 
 
 class DefinedTelegrams:
-    """The data telegrams of the lists of ``layouts``; iterate once, a step a packet batch.
+    """The data telegrams of the lists of ``layouts``, batch by batch.
 
-    ``keys`` are the lists that are wanted, as they are defined; ``choose`` tells which packets are, None for all;
-    ``pdos`` say which lists CAN frames belong to. ``places`` are the telegrams that these lists have, by list,
-    definition and SubIndex. Of several definitions of a list, the first that has the Items and Length of a telegram
-    says what it is; where none has, it is left out.
+    ``keys`` are the lists that are wanted, as they are defined. ``places`` are the telegrams that these lists have, by
+    list, definition and SubIndex. Of several definitions of a list, the first that has the Items and Length of a
+    telegram says what it is; where none has, it is left out. ``rows`` are those of the batch observed last.
 
-    What is known after the last step: ``frames`` and ``fragments`` (IP fragments, which are not put together),
-    ``telegrams`` (data telegrams of the lists, and how many of them were ``chosen``), ``senders`` (their addresses),
-    ``left_out`` (chosen telegrams by key and reason), and ``undefined`` (chosen data telegrams of lists without a
-    definition).
+    What is known so far: ``frames`` and ``fragments`` (IP fragments, which are not put together), ``telegrams`` (data
+    telegrams of the lists, and how many of them were ``chosen``), ``senders`` (their addresses), ``left_out`` (chosen
+    telegrams by key and reason), and ``undefined`` (chosen data telegrams of lists without a definition).
     """
 
-    def __init__(
-        self,
-        source: Source,
-        layouts: Layouts,
-        *,
-        keys: Collection[ListKey],
-        ports: PortRules | None = None,
-        choose: Choose | None = None,
-        pdos: PdoRules | None = None,
-    ) -> None:
-        self._source = source
-        self._pdos = pdos or PdoRules()
-        self._sorter = Sorter(ports, self._pdos)
-        self._choose = choose
+    by_stream: ClassVar[bool] = False
+
+    def __init__(self, layouts: Layouts, *, keys: Collection[ListKey]) -> None:
+        self._pdos = PdoRules()
         self.keys = list(keys)
         self.places: list[Place] = []
         self._whole: dict[tuple[int, int, int, int], int] = {}
@@ -145,6 +134,7 @@ class DefinedTelegrams:
         self._senders: dict[tuple[int, int], int] = {}
         self._described: Varieties | None = None
         self._renew()
+        self.rows: DefinedRows
         self.frames = self.fragments = self.telegrams = self.chosen = self.undefined = 0
         self._left_out = np.zeros((len(self.keys), len(LeftOut)), np.int64)
 
@@ -189,30 +179,24 @@ class DefinedTelegrams:
             if row.any()
         }
 
-    def __iter__(self) -> Iterator[DefinedRows]:
-        for packets in self._source:
-            batch = self._sorter.sort(packets)
-            self.fragments += batch.fragments
-            self._describe(batch.varieties)
-            variety = batch.variety
-            self.telegrams += self._of_lists(variety)
-            if self._choose is not None:
-                variety = np.where(self._choose(batch), variety, NO_TELEGRAM)
-            self._count(variety)
-            place = self._place[variety]
-            own = np.flatnonzero(place >= 0)
-            variety = variety[own]
-            yield DefinedRows(
-                batch.packets.data,
-                place[own],
-                self._subindex[variety],
-                self._sender[variety],
-                own + (self.frames + 1),
-                batch.packets.ts_ns[own],
-                batch.packets.offset[own] + self._begin[variety],
-                self._size_bytes[variety],
-            )
-            self.frames += len(packets)
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        packets, variety = told.packets, told.variety
+        self._pdos = told.pdos
+        self.fragments += told.batch.fragments
+        self._describe(told.varieties)
+        self.telegrams += self._of_lists(variety)
+        if told.chosen is not None:
+            variety = np.where(told.chosen, variety, NO_TELEGRAM)
+        self._count(variety)
+        place = self._place[variety]
+        own = np.flatnonzero(place >= 0)
+        variety = variety[own]
+        self.rows = DefinedRows(
+            packets.data, place[own], self._subindex[variety], self._sender[variety], own + told.first_frame,
+            packets.ts_ns[own], packets.offset[own] + self._begin[variety], self._size_bytes[variety],
+        )  # fmt: skip
+        self.frames += len(told)
 
     def _renew(self) -> None:
         """Forget the varieties; the first one is that of packets without a telegram."""
@@ -234,9 +218,9 @@ class DefinedTelegrams:
         header, datagram = varieties.header[new], varieties.datagram.take(new)
         kind, truncated = kinds(header["id"], varieties.fault[new]), varieties.truncated[new]
         on_can = varieties.on_can[new]
-        kind[on_can] = np.where(varieties.is_pdo[new], Kind.DATA, Kind.NOTHING)[on_can]
-        header_cut = (kind == Kind.HEADER_CUT) & (header["id"] == Service.ODStateFree)
-        is_data = (kind == Kind.DATA) | (kind == Kind.MALFORMED_DATA) | header_cut
+        kind[on_can] = np.where(varieties.is_pdo[new], FrameKind.DATA, FrameKind.NOTHING)[on_can]
+        header_cut = (kind == FrameKind.HEADER_CUT) & (header["id"] == Service.ODStateFree)
+        is_data = (kind == FrameKind.DATA) | (kind == FrameKind.MALFORMED_DATA) | header_cut
         place, number, sender = np.full(len(new), _OTHER), np.full(len(new), _OTHER), np.zeros(len(new), np.int64)
         reason, undefined = np.full(len(new), _OTHER), np.zeros(len(new), np.bool_)
         for row in np.flatnonzero(is_data).tolist():
@@ -253,7 +237,7 @@ class DefinedTelegrams:
             shape = int(header["subindex"][row]), int(header["items"][row]), int(header["length"][row])
             if header_cut[row]:
                 reason[row] = LeftOut.CUT
-            elif kind[row] != Kind.DATA:
+            elif kind[row] != FrameKind.DATA:
                 reason[row] = LeftOut.MALFORMED
             elif (found := self._place_of(int(number[row]), *shape)) is None:
                 reason[row] = LeftOut.UNFITTING

@@ -1,19 +1,18 @@
-"""The telegrams of a source and its CAN frames, each with its place in the capture: its frame, what came before it."""
+"""The telegrams and CAN frames of a capture, each with its place in it: its frame, what came before it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from dissectors.batch import I64, Bool, PacketBatch
-from dissectors.can.pdo import PdoRules
-from dissectors.netvar import PortRules, TelegramBatch
+from dissectors.netvar import TelegramBatch
 from dissectors.sorted_telegrams import SortedTelegrams
-from dissectors.varieties import NO_TELEGRAM, Sorter
-from nvscope.capture.source import Source
 from nvscope.capture.spans import stretches
+from nvscope.engine.told import Told
 from nvscope.view.rows.can import CanRows
 
 _PIECE_TELEGRAMS = 8192
@@ -42,6 +41,14 @@ class TelegramRows:
     finding: I64 | None = None
     can: CanRows | None = None
     since_ns: I64 | None = None
+
+    @staticmethod
+    def of(told: Told, packet: I64) -> TelegramRows:
+        """Return some packets of a batch, rising, of which each holds a telegram or is a CAN frame."""
+        return TelegramRows(
+            SortedTelegrams(told.batch, packet), told.packets, told.first_frame - 1, told.start_ns, told.before_ns,
+            None, can=CanRows.of_packets(told, packet),
+        )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.telegrams)
@@ -95,70 +102,51 @@ class TelegramRows:
         return replace(self, finding=finding)
 
 
-class Telegrams:
-    """The telegrams and CAN frames of a source as ``TelegramRows``; iterate once.
+class PacketRows:
+    """The telegrams and CAN frames of batches as ``TelegramRows``.
 
-    ``ports`` decides by hand what is read as telegrams, ``pdos`` say which lists CAN frames belong to. After ``limit``
-    telegrams the source is not read further, whether they were ``chosen`` or not; the others are left out, and count as
-    not shown.
-    Pieces are small in telegrams and in bytes, so that text made of one of them stays small too. ``frames``,
-    ``telegrams`` and ``fragments`` (IP fragments, which are not put together) count what has been read so far,
-    ``shown`` the telegrams that were chosen.
+    After ``limit`` telegrams there are no more (``full``), whether the filter chose them or not; those that it does not
+    choose are left out, and count as not shown. Pieces are small in telegrams and in bytes, so that text made of one of
+    them stays small too. ``frames``, ``telegrams`` and ``fragments`` (IP fragments, which are not put together) count
+    what has been read so far, ``shown`` the telegrams that were chosen.
     """
 
-    def __init__(
-        self,
-        source: Source,
-        *,
-        ports: PortRules | None = None,
-        limit: int | None = None,
-        chosen: Callable[[TelegramRows], Bool] | None = None,
-        pdos: PdoRules | None = None,
-    ) -> None:
-        self._source = source
-        self._pdos = pdos or PdoRules()
-        self._sorter = Sorter(ports, self._pdos)
+    by_stream: ClassVar[bool] = False
+
+    def __init__(self, *, limit: int | None = None) -> None:
         self._limit = limit
-        self._chosen = chosen
+        self._rows: TelegramRows | None = None
+        self._shown_before_ns: int | None = None
         self.frames = 0
         self.telegrams = 0
         self.shown = 0
         self.fragments = 0
 
-    def __iter__(self) -> Iterator[TelegramRows]:
-        start_ns = frame_before_ns = 0
-        shown_before_ns: int | None = None
-        for batch in self._source:
-            if not len(batch):
-                continue
-            told = self._sorter.sort(batch)
-            packets = told.packets
-            if not self.frames:
-                start_ns = frame_before_ns = int(packets.ts_ns[0])
-            self.fragments += told.fragments
-            own = np.flatnonzero(told.variety != NO_TELEGRAM)
-            rows = TelegramRows(
-                SortedTelegrams(told, own), packets, self.frames, start_ns, frame_before_ns, shown_before_ns,
-                can=CanRows.of_packets(told, own, self._pdos),
-            )  # fmt: skip
-            self.frames += len(packets)
-            frame_before_ns = int(packets.ts_ns[-1])
-            room = len(rows) if self._limit is None else self._limit - self.telegrams
-            if room < len(rows):
-                rows = rows.take(np.arange(room))
-            self.telegrams += len(rows)
-            for piece in _pieces(self._choose(rows)):
-                self.shown += len(piece)
-                yield replace(piece, shown_before_ns=shown_before_ns)
-                shown_before_ns = int(piece.telegrams.ts_ns[-1])
-            if self.telegrams == self._limit:
-                return
+    @property
+    def full(self) -> bool:
+        """Whether there are as many telegrams as are wanted."""
+        return self.telegrams == self._limit
 
-    def _choose(self, rows: TelegramRows) -> TelegramRows:
-        if self._chosen is None or not len(rows):
-            return rows
-        mask = self._chosen(rows)
-        return rows if mask.all() else rows.take(mask)
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        self.fragments += told.batch.fragments
+        self.frames += len(told)
+        own = told.recognised
+        if self._limit is not None:
+            own = own[: self._limit - self.telegrams]
+        self.telegrams += len(own)
+        if told.chosen is not None:
+            own = own[told.chosen[own]]
+        self._rows = TelegramRows.of(told, own)
+
+    def pieces(self) -> Iterator[TelegramRows]:
+        """Yield the rows of the batch observed last."""
+        if self._rows is None:
+            return
+        for piece in _pieces(self._rows):
+            self.shown += len(piece)
+            yield replace(piece, shown_before_ns=self._shown_before_ns)
+            self._shown_before_ns = int(piece.telegrams.ts_ns[-1])
 
 
 def _pieces(rows: TelegramRows) -> Iterator[TelegramRows]:

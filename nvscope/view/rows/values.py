@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool
-from nvscope.definition.model import Elementary, Kind, String, scalar_of
+from nvscope.definition.model import Elementary, ScalarKind, String, scalar_of
 from nvscope.definition.packing import TelegramLayout
 from nvscope.expression.columns import FieldType, Numbers
 from nvscope.tracker.variables.values import Block, blocks_of
@@ -39,15 +39,15 @@ MOST_TIME_NS = np.iinfo(np.int64).max
 """The longest duration, 292 years, and the last moment, in the year 2262, that columns of times hold."""
 
 _TYPES = {
-    Kind.BOOL: FieldType.BOOL,
-    Kind.UNSIGNED: FieldType.UNSIGNED,
-    Kind.SIGNED: FieldType.SIGNED,
-    Kind.REAL: FieldType.REAL,
-    Kind.DURATION: FieldType.DURATION,
-    Kind.TIME_OF_DAY: FieldType.DURATION,
-    Kind.DATE: FieldType.TIME,
-    Kind.DATE_AND_TIME: FieldType.TIME,
-    Kind.RAW: FieldType.BYTES,
+    ScalarKind.BOOL: FieldType.BOOL,
+    ScalarKind.UNSIGNED: FieldType.UNSIGNED,
+    ScalarKind.SIGNED: FieldType.SIGNED,
+    ScalarKind.REAL: FieldType.REAL,
+    ScalarKind.DURATION: FieldType.DURATION,
+    ScalarKind.TIME_OF_DAY: FieldType.DURATION,
+    ScalarKind.DATE: FieldType.TIME,
+    ScalarKind.DATE_AND_TIME: FieldType.TIME,
+    ScalarKind.RAW: FieldType.BYTES,
 }
 _TABLE_BYTES = 256 << 10
 """Telegrams that are turned into columns in one go: few enough to stay in the cache while they are."""

@@ -1,7 +1,7 @@
-"""Flows: who sent what kind of telegram of which list and SubIndex to whom, counted.
+"""Keys: who sent what kind of telegram of which list and SubIndex to whom, numbered.
 
 A flow is the finest key there is; nodes, lists, places (list, SubIndex) and streams (place, sender) are numbered here
-as flows appear. Every count of NetVarUDPDiagStruct but the errors is a sum over flows (``nvscope.tracker.summary``).
+as flows appear. Whoever counts something of any of them has a row for each number (``KeyedColumns``).
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from dissectors.netvar import (
     RESERVED_FLAGS,
     Fault,
     Service,
+    TelegramBatch,
 )
 from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
-from nvscope.engine.keyed_columns import Columns
+from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.list_key import ListKey
 
 
-class Kind(IntEnum):
+class FrameKind(IntEnum):
     """What a telegram is to its list."""
 
     DATA = 0  # well-formed, as the next two
@@ -73,7 +74,7 @@ SHAPE_MASK = np.uint64(0xFFFFFFFF)
 """The part of a signature that holds Items and Length."""
 
 
-class VarietyColumns(Columns):
+class VarietyColumns(KeyedColumns):
     """One row a variety of telegrams (``dissectors.varieties``): what it is to the tracker.
 
     ``flow``, ``stream``, ``place``, ``list`` and ``subindex`` are -1 where it is of none; ``signature`` has a Counter
@@ -93,7 +94,7 @@ class VarietyColumns(Columns):
     wants: Bool
     signed: Bool
     COLUMNS: ClassVar = {
-        "kind": (np.uint8(Kind.NOTHING), 1),
+        "kind": (np.uint8(FrameKind.NOTHING), 1),
         "flow": (np.int64(-1), 1),
         "stream": (np.int64(-1), 1),
         "place": (np.int64(-1), 1),
@@ -107,11 +108,8 @@ class VarietyColumns(Columns):
     }
 
 
-class FlowColumns(Columns):
-    """One row a flow; ``destination`` is -1 for broadcasts, ``stream`` -1 for flows that are no well-formed data.
-
-    ``chosen`` counts the telegrams that a filter chose, where there is one.
-    """
+class FlowColumns(KeyedColumns):
+    """One row a flow; ``destination`` is -1 for broadcasts, ``stream`` -1 for flows that are no well-formed data."""
 
     kind: I64
     list: I64
@@ -119,24 +117,31 @@ class FlowColumns(Columns):
     stream: I64
     source: I64
     destination: I64
-    count: I64
-    mismatches: I64
-    chosen: I64
-    first_ns: I64
-    first_frame: I64
-    last_ns: I64
-    last_frame: I64
     COLUMNS: ClassVar = {
-        name: (np.int64(0), 1)
-        for name in (
-            "kind", "list", "place", "stream", "source", "destination", "count", "mismatches", "chosen",
-            "first_ns", "first_frame", "last_ns", "last_frame",
-        )
-    }  # fmt: skip
+        name: (np.int64(0), 1) for name in ("kind", "list", "place", "stream", "source", "destination")
+    }
+
+
+class Begun(NamedTuple):
+    """Flows whose first telegram is in a batch, by number, and the packet that holds it."""
+
+    flow: I64
+    packet: I64
+
+
+NONE_BEGUN = Begun(np.empty(0, np.int64), np.empty(0, np.int64))
+
+
+class Rejected(NamedTuple):
+    """Telegrams of lists that came back as undeliverable, with the numbers of their list and of who sent them."""
+
+    telegrams: TelegramBatch
+    list: I64
+    node: I64
 
 
 def kinds(service: U32, fault: U8) -> U8:
-    """Tell what telegrams are to their list, as uint8 (``Kind``)."""
+    """Tell what telegrams are to their list, as uint8 (``FrameKind``)."""
     is_data = service == Service.ODStateFree
     kind = np.select(
         [
@@ -148,10 +153,10 @@ def kinds(service: U32, fault: U8) -> U8:
             service == Service.ODAcknowledgement,
         ],
         [
-            Kind.PARAMETER, Kind.HEADER_CUT, Kind.MALFORMED_DATA, Kind.MALFORMED_OTHER, Kind.DATA,
-            Kind.ACKNOWLEDGEMENT,
+            FrameKind.PARAMETER, FrameKind.HEADER_CUT, FrameKind.MALFORMED_DATA, FrameKind.MALFORMED_OTHER,
+            FrameKind.DATA, FrameKind.ACKNOWLEDGEMENT,
         ],
-        Kind.BOOT_UP_REQUEST,
+        FrameKind.BOOT_UP_REQUEST,
     )  # fmt: skip
     return kind.astype(np.uint8)
 
@@ -168,13 +173,13 @@ class StreamKey(NamedTuple):
     order: tuple[bool, int]
 
 
-class Flows:
-    """The keys of all that was seen, and the counts of the flows.
+class Keys:
+    """The keys of all that was seen.
 
     ``nodes`` are keyed by the halves of their address, ``lists`` by (port, Index), ``places`` by (list, SubIndex),
-    ``streams`` by (place, node). ``varieties`` tells of each variety of the batch observed last what it is here.
-    Ports are those of ``dissectors.varieties``, so that lists on CAN have theirs; a stream on CAN has the node
-    ``NOBODY``. ``pdos`` know what CAN channels are called.
+    ``streams`` by (place, node), ``flows`` by (source, destination, place, kind). ``varieties`` tells of each variety
+    of the batch observed last what it is here. Ports are those of ``dissectors.varieties``, so that lists on CAN have
+    theirs; a stream on CAN has the node ``NOBODY``. ``pdos`` know what CAN channels are called.
     """
 
     def __init__(self, pdos: PdoRules | None = None) -> None:
@@ -183,37 +188,29 @@ class Flows:
         self.lists = KeyTable()
         self.places = KeyTable()
         self.streams = KeyTable()
-        self.keys = KeyTable(4)
+        self.flows = KeyTable(4)
         self.columns = FlowColumns()
         self.varieties = VarietyColumns()
         self._described: Varieties | None = None
 
-    def observe(self, batch: SortedPackets, first_frame: int) -> I64:
-        """Count telegrams; return how many there are of each variety."""
+    def observe(self, batch: SortedPackets) -> Begun:
+        """Number what is new in a batch; return the flows that begin in it."""
         if batch.varieties is not self._described:
             self._described = batch.varieties
             self.varieties = VarietyColumns()
             self.varieties.resize(NO_TELEGRAM + 1)
         known = len(self.varieties)
-        if len(batch.varieties) > known:
-            self._describe(batch, known, first_frame)
-        count = np.bincount(batch.variety, minlength=len(self.varieties))
-        last = np.empty(len(self.varieties), np.int64)
-        last[batch.variety] = np.arange(len(batch))
-        seen = np.flatnonzero((count > 0) & (self.varieties.column("flow") >= 0))
-        # A flow may be of several varieties: the last telegram of all is what stays.
-        seen = seen[np.argsort(last[seen])]
-        flow, last = self.varieties.flow[seen], last[seen]
-        np.add.at(self.columns.count, flow, count[seen])
-        self.columns.last_ns[flow] = batch.packets.ts_ns[last]
-        self.columns.last_frame[flow] = last + first_frame
-        return count
+        return self._describe(batch, known) if len(batch.varieties) > known else NONE_BEGUN
 
-    def choose(self, batch: SortedPackets, chosen: Bool) -> None:
-        """Count the telegrams of a batch, observed before, that a filter chose."""
-        count = np.bincount(batch.variety[chosen], minlength=len(self.varieties))
-        some = np.flatnonzero((count > 0) & (self.varieties.column("flow") >= 0))
-        np.add.at(self.columns.chosen, self.varieties.flow[some], count[some])
+    def rejected(self, quoted: TelegramBatch) -> Rejected:
+        """Number the lists and senders of the telegrams that ICMP messages quote; those of other services are none."""
+        mine = np.isin(quoted.header["id"], LIST_SERVICES)
+        quoted = quoted if mine.all() else quoted.take(mine)
+        datagram = quoted.datagram
+        lists = self.lists.numbers(
+            datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64)
+        )  # fmt: skip
+        return Rejected(quoted, lists, self.nodes.numbers(datagram.source_hi, datagram.source_lo))
 
     def place_of(self, stream: I64) -> I64:
         """Return the places of streams."""
@@ -242,7 +239,7 @@ class Flows:
         halves = int(self.nodes.high[node]), int(self.nodes.low[node])
         return StreamKey(key, subindex, address.text(*halves), address.order(*halves))
 
-    def _describe(self, batch: SortedPackets, known: int, first_frame: int) -> None:
+    def _describe(self, batch: SortedPackets, known: int) -> Begun:
         """Fill in the columns of new varieties, numbering what is new in them as it appeared."""
         varieties, columns = batch.varieties, self.varieties
         columns.resize(len(varieties))
@@ -252,8 +249,8 @@ class Flows:
         new, row = order + known, first[order]
         header, datagram = varieties.header[new], varieties.datagram.take(new)
         kind = kinds(header["id"], varieties.fault[new])
-        kind[varieties.on_can[new]] = Kind.NOTHING
-        kind[varieties.is_pdo[new]] = Kind.PDO
+        kind[varieties.on_can[new]] = FrameKind.NOTHING
+        kind[varieties.is_pdo[new]] = FrameKind.PDO
         flags = header["flags"]
         signature = header.view(_SIGNATURE)["signature"].astype(np.uint64)
         columns.kind[new] = kind
@@ -263,18 +260,18 @@ class Flows:
             | ((flags & RESERVED_FLAGS) != 0)
         )  # fmt: skip
         columns.odd[new[varieties.on_can[new]]] = False
-        is_data = kind == Kind.DATA
+        is_data = kind == FrameKind.DATA
         columns.wants[new] = is_data & ((flags & ACKNOWLEDGE_WANTED.mask) != 0)
         columns.signed[new] = is_data & ((flags & CHECKSUM_PRESENT.mask) != 0)
-        is_data |= kind == Kind.PDO
+        is_data |= kind == FrameKind.PDO
         source = np.full(len(new), NOBODY)
         sent = np.flatnonzero(~varieties.on_can[new])
         source[sent] = self.nodes.numbers(datagram.source_hi[sent], datagram.source_lo[sent])
         columns.node[new] = source
-        own = np.flatnonzero((kind != Kind.PARAMETER) & (kind != Kind.NOTHING))
+        own = np.flatnonzero((kind != FrameKind.PARAMETER) & (kind != FrameKind.NOTHING))
         new, row, kind, source, is_data = new[own], row[own], kind[own], source[own], is_data[own]
         header, datagram = header[own], datagram.take(own)
-        unicast = np.flatnonzero(~datagram.broadcast & (kind != Kind.PDO))
+        unicast = np.flatnonzero(~datagram.broadcast & (kind != FrameKind.PDO))
         destination = np.full(len(new), -1)
         destination[unicast] = self.nodes.numbers(datagram.destination_hi[unicast], datagram.destination_lo[unicast])
         lists = self.lists.numbers(varieties.port[new].astype(np.uint64), varieties.index[new].astype(np.uint64))
@@ -283,13 +280,13 @@ class Flows:
         stream[is_data] = self.streams.numbers(place[is_data].astype(np.uint64), source[is_data].view(np.uint64))
         columns.list[new], columns.subindex[new] = lists, header["subindex"]
         columns.place[new], columns.stream[new] = place, stream
-        flows = len(self.keys)
-        flow = self.keys.numbers(
+        flows = len(self.flows)
+        flow = self.flows.numbers(
             source.view(np.uint64), destination.view(np.uint64), place.astype(np.uint64), kind.astype(np.uint64)
         )
         columns.flow[new] = flow
         table = self.columns
-        table.resize(len(self.keys))
+        table.resize(len(self.flows))
         begun = np.flatnonzero(flow >= flows)[::-1]
         flow, row = flow[begun], row[begun]
         # Assigned backwards, so that the first telegram of each flow is what stays.
@@ -299,4 +296,4 @@ class Flows:
             source[begun],
             destination[begun],
         )
-        table.first_ns[flow], table.first_frame[flow] = batch.packets.ts_ns[row], row + first_frame
+        return Begun(flow, row)
