@@ -10,7 +10,7 @@ from nvscope.definition.pdos import Pdo
 from nvscope.findings.finding import Facts, Finding, events_of
 from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.events import FRAMES_KEPT
-from nvscope.tracker.state import PDO_LENGTH_CODE
+from nvscope.tracker.lists import PDO_LENGTH_CODE
 from nvscope.units import count, count_of, duration, percent
 
 _MOST_NAMED = 4
@@ -58,7 +58,7 @@ def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
     if len(defined) < 2:
         return
     silent = _silent(entry, defined)
-    cycles = facts.state.can.cycles
+    cycles = facts.state.senders.can_cycles
     if not all(stream.intervals.nominal for stream in entry.streams):
         return
     pair = int(cycles.streams.pair[entry.streams[0].stream])

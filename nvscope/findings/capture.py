@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dissectors.batch import LinkType
-from nvscope.findings.finding import Facts, Finding
+from nvscope.findings.finding import Facts, Finding, events_of
 from nvscope.units import count, count_of, duration, percent
 
 
 def judge_capture(facts: Facts) -> Iterator[Finding]:
     """Yield NV901 to NV905, each about the whole capture."""
     yield from _drops(facts)
-    for _, _, _, events in facts.logged(902):
-        step = duration(facts.state.longest_step_back_ns)
+    steps_back = facts.state.capture.steps_back.rows
+    for events in (events_of(steps_back, row) for row in range(len(steps_back))):
+        step = duration(facts.state.capture.longest_step_back_ns)
         message = f"{count_of(events.count, 'frame')} with a time before that of the frame in front, by up to {step}."
         yield Finding("NV902", message, events.count, events.first_ns, events.last_ns, events.frames)
     yield from _truncated(facts)
@@ -28,7 +29,7 @@ def _whole(facts: Facts, code: str, events: int, message: str) -> Finding:
 def _drops(facts: Facts) -> Iterator[Finding]:
     drops = sum(source.drops for source in facts.sources)
     if drops:
-        seen = facts.state.frames
+        seen = facts.state.capture.frames
         share = percent(drops, drops + seen)
         yield _whole(facts, "NV901", drops, f"The capture lost {count_of(drops, 'frame')} of its own ({share}).")
 
@@ -41,7 +42,7 @@ def _truncated(facts: Facts) -> Iterator[Finding]:
 
 
 def _unsupported(facts: Facts) -> Iterator[Finding]:
-    unsupported = facts.state.unsupported
+    unsupported = facts.state.capture.unsupported
     if unsupported:
         frames = sum(unsupported.values())
         known = {link.value: link.name for link in LinkType}
@@ -51,8 +52,8 @@ def _unsupported(facts: Facts) -> Iterator[Finding]:
 
 def _mirrored(facts: Facts) -> Iterator[Finding]:
     """Compare the repeated telegrams with the others: of traffic that is mirrored twice, half are repeated."""
-    repeated = facts.state.repeated
-    others = facts.state.data_telegrams - repeated
+    repeated = facts.state.senders.repeated
+    others = facts.state.senders.data_telegrams - repeated
     if 100 * repeated > facts.limits.mirrored_percent * others:
         message = (
             f"{count(repeated)} of {count_of(others, 'telegram')} came again, byte for byte: "

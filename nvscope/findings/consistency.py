@@ -55,7 +55,7 @@ def _shape(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> s
 def _checksum(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
     places = facts.state.keys.places
     place = int(places.find(np.array([entry.number], np.uint64), np.array([subindex], np.uint64))[0])
-    reference = int(facts.state.consistency.places.reference[place])
+    reference = int(facts.state.lists.consistency.places.reference[place])
     return (
         f"{count_of(events.count, 'telegram')} with another checksum than 16#{reference:02X}, the first one seen: "
         "the definitions of the list differ."

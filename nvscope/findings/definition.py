@@ -47,7 +47,7 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
 
 def _captured(facts: Facts) -> set[str]:
     """Return the transports that were listened to: of what nobody captured, nothing is missed."""
-    frames, on_can = facts.state.frames, facts.state.can.frames
+    frames, on_can = facts.state.capture.frames, facts.state.buses.frames
     captured = set()
     if on_can or any(info.format in CAN_LOGS for info in facts.sources):
         captured.add("can")

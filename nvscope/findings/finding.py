@@ -8,14 +8,17 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.pdos import Pdos
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
-from nvscope.tracker.events import EventRows
-from nvscope.tracker.state import SHAPE_CODE, TrackerState, finding_parts
+from nvscope.tracker.events import FRAMES_KEPT, EventRows
+from nvscope.tracker.lists import BOOT_UP_CODE, NO_ACKNOWLEDGEMENT_CODE, SHAPE_CODE, finding_parts
+from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 
 AnyList = ListSummary | CanListSummary
@@ -52,12 +55,18 @@ class Events:
     last_ns: int
     frames: tuple[int, ...]
 
+    def followed_by(self, later: Events) -> Events:
+        """Return these events and others behind them."""
+        frames = (self.frames + later.frames)[:FRAMES_KEPT]
+        return Events(self.count + later.count, self.first_ns, later.last_ns, frames)
+
 
 @dataclass(frozen=True)
 class Facts:
     """What findings are judged from: the state, what follows from it, the sources, the limits, and the time.
 
-    ``definition`` is what should be on the wire, None where nobody says.
+    ``definition`` is what should be on the wire, None where nobody says. ``overdue``: waits whose deadline has passed
+    at that time count as if a frame had shown it.
     """
 
     state: TrackerState
@@ -66,11 +75,12 @@ class Facts:
     at_ns: int
     limits: Limits = field(default_factory=Limits)
     definition: Definition | None = None
+    overdue: bool = False
 
     @cached_property
     def frames_of_stream(self) -> dict[int, tuple[int, int]]:
         """The first and the last frame of each stream."""
-        columns = self.state.flows
+        columns = self.state.lists.flows
         frames: dict[int, tuple[int, int]] = {}
         for stream, first, last in zip(
             *(columns.column(name).tolist() for name in ("stream", "first_frame", "last_frame")), strict=True
@@ -99,7 +109,7 @@ class Facts:
 
     @cached_property
     def _events_by_code(self) -> dict[int, list[int]]:
-        log, rows = self.state.events, defaultdict(list)
+        log, rows = self.state.lists.events, defaultdict(list)
         for row, high in enumerate(log.keys.high.tolist()):
             rows[finding_parts(high, 0)[0]].append(row)
         return rows
@@ -131,13 +141,38 @@ class Facts:
         return told_of(self.defined, (entry.port, entry.index))
 
     def logged(self, code: int) -> list[tuple[int | None, int | None, int | None, Events]]:
-        """Return the events of ``TrackerState.events`` with a code: list, node, SubIndex and events."""
-        log = self.state.events
-        found = []
+        """Return the events of ``ListState.events`` with a code: list, node, SubIndex and events."""
+        log = self.state.lists.events
+        found: dict[tuple[int | None, ...], Events] = {}
         for row in self._events_by_code.get(code, ()):
             parts = finding_parts(int(log.keys.high[row]), int(log.keys.low[row]))[1:]
-            place = [None if part < 0 else part for part in parts]
-            found.append((place[0], place[1], place[2], events_of(log.rows, row)))
+            found[tuple(None if part < 0 else part for part in parts)] = events_of(log.rows, row)
+        for place, events in self._overdue.get(code, {}).items():
+            known = found.get(place)
+            found[place] = events if known is None else known.followed_by(events)
+        return [(*place, events) for place, events in found.items()]  # type: ignore[misc]  # three parts
+
+    @cached_property
+    def _overdue(self) -> dict[int, dict[tuple[int | None, ...], Events]]:
+        """What is overdue and was shown by no frame, by code and place."""
+        found: dict[int, dict[tuple[int | None, ...], Events]] = {}
+        if not self.overdue:
+            return found
+        lists = self.state.lists
+        over = lists.acknowledgement.overdue(self.at_ns)
+        requests, nobody = over.requests, np.full(len(over.requests), -1)
+        asked = self.state.keys.places.low[requests.place].astype(np.int64)
+        for code, places, deadline_ns, frame in (
+            (NO_ACKNOWLEDGEMENT_CODE, lists.described(over.stream), over.deadline_ns, over.frame),
+            (BOOT_UP_CODE, (requests.list, nobody, asked), requests.deadline_ns, requests.frame),
+        ):
+            own = found.setdefault(code, {})
+            order = np.argsort(deadline_ns, kind="stable")
+            columns = (*places, deadline_ns, frame)
+            for *parts, time_ns, number in zip(*(column[order].tolist() for column in columns), strict=True):
+                place = tuple(None if part < 0 else part for part in parts)
+                event = Events(1, time_ns, time_ns, (number,))
+                own[place] = own[place].followed_by(event) if place in own else event
         return found
 
 

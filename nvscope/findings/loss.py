@@ -17,7 +17,7 @@ _ERRATIC_FACTOR = 10
 
 def judge_loss(facts: Facts) -> Iterator[Finding]:
     """Yield NV201 to NV205 and NV207 for each stream, NV206 for each node."""
-    loss = facts.state.loss
+    loss = facts.state.senders.loss
     for entry, stream in facts.streams():
         if stream.counter_scope == SCOPE_UNUSED:
             yield _finding("NV205", entry, stream, _unused(facts, stream), _unused_sentence(stream))
@@ -104,16 +104,15 @@ def _unused(facts: Facts, stream: StreamSummary) -> Events:
 
 def _scopes(facts: Facts) -> Iterator[Finding]:
     """Yield NV206 for the nodes whose Counter does not count by stream."""
-    state = facts.state
+    nodes = facts.state.senders.loss.nodes
     of_node = defaultdict(list)
     for _, stream in facts.streams():
         of_node[stream.node].append(stream)
     for node, scope in facts.summary.scopes.items():
         if scope == Scope.STREAM:
             continue
-        steps = int(state.loss.nodes.steps[node])
         sends = scope == Scope.NODE_SEND
-        regular = int((state.loss.nodes.regular_send if sends else state.loss.nodes.regular_telegram)[node])
+        steps, regular = int(nodes.steps[node]), int((nodes.regular_send if sends else nodes.regular_telegram)[node])
         own = of_node[node]
         first = min(own, key=lambda stream: facts.frames_of_stream[stream.stream])
         what = "its sends" if sends else "all its telegrams"

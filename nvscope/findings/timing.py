@@ -24,7 +24,7 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
 
     A MinGap that is defined is enough for NV503.
     """
-    histograms = Histograms(facts.state.timing)
+    histograms = Histograms(facts.state.senders.timing)
     timed: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
     for entry, stream in timed:
         yield from _burst(facts, histograms, entry, stream)
@@ -109,7 +109,7 @@ def _beyond(
     the usual one nobody knows when they were: they are as old and as young as the stream. Of the first ten of them, the
     frames are known.
     """
-    rows = facts.state.timing.unusual.rows
+    rows = facts.state.senders.timing.unusual.rows
     bucket, bits, row = histograms.unusual(stream.stream)
     wanted = chosen(*bucket_bounds(bucket))
     usual_bucket, usual_count = histograms.usual(stream.stream)
@@ -141,7 +141,7 @@ def _gaps(facts: Facts, stream: AnyStream) -> int:
     """Return in how many intervals of a stream, at most, telegrams were lost."""
     if isinstance(stream, CanStreamSummary):
         return 0  # nobody counts there
-    loss = facts.state.loss
+    loss = facts.state.senders.loss
     return stream.figures["gaps"] if stream.scope == Scope.STREAM else int(loss.nodes.gaps[stream.node])
 
 
@@ -185,7 +185,7 @@ def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Findin
 
 def _torn(facts: Facts) -> Iterator[Finding]:
     """Compare the sizes of cycles with the number of SubIndexes, for packed lists over several of these."""
-    cycles = facts.state.cycles
+    cycles = facts.state.senders.cycles
     log, sizes = cycles.events.rows, cycles.events.keys.low.astype(np.int64)
     rows_of_pair = defaultdict(list)
     for row, pair in enumerate(cycles.events.keys.high.tolist()):

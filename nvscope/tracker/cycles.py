@@ -185,6 +185,7 @@ class Cycles:
         self.events.record(
             over_pair.astype(np.uint64), over_size.astype(np.uint64), over_ns[counts], over_frame[counts]
         )
+        self.events.settle()
         np.maximum.at(columns.skew_ns, over_pair, over_skew)
         open_piece = np.flatnonzero(last_piece)
         columns.size[run], columns.begin_ns[run] = size[open_piece], begin_ns[open_piece]

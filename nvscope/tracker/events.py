@@ -51,52 +51,37 @@ class EventRows(KeyedColumns):
             self.frames[row[fits], before[fits] + event] = frame[entry if place is None else place[entry]]
 
 
-_FEW = 4096
-"""Fewer events than this are collected before they are sorted in."""
-
-
 class EventLog:
     """Events by key (two 64-bit words), kept as counts, the first and last time, and the first ten frames.
 
-    Few events at a time are the rule, and sorting in a few costs as much as sorting in thousands: they wait until there
-    are enough of them, or somebody looks.
+    Few events at a time are the rule, and sorting in a few costs as much as sorting in thousands: those of a batch wait
+    until its end (``settle``).
+
+    ``keys`` are the keys by row, ``rows`` what is known of each; of events that were not settled, they know nothing.
     """
 
     def __init__(self) -> None:
-        self._keys = KeyTable()
-        self._rows = EventRows()
+        self.keys = KeyTable()
+        self.rows = EventRows()
         self._waiting: list[tuple[U64, U64, I64, I64]] = []
-        self._waiting_count = 0
-
-    @property
-    def keys(self) -> KeyTable:
-        """The keys, by row."""
-        self._sort_in()
-        return self._keys
-
-    @property
-    def rows(self) -> EventRows:
-        """What is known of each key."""
-        self._sort_in()
-        return self._rows
 
     def record(self, high: U64, low: U64, time_ns: I64, frame: I64) -> None:
         """Add one event a row, in the order in which they happened."""
-        if not len(high):
-            return
-        self._waiting.append((high, low, time_ns, frame))
-        self._waiting_count += len(high)
-        if self._waiting_count >= _FEW:
-            self._sort_in()
+        if len(high):
+            self._waiting.append((high, low, time_ns, frame))
 
-    def _sort_in(self) -> None:
+    def settle(self) -> None:
+        """Sort in the events that were recorded since the last time."""
         if not self._waiting:
             return
-        high, low, time_ns, frame = (np.concatenate(column) for column in zip(*self._waiting, strict=True))
-        self._waiting, self._waiting_count = [], 0
-        number = self._keys.numbers(high, low)
-        order = stable_order(number, len(self._keys))
+        waiting = self._waiting
+        high, low, time_ns, frame = (
+            waiting[0] if len(waiting) == 1 else map(np.concatenate, zip(*waiting, strict=True))
+        )  # fmt: skip
+        self._waiting = []
+        number = self.keys.numbers(high, low)
+        order = stable_order(number, len(self.keys))
         number = number[order]
         start, stop = runs_of(number)
-        self._rows.resize(len(self._keys))
-        self._rows.add(number[start], start, stop, time_ns[order], frame[order])
+        self.rows.resize(len(self.keys))
+        self.rows.add(number[start], start, stop, time_ns[order], frame[order])

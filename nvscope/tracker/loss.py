@@ -258,3 +258,11 @@ def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:
     bounds = np.searchsorted(place, np.append(rows.start, len(rows)))
     run = np.flatnonzero(bounds[1:] > bounds[:-1])
     return rows.run_stream[run], bounds[run], bounds[run + 1]
+
+
+def no_steps(count: int) -> tuple[Steps, NodeSteps]:
+    """Return the steps of frames that carry no counter, of their streams and nodes: each as if it were the next."""
+    step: U8 = np.full(count, Step.REGULAR, np.uint8)
+    nothing = np.zeros(0, np.uint16)
+    own = Steps(step, nothing, nothing, nothing.astype(np.uint64), np.empty(0, np.int64))
+    return own, NodeSteps(np.zeros(count, np.int64))

@@ -18,6 +18,7 @@ from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBOD
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, list_key
 from nvscope.tracker.can.summary import CanSummary, summarize_can
+from nvscope.tracker.capture import CaptureSummary
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.errors import LastError
@@ -79,10 +80,19 @@ class Summary:
     addresses: list[str]
     address_order: list[tuple[bool, int]]
     scopes: dict[int, Scope]
-    start_ns: int | None
-    end_ns: int | None
+    capture: CaptureSummary = field(default_factory=CaptureSummary)
     timeout_ns: int = TIMEOUT_NS
     can: CanSummary = field(default_factory=CanSummary)
+
+    @property
+    def start_ns(self) -> int | None:
+        """The earliest time of a frame."""
+        return self.capture.start_ns
+
+    @property
+    def end_ns(self) -> int | None:
+        """The latest time of a frame."""
+        return self.capture.end_ns
 
 
 @dataclass(slots=True)
@@ -125,19 +135,20 @@ def summarize(
         for number, (port, index) in enumerate(zip(keys.lists.high.tolist(), keys.lists.low.tolist(), strict=True))
     ]
     _diagnose(state, lists, order, reading)
-    intervals = StreamIntervals(state.timing)
+    intervals = StreamIntervals(state.senders.timing)
     _add_streams(state, lists, scopes, order, intervals_ns, intervals)
     _count(state, lists)
     on_udp = sorted((entry for entry in lists if entry.port < ON_CAN), key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
     can = summarize_can(state, intervals, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
-    timeout_ns = state.acknowledgement.timeout_ns
-    return Summary(on_udp, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
+    timeout_ns = state.lists.acknowledgement.timeout_ns
+    capture = state.capture.summary(state.buses.frames)
+    return Summary(on_udp, addresses, order, scopes, capture, timeout_ns, can)
 
 
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     """Return, by node with streams, the scope in which most steps of its Counter are regular."""
-    keys, loss = state.keys, state.loss
+    keys, loss = state.keys, state.senders.loss
     places, nodes = keys.streams.high.tolist(), keys.streams.low.tolist()
     list_of_place = keys.places.high.tolist()
     steps, regular = loss.streams.column("steps").tolist(), loss.streams.column("regular").tolist()
@@ -195,7 +206,7 @@ def _diagnose(
     for entry, seen in zip(lists, traffic, strict=True):
         names = {(entry.port, entry.index), (None, entry.index)}
         seen.readers.update(node for node, wanted in reading.items() if not names.isdisjoint(wanted))
-    errors = state.errors
+    errors = state.lists.errors
     for member, (number, node) in enumerate(
         zip(errors.members.high.tolist(), errors.members.low.tolist(), strict=True)
     ):
@@ -226,7 +237,7 @@ def _diagnose(
 
 def _sum_up(state: TrackerState, lists: list[ListSummary]) -> list[_Traffic]:
     """Return the traffic of each list, and note in ``lists`` since when each sender sends it."""
-    columns = state.flows
+    columns = state.lists.flows
     names = ("kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns")
     table = [columns.column(name).tolist() for name in (*names, "first_frame", "first_ns")]
     traffic = [_Traffic() for _ in lists]
@@ -298,7 +309,7 @@ def _add_streams(
     intervals_ns: Mapping[ListKey, int],
     intervals: StreamIntervals,
 ) -> None:
-    keys, memory, loss = state.keys, state.memory.columns, state.loss.streams
+    keys, memory, loss = state.keys, state.memory.columns, state.senders.loss.streams
     telegrams = memory.column("telegrams").tolist()
     for stream, (place, node) in enumerate(zip(keys.streams.high.tolist(), keys.streams.low.tolist(), strict=True)):
         if node == NOBODY_KEY:
@@ -331,13 +342,13 @@ def _add_streams(
 
 
 def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
-    loss = state.loss.streams
+    loss = state.senders.loss.streams
     walk = min(scope, Scope.NODE_TELEGRAM)
     return {name: int(getattr(loss, name)[stream, scope if name == "duplicates" else walk]) for name in FIGURES}
 
 
 def _count(state: TrackerState, lists: list[ListSummary]) -> None:
-    columns = state.flows
+    columns = state.lists.flows
     malformed: dict[int, int] = defaultdict(int)
     requests: dict[int, int] = defaultdict(int)
     mismatches: dict[int, int] = defaultdict(int)
@@ -348,7 +359,7 @@ def _count(state: TrackerState, lists: list[ListSummary]) -> None:
         elif kind == FrameKind.BOOT_UP_REQUEST:
             requests[number] += count
         mismatches[number] += mismatched
-    table = state.lists
+    table = state.lists.columns
     for entry in lists:
         number, streams = entry.number, entry.streams
         figures = {name: sum(stream.figures[name] for stream in streams) for name in FIGURES}

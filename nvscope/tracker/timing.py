@@ -208,6 +208,7 @@ class Timing:
             key = key_of(bucket[place], loss.bits(row))
             when, frame = rows.time_ns[row], rows.packet[row] + first_frame
             self.unusual.record(stream[place].astype(np.uint64), key.astype(np.uint64), when, frame)
+            self.unusual.settle()
         return learned
 
     def _keep_usual(

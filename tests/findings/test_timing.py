@@ -52,7 +52,7 @@ def nominal(frames: list[Frame], definition: Definition) -> int | None:
     """Return the nominal interval that the report of the stream has."""
     state = tracked([batch_of(frames)])
     summary: Summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
-    document = report_document(state, summary, [], [], definition)
+    document = report_document(summary, [], [], definition)
     told: int | None = document["lists"][0]["streams"][0]["interval_ns"]["nominal"]
     return told
 

@@ -238,7 +238,7 @@ def test_floods_of_records_end(tmp_path: Path, name: str) -> None:
     raw = flood(count)
     with ends():
         state = tracked(CaptureFile(str(_written(tmp_path / "capture", raw))))
-    assert state.frames == len(content_of(raw).packets)
+    assert state.capture.frames == len(content_of(raw).packets)
 
 
 @pytest.mark.parametrize("name", TELEGRAM_FLOODS)

@@ -36,7 +36,7 @@ def report(
     state, whole = TrackerState(), batch(frames)
     observed(state, cut_into(whole, cut))
     summary = summarize(state, buses=given)
-    return report_document(state, summary, judge(state, summary=summary, limits=limits), [])
+    return report_document(summary, judge(state, summary=summary, limits=limits), [])
 
 
 def at(rate: int, data: int | None = None, channel: str = "*") -> Buses:

@@ -108,6 +108,8 @@ class CanErrors:
             number = self._channels.numbers(channel)
             self._columns.resize(len(self._channels))
             self._count(details, channel, number, batch.ts_ns[error], batch.row[error] + first_frame)
+            self.all.settle()
+            self.classes.settle()
         self._observe_bus_off(batch, details)
 
     def _count(self, details: ErrorDetails, channel: U64, number: I64, time_ns: I64, frame: I64) -> None:

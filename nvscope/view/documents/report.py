@@ -16,7 +16,6 @@ from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
-from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 from nvscope.version import __version__
 from nvscope.view.documents.buses import can_buses
@@ -31,7 +30,6 @@ SCHEMA = "nvscope.report/1"
 
 
 def report_document(
-    state: TrackerState,
     summary: Summary,
     findings: Sequence[Finding],
     sources: Sequence[SourceInfo],
@@ -40,7 +38,7 @@ def report_document(
     *,
     node_names: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Return the document of a state, what was summarized and judged from it, and where it was read from.
+    """Return the document of what was summarized and judged, and where it was read from.
 
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by port and
     identifier of their list, each list has its own. ``node_names`` are by the text of the address.
@@ -52,6 +50,7 @@ def report_document(
     def valued(entry: ListSummary | CanListSummary) -> dict[str, Any]:
         return {} if values is None else {"values": values.get((entry.port, entry.index), [])}
 
+    capture = summary.capture
     document = {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
@@ -60,13 +59,13 @@ def report_document(
                 {"path": info.path, "format": info.format, "bytes": info.bytes, "frames": info.frames}
                 for info in sources
             ],
-            "frames": state.frames,
-            "telegrams": state.telegrams,
-            "other_frames": state.frames - state.telegrams,
-            **({"can_frames": state.can.frames} if state.can.frames else {}),
+            "frames": capture.frames,
+            "telegrams": capture.telegrams,
+            "other_frames": capture.frames - capture.telegrams,
+            **({"can_frames": capture.can_frames} if capture.can_frames else {}),
             "drops": sum(info.drops for info in sources),
-            "start_ns": time_text(state.start_ns),
-            "end_ns": time_text(state.end_ns),
+            "start_ns": time_text(capture.start_ns),
+            "end_ns": time_text(capture.end_ns),
         },
         "lists": [
             *(can_list(entry, names) | valued(entry) for entry in summary.can.lists),
