@@ -11,9 +11,6 @@ from nvscope.tracker.sequence import Step
 from nvscope.tracker.summary import ListSummary, StreamSummary
 from nvscope.units import count, count_of, duration, percent
 
-_ERRATIC_FROM = 100
-_ERRATIC_FACTOR = 10
-
 
 def judge_loss(facts: Facts) -> Iterator[Finding]:
     """Yield NV201 to NV205 and NV207 for each stream, NV206 for each node."""
@@ -28,7 +25,7 @@ def judge_loss(facts: Facts) -> Iterator[Finding]:
             if not rows.count[stream.stream]:
                 continue
             events = events_of(rows, stream.stream)
-            if step == Step.GAP and _is_erratic(stream):
+            if step == Step.GAP and stream.erratic:
                 yield _finding("NV207", entry, stream, events, _erratic_sentence(stream))
             else:
                 yield _finding(code, entry, stream, events, sentence(stream, events))
@@ -40,18 +37,6 @@ def _finding(code: str, entry: ListSummary, stream: StreamSummary, events: Event
         code, message, events.count, events.first_ns, events.last_ns, events.frames,
         entry.number, stream.node, stream.subindex,
     )  # fmt: skip
-
-
-def _is_erratic(stream: StreamSummary) -> bool:
-    """Tell whether more counters are lost than there was time to send: then the sender does not count telegrams."""
-    lost, telegrams = stream.figures["lost"], stream.telegrams
-    if lost <= telegrams:
-        return False
-    median = stream.intervals.p50
-    if median is None or median <= 0:
-        return lost > _ERRATIC_FROM
-    absent_ns = max(0, stream.last_ns - stream.first_ns - telegrams * median)
-    return (lost - _ERRATIC_FROM) * median > _ERRATIC_FACTOR * absent_ns
 
 
 def _gaps(stream: StreamSummary, events: Events) -> str:

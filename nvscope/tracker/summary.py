@@ -26,6 +26,8 @@ from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
 from nvscope.tracker.state import TrackerState
 
 UNUSED_FROM_TELEGRAMS = 8
+_ERRATIC_FROM = 100
+_ERRATIC_FACTOR = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,24 @@ class StreamSummary:
     length: int
     checksum: int | None
 
+    @property
+    def erratic(self) -> bool:
+        """Whether more counters are lost than there was time to send: then the sender does not count telegrams."""
+        lost = self.figures["lost"]
+        if lost <= self.telegrams:
+            return False
+        median = self.intervals.p50
+        if median is None or median <= 0:
+            return lost > _ERRATIC_FROM
+        absent_ns = max(0, self.last_ns - self.first_ns - self.telegrams * median)
+        return (lost - _ERRATIC_FROM) * median > _ERRATIC_FACTOR * absent_ns
+
+    @property
+    def counters(self) -> dict[str, int | None]:
+        """What is told of its ``figures``: the number of telegrams lost is unknown where the counters are erratic."""
+        lost = self.figures["lost"]
+        return self.figures | {"lost": None if self.erratic else lost, "lost_claimed": lost}
+
 
 @dataclass(slots=True)
 class ListSummary:
@@ -57,7 +77,7 @@ class ListSummary:
     senders: list[int] = field(default_factory=list)
     readers: list[int] = field(default_factory=list)
     diagnosis: Diagnosis = field(default_factory=Diagnosis)
-    counters: dict[str, int] = field(default_factory=dict)
+    counters: dict[str, int | None] = field(default_factory=dict)
     nodes: list[tuple[int, Diagnosis]] = field(default_factory=list)
     streams: list[StreamSummary] = field(default_factory=list)
     sender_since: dict[int, tuple[int, int]] = field(default_factory=dict)
@@ -362,7 +382,10 @@ def _count(state: TrackerState, lists: list[ListSummary]) -> None:
     table = state.lists.columns
     for entry in lists:
         number, streams = entry.number, entry.streams
-        figures = {name: sum(stream.figures[name] for stream in streams) for name in FIGURES}
+        figures: dict[str, int | None] = {name: sum(stream.figures[name] for stream in streams) for name in FIGURES}
+        figures["lost_claimed"] = figures["lost"]
+        if any(stream.erratic for stream in streams):
+            figures["lost"] = None
         figures["longest_gap"] = max((stream.figures["longest_gap"] for stream in streams), default=0)
         entry.counters = figures | {
             "malformed": malformed[number],

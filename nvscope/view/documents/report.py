@@ -100,12 +100,13 @@ def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Ma
 
 
 def _stream(stream: StreamSummary, summary: Summary) -> dict[str, Any]:
+    counters = stream.counters
     return {
         "node": summary.addresses[stream.node],
         "subindex": stream.subindex,
         "telegrams": stream.telegrams,
         "counter_scope": stream.counter_scope,
-        **{name: stream.figures[name] for name in STREAM_FIGURES},
+        **{name: counters[name] for name in STREAM_FIGURES},
         "interval_ns": interval_row(stream.intervals),
         "items": stream.items,
         "length": stream.length,
