@@ -22,7 +22,7 @@ from nvscope.engine import track
 from nvscope.errors import UnreadableInput
 from tests.fuzz.anatomy import anatomy_of
 from tests.fuzz.examination import NAME, Examined, assert_printable, content_of, ends, examine
-from tests.fuzz.floods import CAPTURE_FLOODS, TELEGRAM_FLOODS, Flood, huge_lengths, large_content
+from tests.fuzz.floods import CAPTURE_FLOODS, TELEGRAM_FLOODS, huge_lengths, large_content
 from tests.fuzz.mutations import AIMED, BLIND, COMPRESSIONS, mutated, shortened
 from tests.fuzz.originals import random_traffic, sample_captures
 from tests.fuzz.run import fuzz_input
@@ -246,27 +246,49 @@ def test_floods_of_records_end(tmp_path: Path, name: str) -> None:
 def test_cost_grows_no_faster_than_the_capture(tmp_path: Path, name: str) -> None:
     """From 400 to 800 telegrams twice as much is added as from 200 to 400; where the cost is a square, four times."""
     flood = TELEGRAM_FLOODS[name]
-    instructions(tmp_path, flood, 20)  # what is computed once only
-    quarter, half, whole = (instructions(tmp_path, flood, count) for count in (200, 400, 800))
-    assert (whole - half) / (half - quarter) < 2.6
+
+    def judged(count: int) -> int:
+        path = _written(tmp_path / "capture", flood(count))
+        return steps(lambda: document_of(track(CaptureFile(str(path)))))
+
+    judged(20)  # what is computed once only
+    assert growth(judged) < 2.6
 
 
-def instructions(folder: Path, flood: Flood, count: int) -> int:
-    """Return how many Python instructions tracking and judging a flood takes: the same number each time."""
-    path = _written(folder / "capture", flood(count))
+def test_a_cost_that_is_a_square_does_not_go_unnoticed() -> None:
+    """Neither a loop over some lines nor one in a single line, both without a call."""
+    assert growth(lambda count: steps(lambda: _looked_through(count, 20))) < 2.1
+    assert growth(lambda count: steps(lambda: _looked_through(count, count // 8))) > 2.6
+    assert growth(lambda count: steps(lambda: [1 for _ in range(count) for _ in range(count // 8)])) > 2.6
+
+
+def _looked_through(count: int, others: int) -> int:
+    found = 0
+    for number in range(count):
+        for other in range(others):
+            if other == number:
+                found += 1
+    return found
+
+
+def growth(cost: Callable[[int], int]) -> float:
+    quarter, half, whole = (cost(count) for count in (200, 400, 800))
+    return (whole - half) / (half - quarter)
+
+
+def steps(action: Callable[[], object]) -> int:
+    """Return how many lines and turns of loops, calls and returns of Python an action takes: the same each time."""
     executed = 0
 
-    def follow(frame: types.FrameType, event: str, _argument: object) -> Any:
+    def follow(_frame: types.FrameType, _event: str, _argument: object) -> Any:
         nonlocal executed
-        frame.f_trace_opcodes = True
-        frame.f_trace_lines = False
-        executed += event == "opcode"
+        executed += 1
         return follow
 
     before = sys.gettrace()
     sys.settrace(follow)
     try:
-        document_of(track(CaptureFile(str(path))))
+        action()
     finally:
         sys.settrace(before)
     return executed
