@@ -26,7 +26,9 @@ from tests.fuzz.floods import CAPTURE_FLOODS, TELEGRAM_FLOODS, huge_lengths, lar
 from tests.fuzz.mutations import AIMED, BLIND, COMPRESSIONS, mutated, shortened
 from tests.fuzz.originals import random_traffic, sample_captures
 from tests.fuzz.run import fuzz_input
+from tests.laws import some
 from tests.packets import document_of
+from tests.program import COMMAND, run_text
 
 CAPTURES = sample_captures()
 FILES_OF_A_CAPTURE = 40
@@ -41,12 +43,12 @@ MEBIBYTE = 1 << 20
 def test_mutated_captures_are_refused_or_accounted_for(tmp_path: Path, name: str) -> None:
     reached: list[Examined] = [examine(CAPTURES[name], tmp_path, random.Random(name))]
     assert reached[0].telegrams
-    for number in range(FILES_OF_A_CAPTURE):
+    for number in some(range(FILES_OF_A_CAPTURE)):
         rng = random.Random(f"{name}/{number}")
         raw = mutated(rng, shortened(rng, CAPTURES[name], RECORDS), list(CAPTURES.values()))
         reached.append(examine(raw, tmp_path, rng))
     # A fuzzer that only makes files that are refused at once tests nothing.
-    assert sum(examined.telegrams > 0 for examined in reached) > FILES_OF_A_CAPTURE // 2
+    assert sum(examined.telegrams > 0 for examined in reached) > len(reached) // 2
     assert any(examined.cut for examined in reached)
 
 
@@ -63,7 +65,7 @@ def test_mutated_compressed_captures_are_refused_or_accounted_for(tmp_path: Path
 
 
 def test_mutated_random_traffic_is_accounted_for(tmp_path: Path) -> None:
-    for number in range(20):
+    for number in some(range(20)):
         rng = random.Random(number)
         raw = random_traffic(number, 100)
         examine(mutated(rng, raw, [raw]), tmp_path, rng)
@@ -76,15 +78,18 @@ def test_every_number_of_every_record_at_its_ends(tmp_path: Path, name: str) -> 
     assert anatomy is not None
     # One record of each kind and size of header: the others have the same numbers.
     places = {(record.kind, record.order, len(record.numbers())): at for at, record in enumerate(anatomy.records)}
-    for place in places.values():
-        record = anatomy.records[place]
-        for number in record.numbers():
-            old = number.read(record.data)
-            for value in (0, 1, -1, old + 1, old - 1):
-                records = list(anatomy.records)
-                records[place] = record._replace(data=number.written(record.data, value))
-                raw = anatomy.with_records(records).assembled()
-                _read_as_expected(tmp_path, raw)
+    changed = [
+        (place, number.written(record.data, value))
+        for place in places.values()
+        for record in [anatomy.records[place]]
+        for number in record.numbers()
+        for old in [number.read(record.data)]
+        for value in (0, 1, -1, old + 1, old - 1)
+    ]
+    for place, data in some(changed):
+        records = list(anatomy.records)
+        records[place] = records[place]._replace(data=data)
+        _read_as_expected(tmp_path, anatomy.with_records(records).assembled())
 
 
 def _read_as_expected(folder: Path, raw: bytes) -> None:
@@ -105,13 +110,13 @@ def _read_as_expected(folder: Path, raw: bytes) -> None:
 def test_captures_cut_at_any_byte_give_the_whole_records_before(tmp_path: Path) -> None:
     for name in ("telegrams.pcap", "interfaces.pcapng"):
         raw = CAPTURES[name]
-        for size in range(0, len(raw), 13):
+        for size in some(range(0, len(raw), 13)):
             _read_as_expected(tmp_path, raw[:size])
 
 
 def test_mutated_captures_make_one_timeline(tmp_path: Path) -> None:
     others = list(CAPTURES.values())
-    for number in range(15):
+    for number in some(range(15)):
         rng = random.Random(f"timeline/{number}")
         raws = [mutated(rng, shortened(rng, rng.choice(others), RECORDS), others) for _ in range(3)]
         paths: list[Path] = []
@@ -163,16 +168,13 @@ def test_the_program_ends_with_a_code_and_in_words(tmp_path: Path, number: int) 
     _, raw = fuzz_input(1000, number)
     path = tmp_path / NAME
     path.write_bytes(raw)
-    with path.open("rb") as file:
-        by_name = number % 3 > 0
-        done = subprocess.run(
-            [sys.executable, "-m", "nvscope", *command, "-q", str(path) if by_name else "-"],
-            stdin=subprocess.DEVNULL if by_name else file,
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+    if number % 3 > 0:
+        done = run_text(*command, "-q", path)
+    else:
+        with path.open("rb") as file:
+            done = subprocess.run(
+                [*COMMAND, *command, "-q", "-"], stdin=file, capture_output=True, text=True, timeout=120, check=False
+            )
     assert done.returncode in (0, 3, 4), done.stderr
     assert "Traceback" not in done.stderr
     assert_printable(done.stdout)

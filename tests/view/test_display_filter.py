@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.capture.open import open_source
@@ -18,6 +18,7 @@ from nvscope.expression.columns import FieldType
 from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields import EITHER_OF, FIELDS, PROTOCOLS, expression_names
 from nvscope.view.telegrams import Telegrams
+from tests.laws import examples
 from tests.oracle.traffic import LINKS, generate, mutate
 from tests.view.test_fields import rows_of, values
 
@@ -241,7 +242,7 @@ def test_ipv6_addresses_and_networks() -> None:
 
 
 @given(st.integers(0, 10_000), st.sampled_from([*LINKS, None]))
-@settings(max_examples=20, deadline=None)
+@examples(20)
 def test_a_field_alone_is_there_or_true_in_broken_telegrams_too(seed: int, link: int | None) -> None:
     for rows in rows_of(mutate(seed, generate(seed, frames=100, link=link))):
         for name in FIELDS:
