@@ -269,7 +269,7 @@ def _sll2(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
 
 
 def _can(data: U8, frame: _Network) -> list[tuple[bool, _Network]]:
-    """No network layer: ``dissectors.can`` reads these frames."""
+    """No network layer: ``dissectors.can.frame`` reads these frames."""
     return []
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from dissectors.batch import I32, I64, U8, U16, U64, Bool, LinkType, PacketBatch, Records
-from dissectors.can import FRAME, CanBatch, dissect_can
-from dissectors.can import Fault as CanFault
-from dissectors.can_pdo import ON_CAN, PdoRules, is_pdo, words
+from dissectors.can.frame import FRAME, CanBatch, dissect_can
+from dissectors.can.frame import Fault as CanFault
+from dissectors.can.pdo import ON_CAN, PdoRules, is_pdo, words
 from dissectors.keys import KeyTable, first_rows
 from dissectors.layout import gather_bytes, take_rows
 from dissectors.link import (
@@ -152,7 +152,7 @@ class Varieties:
     they would be, all else is 0. ``is_pdo`` are those that may carry variables.
 
     ``port`` and ``index`` (int64) say which list it is: destination port and Index, or, from ``ON_CAN`` on, channel and
-    COB-ID (``dissectors.can_pdo``).
+    COB-ID (``dissectors.can.pdo``).
     """
 
     def __init__(self) -> None:

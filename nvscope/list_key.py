@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeVar
 
-from dissectors.can_pdo import EXTENDED
+from dissectors.can.pdo import EXTENDED
 
 Port = int | str
 """A UDP port, or the name of a CAN channel; "" is any channel."""

@@ -21,7 +21,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from nvscope.analysis import Inquiry
+from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.capture_file import STDIN
 from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project, read_project
@@ -144,19 +144,20 @@ class Captures:
 
         UsageError for a field that there is not: ``nvscope keys --fields`` lists them.
         """
+        from nvscope.analysis.packets import packets  # noqa: PLC0415
         from nvscope.export.frames import Collected  # noqa: PLC0415
         from nvscope.export.telegrams import TelegramTable  # noqa: PLC0415
-        from nvscope.view.fields import output_field  # noqa: PLC0415
-        from nvscope.view.telegrams import Telegrams  # noqa: PLC0415
+        from nvscope.view.fields.frame import output_field  # noqa: PLC0415
+        from nvscope.view.rows.frames import PacketRows  # noqa: PLC0415
 
         inquiry = self._inquiry
         named = [output_field(name, inquiry.fields) for name in fields]
         chosen = None if self._where is None else inquiry.filter(self._where)
-        source = open_source(inquiry.paths)
+        source = inquiry.open()
         table = TelegramTable(named or inquiry.default_fields(source))
         collected = Collected(table.schema)
         table.open(collected)
-        for rows in Telegrams(source, ports=inquiry.ports, chosen=chosen, pdos=inquiry.pdo_rules(source)):
+        for rows in packets(source, inquiry.reading(chosen), PacketRows()):
             table.add(rows)
         table.finish()
         return collected.frame()
@@ -172,9 +173,10 @@ class Captures:
 
         Telegrams that were left out are a warning. UsageError where no such list is defined.
         """
+        from nvscope.analysis.values import values  # noqa: PLC0415
         from nvscope.export.frames import long_frame, wide_frame  # noqa: PLC0415
         from nvscope.export.unwritten import beyond_time, left_out  # noqa: PLC0415
-        from nvscope.view.defined_telegrams import DefinedTelegrams  # noqa: PLC0415
+        from nvscope.view.rows.defined import DefinedTelegrams  # noqa: PLC0415
 
         if form not in ("wide", "long"):
             raise UsageError(f"form is not {form!r:.80}", next_step="give form='wide' or form='long'")
@@ -188,12 +190,9 @@ class Captures:
             )
         assert inquiry.layouts is not None
         chosen = None if self._where is None else inquiry.filter(self._where)
-        source = open_source(inquiry.paths)
-        telegrams = DefinedTelegrams(
-            source, inquiry.layouts, keys=[key for key, _ in lists], ports=inquiry.ports,
-            choose=inquiry.choice(chosen, source), pdos=inquiry.pdo_rules(source),
-        )  # fmt: skip
-        frame, beyond = wide_frame(telegrams) if form == "wide" else (long_frame(telegrams), 0)
+        telegrams = DefinedTelegrams(inquiry.layouts, keys=[key for key, _ in lists])
+        rows = values(inquiry.open(), inquiry.reading(chosen), telegrams)
+        frame, beyond = wide_frame(telegrams, rows) if form == "wide" else (long_frame(telegrams, rows), 0)
         for sentence in [*([beyond_time(beyond)] if beyond else []), *left_out(telegrams)]:
             warnings.warn(sentence, stacklevel=2)
         return frame

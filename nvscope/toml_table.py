@@ -64,7 +64,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class ValueKind:
     """What may stand behind a key: its name for people, and the function that reads it or raises."""
 
     name: str
@@ -72,7 +72,7 @@ class Kind:
     table: type | None = None
 
 
-def key(kind: Kind, text: str, *, default: Any = MISSING, name: str = "") -> Any:
+def key(kind: ValueKind, text: str, *, default: Any = MISSING, name: str = "") -> Any:
     """Return a dataclass field for one key; ``name`` where TOML spells it otherwise than the attribute."""
     metadata = {"kind": kind, "help": text, "name": name}
     return dataclasses.field(metadata=metadata) if default is MISSING else _with_default(default, metadata)
@@ -161,7 +161,7 @@ def document_table(cls: type, title: str, heading: str = "##") -> str:
     for entry in _keys(cls):
         if entry.name in inherited:
             continue
-        kind: Kind = entry.metadata["kind"]
+        kind: ValueKind = entry.metadata["kind"]
         name = _toml_name(entry)
         if kind.table is not None:
             below.append(document_table(kind.table, kind.name.format(name=name), heading))
@@ -181,7 +181,7 @@ def _toml_name(entry: dataclasses.Field[Any]) -> str:
     return entry.metadata["name"] or entry.name
 
 
-def _shown(default: Any, kind: Kind) -> str:
+def _shown(default: Any, kind: ValueKind) -> str:
     if kind in {DURATION, LENGTH, SPAN}:
         return "none" if default is None else f"`{format_duration(default)}`"
     if kind is MOMENT:
@@ -251,7 +251,7 @@ def _moment(value: Any, place: Place) -> int:
     return moment_ns
 
 
-def integer(low: int, high: int) -> Kind:
+def integer(low: int, high: int) -> ValueKind:
     """Return the kind of whole numbers from ``low`` to ``high``."""
 
     def read(value: Any, place: Place) -> int:
@@ -261,10 +261,10 @@ def integer(low: int, high: int) -> Kind:
             raise place.error(f"{value} is out of range: {low} to {high}", f"Write a number from {low} to {high}.")
         return value
 
-    return Kind(f"whole number {low} to {high}", read)
+    return ValueKind(f"whole number {low} to {high}", read)
 
 
-def number(low: float, high: float) -> Kind:
+def number(low: float, high: float) -> ValueKind:
     """Return the kind of numbers from ``low`` to ``high``."""
 
     def read(value: Any, place: Place) -> float:
@@ -274,10 +274,10 @@ def number(low: float, high: float) -> Kind:
             raise place.error(f"{value} is out of range: {low} to {high}", f"Write a number from {low} to {high}.")
         return float(value)
 
-    return Kind(f"number {low} to {high}", read)
+    return ValueKind(f"number {low} to {high}", read)
 
 
-def choice(*words: str) -> Kind:
+def choice(*words: str) -> ValueKind:
     """Return the kind of texts that are one of ``words``."""
 
     def read(value: Any, place: Place) -> str:
@@ -286,10 +286,10 @@ def choice(*words: str) -> Kind:
             raise place.error(f"{text[:60]!r} is none of the choices", nearest(text, words))
         return text
 
-    return Kind(" or ".join(f'"{word}"' for word in words), read)
+    return ValueKind(" or ".join(f'"{word}"' for word in words), read)
 
 
-def array(kind: Kind, *, single: bool = False) -> Kind:
+def array(kind: ValueKind, *, single: bool = False) -> ValueKind:
     """Return the kind of arrays of ``kind``, read as tuples; with ``single`` one value may stand without brackets."""
 
     def read(value: Any, place: Place) -> tuple[Any, ...]:
@@ -301,10 +301,10 @@ def array(kind: Kind, *, single: bool = False) -> Kind:
             raise place.error(f"the array has {len(value)} entries, more than {_MAX_ROWS}")
         return tuple(kind.read(entry, place.below(index)) for index, entry in enumerate(value))
 
-    return Kind(f"{kind.name}, or an array of such" if single else f"array of {kind.name}", read)
+    return ValueKind(f"{kind.name}, or an array of such" if single else f"array of {kind.name}", read)
 
 
-def mapping(kind: Kind) -> Kind:
+def mapping(kind: ValueKind) -> ValueKind:
     """Return the kind of tables with free keys and values of ``kind``, read as dicts."""
 
     def read(value: Any, place: Place) -> dict[str, Any]:
@@ -312,22 +312,22 @@ def mapping(kind: Kind) -> Kind:
             raise place.error(f"a table is expected, found {_described(value)}")
         return {str(name): kind.read(entry, place.below(str(name))) for name, entry in value.items()}
 
-    return Kind(f"table of {kind.name}", read)
+    return ValueKind(f"table of {kind.name}", read)
 
 
-def tables(cls: type) -> Kind:
+def tables(cls: type) -> ValueKind:
     """Return the kind of arrays of tables, ``[[name]]``, read as tuples of ``cls``."""
-    return Kind("[[{name}]]", array(Kind("", lambda value, place: read_table(cls, value, place))).read, cls)
+    return ValueKind("[[{name}]]", array(ValueKind("", lambda value, place: read_table(cls, value, place))).read, cls)
 
 
-def table_of(cls: type) -> Kind:
+def table_of(cls: type) -> ValueKind:
     """Return the kind of a single table, ``[name]``, read as ``cls``."""
-    return Kind("[{name}]", lambda value, place: read_table(cls, value, place), cls)
+    return ValueKind("[{name}]", lambda value, place: read_table(cls, value, place), cls)
 
 
-TEXT = Kind("text", _text)
-FLAG = Kind("true or false", _flag)
-DURATION = Kind("duration", _duration)
-LENGTH = Kind("duration, not negative", _length)
-SPAN = Kind("duration above 0", _span)
-MOMENT = Kind("date and time with offset", _moment)
+TEXT = ValueKind("text", _text)
+FLAG = ValueKind("true or false", _flag)
+DURATION = ValueKind("duration", _duration)
+LENGTH = ValueKind("duration, not negative", _length)
+SPAN = ValueKind("duration above 0", _span)
+MOMENT = ValueKind("date and time with offset", _moment)

@@ -1,6 +1,7 @@
 """Quantities as people read them: durations, times, counts, bytes, shares, COB-IDs. Integer arithmetic, no locale.
 
-Halves are rounded to even. A regular space separates thousands; ``view.table.wrap`` keeps such a number on one line.
+Halves are rounded to even. A regular space separates thousands; ``view.lines.table.wrap`` keeps such a number on one
+line.
 """
 
 from __future__ import annotations

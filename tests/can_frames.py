@@ -9,7 +9,9 @@ from dissectors.batch import PacketBatch
 from nvscope.capture.open import open_source
 from nvscope.definition.model import Definition
 from nvscope.definition.pdos import Pdos
-from nvscope.view.telegrams import TelegramRows, Telegrams
+from nvscope.engine.reading import Reading
+from nvscope.view.rows.frames import TelegramRows
+from tests.packets import Shown
 
 
 def batches_of_log(log: str) -> tuple[list[PacketBatch], list[str]]:
@@ -27,5 +29,5 @@ def rows_of_log(log: str, definition: Definition | None = None) -> TelegramRows:
         path = Path(folder) / "a.log"
         path.write_text(log)
         source = open_source([str(path)])
-        (rows,) = Telegrams(source, pdos=Pdos(definition or Definition()).rules(lambda: source.channels))
+        (rows,) = Shown(source, Reading(pdos=Pdos(definition or Definition()).rules()))
         return rows

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
 from dissectors.batch import PacketBatch
+from nvscope.analysis.packets import packets
+from nvscope.capture.source import Source, SourceInfo
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import Observer, run
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.display_filter import DisplayFilter, PacketChoice
+from nvscope.view.documents.report import report_document
+from nvscope.view.rows.frames import PacketRows, TelegramRows
 from tests.oracle.frame import Frame
+
+AnyObserver = TypeVar("AnyObserver", bound=Observer)
 
 
 def batch_of(frames: Sequence[Frame]) -> PacketBatch:
@@ -29,12 +37,56 @@ def batch_of(frames: Sequence[Frame]) -> PacketBatch:
     )
 
 
-def tracked(batches: Iterable[PacketBatch]) -> TrackerState:
-    """Return the state after some batches."""
-    state = TrackerState()
-    for batch in batches:
-        state.observe(batch)
-    return state
+class Batches:
+    """A source of given batches."""
+
+    def __init__(self, batches: Iterable[PacketBatch], channels: Sequence[str] = ()) -> None:
+        self.batches = batches
+        self.infos: list[SourceInfo] = []
+        self.channels = channels
+
+    def __iter__(self) -> Iterator[PacketBatch]:
+        return iter(self.batches)
+
+
+def cut(whole: PacketBatch, packets: int) -> list[PacketBatch]:
+    """Return a batch as several of so many packets."""
+    return [whole[begin : begin + packets] for begin in range(0, len(whole), packets)]
+
+
+def observed(
+    observer: AnyObserver, source: Source | Iterable[PacketBatch], reading: Reading | None = None,
+    channels: Sequence[str] = (),
+) -> AnyObserver:  # fmt: skip
+    """Return an observer after it was told a source, or batches, to the end."""
+    for _ in run(source if hasattr(source, "infos") else Batches(source, channels), reading or Reading(), [observer]):
+        pass
+    return observer
+
+
+def tracked(source: Source | Iterable[PacketBatch], reading: Reading | None = None) -> TrackerState:
+    """Return the state after a source, or some batches."""
+    return observed(TrackerState(), source, reading)
+
+
+class Shown:
+    """The rows of a source, as ``nvscope packets`` shows them; iterate once, then ask how many there were."""
+
+    def __init__(
+        self, source: Source, reading: Reading | None = None, *, chosen: DisplayFilter | None = None,
+        limit: int | None = None,
+    ) -> None:  # fmt: skip
+        self._source = source
+        self._reading = reading or Reading(choose=PacketChoice(chosen) if chosen else None)
+        self._rows = PacketRows(limit=limit)
+
+    def __iter__(self) -> Iterator[TelegramRows]:
+        return packets(self._source, self._reading, self._rows)
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Frames and telegrams read, and telegrams shown."""
+        return self._rows.frames, self._rows.telegrams, self._rows.shown
 
 
 def document_of(state: TrackerState) -> dict[str, Any]:

@@ -26,7 +26,7 @@ def import_program() -> None:
     for module in pkgutil.walk_packages(nvscope.__path__, "nvscope."):
         if not module.name.startswith(_NOT_BEFORE_A_FORK):
             importlib.import_module(module.name)
-    assert "polars" not in sys.modules
+    assert "polars" not in sys.modules, "a module imports polars that is not kept out of the server"
     gc.freeze()  # what is there now is not to be copied by looking through it
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from nvscope.analysis import Inquiry
+from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.open import open_source
 from nvscope.definition.project import Project, read_project
 from nvscope.errors import UsageError
-from nvscope.view.telegrams import Telegrams
+from tests.packets import Shown
 
 CAPTURES = Path(__file__).parents[1] / "captures"
 PLANT, PEERS = str(CAPTURES / "plant.pcapng.gz"), str(CAPTURES / "peers" / "peers.pcap")
@@ -33,7 +33,7 @@ def report(path: str, expression: str | None = None, project: Project | None = N
 
 def frames(path: str, expression: str, project: Project | None = None) -> list[int]:
     chosen = Inquiry([path], project or Project()).filter(expression)
-    return [number for rows in Telegrams(open_source([path]), chosen=chosen) for number in rows.frame_number.tolist()]
+    return [number for rows in Shown(open_source([path]), chosen=chosen) for number in rows.frame_number.tolist()]
 
 
 def place(finding: dict[str, Any]) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 import nvscope
-from nvscope.analysis import Inquiry
+from nvscope.analysis.inquiry import Inquiry
 from nvscope.errors import ConfigurationError, UnreadableInput, UsageError
 
 CAPTURES = Path(__file__).parents[1] / "captures"

@@ -13,8 +13,10 @@ from nvscope.capture.open import open_source
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
 from nvscope.definition.value import value_of
+from nvscope.engine.reading import Reading
+from nvscope.engine.recogniser import Recogniser
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import Values
+from nvscope.tracker.variables.values import Values
 
 PEERS = Path(__file__).parent.parent / "captures" / "peers"
 FILES = [str(PEERS / name) for name in ("axis.gvl", "axis_types.st", "batch.gvl", "recipe.gvl", "counters.gvl")]
@@ -33,12 +35,13 @@ def flattened(name: str, value: Any) -> dict[str, Any]:
 def shown() -> dict[int, dict[str, list[Any]]]:
     """What was decoded of each telegram, by list and element."""
     values = Values(Layouts(load_definitions(FILES)))
-    state = TrackerState(values=values)
+    state, recogniser = TrackerState(values=values), Recogniser(Reading())
     found: dict[int, dict[str, list[Any]]] = defaultdict(lambda: defaultdict(list))
     for batch in open_source([str(PEERS / "peers.pcap")]):
         for row in range(len(batch)):
             before = {stream: known.telegrams for stream, known in values.streams.items()}
-            state.observe(batch[row : row + 1])
+            for told in recogniser.tell(batch[row : row + 1]):
+                state.observe(told)
             for stream, known in values.streams.items():
                 if known.telegrams != before.get(stream, 0):
                     list_id = known.layout.list.list_id or 0

@@ -12,7 +12,7 @@ from tests.oracle.compare import differences
 from tests.oracle.frame import Frame
 from tests.oracle.reference import reference_report
 from tests.oracle.traffic import generate, mutate
-from tests.packets import batch_of, document_of, tracked
+from tests.packets import batch_of, document_of, observed, tracked
 
 
 def traffic(seed: int) -> list[Frame]:
@@ -31,5 +31,5 @@ def test_report_is_that_of_the_reference(seed: int) -> None:
 def test_other_timeouts(timeout_ns: int) -> None:
     frames = traffic(7)
     state = TrackerState(timeout_ns)
-    state.observe(batch_of(frames))
+    observed(state, [batch_of(frames)])
     assert differences(reference_report(frames, timeout_ns=timeout_ns), document_of(state)) == []

@@ -11,7 +11,7 @@ from itertools import chain
 
 from dissectors.batch import PacketBatch
 from nvscope.capture import pcap, pcapng
-from nvscope.capture.candump import CandumpReader
+from nvscope.capture.can.candump import CandumpReader
 from nvscope.capture.compressed import Decompressed, compression_of
 from nvscope.capture.formats import (
     BY_PYTHON_CAN,
@@ -258,7 +258,7 @@ class CaptureFile:
         raise NoCapture(f"the bytes {head[:4].hex(' ')}, expected {_EXPECTED}", where=where)
 
     def _log_reader(self, kind: Format, share: int, content: Iterator[bytes], path: str) -> Reader:
-        from nvscope.capture.canlog import CanLogReader, NoMessages, check_readable  # noqa: PLC0415
+        from nvscope.capture.can.log import CanLogReader, NoMessages, check_readable  # noqa: PLC0415
 
         try:
             check_readable(kind, path, self.path)

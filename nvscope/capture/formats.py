@@ -6,7 +6,7 @@ import re
 from enum import Enum
 
 from nvscope.capture import pcap
-from nvscope.capture.candump_line import LineFault, is_silent, parse
+from nvscope.capture.can.candump_line import LineFault, is_silent, parse
 
 SECTION_MAGIC = b"\x0a\x0d\x0d\x0a"
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dissectors.batch import LinkType
-from nvscope.capture.candump_sink import CandumpSink
+from nvscope.capture.can.candump_sink import CandumpSink
 from nvscope.capture.capture_file import STDIN, CaptureFile, NoCapture
 from nvscope.capture.pcap import PcapSink
 from nvscope.capture.pcapng import PcapngSink

@@ -25,7 +25,7 @@ from itertools import pairwise
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, U64, Bool, PacketBatch
-from nvscope.capture.columns import join
+from nvscope.capture.batch_builder import join
 from nvscope.capture.output import FileSink
 from nvscope.capture.reader import (
     MAX_PACKET_BYTES,

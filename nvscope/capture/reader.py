@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dissectors.batch import I64, PacketBatch
-from nvscope.capture.columns import Columns
+from nvscope.capture.batch_builder import BatchBuilder
 from nvscope.capture.lockstep import Framing, LockstepWalker
 from nvscope.capture.source import SourceInfo, Truncation
 from nvscope.capture.window import View
@@ -87,7 +87,7 @@ class RecordReader(Reader):
 
     def read(self, view: View) -> Iterator[PacketBatch]:
         sizes = self._sizes
-        columns = Columns(sizes.batch_packets)
+        columns = BatchBuilder(sizes.batch_packets)
         here = view.start
         framing = None
         incomplete = False

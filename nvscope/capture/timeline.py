@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 
 from dissectors.batch import I64, PAD_BYTES, U8, PacketBatch
-from dissectors.can import channels_of
-from dissectors.can_pdo import channel_name
+from dissectors.can.frame import channels_of
+from dissectors.can.pdo import channel_name
 from nvscope.capture.source import SourceInfo
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, stretches
 

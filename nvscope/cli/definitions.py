@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.definition.project import Project
 
 GvlOption = Annotated[

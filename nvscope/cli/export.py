@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -20,12 +20,12 @@ from nvscope.cli.sources import (
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.export.files import Files
     from nvscope.export.lists import Lists
-    from nvscope.view.defined_telegrams import DefinedTelegrams
-    from nvscope.view.telegram_field import TelegramField
-    from nvscope.view.telegrams import Telegrams
+    from nvscope.view.fields.field import TelegramField
+    from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
+    from nvscope.view.rows.frames import PacketRows, TelegramRows
 
 What = Literal["values", "telegrams"]
 Form = Literal["wide", "long"]
@@ -104,8 +104,7 @@ def export(
     if fields and what == "values":
         raise UsageError("-e is for telegrams", next_step="add --what telegrams; --list chooses among values")
 
-    from nvscope.analysis import Inquiry
-    from nvscope.capture.open import open_source
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import ProgressBar, watching
     from nvscope.export.files import Files, format_of
@@ -126,26 +125,26 @@ def export(
     filtered = None if wanted is None else inquiry.filter(wanted)
 
     keep_freed_memory()
-    source = open_source(paths)
+    source, reading = inquiry.open(), inquiry.reading(filtered)
     columns = [] if lists else named or inquiry.default_fields(source)
     files = Files()
     try:
         with ProgressBar(source, quiet=quiet) as progress:
             if lists:
-                from nvscope.view.defined_telegrams import DefinedTelegrams
+                from nvscope.analysis.values import values
+                from nvscope.view.rows.defined import DefinedTelegrams
 
                 assert layouts is not None
-                told = DefinedTelegrams(
-                    source, layouts, keys=[key for key, _ in lists], ports=ports,
-                    choose=inquiry.choice(filtered, source), pdos=inquiry.pdo_rules(source),
-                )  # fmt: skip
-                written = _write_values(told, lists, write, form or "wide", files, progress)
+                told = DefinedTelegrams(layouts, keys=[key for key, _ in lists])
+                rows = values(source, reading, told, progress)
+                written = _write_values(told, rows, lists, write, form or "wide", files)
                 fragments = told.fragments
             else:
-                from nvscope.view.telegrams import Telegrams
+                from nvscope.analysis.packets import packets
+                from nvscope.view.rows.frames import PacketRows
 
-                telegrams = Telegrams(source, ports=ports, chosen=filtered, pdos=inquiry.pdo_rules(source))
-                _write_telegrams(telegrams, columns, write, files, progress)
+                telegrams = PacketRows()
+                _write_telegrams(packets(source, reading, telegrams, progress), columns, write, files)
                 fragments = telegrams.fragments
         files.publish()
     except BaseException:
@@ -166,26 +165,26 @@ def export(
 
 
 def _write_values(
-    telegrams: DefinedTelegrams, lists: Lists, path: str, form: Form, files: Files, progress: Callable[[], None]
+    telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], lists: Lists, path: str, form: Form, files: Files
 ) -> list[Written]:
     from nvscope.export.values import paths_of, write_long, write_wide
 
     if form == "long":
-        return [(path, write_long(telegrams, path, files, progress), 0)]
+        return [(path, write_long(telegrams, rows, path, files), 0)]
     paths = paths_of(path, lists)
-    told = write_wide(telegrams, paths, files, progress)
-    return [(name, rows, beyond) for name, (rows, beyond) in zip(paths, told, strict=True)]
+    told = write_wide(telegrams, rows, paths, files)
+    return [(name, count, beyond) for name, (count, beyond) in zip(paths, told, strict=True)]
 
 
 def _fields(names: Sequence[str], inquiry: Inquiry) -> Sequence[TelegramField]:
-    from nvscope.view.fields import output_field
+    from nvscope.view.fields.frame import output_field
 
     return [output_field(name, inquiry.fields) for name in names]
 
 
 def _write_telegrams(
-    telegrams: Telegrams, fields: Sequence[TelegramField], path: str, files: Files, progress: Callable[[], None]
-) -> None:
+    pieces: Iterable[TelegramRows], fields: Sequence[TelegramField], path: str, files: Files
+) -> None:  # fmt: skip
     from nvscope.export.files import format_of
     from nvscope.report.packets.records import Csv, JsonLines
 
@@ -196,17 +195,15 @@ def _write_telegrams(
 
         table = TelegramTable(fields)
         table.open(table_file(file, table.schema))
-        for rows in telegrams:
+        for rows in pieces:
             table.add(rows)
-            progress()
         table.finish()
         return
     face = Csv(fields) if format_of(path) == "csv" else JsonLines(fields)
     file.file.write(face.begin().encode())
-    for rows in telegrams:
+    for rows in pieces:
         for text in face.render(rows):
             file.file.write(text.encode())
-        progress()
     file.file.write(face.end().encode())
 
 
@@ -238,7 +235,7 @@ def _tell_of_values(
         tell(f"{count_of(telegrams.undefined, 'data telegram')} of lists without a definition left out.")
 
 
-def _tell_of_telegrams(telegrams: Telegrams, path: str) -> None:
+def _tell_of_telegrams(telegrams: PacketRows, path: str) -> None:
     from nvscope.units import count_of
     from nvscope.view.escape import visible
 

@@ -58,7 +58,7 @@ def layout(
 ) -> None:
     """Print what lies where in each telegram of each list."""
     from nvscope.report import layout as face
-    from nvscope.view.layout import layout_document
+    from nvscope.view.documents.layout import layout_document
 
     document = layout_document(_plant(files, project).definition)
     shown = colour_wanted(colour)
@@ -78,7 +78,7 @@ def lint(
     Exits with 1 where there are errors or warnings, with 0 where there are none or only notes.
     """
     from nvscope.report import lint as face
-    from nvscope.view.lint import lint_document, rules_document
+    from nvscope.view.documents.lint import lint_document, rules_document
 
     if rules:
         document = rules_document()
@@ -119,7 +119,7 @@ def diff(
     from nvscope.definition.difference import difference
     from nvscope.definition.load import load_definitions
     from nvscope.report import difference as face
-    from nvscope.view.difference import difference_document
+    from nvscope.view.documents.difference import difference_document
 
     sides = [load_definitions([file, *(types or ()), *(own or ())]) for file, own in ((a, a_types), (b, b_types))]
     for file, side in zip((a, b), sides, strict=True):

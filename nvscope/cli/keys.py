@@ -24,7 +24,7 @@ def keys(
             "there are no key bindings, since there is no live screen yet",
             next_step="`nvscope keys --fields` lists the fields that -Y and -e may name",
         )
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.report import fields as face
 
     known = Inquiry([], project_of(project, gvl)).fields

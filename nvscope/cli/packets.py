@@ -22,11 +22,10 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from dissectors.batch import Bool
-    from nvscope.analysis import Capture, Inquiry
+    from nvscope.analysis.inquiry import Capture, Inquiry
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
-    from nvscope.view.telegram_field import TelegramField
+    from nvscope.view.fields.field import TelegramField
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
 Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
@@ -96,7 +95,7 @@ def packets(
         )
     inquiry = None
     if asked:
-        from nvscope.analysis import Inquiry
+        from nvscope.analysis.inquiry import Inquiry
         from nvscope.cli.progress import watching
 
         inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
@@ -107,30 +106,23 @@ def packets(
     chosen_by = inquiry.filter(wanted) if inquiry and wanted is not None else None
 
     from nvscope import units
+    from nvscope.analysis.packets import packets as read_packets
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
-    from nvscope.view.telegrams import TelegramRows, Telegrams
+    from nvscope.engine.reading import Reading
+    from nvscope.view.rows.frames import PacketRows
 
     source = open_source(paths)
     face = make(source)
+    reading = inquiry.reading(chosen_by) if inquiry else Reading(ports, pdos.rules())
+    telegrams = PacketRows(limit=count)
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
-
-        def choose(rows: TelegramRows) -> Bool:
-            progress()  # where nothing is shown, nothing else moves the bar
-            assert chosen_by
-            return chosen_by(rows)
-
-        telegrams = Telegrams(
-            source, ports=ports, limit=count, chosen=choose if chosen_by else None,
-            pdos=pdos.rules(lambda: source.channels),
-        )  # fmt: skip
         out.write(face.begin())
-        for rows in telegrams:
+        for rows in read_packets(source, reading, telegrams, progress):
             for text in face.render(rows):
                 out.write(text)
             out.flush()
-            progress()
         out.write(face.end())
         out.flush()
     if not telegrams.telegrams:
@@ -182,7 +174,7 @@ def _face(
         return lambda _: text
 
     from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedFields, separation
-    from nvscope.view.fields import output_field
+    from nvscope.view.fields.frame import output_field
 
     found = [output_field(name, inquiry.fields) for name in names] if inquiry else []
     if chosen_format == "fields":

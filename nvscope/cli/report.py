@@ -78,7 +78,7 @@ def report(
     plant = project_of(project, gvl)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
 
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import watching
 

@@ -10,7 +10,7 @@ import typer
 from nvscope.errors import CaptureError, UsageError
 
 if TYPE_CHECKING:
-    from nvscope.plc.scenario import Scenario
+    from nvscope.simulate.scenario import Scenario
 
 
 def simulate(
@@ -37,7 +37,7 @@ def simulate(
 
     Nothing is sent. The same scenario gives the same bytes.
     """
-    from nvscope.plc.scenario import document, load_scenario
+    from nvscope.simulate.scenario import document, load_scenario
 
     if keys:
         typer.echo(document())
@@ -57,9 +57,9 @@ def simulate(
 
     import json
 
-    from nvscope.plc.can_definition import can_definitions
-    from nvscope.plc.simulator import open_capture
-    from nvscope.plc.simulator import simulate as run
+    from nvscope.simulate.can.definition import can_definitions
+    from nvscope.simulate.simulator import open_capture
+    from nvscope.simulate.simulator import simulate as run
 
     # What stands under the name already stays until there is something whole to replace it.
     unfinished = Path(write).with_name(f".{Path(write).name}.unfinished{Path(write).suffix}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,11 +24,9 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import CaptureError, ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import SourceInfo
-    from nvscope.definition.layouts import Layouts
     from nvscope.list_key import ListKey
-    from nvscope.view.display_filter import DisplayFilter
 
 
 def variables(
@@ -96,7 +93,7 @@ def variables(
             "with --infer",
         )
 
-    from nvscope.analysis import Inquiry
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
 
     inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
@@ -128,27 +125,14 @@ class _Asked:
     colour: bool
     names: Mapping[str, str]
 
-    @property
-    def layouts(self) -> Layouts:
-        """The telegrams of the defined lists; UsageError where the files define none."""
-        layouts = self.inquiry.layouts
-        if layouts is None:
-            raise UsageError("the definition files declare types, but no list", next_step="name the exported list too")
-        return layouts
-
     def keys(self, listed: str | None) -> Collection[ListKey] | None:
         """Return the keys of the lists of a name, None for all; UsageError where there is none."""
-        layouts = self.layouts
+        layouts = self.inquiry.defined_layouts()
         if listed is None:
             return None
         from nvscope.definition.selection import lists_named, names_of_lists
 
         return {key for key, _ in lists_named(names_of_lists(layouts), listed)}
-
-    @cached_property
-    def chosen(self) -> DisplayFilter | None:
-        """The filter, None without one."""
-        return None if self.wanted is None else self.inquiry.filter(self.wanted)
 
     def tell(self, document: Mapping[str, Any], render: Callable[[Mapping[str, Any]], str]) -> None:
         """Print a document as JSON, or as ``render`` makes it."""
@@ -185,7 +169,7 @@ def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
     from nvscope import units
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
-    from nvscope.view.variables import left_out, variables_document
+    from nvscope.view.documents.variables import left_out, variables_document
 
     keys = asked.keys(listed)
     keep_freed_memory()
@@ -220,115 +204,67 @@ def _tell_of_unfitting(count: int) -> None:
 
 def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Sequence[SourceInfo]:
     """Write changes as they are found."""
-    from nvscope.capture.open import open_source
-    from nvscope.cli.progress import ProgressBar
-    from nvscope.definition.selection import names_of_lists, select, unplaced_text
-    from nvscope.list_key import list_key
+    from nvscope.analysis.history import Changes
+    from nvscope.cli.progress import watching
     from nvscope.report.history import Json, Text
-    from nvscope.tracker.history import History
+    from nvscope.view.documents.history import change_row, change_summary
+    from nvscope.view.documents.variables import filter_told
     from nvscope.view.escape import visible
-    from nvscope.view.history import change_row, change_summary
-    from nvscope.view.variables import filter_told
 
-    inquiry, layouts = asked.inquiry, asked.layouts
-    wanted = select(layouts, name, listed)
-    keys = wanted.lists()
-    lists = [(list_key(*key), known.name) for key, known in names_of_lists(layouts) if key in keys]
+    changes = Changes(asked.inquiry, name, listed=listed, every=every, expression=asked.wanted)
+    wanted, history = changes.selection, changes.history
     face = (
         Json()
         if asked.as_json
-        else Text(wanted.names(), lists, subindexes=wanted.repeated, width=width(), colour=asked.colour, utc=asked.utc)
+        else Text(
+            wanted.names(), changes.lists, subindexes=wanted.repeated, width=width(), colour=asked.colour, utc=asked.utc
+        )
     )
-    chosen_by, source = asked.chosen, open_source(inquiry.paths)
-    history = History(
-        layouts, wanted.names_in, every=every, ports=inquiry.ports, choose=inquiry.choice(chosen_by, source),
-        pdos=inquiry.pdo_rules(source),
-    )  # fmt: skip
     out = sys.stdout
-    with ProgressBar(source, quiet=asked.quiet or out.isatty()) as progress:
-        out.write(face.begin())
-        for batch in source:
-            for entry in history.observe(batch):
-                out.write(face.line(change_row(entry)))
-            out.flush()
-            progress()
-        chosen = filter_told(asked.wanted, history.read.chosen, history.read.telegrams)
-        some_came = any(layouts.key_of(*key) in keys for key in history.read.lists)
-        out.write(face.end(change_summary(history), chosen, some_came=some_came))
+    out.write(face.begin())
+    for entries in changes.batches(watching(quiet=asked.quiet or out.isatty())):
+        for entry in entries:
+            out.write(face.line(change_row(entry)))
         out.flush()
-    if wanted.unplaced:
-        typer.echo(f"nvscope: {visible(unplaced_text(wanted.unplaced))}.", err=True)
+    chosen = filter_told(asked.wanted, history.read.chosen, history.read.telegrams)
+    out.write(face.end(change_summary(history), chosen, some_came=changes.some_came))
+    out.flush()
+    if changes.unplaced:
+        typer.echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
     if history.unfitting:
         _tell_of_unfitting(history.unfitting)
-    return source.infos
+    return changes.source.infos
 
 
 def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
     """Show the values as they were at a time."""
-    from nvscope import units
-    from nvscope.capture.open import open_source
+    from nvscope.analysis.moment import at
     from nvscope.report import history as face
-    from nvscope.tracker.moment import Moment
-    from nvscope.view.asked_time import Reference, parse_time
-    from nvscope.view.history import at_document
+    from nvscope.view.asked_time import parse_time
+    from nvscope.view.documents.history import at_document
 
-    inquiry, layouts = asked.inquiry, asked.layouts
     keys = asked.keys(listed)
     moment_asked = parse_time("--at", text, utc=asked.utc)
-    end_ns: int | None = None
-    if moment_asked.reference is Reference.END:
-        if "-" in inquiry.paths:
-            raise UsageError(
-                f"--at {text}: stdin has no end that is known before it is there", next_step="name a file instead"
-            )
-        source = open_source(inquiry.paths)
-        with inquiry.watch(source) as progress:
-            for batch in source:
-                if len(batch):
-                    end_ns = max(int(batch.ts_ns.max()), batch.ts_ns[0] if end_ns is None else end_ns)
-                progress()
-    chosen_by, source = asked.chosen, open_source(inquiry.paths)
-    choose, pdos = inquiry.choice(chosen_by, source), inquiry.pdo_rules(source)
-    moment, time_ns = Moment(layouts, frame=0), 0
-    with inquiry.watch(source) as progress:
-        for batch in source:
-            if not len(batch):
-                continue
-            if moment.start_ns is None:
-                if moment_asked.reference is Reference.FRAME:
-                    frame = moment_asked.number
-                    moment = Moment(layouts, frame=frame, ports=inquiry.ports, choose=choose, pdos=pdos)
-                else:
-                    time_ns = moment_asked.absolute_ns(int(batch.ts_ns[0]), end_ns, utc=asked.utc)
-                    moment = Moment(layouts, time_ns=time_ns, ports=inquiry.ports, choose=choose, pdos=pdos)
-            moment.observe(batch)
-            progress()
-    if moment_asked.reference is Reference.FRAME:
-        if moment_asked.number > moment.frames:
-            raise UsageError(f"--at {text}: the capture has {units.count_of(moment.frames, 'frame')}")
-        time_ns = moment.last_frame_ns or 0
+    found = at(asked.inquiry, moment_asked, expression=asked.wanted, utc=asked.utc, told=f"--at {text}")
     asked.tell(
-        at_document(moment, layouts, time_ns, keys=keys, expression=asked.wanted),
+        at_document(
+            found.moment, asked.inquiry.defined_layouts(), found.time_ns, keys=keys, expression=asked.wanted
+        ),
         lambda document: face.render_at(document, colour=asked.colour, width=width(), utc=asked.utc),
-    )
-    return source.infos
+    )  # fmt: skip
+    return found.source.infos
 
 
 def _infer(asked: _Asked, listed: str | None, write: str | None) -> Sequence[SourceInfo]:
     """Propose layouts, and draft definition files of them."""
-    from nvscope.capture.open import open_source
+    from nvscope.analysis.inference import infer
     from nvscope.definition.gvl_text import gvl_text
     from nvscope.report import inference as face
-    from nvscope.tracker.samples import Samples
-    from nvscope.view.inference import drafts, inference_document, proposals
+    from nvscope.view.documents.inference import drafts, inference_document, proposals
 
-    chosen_by, source = asked.chosen, open_source(asked.inquiry.paths)
-    samples = Samples(asked.inquiry.ports, asked.inquiry.choice(chosen_by, source))
-    with asked.inquiry.watch(source) as progress:
-        for batch in source:
-            samples.observe(batch)
-            progress()
-    if any(isinstance(port, str) for port, _ in samples.read.lists):
+    inferred = infer(asked.inquiry, expression=asked.wanted)
+    samples, source = inferred.samples, inferred.source
+    if inferred.some_on_can:
         typer.echo(
             "nvscope: lists on CAN are not proposed: a frame does not tell how many variables it has.", err=True
         )  # fmt: skip

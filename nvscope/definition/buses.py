@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from nvscope.errors import UsageError
-from nvscope.toml_table import Kind, Place, key, mapping, read_table
+from nvscope.toml_table import Place, ValueKind, key, mapping, read_table
 
 ANY_CHANNEL = "*"
 _MOST_BITS_PER_S = 20_000_000
@@ -41,7 +41,7 @@ def _rate(value: Any, place: Place) -> int:
         raise place.error(str(error), _EXAMPLE) from None
 
 
-BIT_RATE = Kind('bit rate, such as 250000 or "250k"', _rate)
+BIT_RATE = ValueKind('bit rate, such as 250000 or "250k"', _rate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +59,14 @@ class BusSettings:
 
 def _buses(value: Any, place: Place) -> tuple[tuple[str, BusSettings], ...]:
     found = []
-    for name, table in mapping(Kind("", lambda entry, _: entry)).read(value, place).items():
+    for name, table in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
         if not 0 < len(name) <= _MAX_CHANNEL:
             raise place.error(f"the name of a channel has 1 to {_MAX_CHANNEL} characters")
         found.append((name, read_table(BusSettings, table, place.below(name))))
     return tuple(found)
 
 
-BUS_TABLES = Kind("[{name}.CHANNEL]", _buses, BusSettings)
+BUS_TABLES = ValueKind("[{name}.CHANNEL]", _buses, BusSettings)
 
 
 @dataclass(frozen=True, slots=True)

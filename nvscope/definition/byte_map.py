@@ -12,9 +12,9 @@ from nvscope.definition.model import (
     Array,
     Element,
     Elementary,
-    Kind,
     ListDefinition,
     Member,
+    ScalarKind,
     String,
     Structure,
     Type,
@@ -49,7 +49,7 @@ class Relation(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class Stretch:
     """Elements of one side that follow each other: ``count`` of them, from the name ``first`` to ``last``.
 
     ``type`` is what all of them have, empty where they differ; ``first_type`` that of the first.
@@ -72,8 +72,8 @@ class Run:
     first_byte: int
     last_byte: int
     relation: Relation
-    a: Part | None
-    b: Part | None
+    a: Stretch | None
+    b: Stretch | None
 
 
 def meaning_of(kind: Elementary) -> Hashable:
@@ -86,7 +86,7 @@ def meaning_of(kind: Elementary) -> Hashable:
     scalar = scalar_of(kind)
     if scalar is None:
         return "union", kind.size_bytes
-    return scalar.kind, scalar.size_bytes, scalar.unit_ns, scalar.name if scalar.kind is Kind.RAW else ""
+    return scalar.kind, scalar.size_bytes, scalar.unit_ns, scalar.name if scalar.kind is ScalarKind.RAW else ""
 
 
 def _plain(name: str) -> str:
@@ -202,9 +202,9 @@ def _relation(own: Sequence[_Placed], other: Sequence[_Placed], names: tuple[Nam
     return Relation.OTHER if crossed else Relation.RENAMED
 
 
-def _part(side: Sequence[_Placed]) -> Part | None:
+def _part(side: Sequence[_Placed]) -> Stretch | None:
     if not side:
         return None
     first, last = side[0].element, side[-1].element
     types = {placed.element.type.name for placed in side}
-    return Part(first.name, last.name, len(side), first.type.name if len(types) == 1 else "", first.type.name)
+    return Stretch(first.name, last.name, len(side), first.type.name if len(types) == 1 else "", first.type.name)

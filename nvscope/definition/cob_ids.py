@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from dissectors.canopen import Service, services_within
+from dissectors.can.canopen import Service, services_within
 from nvscope import units
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from nvscope.definition.model import Kind, Scalar
+from nvscope.definition.model import Scalar, ScalarKind
 from nvscope.definition.scalars import find_scalar
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import Conversion, Expression, Name, Number, Operation
 
-INTEGERS = frozenset({Kind.UNSIGNED, Kind.SIGNED})
+INTEGERS = frozenset({ScalarKind.UNSIGNED, ScalarKind.SIGNED})
 """The kinds of elementary types that hold whole numbers."""
 
 _LARGEST = 1 << 64
@@ -47,7 +47,7 @@ def evaluate(expression: Expression, source: Source, value_of: Callable[[Name], 
 def check_fits(value: int, base: Scalar, source: Source, offset: int) -> None:
     """Raise ConfigurationError where an integer type, or its subrange, does not hold a value."""
     bits = base.size_bytes * 8
-    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if base.kind is Kind.SIGNED else (0, (1 << bits) - 1)
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if base.kind is ScalarKind.SIGNED else (0, (1 << bits) - 1)
     low = low if base.low is None else base.low
     high = high if base.high is None else base.high
     if not low <= value <= high:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from dissectors.canopen import MAX_COB_ID
+from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.cob_ids import CobIds, canopen_uses, overlaps, taken_by
 from nvscope.definition.difference import list_difference
 from nvscope.definition.model import Array, ListDefinition, Position, Structure, Union, elements

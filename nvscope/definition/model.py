@@ -31,7 +31,7 @@ class Position:
         return f"{self.file}, line {self.line}, column {self.column}"
 
 
-class Kind(Enum):
+class ScalarKind(Enum):
     """What the bytes of a scalar mean."""
 
     BOOL = "bool"
@@ -53,7 +53,7 @@ class Scalar:
     """
 
     name: str
-    kind: Kind
+    kind: ScalarKind
     dtype: str
     size_bytes: int
     unit_ns: int = 0

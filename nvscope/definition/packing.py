@@ -22,9 +22,9 @@ from nvscope.definition.model import (
     MAX_ELEMENTS,
     Element,
     Elementary,
-    Kind,
     ListDefinition,
     Scalar,
+    ScalarKind,
     elements,
     scalar_of,
 )
@@ -110,7 +110,7 @@ def _front(telegrams: Sequence[TelegramLayout], subindex: int, first: int) -> tu
 
 def undescribed(cause: Element, size_bytes: int) -> Element:
     """Return the element that all bytes are from the one on whose size nobody knows."""
-    kind = Scalar(f"bytes from {cause.name} : {cause.type.name} on", Kind.RAW, f"V{size_bytes}", size_bytes)
+    kind = Scalar(f"bytes from {cause.name} : {cause.type.name} on", ScalarKind.RAW, f"V{size_bytes}", size_bytes)
     return Element(f"{cause.name} …", kind)
 
 

@@ -6,11 +6,11 @@ nowhere: the rule of UDP is assumed, with 8 bytes a frame (``spec/netvar.md`` of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from dissectors.can_pdo import Part, PdoList, PdoRules
+from dissectors.can.pdo import PdoList, PdoPart, PdoRules
 from nvscope.definition.model import Definition, Element, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
 from nvscope.list_key import ANY_CHANNEL, ListKey, told_of
@@ -62,10 +62,10 @@ class Pdos:
         """Return the frames of a list of a channel, none where nobody says."""
         return told_of(self.lists, (channel, cob_id)) or ()
 
-    def rules(self, names: Callable[[], Sequence[str]]) -> PdoRules:
-        """Return how frames are read; ``names`` returns what the channels are called, by number."""
+    def rules(self) -> PdoRules:
+        """Return how frames are read."""
         parts = {
-            (str(channel), cob_id): Part(pdo.list.list_id or 0, pdo.subindex)
+            (str(channel), cob_id): PdoPart(pdo.list.list_id or 0, pdo.subindex)
             for (channel, cob_id), pdo in self.by_cob_id.items()
         }
         lists = {
@@ -73,7 +73,7 @@ class Pdos:
             for (channel, cob_id), frames in self.lists.items()
             if frames
         }
-        return PdoRules(parts, lists, names)
+        return PdoRules(parts, lists)
 
 
 def frames_of(entry: ListDefinition) -> tuple[TelegramLayout, ...]:

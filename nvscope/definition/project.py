@@ -20,8 +20,8 @@ from nvscope.definition.project_lists import LIST_TABLES, NAME, ListSettings, wi
 from nvscope.errors import ConfigurationError
 from nvscope.toml_table import (
     TEXT,
-    Kind,
     Place,
+    ValueKind,
     array,
     document_table,
     integer,
@@ -66,7 +66,7 @@ class Node:
 
     name: str = key(NAME, "what people call the node; reports and telegrams show it", default="")
     reads: tuple[Reading, ...] = key(
-        array(Kind('identifier or "udp/port/identifier"', _reading)),
+        array(ValueKind('identifier or "udp/port/identifier"', _reading)),
         "lists that the node reads, even if it never answers: it counts what is broadcast on them",
         default=(),
     )
@@ -74,7 +74,7 @@ class Node:
 
 def _nodes(value: Any, place: Place) -> tuple[tuple[str, Node], ...]:
     nodes: dict[str, Node] = {}
-    for text, table in mapping(Kind("", lambda entry, _: entry)).read(value, place).items():
+    for text, table in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
         here = place.below(f'"{text[:60]}"')
         address = canonical_address(text)
         if address is None:
@@ -104,14 +104,14 @@ class ProjectFile:
         f"UDP ports of the plant; the first is that of lists for which nothing says one ({DEFAULT_PORT} without)",
         default=(),
     )
-    nodes: tuple[tuple[str, Node], ...] = key(Kind('{name}."ADDRESS"', _nodes, Node), "a node", default=())
+    nodes: tuple[tuple[str, Node], ...] = key(ValueKind('{name}."ADDRESS"', _nodes, Node), "a node", default=())
     lists: tuple[tuple[int, ListSettings], ...] = key(LIST_TABLES, "what no definition file says of a list", default=())
     buses: tuple[tuple[str, BusSettings], ...] = key(BUS_TABLES, "bit rates of a CAN bus", default=())
     limits: Limits = key(  # noqa: RUF009  # a field, not a default
         table_of(Limits), "from where on something is worth a finding", default=_USUAL
     )
     keys: tuple[tuple[str, str], ...] = key(
-        Kind("table of text", _keys), "key bindings of the live screen to come: kept, not yet used", default=()
+        ValueKind("table of text", _keys), "key bindings of the live screen to come: kept, not yet used", default=()
     )
 
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from dissectors.canopen import MAX_COB_ID
+from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.model import ListDefinition, Position
-from nvscope.toml_table import FLAG, LENGTH, TEXT, Kind, Place, array, choice, integer, key, mapping, read_table
+from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, integer, key, mapping, read_table
 
 _U16_MAX = 0xFFFF
 _MAX_NAME = 60
@@ -24,7 +24,7 @@ def _name(value: Any, place: Place) -> str:
     return text
 
 
-NAME = Kind("text", _name)
+NAME = ValueKind("text", _name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +69,12 @@ class ListSettings:
         return "CAN" if self.channel else self.transport and self.transport.upper()
 
 
-_TABLES = array(Kind("table", lambda value, place: read_table(ListSettings, value, place)), single=True)
+_TABLES = array(ValueKind("table", lambda value, place: read_table(ListSettings, value, place)), single=True)
 
 
 def _settings(value: Any, place: Place) -> tuple[tuple[int, ListSettings], ...]:
     found: dict[int, list[ListSettings]] = {}
-    for text, table in mapping(Kind("", lambda entry, _: entry)).read(value, place).items():
+    for text, table in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
         match = _IDENTIFIER.fullmatch(text)
         number = -1 if match is None else int(match[2]) if match[2] else int(match[1], 16)
         if not 0 <= number <= _U16_MAX:
@@ -109,7 +109,7 @@ def _checked(number: int, told: ListSettings, place: Place) -> ListSettings:
     return told
 
 
-LIST_TABLES = Kind("[{name}.IDENTIFIER]", _settings, ListSettings)
+LIST_TABLES = ValueKind("[{name}.IDENTIFIER]", _settings, ListSettings)
 
 
 def with_settings(

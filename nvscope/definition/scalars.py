@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from types import MappingProxyType
 
-from nvscope.definition.model import Kind, Scalar
+from nvscope.definition.model import Scalar, ScalarKind
 
 _MS_NS = 1_000_000
 _S_NS = 1_000_000_000
@@ -13,11 +13,11 @@ _S_NS = 1_000_000_000
 
 def unknown_raw(name: str) -> Scalar:
     """Return a type about which nothing is known, not even its size: 0."""
-    return Scalar(name, Kind.RAW, "V0", 0)
+    return Scalar(name, ScalarKind.RAW, "V0", 0)
 
 
 def _scalars() -> Iterator[Scalar]:
-    yield Scalar("BOOL", Kind.BOOL, "u1", 1)
+    yield Scalar("BOOL", ScalarKind.BOOL, "u1", 1)
     for size_bytes, bits, unsigned, signed in (
         (1, "BYTE", "USINT", "SINT"),
         (2, "WORD", "UINT", "INT"),
@@ -25,22 +25,22 @@ def _scalars() -> Iterator[Scalar]:
         (8, "LWORD", "ULINT", "LINT"),
     ):
         order = "<" if size_bytes > 1 else ""
-        yield Scalar(bits, Kind.UNSIGNED, f"{order}u{size_bytes}", size_bytes)
-        yield Scalar(unsigned, Kind.UNSIGNED, f"{order}u{size_bytes}", size_bytes)
-        yield Scalar(signed, Kind.SIGNED, f"{order}i{size_bytes}", size_bytes)
-    yield Scalar("REAL", Kind.REAL, "<f4", 4)
-    yield Scalar("LREAL", Kind.REAL, "<f8", 8)
-    yield Scalar("TIME", Kind.DURATION, "<u4", 4, _MS_NS)
-    yield Scalar("TOD", Kind.TIME_OF_DAY, "<u4", 4, _MS_NS)
-    yield Scalar("DATE", Kind.DATE, "<u4", 4, _S_NS)
-    yield Scalar("DT", Kind.DATE_AND_TIME, "<u4", 4, _S_NS)
+        yield Scalar(bits, ScalarKind.UNSIGNED, f"{order}u{size_bytes}", size_bytes)
+        yield Scalar(unsigned, ScalarKind.UNSIGNED, f"{order}u{size_bytes}", size_bytes)
+        yield Scalar(signed, ScalarKind.SIGNED, f"{order}i{size_bytes}", size_bytes)
+    yield Scalar("REAL", ScalarKind.REAL, "<f4", 4)
+    yield Scalar("LREAL", ScalarKind.REAL, "<f8", 8)
+    yield Scalar("TIME", ScalarKind.DURATION, "<u4", 4, _MS_NS)
+    yield Scalar("TOD", ScalarKind.TIME_OF_DAY, "<u4", 4, _MS_NS)
+    yield Scalar("DATE", ScalarKind.DATE, "<u4", 4, _S_NS)
+    yield Scalar("DT", ScalarKind.DATE_AND_TIME, "<u4", 4, _S_NS)
     # LTIME and the following: inferred, no telegram of a real controller has been seen.
-    yield Scalar("LTIME", Kind.DURATION, "<u8", 8, 1)
-    yield Scalar("LTOD", Kind.TIME_OF_DAY, "<u8", 8, 1)
-    yield Scalar("LDATE", Kind.DATE, "<u8", 8, 1)
-    yield Scalar("LDT", Kind.DATE_AND_TIME, "<u8", 8, 1)
-    yield Scalar("CHAR", Kind.RAW, "V1", 1)
-    yield Scalar("WCHAR", Kind.RAW, "V2", 2)
+    yield Scalar("LTIME", ScalarKind.DURATION, "<u8", 8, 1)
+    yield Scalar("LTOD", ScalarKind.TIME_OF_DAY, "<u8", 8, 1)
+    yield Scalar("LDATE", ScalarKind.DATE, "<u8", 8, 1)
+    yield Scalar("LDT", ScalarKind.DATE_AND_TIME, "<u8", 8, 1)
+    yield Scalar("CHAR", ScalarKind.RAW, "V1", 1)
+    yield Scalar("WCHAR", ScalarKind.RAW, "V2", 2)
     # How a BIT is packed, and how large an address is, depends on the controller.
     for name in ("BIT", "POINTER", "REFERENCE", "__XWORD", "__UXINT", "__XINT"):
         yield unknown_raw(name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from nvscope.definition.model import Elementary, Kind, String, scalar_of
+from nvscope.definition.model import Elementary, ScalarKind, String, scalar_of
 
 Value = bool | int | float | str | bytes
 """Of a BOOL, a number, a string, or of what nobody has described; times are numbers in the type's unit."""
@@ -20,11 +20,11 @@ def value_of(kind: Elementary, raw: bytes) -> Value:
         text = raw.decode("utf-16-le", errors="replace") if kind.wide else raw.decode("iso-8859-1")
         return text.partition("\0")[0]
     scalar = scalar_of(kind)
-    if scalar is None or scalar.kind is Kind.RAW:
+    if scalar is None or scalar.kind is ScalarKind.RAW:
         return bytes(raw)
-    if scalar.kind is Kind.BOOL:
+    if scalar.kind is ScalarKind.BOOL:
         return any(raw)
-    if scalar.kind is Kind.REAL:
+    if scalar.kind is ScalarKind.REAL:
         number: float = struct.unpack("<f" if scalar.size_bytes == 4 else "<d", raw)[0]
         return number
-    return int.from_bytes(raw, "little", signed=scalar.kind is Kind.SIGNED)
+    return int.from_bytes(raw, "little", signed=scalar.kind is ScalarKind.SIGNED)

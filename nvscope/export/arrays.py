@@ -10,8 +10,8 @@ import pyarrow as pa
 
 from dissectors.batch import I64, Bool
 from nvscope.expression.columns import FieldType, Numbers
-from nvscope.view.utf8 import Utf8Column
-from nvscope.view.value_columns import SpanColumn, ValueColumn, fits_time
+from nvscope.view.rows.utf8 import Utf8Column
+from nvscope.view.rows.values import SpanColumn, ValueColumn, fits_time
 
 MOMENT = pa.timestamp("ns", tz="UTC")
 """When a telegram was captured."""

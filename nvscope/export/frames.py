@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
 from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
-from nvscope.view.defined_telegrams import DefinedTelegrams
+from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 
 if TYPE_CHECKING:
     import polars as pl
@@ -38,22 +39,22 @@ class Collected:
         return frame
 
 
-def wide_frame(telegrams: DefinedTelegrams) -> tuple[pl.DataFrame, int]:
+def wide_frame(telegrams: DefinedTelegrams, rows: Iterable[DefinedRows]) -> tuple[pl.DataFrame, int]:
     """Return the telegrams of one list, a column a variable, and how many times in them no column of times holds."""
     table = WideTable(telegrams.places, lambda: telegrams.senders)
     collected = Collected(table.schema)
     wide = WideTables([table], lambda _: collected, telegrams.places)
-    for rows in telegrams:
-        wide.add(rows)
+    for batch in rows:
+        wide.add(batch)
     wide.finish()
     return collected.frame(), table.beyond_time
 
 
-def long_frame(telegrams: DefinedTelegrams) -> pl.DataFrame:
+def long_frame(telegrams: DefinedTelegrams, rows: Iterable[DefinedRows]) -> pl.DataFrame:
     """Return the values of all telegrams below each other."""
     collected = Collected(long_schema(telegrams.keys))
     long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, collected)
-    for rows in telegrams:
-        long.add(rows)
+    for batch in rows:
+        long.add(batch)
     long.finish()
     return collected.frame()

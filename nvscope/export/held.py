@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, U8
-from nvscope.view.defined_telegrams import DefinedRows, Place
-from nvscope.view.value_columns import ColumnDecoder, SpanColumn, ValueColumn
+from nvscope.view.rows.defined import DefinedRows, Place
+from nvscope.view.rows.values import ColumnDecoder, SpanColumn, ValueColumn
 
 _HEAD_BYTES = 3 * 8
 _OPEN_HEAD_BYTES = 5 * 8
@@ -43,7 +43,7 @@ class Slabs:
         slabs.clear()
 
 
-class Part:
+class HeldTelegrams:
     """Telegrams of one size, in slabs; ``places`` is how many places of the list hold some."""
 
     def __init__(self, place: Place, slabs: Slabs, places: int) -> None:

@@ -28,9 +28,9 @@ from nvscope.export.files import TableFile
 from nvscope.export.names import value_names
 from nvscope.expression.columns import FieldType, Numbers
 from nvscope.list_key import ANY_CHANNEL, ListKey, list_key
-from nvscope.view.defined_telegrams import DefinedRows, Place
-from nvscope.view.utf8 import Utf8Column
-from nvscope.view.value_columns import ColumnDecoder, SpanColumn, ValueColumn, fits_time, value_type
+from nvscope.view.rows.defined import DefinedRows, Place
+from nvscope.view.rows.utf8 import Utf8Column
+from nvscope.view.rows.values import ColumnDecoder, SpanColumn, ValueColumn, fits_time, value_type
 
 PIECE_VALUES = 1 << 18
 PIECE_BYTES = 8 << 20

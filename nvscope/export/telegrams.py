@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from dissectors import address
 from dissectors.batch import Bool
 from nvscope.export.arrays import LABEL, MOMENT, arrow_type, labels
 from nvscope.export.files import TableFile
 from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
-from nvscope.tracker import address
-from nvscope.view.telegram_field import TelegramField
-from nvscope.view.telegrams import TelegramRows
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.rows.frames import TelegramRows
 
 GROUP_ROWS = 1 << 17
 GROUP_BYTES = 32 << 20

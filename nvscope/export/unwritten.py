@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from nvscope.list_key import list_key
 from nvscope.units import count, count_of
-from nvscope.view.defined_telegrams import DefinedTelegrams, LeftOut
 from nvscope.view.escape import visible
+from nvscope.view.rows.defined import DefinedTelegrams, LeftOut
 
 _MOST_NAMED = 6
 _REASONS = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from nvscope.definition.model import ListDefinition
@@ -14,7 +14,7 @@ from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.list_key import ListKey
 from nvscope.units import count
-from nvscope.view.defined_telegrams import DefinedTelegrams, Place
+from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams, Place
 
 MAX_FILES = 500
 MAX_COLUMNS = 10_000
@@ -24,9 +24,9 @@ _MOST_NAME = 80
 
 
 def write_wide(
-    telegrams: DefinedTelegrams, paths: Sequence[str], files: Files, progress: Callable[[], None]
+    telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], paths: Sequence[str], files: Files
 ) -> list[tuple[int, int]]:
-    """Write the telegrams of each list to the file of its number; return how many there are of each.
+    """Write the ``rows`` of each list to the file of its number; return how many there are of each.
 
     The second number is how many times in them no column of times holds: they are null. Raises UsageError for more
     lists or columns than can be written side by side.
@@ -53,20 +53,18 @@ def write_wide(
     wide = WideTables(
         tables, lambda number: table_file(opened[number], tables[number].schema), telegrams.places
     )  # fmt: skip
-    for rows in telegrams:
-        wide.add(rows)
-        progress()
+    for batch in rows:
+        wide.add(batch)
     wide.finish()
-    return [(rows, table.beyond_time) for rows, table in zip(wide.rows, tables, strict=True)]
+    return [(written, table.beyond_time) for written, table in zip(wide.rows, tables, strict=True)]
 
 
-def write_long(telegrams: DefinedTelegrams, path: str, files: Files, progress: Callable[[], None]) -> int:
-    """Write the values of all telegrams to one file; return how many telegrams there are."""
+def write_long(telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], path: str, files: Files) -> int:
+    """Write the values of all ``rows`` to one file; return how many telegrams there are."""
     file = table_file(files.open(path), long_schema(telegrams.keys))
     long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, file)
-    for rows in telegrams:
-        long.add(rows)
-        progress()
+    for batch in rows:
+        long.add(batch)
     long.finish()
     return long.telegrams
 

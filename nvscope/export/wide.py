@@ -16,11 +16,11 @@ from nvscope.capture.spans import stretches
 from nvscope.definition.model import Element, Enumeration, scalar_of
 from nvscope.export.arrays import LABEL, MOMENT, Spread, array_of, arrow_type, labels, spread_parts
 from nvscope.export.files import TableFile
-from nvscope.export.held import OpenPart, Part, Slabs
+from nvscope.export.held import HeldTelegrams, OpenPart, Slabs
 from nvscope.export.names import Names, value_names
 from nvscope.expression.columns import FieldType
-from nvscope.view.defined_telegrams import DefinedRows, Place
-from nvscope.view.value_columns import ValueColumn, fits_time, value_type
+from nvscope.view.rows.defined import DefinedRows, Place
+from nvscope.view.rows.values import ValueColumn, fits_time, value_type
 
 PIECE_BYTES = 16 << 20
 """Data that is taken from a batch at once."""
@@ -67,8 +67,8 @@ class WideTable:
         self, places: Sequence[Place], senders: Callable[[], Sequence[str]], slabs: Slabs | None = None
     ) -> None:
         pool = slabs or Slabs()
-        self._parts: list[Part | OpenPart] = [
-            Part(place, pool, len(places)) if place.rest is None else OpenPart(place) for place in places
+        self._parts: list[HeldTelegrams | OpenPart] = [
+            HeldTelegrams(place, pool, len(places)) if place.rest is None else OpenPart(place) for place in places
         ]
         self._senders = senders
         on_can = any(place.layout.list.on_can for place in places)

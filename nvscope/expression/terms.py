@@ -21,8 +21,8 @@ from nvscope.expression.values import (
     Compute,
     Evaluate,
     Operand,
-    Part,
     Parts,
+    Slice,
     common_bits,
     computed,
     counted,
@@ -193,25 +193,25 @@ class Terms:
             value.type, lambda operands: [cut.of(operand) for operand in evaluate(operands)], span, value.count
         )
 
-    def _part(self, node: Node) -> Part:
+    def _part(self, node: Node) -> Slice:
         tokens = cast("list[Token]", node.children)
         places = [int(token) for token in tokens if token.type == "PLACE"]
         start = places[0]
         match node.data:
             case "at":
-                return Part(start, length=1)
+                return Slice(start, length=1)
             case "onwards":
-                return Part(start)
+                return Slice(start)
             case "first":
                 start, places = 0, [0, *places]
         end = places[1]
         if node.data == "through":
             if (start < 0) == (end < 0) and end < start:
                 raise self._error("the part ends before it begins", span_of(node))
-            return Part(start) if end == -1 else Part(start, stop=end + 1)
+            return Slice(start) if end == -1 else Slice(start, stop=end + 1)
         if end < 1:
             raise self._error("a part has at least one byte or character", span_of(node))
-        return Part(start, length=end)
+        return Slice(start, length=end)
 
     def _common(self, values: list[Typed | Written], span: Span) -> Typed | Written:
         result = values[0]

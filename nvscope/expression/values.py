@@ -160,7 +160,7 @@ def common_bits(left: Operand, right: Operand) -> Operand:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class Slice:
     """Which bytes or characters of a value: from ``start`` (negative: from the end), so many or up to ``stop``.
 
     Neither ``stop`` nor ``length`` given: to the end.
@@ -197,7 +197,7 @@ class Part:
 class Parts:
     """Several parts of a value, joined; where it does not have all of each, they do not exist."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[Slice, ...]
 
     def of(self, operand: Operand) -> Operand:
         """Return the parts of every value."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from nvscope.definition.pdos import Pdo
 from nvscope.findings.finding import Facts, Finding, events_of
-from nvscope.tracker.can_summary import CanListSummary
+from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.tracker.state import PDO_LENGTH_CODE
 from nvscope.units import count, count_of, duration, percent

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dissectors.can_error import CLASSES, CONTROLLER_BITS
+from dissectors.can.error import CLASSES, CONTROLLER_BITS
 from nvscope import units
 from nvscope.findings.finding import Facts, Finding
-from nvscope.tracker.can_bus import CanBusSummary, IdentifierBits
-from nvscope.tracker.can_errors import BusErrors
+from nvscope.tracker.can.bus import CanBusSummary, IdentifierBits
+from nvscope.tracker.can.errors import BusErrors
 
 _CLASSES = {bit.name: bit.label for bit in CLASSES}
 _STATES = {bit.name: bit.label for bit in CONTROLLER_BITS}

@@ -34,7 +34,7 @@ class Severity(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class FindingKind:
     """One kind of finding.
 
     ``causes`` are ordered from the most usual one, ``next_steps`` in the order in which to take them.
@@ -51,7 +51,7 @@ class Kind:
 _ERROR, _WARNING, _NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 
 _TELEGRAM = (
-    Kind(
+    FindingKind(
         "NV101", "short-telegram", _ERROR,
         "A datagram begins like a telegram but is shorter than the 20-byte header. Nobody can use it.",
         (
@@ -63,7 +63,7 @@ _TELEGRAM = (
             "If it is a library for PCs, compare its header with that of a controller's telegram in this capture.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV102", "length-mismatch", _ERROR,
         "The Length field of the header is not the size of the UDP payload. The telegram counts as malformed: its "
         "values must not be expected to arrive, even though the datagram itself does.",
@@ -77,7 +77,7 @@ _TELEGRAM = (
             "Correct the sender; no setting of the readers helps.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV103", "unknown-service", _WARNING,
         "The ID field holds a number that is none of the documented services (0 to 6, 20 to 28, 100).",
         (
@@ -90,7 +90,7 @@ _TELEGRAM = (
             "If the other telegrams of this sender are good, ask its vendor what the service is.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV104", "reserved-flags", _NOTE,
         "Bits 3 to 7 of Flags are undocumented, and at least one of them is set. Everything else is judged as usual.",
         (
@@ -103,7 +103,7 @@ _TELEGRAM = (
             "If a controller sends it and the readers get their values, leave it as it is.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV105", "big-endian-header", _WARNING,
         "The Length field fits the payload only with its two bytes swapped, so perhaps the whole header is big-endian. "
         "The telegram stays malformed: no controller is known to send or to accept such a header.",
@@ -117,14 +117,14 @@ _TELEGRAM = (
             "Correct the sender: all fields are little-endian.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV106", "ascii-identity", _WARNING,
         "The identity begins with the character '0' (30 hex) where controllers send a binary zero (00). Here it is "
         "read all the same; a controller may ignore it.",
         ("home-made sender code that takes the printed '3S-0' of the protocol description literally",),
         ("Make the sender begin its telegrams with 00 2D 53 33.",),
     ),
-    Kind(
+    FindingKind(
         "NV107", "truncated-by-capture", _NOTE,
         "The recording kept only the first bytes of the telegram. Counters and findings are complete where the header "
         "was kept; values behind the cut cannot be shown.",
@@ -134,7 +134,7 @@ _TELEGRAM = (
 )  # fmt: skip
 
 _COUNTER = (
-    Kind(
+    FindingKind(
         "NV201", "telegram-gap", _ERROR,
         "The sender's Counter skips values: it sent telegrams that this capture does not hold. Whether the readers "
         "got them depends on where they were lost: before the capture point, or only in the capture itself.",
@@ -152,7 +152,7 @@ _COUNTER = (
             "Capture at the sender and at the reader at the same time: the hop between a good and a bad capture is it.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV202", "duplicate-telegram", _WARNING,
         "A telegram was seen that had been seen before: the same Counter with the same bytes, or one that is long "
         "past. Readers write the same values twice, which is harmless unless an old one comes late.",
@@ -167,7 +167,7 @@ _COUNTER = (
             "If only some are, and a few ms apart, look for a second path through the network.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV203", "overtaken-telegram", _WARNING,
         "A telegram came after one that was sent later. A reader that writes what comes shows the older values "
         "until the next telegram: values jump back for one interval.",
@@ -181,7 +181,7 @@ _COUNTER = (
             "Otherwise find the second path: link aggregation should keep one sender's telegrams on one link.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV204", "sender-restart", _WARNING,
         "The sender's Counter began anew or jumped back: its program was started again, or it was a different sender.",
         (
@@ -195,13 +195,13 @@ _COUNTER = (
             "If the Counter jumps to and fro, compare the MAC addresses of these telegrams: two means two devices.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV205", "counter-unused", _NOTE,
         "All telegrams of this stream carry the same Counter, so nothing can be said about their loss from it.",
         ("a PC library or a gateway that does not count; controllers do not check it when they receive",),
         ("Judge loss by the intervals: NV501 shows where a telegram of a cyclic list was missing.",),
     ),
-    Kind(
+    FindingKind(
         "NV206", "counter-scope", _NOTE,
         "This sender counts all its telegrams, or all its sends, with one Counter, where a controller counts each "
         "SubIndex of each list. That is understood, and its loss is exact in sum; but a loss is booked on the "
@@ -209,7 +209,7 @@ _COUNTER = (
         ("a PC library or a gateway; controllers do not check the Counter when they receive",),
         ("Nothing has to be done. Judge the loss of this sender over all its lists together.",),
     ),
-    Kind(
+    FindingKind(
         "NV207", "counter-erratic", _WARNING,
         "The Counter jumps far more than the missing time allows: telegrams arrive as often as ever while it claims "
         "that many were lost. This sender does not count telegrams, so its loss figures mean nothing.",
@@ -225,7 +225,7 @@ _COUNTER = (
 )  # fmt: skip
 
 _ACKNOWLEDGEMENT = (
-    Kind(
+    FindingKind(
         "NV301", "no-acknowledgement", _ERROR,
         "The sender asked for an acknowledgement, and none was seen before its next telegram or within the timeout. A "
         "controller then counts NOACKNOWLEDGEMENT. One reader's answer would have been enough: none of them answered.",
@@ -244,7 +244,7 @@ _ACKNOWLEDGEMENT = (
             "If no reader can acknowledge, switch acknowledgement off in the sender's list.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV302", "negative-acknowledgement", _ERROR,
         "A reader rejected a telegram: it answered with the flag for an invalid checksum. It did not take the values.",
         (
@@ -258,7 +258,7 @@ _ACKNOWLEDGEMENT = (
             "Compare the checksum signatures of the senders in this report.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV303", "unexpected-acknowledgement", _NOTE,
         "An acknowledgement was seen to which no telegram belongs that asked for one within the timeout before it.",
         (
@@ -271,7 +271,7 @@ _ACKNOWLEDGEMENT = (
             "If answers are always late, compare the reader's task cycle with the timeout.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV304", "boot-up-unanswered", _ERROR,
         "A reader that had just started asked for the current values, and no writer of the list sent them in time. It "
         "works with its initial values until the next regular telegram, for a list sent on change perhaps for long.",
@@ -285,7 +285,7 @@ _ACKNOWLEDGEMENT = (
             "If the writer starts after the reader, add a slow cyclic transmission to a list sent on change.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV305", "send-rejected", _ERROR,
         "A device answered a telegram with ICMP 'destination unreachable'. This happens to unicast only: nobody "
         "answers a broadcast like that, so lost broadcasts stay silent.",
@@ -303,7 +303,7 @@ _ACKNOWLEDGEMENT = (
 )  # fmt: skip
 
 _CONSISTENCY = (
-    Kind(
+    FindingKind(
         "NV401", "several-senders", _ERROR,
         "More than one node sends this list. Readers take whatever comes, so the values alternate between the senders.",
         (
@@ -317,7 +317,7 @@ _CONSISTENCY = (
             "If both shall send, let them use two lists and choose in the reader's program.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV402", "shape-changed", _ERROR,
         "Items or Length of a telegram differ from the telegram before it with the same list and SubIndex. At least "
         "one of the two does not fit the readers' definition; what they make of it is undefined.",
@@ -331,7 +331,7 @@ _CONSISTENCY = (
             "Give all sides the same definition; fill up STRINGs to their declared length + 1.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV403", "checksum-changed", _ERROR,
         "The Checksum of a telegram differs from the one known for this list and SubIndex. It is a signature of the "
         "definition, not of the values: readers that check it reject the telegram.",
@@ -345,7 +345,7 @@ _CONSISTENCY = (
             "Export the definition from the writing project, import it everywhere, build and download all.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV404", "checksum-flag", _WARNING,
         "Checksum is not 0 although Flags says that there is none, or Flags changes just as Counter wraps: the "
         "last header bytes do not hold what their names say.",
@@ -359,7 +359,7 @@ _CONSISTENCY = (
             "Otherwise clear both bytes in the sender.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV405", "definition-mismatch", _ERROR,
         "The telegrams do not fit the definition file: the first variable that does not fit is named, with the shift. "
         "Or several files define the list, and do not agree: it is said which of them fit, since when, and where they "
@@ -376,7 +376,7 @@ _CONSISTENCY = (
             "A shift by the size of one variable shows which one is missing or new.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV406", "unknown-list", _NOTE,
         "Definitions were given, and none of them is for this list. Its telegrams are counted, its values not shown.",
         (
@@ -385,7 +385,7 @@ _CONSISTENCY = (
         ),
         ("Add the file that defines it: `--gvl`, or definitions in nvscope.toml.",),
     ),
-    Kind(
+    FindingKind(
         "NV407", "silent-list", _WARNING,
         "A list is defined, but not one telegram of it was seen.",
         (
@@ -402,7 +402,7 @@ _CONSISTENCY = (
 )  # fmt: skip
 
 _TIMING = (
-    Kind(
+    FindingKind(
         "NV501", "late", _WARNING,
         "A telegram came much later than the interval promises (by default more than 2.5 times the nominal "
         "interval), and the Counter shows no loss in between: it was sent late, or held up.",
@@ -417,7 +417,7 @@ _TIMING = (
             "See whether other senders were late at the same moment: then it is the network, or the capture.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV502", "jitter", _WARNING,
         "The intervals scatter widely: the slowest percent is later than usual by more than half an interval "
         "(by default).",
@@ -431,7 +431,7 @@ _TIMING = (
             "If all senders jitter alike, suspect the time stamps of the capture.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV503", "burst", _NOTE,
         "Telegrams of one stream followed each other far too quickly: below a tenth of the interval, or below the "
         "minimum gap. Receivers that take a limited number of telegrams per task cycle then lose some.",
@@ -445,7 +445,7 @@ _TIMING = (
             "Check how many telegrams the receiver takes per cycle (one vendor states 20).",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV504", "stopped", _ERROR,
         "The sender of a cyclic list fell silent while the capture went on (by default for more than 10 intervals). "
         "Readers keep the last values and do not notice by themselves.",
@@ -459,7 +459,7 @@ _TIMING = (
             "Put a counter into the list that the reader checks, so that the plant notices the next time.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV505", "torn-cycle", _WARNING,
         "The list takes several telegrams, and in some cycles not all of them were there. A reader then works with "
         "variables, or parts of an array or structure, of different cycles.",
@@ -476,7 +476,7 @@ _TIMING = (
 )  # fmt: skip
 
 _CAN = (
-    Kind(
+    FindingKind(
         "NV601", "cob-id-overlap", _ERROR,
         "Two lists use the same COB-ID: a list takes one COB-ID per 8 bytes (not packed: per variable), counted up "
         "from its identifier, and it grew into the next list. This follows from the definitions; a report adds how "
@@ -484,7 +484,7 @@ _CAN = (
         ("list identifiers chosen without room for the COB-IDs that are assigned automatically",),
         ("Choose identifiers at least as far apart as each list has telegrams; leave some room to grow.",),
     ),
-    Kind(
+    FindingKind(
         "NV602", "canopen-collision", _ERROR,
         "A COB-ID of the list belongs to the predefined connection set of CANopen: NMT, SYNC, EMCY, PDO, SDO, "
         "heartbeat or LSS. CANopen devices may take the telegrams for theirs, with any effect up to a stop. This "
@@ -499,7 +499,7 @@ _CAN = (
             "A PDO of the node that is named may be switched off, or have another COB-ID: look at its configuration.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV603", "dlc-mismatch", _ERROR,
         "A frame has fewer or more data bytes than the list's definition puts into this COB-ID, or, where nothing is "
         "defined, than the frame before it.",
@@ -511,7 +511,7 @@ _CAN = (
         ),
         ("Compare the bytes with the definition; look for a second sender of the COB-ID.",),
     ),
-    Kind(
+    FindingKind(
         "NV604", "incomplete-cycle", _WARNING,
         "Not all COB-IDs of the list came in a cycle, within half of its interval of each other: readers hold "
         "variables of different cycles. How many COB-IDs the list has follows from its definition; those that never "
@@ -527,7 +527,7 @@ _CAN = (
             "Where a COB-ID never came, compare the definition with that of the sender's project.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV605", "bus-load", _WARNING,
         "The bus was busy for more than 70 % of a second (bus_load_percent in the table [limits] of nvscope.toml): "
         "frames of low priority come late or not at all. The bits of each second, with the stuff bits that the frames "
@@ -540,7 +540,7 @@ _CAN = (
         ),
         ("Lengthen the intervals of the busiest lists first; pack variables; raise the bit rate if the cable allows.",),
     ),
-    Kind(
+    FindingKind(
         "NV606", "error-frames", _WARNING,
         "Error frames were seen on the bus: nodes reject what others send, and frames are repeated. A controller "
         "whose transmit errors go on leaves the bus (bus-off), and neither sends nor receives until it is restarted: "
@@ -560,7 +560,7 @@ _CAN = (
 )  # fmt: skip
 
 _PARAMETER = (
-    Kind(
+    FindingKind(
         "NV701", "sdo-timeout", _ERROR,
         "A Parameter Manager request was not answered within the timeout (500 ms unless the caller chose another).",
         (
@@ -573,7 +573,7 @@ _PARAMETER = (
             "Check the address given to the function block, and that both sides use the same port.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV702", "sdo-error-reply", _ERROR,
         "The partner answered a Parameter Manager request with an error; the service of the reply says which.",
         (
@@ -584,7 +584,7 @@ _PARAMETER = (
         ),
         ("Compare index, subindex, length and items of the request with the partner's parameter list.",),
     ),
-    Kind(
+    FindingKind(
         "NV703", "sdo-unexpected-reply", _WARNING,
         "A Parameter Manager reply was seen that belongs to no open request.",
         (
@@ -594,7 +594,7 @@ _PARAMETER = (
         ),
         ("Look for late replies (NV704), and check that the capture holds both directions.",),
     ),
-    Kind(
+    FindingKind(
         "NV704", "sdo-slow", _NOTE,
         "Parameter Manager replies took a large part of the timeout.",
         (
@@ -606,7 +606,7 @@ _PARAMETER = (
 )  # fmt: skip
 
 _VISU = (
-    Kind(
+    FindingKind(
         "NV801", "visu-write", _NOTE,
         "A web visualization client wrote a variable. The protocol knows no user and no password for that: whoever "
         "reaches the web server can write.",
@@ -616,7 +616,7 @@ _VISU = (
             "Keep the web server in a network of its own, or behind a gateway that asks for a password.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV802", "visu-error", _ERROR,
         "The controller refused a web visualization request, or could not read a variable that was asked for.",
         (
@@ -626,7 +626,7 @@ _VISU = (
         ),
         ("Load the controller's current variable list (its XML files) and reload the page.",),
     ),
-    Kind(
+    FindingKind(
         "NV803", "visu-password-in-clear", _WARNING,
         "The web visualization transmits its passwords in clear: they are ordinary variables that clients poll. "
         "Anybody who sees the traffic knows them, and so does this capture.",
@@ -636,7 +636,7 @@ _VISU = (
             "Do not rely on these passwords; separate the network, and use none of them elsewhere.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV804", "visu-count-mismatch", _WARNING,
         "The number of values differs from what was declared or asked for. Values are assigned by position, so all "
         "behind the first missing one may belong to another variable.",
@@ -647,7 +647,7 @@ _VISU = (
         ),
         ("Look at request and reply; ask for STRINGs one at a time.",),
     ),
-    Kind(
+    FindingKind(
         "NV805", "visu-slow", _NOTE,
         "The controller's web server took long to answer.",
         (
@@ -660,7 +660,7 @@ _VISU = (
 )  # fmt: skip
 
 _CAPTURE = (
-    Kind(
+    FindingKind(
         "NV901", "capture-drops", _WARNING,
         "The recording says that frames were dropped while capturing. Gaps and missing acknowledgements in this report "
         "may be gaps of the capture, not of the plant.",
@@ -673,7 +673,7 @@ _CAPTURE = (
             "Mirror fewer ports, or use a faster one.",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV902", "clock-step", _WARNING,
         "The time stamps go back. Intervals, timeouts and the order of events around that moment are not reliable.",
         (
@@ -686,7 +686,7 @@ _CAPTURE = (
             "Synchronize the clock before recording; sort or merge files by time (`reordercap`, `mergecap`).",
         ),
     ),
-    Kind(
+    FindingKind(
         "NV903", "truncated-file", _WARNING,
         "The file ends in the middle of a record, or holds some that cannot be read. What could be read was.",
         (
@@ -696,7 +696,7 @@ _CAPTURE = (
         ),
         ("Copy the file again from where it was recorded; stop the recording first.",),
     ),
-    Kind(
+    FindingKind(
         "NV904", "unsupported-link-type", _WARNING,
         "Frames of a link layer were met that is not understood here. They are counted among the other frames.",
         (
@@ -705,7 +705,7 @@ _CAPTURE = (
         ),
         ("Record on an Ethernet interface, or convert the file to Ethernet frames (`editcap -T`, if they are).",),
     ),
-    Kind(
+    FindingKind(
         "NV905", "mirrored-twice", _WARNING,
         "Nearly every telegram (more than 80 %) is there twice. The mirror port shows each frame two times; figures "
         "for loss are right, counts of telegrams are double.",
@@ -720,7 +720,7 @@ _CAPTURE = (
     ),
 )  # fmt: skip
 
-CATALOGUE: Mapping[str, Kind] = MappingProxyType(
+CATALOGUE: Mapping[str, FindingKind] = MappingProxyType(
     {
         kind.code: kind
         for kinds in (

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from dissectors.canopen import use_of
+from dissectors.can.canopen import use_of
 from nvscope.definition.cob_ids import CobIds, canopen_ids, canopen_uses, cob_id_range, overlaps, taken_in
 from nvscope.findings.definition_names import file_name, together
 from nvscope.findings.finding import Facts, Finding
 from nvscope.list_key import ANY_CHANNEL
-from nvscope.tracker.can_bus import IdentifierBits
+from nvscope.tracker.can.bus import IdentifierBits
 from nvscope.tracker.events import FRAMES_KEPT
 from nvscope.units import count_of
 

@@ -53,7 +53,7 @@ def _shape(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> s
 
 
 def _checksum(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
-    places = facts.state.flows.places
+    places = facts.state.keys.places
     place = int(places.find(np.array([entry.number], np.uint64), np.array([subindex], np.uint64))[0])
     reference = int(facts.state.consistency.places.reference[place])
     return (

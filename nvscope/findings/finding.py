@@ -13,7 +13,7 @@ from nvscope.definition.limits import Limits
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.pdos import Pdos
 from nvscope.list_key import ListKey, told_of
-from nvscope.tracker.can_summary import CanListSummary, CanStreamSummary
+from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.state import SHAPE_CODE, TrackerState, finding_parts
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
@@ -70,7 +70,7 @@ class Facts:
     @cached_property
     def frames_of_stream(self) -> dict[int, tuple[int, int]]:
         """The first and the last frame of each stream."""
-        columns = self.state.flows.columns
+        columns = self.state.flows
         frames: dict[int, tuple[int, int]] = {}
         for stream, first, last in zip(
             *(columns.column(name).tolist() for name in ("stream", "first_frame", "last_frame")), strict=True

@@ -20,7 +20,7 @@ from nvscope.findings.header import judge_headers
 from nvscope.findings.loss import judge_loss
 from nvscope.findings.timing import judge_timing
 from nvscope.list_key import list_order
-from nvscope.tracker.can_summary import CanListSummary
+from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, Summary, summarize
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.byte_map import Run
     from nvscope.definition.model import ListDefinition
     from nvscope.definition.packing import TelegramLayout
-    from nvscope.tracker.values import Shape, Values
+    from nvscope.tracker.variables.values import Shape, Values
 
     Telegrams = tuple[TelegramLayout, ...]
 

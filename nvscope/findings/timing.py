@@ -9,11 +9,13 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.findings.finding import AnyList, AnyStream, Facts, Finding
-from nvscope.tracker.can_summary import CanStreamSummary
+from nvscope.tracker.buckets import bucket_bounds
+from nvscope.tracker.can.summary import CanStreamSummary
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import FRAMES_KEPT
+from nvscope.tracker.histograms import Histograms
 from nvscope.tracker.summary import StreamSummary
-from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM, Histograms, bucket_bounds
+from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
 from nvscope.units import count, count_of, duration, percent
 
 
@@ -22,7 +24,7 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
 
     A MinGap that is defined is enough for NV503.
     """
-    histograms = facts.state.timing.histograms()
+    histograms = Histograms(facts.state.timing)
     timed: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
     for entry, stream in timed:
         yield from _burst(facts, histograms, entry, stream)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from nvscope.view.table import Line, Tone
+from nvscope.view.lines.table import Line, Tone
 
 _CODES = {
     Tone.STRONG: "1",

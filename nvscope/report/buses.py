@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
-from nvscope.report.columns import NOTHING, Measure, count_cell, used
 from nvscope.report.content import Clock, Report, Row, nanoseconds
-from nvscope.view.table import NO_BREAK, Cell, Column, Tone
+from nvscope.report.tables import NOTHING, Measure, count_cell, used
+from nvscope.view.lines.table import NO_BREAK, Cell, Column, Tone
 
 MOST_IDENTIFIERS = 8
 """So many identifiers of a bus are shown unless all are wanted: those with the largest share."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from nvscope import units
 from nvscope.findings.catalogue import Severity
-from nvscope.view.table import Cell, Tone
+from nvscope.view.lines.table import Cell, Tone
 
 Report = Mapping[str, Any]
 Row = Mapping[str, Any]

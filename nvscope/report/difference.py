@@ -8,7 +8,7 @@ from typing import Any
 from nvscope.report.ansi import paint
 from nvscope.units import count, count_of, duration
 from nvscope.view.escape import visible_document
-from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40
 MOST_RUNS = 12

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from nvscope.errors import UsageError
-from nvscope.findings.catalogue import CATALOGUE, Kind
+from nvscope.findings.catalogue import CATALOGUE, FindingKind
 from nvscope.report.ansi import paint
 from nvscope.report.content import status
 from nvscope.view.escape import visible
-from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 _MIN_WIDTH = 40
 _TEXT_WIDTH = 90
@@ -31,7 +31,7 @@ def overview(*, colour: bool = False, width: int = 80) -> str:
     return paint(table, colour=colour)
 
 
-def find(code: str) -> Kind:
+def find(code: str) -> FindingKind:
     """Return the kind that a code, its number or a name stands for."""
     wanted = code.strip().lower()
     for kind in CATALOGUE.values():
@@ -51,7 +51,7 @@ def _nearest(wanted: str) -> str:
     return "perhaps " + ", ".join(f"{kind.code} {kind.name}" for kind in close)
 
 
-def _lines(kind: Kind, width: int) -> Iterator[Line]:
+def _lines(kind: FindingKind, width: int) -> Iterator[Line]:
     yield [Cell(f"{kind.code} {kind.name}", Tone.STRONG), Cell("  "), status(kind.severity)]
     yield []
     yield from wrap([Cell(kind.meaning)], width)

@@ -7,9 +7,9 @@ from typing import Any
 
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible_document
-from nvscope.view.fields import EITHER_OF, expression_names
-from nvscope.view.table import GAP, Cell, Line, Tone, display_width, wrap
-from nvscope.view.telegram_field import TelegramField
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import EITHER_OF, expression_names
+from nvscope.view.lines.table import GAP, Cell, Line, Tone, display_width, wrap
 
 _MIN_WIDTH = 40
 

@@ -13,9 +13,9 @@ from nvscope import units
 from nvscope.report.ansi import paint
 from nvscope.report.content import nanoseconds
 from nvscope.report.variables import VALUE_WIDTH, filter_lines
+from nvscope.view.documents.history import HISTORY_SCHEMA, TOOL
 from nvscope.view.escape import visible, visible_document
-from nvscope.view.history import HISTORY_SCHEMA, TOOL
-from nvscope.view.table import NO_BREAK, Cell, Column, Line, Tone, align, display_width, shorten, wrap
+from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, display_width, shorten, wrap
 
 MIN_WIDTH = 40
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
-from nvscope.report.columns import NOTHING, Measure, duration_cell
 from nvscope.report.content import Report, Row
-from nvscope.view.table import Cell, Column, Tone
+from nvscope.report.tables import NOTHING, Measure, duration_cell
+from nvscope.view.lines.table import Cell, Column, Tone
 
 TITLE = "Hops: the same variable in several lists"
 

@@ -8,7 +8,7 @@ from typing import Any
 from nvscope import units
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible_document
-from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40
 

@@ -8,7 +8,7 @@ from typing import Any
 from nvscope import units
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible_document
-from nvscope.view.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40
 _ASSUMED = "How lists are packed on CAN is described nowhere: this is the rule of UDP with 8 bytes a frame."

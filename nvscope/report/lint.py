@@ -8,7 +8,7 @@ from typing import Any
 from nvscope.report.ansi import paint
 from nvscope.units import count_of
 from nvscope.view.escape import visible_document
-from nvscope.view.table import Cell, Line, Tone, wrap
+from nvscope.view.lines.table import Cell, Line, Tone, wrap
 
 MIN_WIDTH = 40
 

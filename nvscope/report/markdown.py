@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from nvscope import units
 from nvscope.findings.catalogue import Severity
-from nvscope.report import buses, columns, content, hops
+from nvscope.report import buses, content, hops, tables
 from nvscope.view.escape import markdown_code, markdown_safe
-from nvscope.view.table import NO_BREAK
+from nvscope.view.lines.table import NO_BREAK
 
 
 def render(report: content.Report, *, utc: bool = False) -> str:
@@ -32,7 +32,7 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
             yield f"- {step}"
     if report["lists"]:
         yield ""
-        yield from _table(*columns.overview(report))
+        yield from _table(*tables.overview(report))
     for bus in buses.buses(report)[0]:
         yield from _bus(bus, clock)
     if "hops" in report:
@@ -53,15 +53,15 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
     yield f"_{markdown_safe(tool['name'])} {markdown_safe(tool['version'])}_"
 
 
-def _table(measures: Sequence[columns.Measure], rows: Sequence[content.Row]) -> Iterator[str]:
+def _table(measures: Sequence[tables.Measure], rows: Sequence[content.Row]) -> Iterator[str]:
     yield _row([measure.column.title for measure in measures])
     yield _row(["---:" if measure.column.right else "---" for measure in measures])
     for row in rows:
         yield _row([_cell(measure, measure.cell(row).text) for measure in measures])
 
 
-def _cell(measure: columns.Measure, text: str) -> str:
-    if text == columns.NOTHING:
+def _cell(measure: tables.Measure, text: str) -> str:
+    if text == tables.NOTHING:
         return text
     return markdown_code(text) if measure.identifier else markdown_safe(text)
 

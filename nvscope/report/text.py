@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 from nvscope import units
 from nvscope.findings.catalogue import Severity
-from nvscope.report import buses, columns, content, hops
+from nvscope.report import buses, content, hops, tables
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible_document
-from nvscope.view.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, display_width, wrap
+from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, display_width, wrap
 
 MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
@@ -44,7 +44,7 @@ def _lines(report: content.Report, width: int, clock: content.Clock, details: bo
             yield from wrap([Cell(f"- {step}")], text_width, 0, 2)
     if report["lists"]:
         yield from _section("Lists", width)
-        yield from _table(*columns.overview(report), width)
+        yield from _table(*tables.overview(report), width)
     shown, left = buses.buses(report, None if details else buses.MOST_BUSES)
     for bus in shown:
         yield from _bus(bus, width, clock, details)
@@ -74,8 +74,8 @@ def _section(title: str, width: int) -> list[Line]:
     return [[], *wrap([Cell(title, Tone.STRONG)], width)]
 
 
-def _table(measures: Sequence[columns.Measure], rows: Sequence[content.Row], width: int, indent: int = 0) -> list[Line]:
-    cells = [columns.cells(measures, row) for row in rows]
+def _table(measures: Sequence[tables.Measure], rows: Sequence[content.Row], width: int, indent: int = 0) -> list[Line]:
+    cells = [tables.cells(measures, row) for row in rows]
     return align([measure.column for measure in measures], cells, width, indent)
 
 
@@ -121,12 +121,12 @@ def _findings(report: content.Report, width: int, clock: content.Clock, most: in
 def _details(entry: content.Row, width: int, clock: content.Clock) -> Iterator[Line]:
     yield from _section(" ".join(filter(None, (entry["key"], entry["name"]))), width)
     yield from _diagnosis(entry, width, clock)
-    for measures, rows in (columns.streams(entry), columns.intervals(entry)):
+    for measures, rows in (tables.streams(entry), tables.intervals(entry)):
         if rows:
             yield []
             yield from _table(measures, rows, width)
     yield []
-    counted, others = columns.counter_parts(entry)
+    counted, others = tables.counter_parts(entry)
     for label, parts in (("counted: ", counted), ("zero: ", others)):
         if parts:
             yield from wrap([Cell(label, Tone.FAINT), Cell(", ".join(parts))], min(width, _TEXT_WIDTH), 0, 2)
@@ -139,7 +139,7 @@ def _diagnosis(entry: content.Row, width: int, clock: content.Clock) -> Iterator
     block: list[tuple[str, content.Row]] = []
     used = 0
     for title, diag in holders:
-        rows = columns.diagnosis_rows([diag], clock)
+        rows = tables.diagnosis_rows([diag], clock)
         label_width = max(display_width(label.text) for label, _ in rows)
         needed = GAP + max(display_width(title), *(display_width(value.text) for _, value in rows))
         if block and used + needed > width:
@@ -153,4 +153,4 @@ def _diagnosis(entry: content.Row, width: int, clock: content.Clock) -> Iterator
 
 def _diagnosis_block(block: Sequence[tuple[str, content.Row]], width: int, clock: content.Clock) -> list[Line]:
     header = [Column(""), *(Column(title, right=True, shortest=12) for title, _ in block)]
-    return align(header, columns.diagnosis_rows([diag for _, diag in block], clock), width)
+    return align(header, tables.diagnosis_rows([diag for _, diag in block], clock), width)

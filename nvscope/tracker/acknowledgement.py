@@ -13,18 +13,18 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.netvar import CHECKSUM_INVALID
-from nvscope.tracker.columns import Columns
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import Keys
+from nvscope.engine.reading import TIMEOUT_NS
+from nvscope.engine.rows import DataRows
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.errors import ErrorEvents
-from nvscope.tracker.flows import Flows
-from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sightings import NO_PACKET, Sightings
 
 NEVER = np.iinfo(np.int64).min
-TIMEOUT_NS = 1_000_000_000
 
 
-class WaitColumns(Columns):
+class WaitColumns(KeyedColumns):
     """One row a stream: its open wait, if any, and when it last wanted an acknowledgement (``NEVER``: not yet)."""
 
     open: Bool
@@ -39,7 +39,7 @@ class WaitColumns(Columns):
     }
 
 
-class PlaceColumns(Columns):
+class PlaceColumns(KeyedColumns):
     """One row a place: who sent its last well-formed data telegram (-1: nobody yet), and when one wanted an answer."""
 
     sender: I64
@@ -167,20 +167,20 @@ class Acknowledgement:
         self.boot_up_waits = NO_WAITS
 
     def observe(
-        self, rows: DataRows, acknowledgements: Messages, requests: Messages, time_ns: I64, flows: Flows,
+        self, rows: DataRows, acknowledgements: Messages, requests: Messages, time_ns: I64, keys: Keys,
         first_frame: int,
     ) -> Answers:  # fmt: skip
         """Take a batch; ``time_ns`` are the times of all its frames, telegrams or not."""
-        self.waits.resize(len(flows.streams))
-        self.places.resize(len(flows.places))
+        self.waits.resize(len(keys.streams))
+        self.places.resize(len(keys.places))
         clock = Clock(time_ns)
         wanting = rows.wanting
-        unexpected = self._unexpected(rows, wanting, acknowledgements, clock, flows)
-        missing, errors = self._missing(rows, wanting, acknowledgements, clock, flows, first_frame)
-        negative, negative_node = self._negative(rows, acknowledgements, clock, flows, first_frame)
-        unanswered, seen = self._boot_up(rows, requests, clock, flows, first_frame)
+        unexpected = self._unexpected(rows, wanting, acknowledgements, clock, keys)
+        missing, errors = self._missing(rows, wanting, acknowledgements, clock, keys, first_frame)
+        negative, negative_node = self._negative(rows, acknowledgements, clock, keys, first_frame)
+        unanswered, seen = self._boot_up(rows, requests, clock, keys, first_frame)
         last = rows.run_stream[np.argsort(rows.packet[rows.stop - 1])]
-        self.places.sender[flows.place_of(last)] = flows.node_of(last)
+        self.places.sender[keys.place_of(last)] = keys.node_of(last)
         nobody = np.full(len(unanswered), -1)
         answered_error = DiagError.UDPANSWERBOOTUPREQUEST
         errors.append(negative)
@@ -188,7 +188,7 @@ class Acknowledgement:
         return Answers(errors, missing, negative_node, unexpected, unanswered)
 
     def _missing(
-        self, rows: DataRows, wanting: I64, acknowledgements: Messages, clock: Clock, flows: Flows, first_frame: int
+        self, rows: DataRows, wanting: I64, acknowledgements: Messages, clock: Clock, keys: Keys, first_frame: int
     ) -> tuple[tuple[I64, I64, I64], list[ErrorEvents]]:
         """Follow every wait to its end, and keep those that stay open."""
         waits = self.waits
@@ -212,7 +212,7 @@ class Acknowledgement:
         next_row = np.concatenate([np.searchsorted(stream, open_streams), opens + 1])
         following = np.append(packet, NO_PACKET)[next_row]
         following[np.append(stream, -1)[next_row] != wait_stream] = NO_PACKET
-        answer = _first_acknowledgements(acknowledgements, wait_stream, wait_packet, flows, len(clock))
+        answer = _first_acknowledgements(acknowledgements, wait_stream, wait_packet, keys, len(clock))
         deadline = wait_since + self.timeout_ns
         expired = clock.expired(deadline, wait_packet, np.minimum(following, answer))
         late = expired < len(clock)
@@ -227,20 +227,20 @@ class Acknowledgement:
         time = np.where(late, deadline, clock.time_ns[np.minimum(following, len(clock) - 1)])[over]
         seen = np.where(late, expired, following)[over] + first_frame
         blamed = wait_stream[over]
-        sender = flows.node_of(blamed)
-        lists = flows.places.high[flows.place_of(blamed)].astype(np.int64)
+        sender = keys.node_of(blamed)
+        lists = keys.places.high[keys.place_of(blamed)].astype(np.int64)
         errors = []
         for own, part in ((False, late[over]), (True, again[over])):
             events = (lists[part], sender[part], time[part], seen[part])
             errors.append(ErrorEvents(DiagError.NOACKNOWLEDGEMENT, own, *events))
         return (blamed, time, wait_frame[over]), errors
 
-    def _unexpected(self, rows: DataRows, wanting: I64, messages: Messages, clock: Clock, flows: Flows) -> I64:
+    def _unexpected(self, rows: DataRows, wanting: I64, messages: Messages, clock: Clock, keys: Keys) -> I64:
         """Find the acknowledgements that nobody asked for within the timeout before them."""
         unexpected = np.empty(0, np.int64)
         stream, packet, time_ns = rows.stream[wanting], rows.packet[wanting], rows.time_ns[wanting]
         if len(messages):
-            place = flows.place_of(stream)
+            place = keys.place_of(stream)
             asked = np.full(len(messages), NEVER)
             direct = np.flatnonzero(messages.target >= 0)
             target = messages.target[direct]
@@ -258,11 +258,11 @@ class Acknowledgement:
                 asked[own] = np.maximum(here, wanted_ns[number])
             unexpected = np.flatnonzero(asked < messages.time_ns - self.timeout_ns)
         np.maximum.at(self.waits.wanted_ns, stream, time_ns)
-        np.maximum.at(self.places.wanted_ns, flows.place_of(stream), time_ns)
+        np.maximum.at(self.places.wanted_ns, keys.place_of(stream), time_ns)
         return unexpected
 
     def _negative(
-        self, rows: DataRows, messages: Messages, clock: Clock, flows: Flows, first_frame: int
+        self, rows: DataRows, messages: Messages, clock: Clock, keys: Keys, first_frame: int
     ) -> tuple[ErrorEvents, I64]:
         """Find negative acknowledgements and whom they blame: the addressee, or the last sender of their place."""
         place = np.flatnonzero(messages.flags & CHECKSUM_INVALID.mask)
@@ -270,7 +270,7 @@ class Acknowledgement:
         unaddressed = np.flatnonzero(node < 0)
         if len(unaddressed):
             asked = place[unaddressed]
-            sent, sender = flows.place_of(rows.stream), flows.node_of(rows.stream)
+            sent, sender = keys.place_of(rows.stream), keys.node_of(rows.stream)
             data = Sightings(sent, rows.packet, sender, len(clock))
             last = data.last_before(messages.place[asked], messages.packet[asked])
             before = self.places.sender[messages.place[asked]]
@@ -282,7 +282,7 @@ class Acknowledgement:
         return events, node
 
     def _boot_up(
-        self, rows: DataRows, requests: Messages, clock: Clock, flows: Flows, first_frame: int
+        self, rows: DataRows, requests: Messages, clock: Clock, keys: Keys, first_frame: int
     ) -> tuple[BootUpWaits, I64]:
         """Follow the boot-up requests; return those without an answer in order, and the frames that showed it."""
         known = len(self.boot_up_waits)
@@ -296,15 +296,15 @@ class Acknowledgement:
         )  # fmt: skip
         packet = np.concatenate([np.full(known, -1), requests.packet])
         expired = clock.first_behind(waits.deadline_ns, packet)
-        asked = np.zeros(len(flows.places), np.bool_)
+        asked = np.zeros(len(keys.places), np.bool_)
         asked[waits.place] = True
-        telling = np.repeat(asked[flows.place_of(rows.run_stream)], rows.stop - rows.start)
+        telling = np.repeat(asked[keys.place_of(rows.run_stream)], rows.stop - rows.start)
         if rows.repeated is not None:
             telling &= ~rows.repeated
         told = np.flatnonzero(telling)
         told = told[_within(rows.packet[told], packet, expired)]
         stream = rows.stream[told]
-        place, sender = flows.place_of(stream), flows.node_of(stream)
+        place, sender = keys.place_of(stream), keys.node_of(stream)
         data = Sightings(place, rows.packet[told], sender, len(clock))
         answer = data.next_of_another(waits.place, packet, waits.node)
         late = (expired < len(clock)) & (expired <= answer)
@@ -323,9 +323,9 @@ def _within(packet: I64, begin: I64, end: I64) -> Bool:
     return within
 
 
-def _first_acknowledgements(messages: Messages, stream: I64, packet: I64, flows: Flows, packets: int) -> I64:
+def _first_acknowledgements(messages: Messages, stream: I64, packet: I64, keys: Keys, packets: int) -> I64:
     """Return the first acknowledgement after each wait: to its sender or to all, and not from itself."""
-    place, sender = flows.place_of(stream), flows.node_of(stream)
+    place, sender = keys.place_of(stream), keys.node_of(stream)
     direct = np.flatnonzero((messages.target >= 0) & (messages.destination != messages.source))
     addressed = Sightings(messages.target[direct], messages.packet[direct], messages.source[direct], packets)
     to_all = np.flatnonzero(messages.destination < 0)

@@ -7,13 +7,14 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool
-from nvscope.tracker.columns import Columns, runs_of, stable_order
-from nvscope.tracker.flows import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Flows
-from nvscope.tracker.rows import DataRows
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Keys
+from nvscope.engine.rows import DataRows
+from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.sequence import EARLY_WRAPS
 
 
-class PlaceColumns(Columns):
+class PlaceColumns(KeyedColumns):
     """One row a place: the last shape (Items, Length), the reference checksum (-1 before one), and how many send it."""
 
     seen: Bool
@@ -35,44 +36,44 @@ class Consistency:
         self.places = PlaceColumns()
         self._counted_streams = 0
 
-    def observe(self, rows: DataRows, flows: Flows) -> tuple[I64, I64, I64]:
+    def observe(self, rows: DataRows, keys: Keys) -> tuple[I64, I64, I64]:
         """Return the rows whose shape changed, whose checksum is not the reference, and whose flags are strange.
 
         Positions in ``rows``, in no particular order across streams, in capture order within one.
         """
         changes = rows.changes()
         return (
-            self.changed_shapes(rows, changes, flows),
-            self._mismatches(rows, flows),
-            _odd_flags(rows, changes, flows),
+            self.changed_shapes(rows, changes, keys),
+            self._mismatches(rows, keys),
+            _odd_flags(rows, changes, keys),
         )
 
-    def changed_shapes(self, rows: DataRows, changes: I64, flows: Flows) -> I64:
+    def changed_shapes(self, rows: DataRows, changes: I64, keys: Keys) -> I64:
         """Return the rows whose shape changed, as ``observe`` does; ``changes`` are those of ``rows``."""
-        self.places.resize(len(flows.places))
-        np.add.at(self.places.streams, flows.streams.high[self._counted_streams :].astype(np.int64), 1)
-        self._counted_streams = len(flows.streams)
-        shared = self.places.streams[flows.place_of(rows.run_stream)] > 1
+        self.places.resize(len(keys.places))
+        np.add.at(self.places.streams, keys.streams.high[self._counted_streams :].astype(np.int64), 1)
+        self._counted_streams = len(keys.streams)
+        shared = self.places.streams[keys.place_of(rows.run_stream)] > 1
         # In a place of one stream the shape can only be another where the variety is.
         told = np.zeros(len(rows), np.bool_)
         for place in (rows.start, changes, changes - 1, rows.stop - 1):
             told[place] = True
         telling = np.flatnonzero(told)
         if not shared.any():
-            return self._changed_along(rows, telling, flows)
+            return self._changed_along(rows, telling, keys)
         is_shared = np.repeat(shared, rows.stop - rows.start)
         together = np.flatnonzero(is_shared)
         together = together[np.argsort(rows.packet[together], kind="stable")]
-        together = together[stable_order(flows.place_of(rows.stream[together]), len(flows.places))]
+        together = together[stable_order(keys.place_of(rows.stream[together]), len(keys.places))]
         alone = telling[~is_shared[telling]]
-        return np.concatenate([self._changed_along(rows, part, flows) for part in (alone, together)])
+        return np.concatenate([self._changed_along(rows, part, keys) for part in (alone, together)])
 
-    def _changed_along(self, rows: DataRows, part: I64, flows: Flows) -> I64:
+    def _changed_along(self, rows: DataRows, part: I64, keys: Keys) -> I64:
         """Find among rows, laid out by place, those whose shape is not that of the one before."""
-        places, place = self.places, flows.place_of(rows.stream[part])
+        places, place = self.places, keys.place_of(rows.stream[part])
         start, stop = runs_of(place)
         run_place = place[start]
-        shape = flows.varieties.signature[rows.variety[part]] & SHAPE_MASK
+        shape = keys.varieties.signature[rows.variety[part]] & SHAPE_MASK
         before = np.empty_like(shape)
         before[1:] = shape[:-1]
         before[start] = np.where(places.seen[run_place], places.shape[run_place], shape[start])
@@ -81,12 +82,12 @@ class Consistency:
         changed: I64 = part[shape != before]
         return changed
 
-    def _mismatches(self, rows: DataRows, flows: Flows) -> I64:
+    def _mismatches(self, rows: DataRows, keys: Keys) -> I64:
         """Find telegrams with a checksum that is not the reference of their place."""
-        signed, place = flows.varieties.column("signed"), flows.varieties.column("place")
+        signed, place = keys.varieties.column("signed"), keys.varieties.column("place")
         if not signed.any():
             return np.empty(0, np.int64)
-        checksum = (flows.varieties.column("signature") >> CHECKSUM_SHIFT).astype(np.int64)
+        checksum = (keys.varieties.column("signature") >> CHECKSUM_SHIFT).astype(np.int64)
         reference = self.places.reference
         unknown = signed & (reference[place] < 0)
         if unknown.any():
@@ -98,9 +99,9 @@ class Consistency:
         return np.flatnonzero(wrong[rows.variety]) if wrong.any() else np.empty(0, np.int64)
 
 
-def _odd_flags(rows: DataRows, changes: I64, flows: Flows) -> I64:
+def _odd_flags(rows: DataRows, changes: I64, keys: Keys) -> I64:
     """Find checksums without the flag, and Flags that change where Counter wraps, as from a wider counter."""
-    varieties = flows.varieties
+    varieties = keys.varieties
     signature, signed = varieties.column("signature"), varieties.column("signed")
     without_flag = (signature >> CHECKSUM_SHIFT != 0) & ~signed
     odd = np.flatnonzero(without_flag[rows.variety]) if without_flag.any() else np.empty(0, np.int64)

@@ -12,17 +12,18 @@ import numpy as np
 
 from dissectors.batch import I64, U16, Bool
 from dissectors.keys import KeyTable
-from nvscope.tracker.columns import Columns, runs_of, stable_order
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import Keys
+from nvscope.engine.rows import DataRows
+from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.flows import Flows
-from nvscope.tracker.rows import DataRows
 
 AnyColumn = TypeVar("AnyColumn", I64, U16)
 
 NEVER = np.iinfo(np.int64).max
 
 
-class PairColumns(Columns):
+class PairColumns(KeyedColumns):
     """One row a sender and list: the telegram before, and the open cycle.
 
     ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle.
@@ -54,7 +55,7 @@ class PairColumns(Columns):
     }
 
 
-class StreamPairs(Columns):
+class StreamPairs(KeyedColumns):
     """One row a stream: its pair, -1 of one that is not looked at."""
 
     pair: I64
@@ -76,7 +77,7 @@ class Cycles:
         counter: U16 | None,
         usual: Bool,
         interval_ns: I64,
-        flows: Flows,
+        keys: Keys,
         first_frame: int,
         several: Bool | None = None,
     ) -> None:
@@ -86,7 +87,7 @@ class Cycles:
         only from its first SubIndex on, since the capture may have begun within it. ``several`` (by stream) are those
         of lists that are known to have several SubIndexes, whether these are sent or not.
         """
-        self._number(rows, flows, first_frame, several)
+        self._number(rows, keys, first_frame, several)
         columns = self.columns
         if not (columns.column("streams") > 1).any():
             return
@@ -104,22 +105,22 @@ class Cycles:
         order = stable_order(pair, len(self.pairs))
         row, pair = row[order], pair[order]
         start, stop = runs_of(pair)
-        subindex = flows.varieties.subindex[rows.variety[row]]
+        subindex = keys.varieties.subindex[rows.variety[row]]
         half_ns = (interval_ns // 2)[rows.stream[row]]
         counter = None if counter is None else counter[row]
         self._cut(pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
 
-    def _number(self, rows: DataRows, flows: Flows, first_frame: int, several: Bool | None) -> None:
+    def _number(self, rows: DataRows, keys: Keys, first_frame: int, several: Bool | None) -> None:
         """Number the pairs of new streams, and note from when on a pair has several."""
         known = len(self.streams)
-        if len(flows.streams) == known:
+        if len(keys.streams) == known:
             return
-        new = np.arange(known, len(flows.streams))
+        new = np.arange(known, len(keys.streams))
         # Streams that these rows have nothing of are of another transport.
         new = new[np.isin(new, rows.run_stream)]
-        place = flows.place_of(new)
-        self.streams.resize(len(flows.streams))
-        self.streams.pair[new] = self.pairs.numbers(flows.places.high[place], flows.streams.low[new])
+        place = keys.place_of(new)
+        self.streams.resize(len(keys.streams))
+        self.streams.pair[new] = self.pairs.numbers(keys.places.high[place], keys.streams.low[new])
         columns = self.columns
         columns.resize(len(self.pairs))
         # New streams are numbered in the order of their first telegrams.

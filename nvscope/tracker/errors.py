@@ -9,11 +9,11 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.keys import KeyTable
-from nvscope.tracker.columns import Columns
+from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.counters import ERROR_ORDER, DiagError
 
 
-class LastError(Columns):
+class LastError(KeyedColumns):
     """One row a list or a member (list, node): the number of errors, and the last one.
 
     The last error is the one with the latest time. At equal times, deadlines come before what a frame itself says

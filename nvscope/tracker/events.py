@@ -8,12 +8,13 @@ import numpy as np
 
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from nvscope.tracker.columns import Columns, runs_of, stable_order
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import runs_of, stable_order
 
 FRAMES_KEPT = 10
 
 
-class EventRows(Columns):
+class EventRows(KeyedColumns):
     """One row a key; ``frames`` holds frame numbers (from 1), 0 where there are fewer."""
 
     count: I64

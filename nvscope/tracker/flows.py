@@ -1,124 +1,23 @@
-"""Flows: who sent what kind of telegram of which list and SubIndex to whom, counted.
+"""Flows: how often, when first and when last each flow was seen.
 
-A flow is the finest key there is; nodes, lists, places (list, SubIndex) and streams (place, sender) are numbered here
-as flows appear. Every count of NetVarUDPDiagStruct but the errors is a sum over flows (``nvscope.tracker.summary``).
+Every count of NetVarUDPDiagStruct but the errors is a sum over flows (``nvscope.tracker.summary``).
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U32, U64, Bool
-from dissectors.can_pdo import ON_CAN, PdoRules
-from dissectors.keys import KeyTable, first_rows
-from dissectors.netvar import (
-    ACKNOWLEDGE_WANTED,
-    CHECKSUM_PRESENT,
-    HEADER,
-    IDENTITY_ASCII,
-    KNOWN_SERVICE,
-    RESERVED_FLAGS,
-    Fault,
-    Service,
-)
-from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
-from nvscope.list_key import ListKey
-from nvscope.tracker import address
-from nvscope.tracker.columns import Columns
+from dissectors.batch import I64
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import Keys
+from nvscope.engine.told import Told
 
 
-class Kind(IntEnum):
-    """What a telegram is to its list."""
+class FlowCounts(KeyedColumns):
+    """One row a flow. ``chosen`` counts the telegrams that a filter chose, where there is one."""
 
-    DATA = 0  # well-formed, as the next two
-    ACKNOWLEDGEMENT = 1
-    BOOT_UP_REQUEST = 2
-    MALFORMED_DATA = 3
-    MALFORMED_OTHER = 4
-    HEADER_CUT = 5  # of which so little was captured that only its list is known
-    PARAMETER = 6  # of the Parameter Manager: belongs to no list and is no flow
-    NOTHING = 7  # no telegram at all, and CAN frames that carry no data
-    PDO = 8  # on CAN: data without header, sender and receiver
-
-
-NOBODY = -1
-"""The node of what has no address."""
-
-NOBODY_KEY = NOBODY % (1 << 64)
-"""The same as the table of streams has it."""
-
-LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
-IS_PARAMETER = KNOWN_SERVICE.copy()
-"""Mask over ID, as ``KNOWN_SERVICE``: the services of the Parameter Manager."""
-
-IS_PARAMETER[list(LIST_SERVICES)] = False
-
-# Items, Length, Counter, Flags and Checksum are looked at as one 64-bit number, the signature.
-_SIGNATURE_AT = HEADER.offset_of("items")
-_SIGNATURE = np.dtype(
-    {"names": ["signature"], "formats": ["<u8"], "offsets": [_SIGNATURE_AT], "itemsize": HEADER.size_bytes}
-)
-
-
-def _shift(name: str) -> np.uint64:
-    return np.uint64(8 * (HEADER.offset_of(name) - _SIGNATURE_AT))
-
-
-LENGTH_SHIFT, COUNTER_SHIFT = _shift("length"), _shift("counter")
-FLAGS_SHIFT, CHECKSUM_SHIFT = _shift("flags"), _shift("checksum")
-SHAPE_MASK = np.uint64(0xFFFFFFFF)
-"""The part of a signature that holds Items and Length."""
-
-
-class VarietyColumns(Columns):
-    """One row a variety of telegrams (``dissectors.varieties``): what it is to the tracker.
-
-    ``flow``, ``stream``, ``place``, ``list`` and ``subindex`` are -1 where it is of none; ``signature`` has a Counter
-    of 0. ``odd`` says that something in its header is to be noted, ``wants`` that a well-formed data telegram wants to
-    be acknowledged, ``signed`` that it has a checksum.
-    """
-
-    kind: U8
-    flow: I64
-    stream: I64
-    place: I64
-    list: I64
-    subindex: I64
-    node: I64
-    signature: U64
-    odd: Bool
-    wants: Bool
-    signed: Bool
-    COLUMNS: ClassVar = {
-        "kind": (np.uint8(Kind.NOTHING), 1),
-        "flow": (np.int64(-1), 1),
-        "stream": (np.int64(-1), 1),
-        "place": (np.int64(-1), 1),
-        "list": (np.int64(-1), 1),
-        "subindex": (np.int64(-1), 1),
-        "node": (np.int64(-1), 1),
-        "signature": (np.uint64(0), 1),
-        "odd": (np.False_, 1),
-        "wants": (np.False_, 1),
-        "signed": (np.False_, 1),
-    }
-
-
-class FlowColumns(Columns):
-    """One row a flow; ``destination`` is -1 for broadcasts, ``stream`` -1 for flows that are no well-formed data.
-
-    ``chosen`` counts the telegrams that a filter chose, where there is one.
-    """
-
-    kind: I64
-    list: I64
-    place: I64
-    stream: I64
-    source: I64
-    destination: I64
     count: I64
     mismatches: I64
     chosen: I64
@@ -128,175 +27,41 @@ class FlowColumns(Columns):
     last_frame: I64
     COLUMNS: ClassVar = {
         name: (np.int64(0), 1)
-        for name in (
-            "kind", "list", "place", "stream", "source", "destination", "count", "mismatches", "chosen",
-            "first_ns", "first_frame", "last_ns", "last_frame",
-        )
-    }  # fmt: skip
-
-
-def kinds(service: U32, fault: U8) -> U8:
-    """Tell what telegrams are to their list, as uint8 (``Kind``)."""
-    is_data = service == Service.ODStateFree
-    kind = np.select(
-        [
-            IS_PARAMETER[np.minimum(service, len(IS_PARAMETER) - 1)],
-            fault == Fault.HEADER_CUT,
-            (fault != Fault.NONE) & is_data,
-            fault != Fault.NONE,
-            is_data,
-            service == Service.ODAcknowledgement,
-        ],
-        [
-            Kind.PARAMETER, Kind.HEADER_CUT, Kind.MALFORMED_DATA, Kind.MALFORMED_OTHER, Kind.DATA,
-            Kind.ACKNOWLEDGEMENT,
-        ],
-        Kind.BOOT_UP_REQUEST,
-    )  # fmt: skip
-    return kind.astype(np.uint8)
-
-
-class StreamKey(NamedTuple):
-    """What a stream is told by: list, SubIndex and sender; ``order`` is what senders are sorted by.
-
-    Nobody knows who sends on CAN: there, the channel stands for the sender.
-    """
-
-    list: ListKey
-    subindex: int
-    sender: str
-    order: tuple[bool, int]
+        for name in ("count", "mismatches", "chosen", "first_ns", "first_frame", "last_ns", "last_frame")
+    }
 
 
 class Flows:
-    """The keys of all that was seen, and the counts of the flows.
+    """The counts of all flows; what a flow is stands in ``keys``."""
 
-    ``nodes`` are keyed by the halves of their address, ``lists`` by (port, Index), ``places`` by (list, SubIndex),
-    ``streams`` by (place, node). ``varieties`` tells of each variety of the batch observed last what it is here.
-    Ports are those of ``dissectors.varieties``, so that lists on CAN have theirs; a stream on CAN has the node
-    ``NOBODY``. ``pdos`` know what CAN channels are called.
-    """
+    def __init__(self) -> None:
+        self.keys = Keys()
+        self.counts = FlowCounts()
 
-    def __init__(self, pdos: PdoRules | None = None) -> None:
-        self.channel = (pdos or PdoRules()).channel
-        self.nodes = KeyTable()
-        self.lists = KeyTable()
-        self.places = KeyTable()
-        self.streams = KeyTable()
-        self.keys = KeyTable(4)
-        self.columns = FlowColumns()
-        self.varieties = VarietyColumns()
-        self._described: Varieties | None = None
-
-    def observe(self, batch: SortedPackets, first_frame: int) -> I64:
-        """Count telegrams; return how many there are of each variety."""
-        if batch.varieties is not self._described:
-            self._described = batch.varieties
-            self.varieties = VarietyColumns()
-            self.varieties.resize(NO_TELEGRAM + 1)
-        known = len(self.varieties)
-        if len(batch.varieties) > known:
-            self._describe(batch, known, first_frame)
-        count = np.bincount(batch.variety, minlength=len(self.varieties))
-        last = np.empty(len(self.varieties), np.int64)
-        last[batch.variety] = np.arange(len(batch))
-        seen = np.flatnonzero((count > 0) & (self.varieties.column("flow") >= 0))
+    def observe(self, told: Told) -> None:
+        """Count the telegrams of a batch."""
+        keys = self.keys = told.keys
+        counts, varieties, time_ns = self.counts, keys.varieties, told.packets.ts_ns
+        counts.resize(len(keys.flows))
+        begun = told.begun
+        counts.first_ns[begun.flow], counts.first_frame[begun.flow] = (
+            time_ns[begun.packet],
+            begun.packet + told.first_frame,
+        )
+        last = np.empty(len(varieties), np.int64)
+        last[told.variety] = np.arange(len(told))
+        seen = np.flatnonzero((told.count > 0) & (varieties.column("flow") >= 0))
         # A flow may be of several varieties: the last telegram of all is what stays.
         seen = seen[np.argsort(last[seen])]
-        flow, last = self.varieties.flow[seen], last[seen]
-        np.add.at(self.columns.count, flow, count[seen])
-        self.columns.last_ns[flow] = batch.packets.ts_ns[last]
-        self.columns.last_frame[flow] = last + first_frame
-        return count
+        flow, last = varieties.flow[seen], last[seen]
+        np.add.at(counts.count, flow, told.count[seen])
+        counts.last_ns[flow], counts.last_frame[flow] = time_ns[last], last + told.first_frame
+        if told.chosen is not None:
+            chosen = np.bincount(told.variety[told.chosen], minlength=len(varieties))
+            some = np.flatnonzero((chosen > 0) & (varieties.column("flow") >= 0))
+            np.add.at(counts.chosen, varieties.flow[some], chosen[some])
 
-    def choose(self, batch: SortedPackets, chosen: Bool) -> None:
-        """Count the telegrams of a batch, observed before, that a filter chose."""
-        count = np.bincount(batch.variety[chosen], minlength=len(self.varieties))
-        some = np.flatnonzero((count > 0) & (self.varieties.column("flow") >= 0))
-        np.add.at(self.columns.chosen, self.varieties.flow[some], count[some])
-
-    def place_of(self, stream: I64) -> I64:
-        """Return the places of streams."""
-        return self.streams.high[stream].astype(np.int64)
-
-    def node_of(self, stream: I64) -> I64:
-        """Return the nodes that send streams."""
-        return self.streams.low[stream].astype(np.int64)
-
-    def list_key(self, number: int) -> ListKey:
-        """Return the key of a list."""
-        port = int(self.lists.high[number])
-        return self.channel(port - ON_CAN) if port >= ON_CAN else port, int(self.lists.low[number])
-
-    def place_key(self, stream: int) -> tuple[ListKey, int]:
-        """Return list and SubIndex of a stream."""
-        place = int(self.streams.high[stream])
-        return self.list_key(int(self.places.high[place])), int(self.places.low[place])
-
-    def stream_key(self, stream: int) -> StreamKey:
-        """Return what a stream is told by."""
-        key, subindex = self.place_key(stream)
-        node = int(self.streams.low[stream].view(np.int64))
-        if node == NOBODY:
-            return StreamKey(key, subindex, str(key[0]), (False, 0))
-        halves = int(self.nodes.high[node]), int(self.nodes.low[node])
-        return StreamKey(key, subindex, address.text(*halves), address.order(*halves))
-
-    def _describe(self, batch: SortedPackets, known: int, first_frame: int) -> None:
-        """Fill in the columns of new varieties, numbering what is new in them as it appeared."""
-        varieties, columns = batch.varieties, self.varieties
-        columns.resize(len(varieties))
-        fresh = np.flatnonzero(batch.variety >= known)
-        first = fresh[first_rows(batch.variety[fresh] - known, len(varieties) - known)]
-        order = np.argsort(first)
-        new, row = order + known, first[order]
-        header, datagram = varieties.header[new], varieties.datagram.take(new)
-        kind = kinds(header["id"], varieties.fault[new])
-        kind[varieties.on_can[new]] = Kind.NOTHING
-        kind[varieties.is_pdo[new]] = Kind.PDO
-        flags = header["flags"]
-        signature = header.view(_SIGNATURE)["signature"].astype(np.uint64)
-        columns.kind[new] = kind
-        columns.signature[new] = signature & ~(np.uint64(0xFFFF) << COUNTER_SHIFT)
-        columns.odd[new] = (
-            (varieties.fault[new] != Fault.NONE) | varieties.truncated[new] | (header["identity"] == IDENTITY_ASCII)
-            | ((flags & RESERVED_FLAGS) != 0)
-        )  # fmt: skip
-        columns.odd[new[varieties.on_can[new]]] = False
-        is_data = kind == Kind.DATA
-        columns.wants[new] = is_data & ((flags & ACKNOWLEDGE_WANTED.mask) != 0)
-        columns.signed[new] = is_data & ((flags & CHECKSUM_PRESENT.mask) != 0)
-        is_data |= kind == Kind.PDO
-        source = np.full(len(new), NOBODY)
-        sent = np.flatnonzero(~varieties.on_can[new])
-        source[sent] = self.nodes.numbers(datagram.source_hi[sent], datagram.source_lo[sent])
-        columns.node[new] = source
-        own = np.flatnonzero((kind != Kind.PARAMETER) & (kind != Kind.NOTHING))
-        new, row, kind, source, is_data = new[own], row[own], kind[own], source[own], is_data[own]
-        header, datagram = header[own], datagram.take(own)
-        unicast = np.flatnonzero(~datagram.broadcast & (kind != Kind.PDO))
-        destination = np.full(len(new), -1)
-        destination[unicast] = self.nodes.numbers(datagram.destination_hi[unicast], datagram.destination_lo[unicast])
-        lists = self.lists.numbers(varieties.port[new].astype(np.uint64), varieties.index[new].astype(np.uint64))
-        place = self.places.numbers(lists.astype(np.uint64), header["subindex"].astype(np.uint64))
-        stream = np.full(len(new), -1)
-        stream[is_data] = self.streams.numbers(place[is_data].astype(np.uint64), source[is_data].view(np.uint64))
-        columns.list[new], columns.subindex[new] = lists, header["subindex"]
-        columns.place[new], columns.stream[new] = place, stream
-        flows = len(self.keys)
-        flow = self.keys.numbers(
-            source.view(np.uint64), destination.view(np.uint64), place.astype(np.uint64), kind.astype(np.uint64)
-        )
-        columns.flow[new] = flow
-        table = self.columns
-        table.resize(len(self.keys))
-        begun = np.flatnonzero(flow >= flows)[::-1]
-        flow, row = flow[begun], row[begun]
-        # Assigned backwards, so that the first telegram of each flow is what stays.
-        table.kind[flow], table.list[flow], table.place[flow] = kind[begun], lists[begun], place[begun]
-        table.stream[flow], table.source[flow], table.destination[flow] = (
-            stream[begun],
-            source[begun],
-            destination[begun],
-        )
-        table.first_ns[flow], table.first_frame[flow] = batch.packets.ts_ns[row], row + first_frame
+    def column(self, name: str) -> Any:
+        """Return a column by flow, of what it is or of what was counted."""
+        table = self.counts if name in FlowCounts.COLUMNS else self.keys.columns
+        return table.column(name)

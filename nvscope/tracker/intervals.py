@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from nvscope.tracker.histograms import Histograms, StreamPercentiles
 from nvscope.tracker.recent import Recent
-from nvscope.tracker.timing import Histogram, Timing
+from nvscope.tracker.timing import Timing
 
 CYCLIC_SPREAD_PERCENT = 50
 """A stream is cyclic where its p5 and p95 are no further apart than this share of the median."""
 
 
 @dataclass(frozen=True, slots=True)
-class Intervals:
+class IntervalFigures:
     """Intervals of a stream in ns; None where there is none. Percentiles are within 1 %, the rest is exact.
 
     ``nominal`` is what the list should be sent at, else, of a cyclic stream, the median.
@@ -37,37 +38,45 @@ class Intervals:
 
 
 class StreamIntervals:
-    """The intervals of any stream of a state, of the whole run and of the last minute, from one look at both."""
+    """The intervals of all streams over the whole run, from one look at them."""
 
-    def __init__(self, timing: Timing, recent: Recent) -> None:
+    def __init__(self, timing: Timing) -> None:
         self._timing = timing
-        self._histograms = timing.histograms()
-        self._recent = recent.histograms()
+        self._rows = _rows(Histograms(timing).percentiles(_PERCENTS))
 
-    def of(self, stream: int, nominal: int | None) -> tuple[Intervals, Intervals]:
-        """Return the intervals of both; ``nominal`` is what is told of a stream that should have an interval."""
-        whole = intervals_of(self._timing, stream, self._histograms.of(stream), nominal)
-        last = self._recent.get(stream)
-        return whole, Intervals(0, nominal=nominal) if last is None else percentiles_of(last, nominal)
-
-
-def intervals_of(timing: Timing, stream: int, histogram: Histogram, nominal: int | None = None) -> Intervals:
-    """Return the intervals of a whole run; ``nominal`` is what is told of a stream that should have an interval."""
-    count = int(timing.columns.count[stream])
-    if count <= 0:
-        return Intervals(0, nominal=nominal)
-    known = percentiles_of(histogram, nominal)
-    return replace(known, count=count, mean=timing.mean_ns(stream), deviation=timing.deviation_ns(stream))
+    def of(self, stream: int, nominal: int | None = None) -> IntervalFigures:
+        """Return those of a stream; ``nominal`` is what is told of one that should have an interval."""
+        row = self._rows.get(stream)
+        if row is None:
+            return IntervalFigures(0, nominal=nominal)
+        timing, known = self._timing, _figures(row, nominal)
+        return replace(known, mean=timing.mean_ns(stream), deviation=timing.deviation_ns(stream))
 
 
-def percentiles_of(histogram: Histogram, nominal: int | None = None) -> Intervals:
-    """Return what a histogram alone tells."""
-    p5, p50, p95, p99 = (histogram.percentile_ns(percent) for percent in (5, 50, 95, 99))
-    assert p5 is not None
-    assert p50 is not None
-    assert p95 is not None
+class RecentIntervals:
+    """The intervals of all streams over the last minute, from one look at them: mean and deviation are not kept."""
+
+    def __init__(self, recent: Recent) -> None:
+        self._rows = _rows(recent.percentiles(_PERCENTS))
+
+    def of(self, stream: int, nominal: int | None = None) -> IntervalFigures:
+        """Return those of a stream; ``nominal`` is what is told of one that should have an interval."""
+        row = self._rows.get(stream)
+        return IntervalFigures(0, nominal=nominal) if row is None else _figures(row, nominal)
+
+
+_PERCENTS = (5, 50, 95, 99)
+_Row = tuple[int, ...]
+"""Count, least, most, and the percentiles, of a stream."""
+
+
+def _rows(known: StreamPercentiles) -> dict[int, _Row]:
+    columns = known.count, known.least_ns, known.most_ns, *(known.at_ns[percent] for percent in _PERCENTS)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return dict(zip(known.stream.tolist(), rows, strict=True))
+
+
+def _figures(row: _Row, nominal: int | None) -> IntervalFigures:
+    count, least, most, p5, p50, p95, p99 = row
     cyclic = p50 > 0 and 100 * (p95 - p5) <= CYCLIC_SPREAD_PERCENT * p50
-    return Intervals(
-        int(histogram.count.sum()), histogram.least_ns, None, histogram.most_ns, None,
-        p50, p95, p99, nominal or (p50 if cyclic else None),
-    )  # fmt: skip
+    return IntervalFigures(count, least, None, most, None, p50, p95, p99, nominal or (p50 if cyclic else None))

@@ -12,12 +12,13 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U64, Bool
-from dissectors.varieties import SortedPackets
-from nvscope.tracker.columns import Columns, order_by, runs_of_lengths
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import Keys
+from nvscope.engine.rows import DataRows
+from nvscope.engine.runs import order_by, runs_of_lengths
+from nvscope.engine.told import Told
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import EventRows
-from nvscope.tracker.flows import Flows
-from nvscope.tracker.rows import DataRows
 from nvscope.tracker.sequence import Step, Steps, walk
 
 _LOGGED = (
@@ -32,7 +33,7 @@ WALKS = 2
 """The stream's own sequence, and the node's."""
 
 
-class StreamSequences(Columns):
+class StreamSequences(KeyedColumns):
     """One row a stream: its own sequence, and the figures booked on it.
 
     Figures of width 2 are those of the stream's walk and of the node's; ``duplicates`` has one for each scope.
@@ -65,7 +66,7 @@ class StreamSequences(Columns):
     }
 
 
-class NodeSequences(Columns):
+class NodeSequences(KeyedColumns):
     """One row a node: the sequence of all its telegrams, and the gaps in it.
 
     ``last_stream`` is that of its last telegram, -1 before.
@@ -97,14 +98,14 @@ class Loss:
         self.nodes = NodeSequences()
         self._events = {key: EventRows() for key in _LOGGED}
 
-    def observe(self, batch: SortedPackets, rows: DataRows, flows: Flows, first_frame: int) -> tuple[Steps, NodeSteps]:
+    def observe(self, told: Told, rows: DataRows, keys: Keys, first_frame: int) -> tuple[Steps, NodeSteps]:
         """Walk the counters of a batch; return the streams' own steps, and the nodes' steps, row by row."""
-        self.streams.resize(len(flows.streams))
-        self.nodes.resize(len(flows.nodes))
+        self.streams.resize(len(keys.streams))
+        self.nodes.resize(len(keys.nodes))
         for log in self._events.values():
-            log.resize(len(flows.streams))
+            log.resize(len(keys.streams))
         own = self._walk_streams(rows, rows.counter)
-        nodes = self._walk_nodes(batch, rows, flows)
+        nodes = self._walk_nodes(told, rows, keys)
         frame = rows.packet + first_frame
         self._book(rows, own.step, own.distance, own.irregular, Scope.STREAM, frame)
         self._book(rows, nodes.step, nodes.distance, nodes.irregular, Scope.NODE_TELEGRAM, frame)
@@ -136,22 +137,22 @@ class Loss:
         streams.regular[run] += length - irregular
         return steps
 
-    def _walk_nodes(self, batch: SortedPackets, rows: DataRows, flows: Flows) -> NodeSteps:
+    def _walk_nodes(self, told: Told, rows: DataRows, keys: Keys) -> NodeSteps:
         """Walk the nodes' sequences.
 
         A telegram with the node's current counter is sent together with the node's telegram before, if that was of the
         same list and another SubIndex.
         """
         nodes = self.nodes
-        length = np.zeros(len(flows.nodes), np.int64)
-        np.add.at(length, flows.node_of(rows.run_stream), rows.stop - rows.start)
-        node = np.where(flows.varieties.column("stream") >= 0, flows.varieties.column("node"), len(length))
-        packet = order_by(node, batch.variety, len(length))[: len(rows)]
+        length = np.zeros(len(keys.nodes), np.int64)
+        np.add.at(length, keys.node_of(rows.run_stream), rows.stop - rows.start)
+        node = np.where(keys.varieties.column("stream") >= 0, keys.varieties.column("node"), len(length))
+        packet = order_by(node, told.variety, len(length))[: len(rows)]
         run, start, stop = runs_of_lengths(length)
         length = stop - start
         fresh = nodes.last_stream[run] < 0
-        steps = walk(batch.counter[packet], start, nodes.current[run], nodes.missing[run], fresh)
-        together = self._sent_together(batch, packet, start, run, steps, flows)
+        steps = walk(told.counter[packet], start, nodes.current[run], nodes.missing[run], fresh)
+        together = self._sent_together(told, packet, start, run, steps, keys)
         bounds = np.append(start, len(packet))
         regular = length - np.diff(np.searchsorted(steps.irregular, bounds))
         nodes.steps[run] += length - fresh
@@ -161,30 +162,28 @@ class Loss:
         gaps = np.cumsum(steps.step == Step.GAP, dtype=np.int64)
         gaps += np.repeat(nodes.gaps[run] - np.where(start > 0, gaps[start - 1], 0), length)
         nodes.gaps[run] = gaps[stop - 1]
-        nodes.last_stream[run] = flows.varieties.stream[batch.variety[packet[stop - 1]]]
+        nodes.last_stream[run] = keys.varieties.stream[told.variety[packet[stop - 1]]]
         # All that is to be known of a row goes from one order to the other in one word.
         word = gaps << _GAPS_BIT
         word |= steps.distance
         word |= steps.step.astype(np.int64) << _STEP_BIT
         word[together] |= 1 << _TOGETHER_BIT
-        of_packet = np.empty(len(batch), np.int64)
+        of_packet = np.empty(len(told), np.int64)
         of_packet[packet] = word
         return NodeSteps(of_packet[rows.packet])
 
-    def _sent_together(
-        self, batch: SortedPackets, packet: I64, start: I64, run: I64, steps: Steps, flows: Flows
-    ) -> I64:
+    def _sent_together(self, told: Told, packet: I64, start: I64, run: I64, steps: Steps, keys: Keys) -> I64:
         """Return the places, in the nodes' order, of telegrams that were sent together with the one before."""
         same = steps.irregular[steps.step[steps.irregular] == Step.SAME]
         if not len(same):
             return np.empty(0, np.int64)
-        stream = flows.varieties.stream
-        now, earlier = (stream[batch.variety[packet[place]]] for place in (same, same - 1))
+        stream = keys.varieties.stream
+        now, earlier = (stream[told.variety[packet[place]]] for place in (same, same - 1))
         first = np.minimum(np.searchsorted(start, same), len(start) - 1)
         begins = start[first] == same
         earlier[begins] = self.nodes.last_stream[run[first[begins]]]
-        lists = flows.places.high
-        sent: I64 = same[(lists[flows.place_of(now)] == lists[flows.place_of(earlier)]) & (now != earlier)]
+        lists = keys.places.high
+        sent: I64 = same[(lists[keys.place_of(now)] == lists[keys.place_of(earlier)]) & (now != earlier)]
         return sent
 
     def _book(self, rows: DataRows, step: U8, distance: U16, irregular: I64, scope: Scope, frame: I64) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from typing import NamedTuple
 
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.tracker.timing import Histogram, bucket_of
+from nvscope.tracker.buckets import bucket_of
+from nvscope.tracker.histograms import StreamPercentiles, percentiles_of_streams
 
 WINDOW_S = 60
 _S_NS = 1_000_000_000
@@ -18,11 +19,31 @@ _BUCKET_BITS, _SECOND_BITS = 21, 6
 _BUCKET_OFFSET = 1 << (_BUCKET_BITS - 1)
 
 
-class Recent:
-    """Counts intervals by stream, second of their end, and bucket, for the last minute of the capture.
+class _Counted(NamedTuple):
+    """Intervals counted by stream, second and bucket, rising, with their extremes. Columns of shape (n,)."""
 
-    The minute is the second of the latest time and the 59 before it. What was not counted yet waits in columns as it
-    came; what is older is let go, so that memory depends on the streams and their traffic in a minute's seconds only.
+    stream: I64
+    second: I64
+    bucket: I64
+    intervals: I64
+    least_ns: I64
+    most_ns: I64
+
+    def since(self, second: int) -> _Counted:
+        """Return those that ended after a second."""
+        inside = self.second > second
+        return self if inside.all() else _Counted(*(column[inside] for column in self))
+
+
+_NOTHING = np.empty(0, np.int64)
+_NONE = _Counted(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING)
+
+
+class Recent:
+    """The intervals of the last minute of the capture: of the second of the latest time and the 59 before it.
+
+    What came is kept as columns. Where that is too much, it is counted by stream, second and bucket, and what is older
+    is let go, so that memory depends on the streams and their traffic in a minute's seconds only.
     """
 
     def __init__(self) -> None:
@@ -30,8 +51,7 @@ class Recent:
         self._waiting_s: list[int] = []  # their latest seconds
         self._waiting_count = 0
         self._latest_s = np.iinfo(np.int64).min
-        self._keys = np.empty((0, 3), np.int64)  # stream, second, bucket
-        self._counts = np.empty((0, 3), np.int64)  # intervals, least, most
+        self._counted = _NONE
 
     def observe(self, stream: I64, time_ns: I64, interval_ns: I64) -> None:
         """Take intervals with the times of their ends. Shapes (n,)."""
@@ -42,53 +62,49 @@ class Recent:
         if self._waiting_count >= _MAX_WAITING:
             # In a file that is read faster than it was recorded, whole batches are too old by then.
             since = self._latest_s - WINDOW_S
-            self._waiting = [
-                part for part, last_s in zip(self._waiting, self._waiting_s, strict=True) if last_s > since
-            ]
-            self._waiting_s = [last_s for last_s in self._waiting_s if last_s > since]
+            kept = [place for place, last_s in enumerate(self._waiting_s) if last_s > since]
+            self._waiting = [self._waiting[place] for place in kept]
+            self._waiting_s = [self._waiting_s[place] for place in kept]
             self._waiting_count = sum(len(stream) for stream, _, _ in self._waiting)
             if self._waiting_count >= _MAX_WAITING:
-                self._count()
+                self._counted = self._count()
+                self._waiting, self._waiting_s, self._waiting_count = [], [], 0
 
-    def histograms(self) -> dict[int, Histogram]:
-        """Return the histogram of the last minute of each stream that ended an interval in it."""
-        self._count()
-        rows: dict[int, list[int]] = defaultdict(list)
-        for row, stream in enumerate(self._keys[:, 0].tolist()):
-            rows[stream].append(row)
-        found = {}
-        for stream, own in rows.items():
-            bucket, place = np.unique(self._keys[own, 2], return_inverse=True)
-            count = np.zeros(len(bucket), np.int64)
-            np.add.at(count, place, self._counts[own, 0])
-            extremes = int(self._counts[own, 1].min()), int(self._counts[own, 2].max())
-            found[stream] = Histogram(bucket, count, *extremes)
-        return found
+    def percentiles(self, percents: tuple[int, ...]) -> StreamPercentiles:
+        """Return what the last minute tells of each stream that ended an interval in it."""
+        counted = self._count()
+        order = np.lexsort((counted.bucket, counted.stream))
+        return percentiles_of_streams(
+            percents, counted.stream[order], counted.bucket[order], counted.intervals[order], counted.least_ns[order],
+            counted.most_ns[order],
+        )  # fmt: skip
 
-    def _count(self) -> None:
-        """Sort in what waits, and let go of what is older than the window."""
-        if not self._waiting and not len(self._keys):
-            return
+    def _count(self) -> _Counted:
+        """Return all that is within the window, counted."""
         since = self._latest_s - WINDOW_S
-        keys, counts = [self._keys], [self._counts]
+        parts = [self._counted.since(since)]
         for stream, time_ns, interval_ns in self._waiting:
             second = time_ns // _S_NS
             inside = np.flatnonzero(second > since)
             if len(inside):
                 interval = interval_ns[inside]
-                keys.append(np.stack([stream[inside], second[inside], bucket_of(interval)], axis=1))
-                counts.append(np.stack([np.ones_like(interval), interval, interval], axis=1))
-        self._waiting, self._waiting_s, self._waiting_count = [], [], 0
-        key, count = np.concatenate(keys), np.concatenate(counts)
-        inside = np.flatnonzero(key[:, 1] > since)
-        key, count = key[inside], count[inside]
-        number = key[:, 0] << (_SECOND_BITS + _BUCKET_BITS)
-        number |= (key[:, 1] - (since + 1)) << _BUCKET_BITS
-        number |= key[:, 2] + _BUCKET_OFFSET
+                parts.append(
+                    _Counted(
+                        stream[inside], second[inside], bucket_of(interval), np.ones_like(interval), interval, interval
+                    )
+                )
+        if len(parts) == 1:
+            return parts[0]
+        whole = _Counted(*map(np.concatenate, zip(*parts, strict=True)))
+        number = whole.stream << (_SECOND_BITS + _BUCKET_BITS)
+        number |= (whole.second - (since + 1)) << _BUCKET_BITS
+        number |= whole.bucket + _BUCKET_OFFSET
         order = np.argsort(number)
-        number, count = number[order], count[order]
-        start = np.flatnonzero(np.append(True, number[1:] != number[:-1]))[: len(number)]
-        self._keys = key[order[start]]
-        merge = (np.add, np.minimum, np.maximum)
-        columns = [how.reduceat(count[:, at], start) for at, how in enumerate(merge)] if len(key) else [count[:, 0]] * 3
-        self._counts = np.stack(columns, axis=1)
+        number = number[order]
+        start = np.flatnonzero(np.append(True, number[1:] != number[:-1]))
+        first = order[start]
+        return _Counted(
+            whole.stream[first], whole.second[first], whole.bucket[first],
+            np.add.reduceat(whole.intervals[order], start),
+            np.minimum.reduceat(whole.least_ns[order], start), np.maximum.reduceat(whole.most_ns[order], start),
+        )  # fmt: skip

@@ -10,38 +10,36 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U64, Bool, PacketBatch
-from dissectors.can_pdo import PdoRules
+from dissectors.batch import I64, U64
 from dissectors.netvar import (
     CHECKSUM_INVALID,
     HEADER,
     IDENTITY_ASCII,
     RESERVED_FLAGS,
     Fault,
-    PortRules,
     Service,
-    TelegramBatch,
 )
-from dissectors.varieties import NO_TELEGRAM, Choose, SortedPackets, Sorter
-from nvscope.tracker.acknowledgement import TIMEOUT_NS, Acknowledgement, Messages
-from nvscope.tracker.can_state import CanState, no_steps
-from nvscope.tracker.columns import Columns
+from dissectors.varieties import NO_TELEGRAM
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import FrameKind, Keys
+from nvscope.engine.reading import TIMEOUT_NS
+from nvscope.engine.rows import DataRows, StreamMemory
+from nvscope.engine.told import Told
+from nvscope.tracker.acknowledgement import Acknowledgement, Messages
+from nvscope.tracker.can.state import CanState, no_steps
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.flows import Flows, Kind
+from nvscope.tracker.flows import Flows
 from nvscope.tracker.loss import Loss, NodeSteps
 from nvscope.tracker.recent import Recent
-from nvscope.tracker.rows import DataRows, StreamMemory
 from nvscope.tracker.sequence import Steps
-from nvscope.tracker.timing import Intervals, Timing
+from nvscope.tracker.timing import BatchIntervals, Timing
 
 if TYPE_CHECKING:
-    from nvscope.tracker.values import Values
-
-MAX_BATCH = 1 << 17
+    from nvscope.tracker.variables.values import Values
 
 FAULT_CODES = {
     Fault.SHORT: 101,
@@ -62,7 +60,7 @@ _REJECTED = {
 }
 
 
-class ListColumns(Columns):
+class ListColumns(KeyedColumns):
     """One row a list: the counts that are no sums over flows."""
 
     truncated: I64
@@ -85,23 +83,14 @@ class TrackerState:
     across all that was observed. ``repeated`` counts telegrams that equal the one before them byte for byte.
     ``values`` are those of the variables, where their definition is known; ``chosen`` counts the telegrams chosen.
 
-    ``choose`` is a filter: it is asked of each batch which packets hold telegrams that it chooses. Flows count these,
-    and only these give values; everything else looks at all telegrams, so that no filter makes up a loss.
+    A filter chooses telegrams: flows count these, and only these give values; everything else looks at all telegrams,
+    so that no filter makes up a loss.
     """
 
-    def __init__(
-        self,
-        timeout_ns: int = TIMEOUT_NS,
-        ports: PortRules | None = None,
-        *,
-        values: Values | None = None,
-        choose: Choose | None = None,
-        pdos: PdoRules | None = None,
-    ) -> None:
-        self._pdos = pdos or PdoRules()
-        self._sorter = Sorter(ports, self._pdos)
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self, timeout_ns: int = TIMEOUT_NS, *, values: Values | None = None) -> None:
         self.values = values
-        self.choose = choose
         self.chosen = 0
         self.frames = 0
         self.telegrams = 0
@@ -114,7 +103,7 @@ class TrackerState:
         self.last_ns: int | None = None
         self.longest_step_back_ns = 0
         self.can = CanState()
-        self.flows = Flows(self._pdos)
+        self.flows = Flows()
         self.memory = StreamMemory()
         self.loss = Loss()
         self.timing = Timing()
@@ -127,37 +116,35 @@ class TrackerState:
         self.events = EventLog()
 
     @property
+    def keys(self) -> Keys:
+        """What the numbers of lists, nodes, places, streams and flows stand for."""
+        return self.flows.keys
+
+    @property
     def choosable(self) -> int:
         """How many telegrams and CAN frames there are, of which a filter chooses."""
         return self.telegrams + self.can.frames
 
-    def observe(self, packets: PacketBatch) -> None:
-        """Take the packets that follow those observed so far."""
-        for start in range(0, len(packets), MAX_BATCH):
-            self._observe(self._sorter.sort(packets[start : start + MAX_BATCH]))
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        self._observe_frames(told)
+        self.flows.observe(told)
+        self.memory = told.laid.memory
+        if told.chosen is not None:
+            self.chosen += int(np.count_nonzero(told.chosen))
+        errors = self._observe_rejected(told)
+        self.lists.resize(len(self.keys.lists))
+        self._observe_headers(told)
+        errors += self._observe_lists(told)
+        self.errors.observe(errors, len(self.keys.lists))
+        if told.can is not None:
+            self.can.observe(told.can, told.first_frame)
+            self._observe_pdos(told)
+        self.frames += len(told)
+        self.telegrams += len(told) - int(told.count[NO_TELEGRAM]) - int(told.count[told.varieties.on_can].sum())
 
-    def _observe(self, batch: SortedPackets) -> None:
-        first_frame = self.frames + 1
-        self._observe_frames(batch, first_frame)
-        count = self.flows.observe(batch, first_frame)
-        chosen = None
-        if self.choose is not None:
-            chosen = self.choose(batch)
-            self.chosen += int(np.count_nonzero(chosen))
-            self.flows.choose(batch, chosen)
-        errors = self._observe_quoted(batch.quoted, first_frame)
-        self.lists.resize(len(self.flows.lists))
-        self._observe_headers(batch, first_frame)
-        errors += self._observe_lists(batch, count, first_frame, chosen)
-        self.errors.observe(errors, len(self.flows.lists))
-        if batch.can is not None:
-            self.can.observe(batch.can, first_frame)
-            self._observe_pdos(batch, count, first_frame, chosen)
-        self.frames += len(batch)
-        self.telegrams += len(batch) - int(count[NO_TELEGRAM]) - int(count[batch.varieties.on_can].sum())
-
-    def _observe_frames(self, batch: SortedPackets, first_frame: int) -> None:
-        time_ns = batch.packets.ts_ns
+    def _observe_frames(self, told: Told) -> None:
+        time_ns, batch, first_frame = told.packets.ts_ns, told.batch, told.first_frame
         before = np.empty_like(time_ns)
         before[1:] = time_ns[:-1]
         before[0] = time_ns[0] if self.last_ns is None else self.last_ns
@@ -176,18 +163,18 @@ class TrackerState:
             for link, count in zip(*np.unique(links, return_counts=True), strict=True):
                 self.unsupported[int(link)] = self.unsupported.get(int(link), 0) + int(count)
 
-    def _observe_headers(self, batch: SortedPackets, first_frame: int) -> None:
+    def _observe_headers(self, told: Told) -> None:
         """Note what is wrong with headers, and count truncated telegrams."""
-        ours, theirs = self.flows.varieties, batch.varieties
+        ours, theirs, first_frame = self.keys.varieties, told.varieties, told.first_frame
         if not ours.column("odd").any():
             return
-        odd = np.flatnonzero(ours.odd[batch.variety])
+        odd = np.flatnonzero(ours.odd[told.variety])
         if not len(odd):
             return
-        variety = batch.variety[odd]
+        variety = told.variety[odd]
         kind, node, lists, subindex = ours.kind[variety], ours.node[variety], ours.list[variety], ours.subindex[variety]
         header, fault, truncated = theirs.header[variety], theirs.fault[variety], theirs.truncated[variety]
-        reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= Kind.BOOT_UP_REQUEST)
+        reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= FrameKind.BOOT_UP_REQUEST)
         masks = [(code, fault == kind_of_fault) for kind_of_fault, code in FAULT_CODES.items()]
         masks.append((RESERVED_FLAGS_CODE, reserved))
         masks.append((ASCII_CODE, header["identity"] == IDENTITY_ASCII))
@@ -195,58 +182,50 @@ class TrackerState:
         for code, mask in masks:
             row = np.flatnonzero(mask)
             if len(row):
-                when, frame = batch.packets.ts_ns[odd[row]], odd[row] + first_frame
+                when, frame = told.packets.ts_ns[odd[row]], odd[row] + first_frame
                 self._log(code, lists[row], node[row], subindex[row], when, frame)
         np.add.at(self.lists.truncated, lists[truncated & (lists >= 0)], 1)
 
     def _log(self, code: int, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
         self.events.record(*finding_key(code, lists, node, subindex), time_ns, frame)
 
-    def _observe_quoted(self, quoted: TelegramBatch, first_frame: int) -> list[ErrorEvents]:
+    def _observe_rejected(self, told: Told) -> list[ErrorEvents]:
         """Book the telegrams that ICMP messages say were not delivered."""
         errors: list[ErrorEvents] = []
+        quoted, lists, node = told.laid.rejected
         if not len(quoted):
             return errors
-        service = quoted.header["id"]
-        mine = np.isin(service, [s.value for s in _REJECTED])
-        quoted, service = quoted.take(mine), service[mine]
-        datagram = quoted.datagram
-        frame = datagram.row + first_frame
-        lists = self.flows.lists.numbers(
-            datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64)
-        )
-        node = self.flows.nodes.numbers(datagram.source_hi, datagram.source_lo)
-        told = datagram.captured_bytes >= HEADER.offset_of("items")
-        subindex = np.where(told, quoted.header["subindex"].astype(np.int64), -1)
+        datagram, service = quoted.datagram, quoted.header["id"]
+        frame = datagram.row + told.first_frame
+        known = datagram.captured_bytes >= HEADER.offset_of("items")
+        subindex = np.where(known, quoted.header["subindex"].astype(np.int64), -1)
         self._log(REJECTED_CODE, lists, node, subindex, quoted.ts_ns, frame)
-        self.lists.resize(len(self.flows.lists))
+        self.lists.resize(len(self.keys.lists))
         np.add.at(self.lists.send_rejected, lists, 1)
         for kind, error in _REJECTED.items():
             row = np.flatnonzero(service == kind)
             errors.append(ErrorEvents(error, True, lists[row], node[row], quoted.ts_ns[row], frame[row]))
         return errors
 
-    def _observe_lists(
-        self, batch: SortedPackets, count: I64, first_frame: int, chosen: Bool | None
-    ) -> list[ErrorEvents]:
-        acknowledgements = self._messages(batch, count, Kind.ACKNOWLEDGEMENT)
-        requests = self._messages(batch, count, Kind.BOOT_UP_REQUEST)
-        rows = self.memory.rows(batch, count, self.flows)
-        errors = self._observe_answers(batch, rows, acknowledgements, requests, first_frame)
+    def _observe_lists(self, told: Told) -> list[ErrorEvents]:
+        acknowledgements = self._messages(told, FrameKind.ACKNOWLEDGEMENT)
+        requests = self._messages(told, FrameKind.BOOT_UP_REQUEST)
+        rows, first_frame = told.laid.data, told.first_frame
+        errors = self._observe_answers(told, rows, acknowledgements, requests)
         if len(rows):
             self.data_telegrams += len(rows)
             self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
-            own, nodes = self.loss.observe(batch, rows, self.flows, first_frame)
+            own, nodes = self.loss.observe(told, rows, self.keys, first_frame)
             intervals = self._observe_intervals(rows, own, nodes, first_frame)
             usual_ns = self.timing.columns.usual_ns
-            self.cycles.observe(rows, rows.counter, intervals.usual, usual_ns, self.flows, first_frame)
+            self.cycles.observe(rows, rows.counter, intervals.usual, usual_ns, self.keys, first_frame)
             errors.append(self._observe_consistency(rows, first_frame))
             if self.values is not None:
-                self.values.observe(batch, rows, self.flows, first_frame, chosen)
+                self.values.observe(told, rows)
         return errors
 
-    def _observe_intervals(self, rows: DataRows, own: Steps, nodes: NodeSteps, first_frame: int) -> Intervals:
-        intervals = self.timing.observe(rows, own, nodes, len(self.flows.streams), first_frame)
+    def _observe_intervals(self, rows: DataRows, own: Steps, nodes: NodeSteps, first_frame: int) -> BatchIntervals:
+        intervals = self.timing.observe(rows, own, nodes, len(self.keys.streams), first_frame)
         if len(intervals.stream):
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
         return intervals
@@ -258,43 +237,43 @@ class TrackerState:
             lists, node, subindex = self.described(rows.stream[row])
             self._log(code, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
 
-    def _observe_pdos(self, batch: SortedPackets, count: I64, first_frame: int, chosen: Bool | None) -> None:
+    def _observe_pdos(self, told: Told) -> None:
         """Take the data frames of CAN: they have a time, a length and variables, and nothing else to go by."""
-        rows = self.memory.rows(batch, count, self.flows, Kind.PDO)
+        rows, first_frame = told.laid.pdos, told.first_frame
         if not len(rows):
             return
-        self.loss.streams.resize(len(self.flows.streams))
+        self.loss.streams.resize(len(self.keys.streams))
         intervals = self._observe_intervals(rows, *no_steps(len(rows)), first_frame)
         usual_ns = self.timing.columns.usual_ns
-        self.can.observe_cycles(rows, intervals.usual, usual_ns, self.flows, self._pdos, first_frame)
-        changed = self.consistency.changed_shapes(rows, rows.changes(), self.flows)
+        self.can.observe_cycles(rows, intervals.usual, usual_ns, self.keys, told.pdos, first_frame)
+        changed = self.consistency.changed_shapes(rows, rows.changes(), self.keys)
         self._log_rows(PDO_LENGTH_CODE, rows, changed, first_frame)
         if self.values is not None:
-            self.values.observe(batch, rows, self.flows, first_frame, chosen)
+            self.values.observe(told, rows)
 
-    def _messages(self, batch: SortedPackets, count: I64, kind: Kind) -> Messages:
+    def _messages(self, told: Told, kind: FrameKind) -> Messages:
         """Pick the telegrams of one kind that is not DATA."""
-        varieties, flows = self.flows.varieties, self.flows.columns
+        varieties, flows = self.keys.varieties, self.keys.columns
         mine = varieties.column("kind") == kind
-        row = np.flatnonzero(mine[batch.variety]) if count[mine].any() else np.empty(0, np.int64)
+        row = np.flatnonzero(mine[told.variety]) if told.count[mine].any() else np.empty(0, np.int64)
         number = np.flatnonzero(mine)
         place, destination = varieties.place[number], flows.destination[varieties.flow[number]]
         target = np.full(len(varieties), -1)
         # Nobody's stream has the number of a broadcast's destination.
-        target[number] = self.flows.streams.find(place.astype(np.uint64), destination.view(np.uint64))
-        variety = batch.variety[row]
+        target[number] = self.keys.streams.find(place.astype(np.uint64), destination.view(np.uint64))
+        variety = told.variety[row]
         flow = varieties.flow[variety]
         return Messages(
-            row, batch.packets.ts_ns[row], flows.list[flow], flows.place[flow], flows.source[flow],
-            flows.destination[flow], target[variety], batch.varieties.header["flags"][variety],
+            row, told.packets.ts_ns[row], flows.list[flow], flows.place[flow], flows.source[flow],
+            flows.destination[flow], target[variety], told.varieties.header["flags"][variety],
         )  # fmt: skip
 
     def _observe_answers(
-        self, batch: SortedPackets, rows: DataRows, acknowledgements: Messages, requests: Messages, first_frame: int
+        self, told: Told, rows: DataRows, acknowledgements: Messages, requests: Messages
     ) -> list[ErrorEvents]:
-        time_ns = batch.packets.ts_ns
-        answers = self.acknowledgement.observe(rows, acknowledgements, requests, time_ns, self.flows, first_frame)
-        places = self.flows.places
+        time_ns, first_frame = told.packets.ts_ns, told.first_frame
+        answers = self.acknowledgement.observe(rows, acknowledgements, requests, time_ns, self.keys, first_frame)
+        places = self.keys.places
         stream, time_ns, frame = answers.missing
         if len(stream):
             lists, sender, subindex = self.described(stream)
@@ -319,19 +298,19 @@ class TrackerState:
 
     def _observe_consistency(self, rows: DataRows, first_frame: int) -> ErrorEvents:
         """Note changes of shape, checksum and flags."""
-        changed, mismatch, strange = self.consistency.observe(rows, self.flows)
+        changed, mismatch, strange = self.consistency.observe(rows, self.keys)
         for code, place in ((SHAPE_CODE, changed), (CHECKSUM_CODE, mismatch), (FLAGS_CODE, strange)):
             self._log_rows(code, rows, place, first_frame)
-        np.add.at(self.flows.columns.mismatches, self.flows.varieties.flow[rows.variety[mismatch]], 1)
+        np.add.at(self.flows.counts.mismatches, self.keys.varieties.flow[rows.variety[mismatch]], 1)
         lists, node, _ = self.described(rows.stream[mismatch])
         frame = rows.packet[mismatch] + first_frame
         return ErrorEvents(DiagError.CHECKSUM, True, lists, node, rows.time_ns[mismatch], frame)
 
     def described(self, stream: I64) -> tuple[I64, I64, I64]:
         """Return the list number, node number and SubIndex of streams."""
-        place = self.flows.place_of(stream)
-        node = self.flows.node_of(stream)
-        return self.flows.places.high[place].astype(np.int64), node, self.flows.places.low[place].astype(np.int64)
+        place = self.keys.place_of(stream)
+        node = self.keys.node_of(stream)
+        return self.keys.places.high[place].astype(np.int64), node, self.keys.places.low[place].astype(np.int64)
 
 
 def finding_key(code: int, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:

@@ -10,18 +10,18 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from dissectors.can_pdo import ON_CAN
+from dissectors import address
+from dissectors.can.pdo import ON_CAN
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.definition.buses import Buses
+from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, FrameKind
+from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, list_key
-from nvscope.tracker import address
-from nvscope.tracker.acknowledgement import TIMEOUT_NS
-from nvscope.tracker.can_summary import CanSummary, summarize_can
+from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.errors import LastError
-from nvscope.tracker.flows import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, Kind
-from nvscope.tracker.intervals import Intervals, StreamIntervals
+from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
 from nvscope.tracker.state import TrackerState
 
 UNUSED_FROM_TELEGRAMS = 8
@@ -40,8 +40,7 @@ class StreamSummary:
     scope: Scope
     counter_scope: str
     figures: dict[str, int]
-    intervals: Intervals
-    last_minute: Intervals
+    intervals: IntervalFigures
     items: int
     length: int
     checksum: int | None
@@ -114,8 +113,8 @@ def summarize(
     nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on any port.
     ``buses`` and ``cob_ids`` are as for ``summarize_can``.
     """
-    flows = state.flows
-    nodes = list(zip(flows.nodes.high.tolist(), flows.nodes.low.tolist(), strict=True))
+    keys = state.keys
+    nodes = list(zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True))
     known = {node: number for number, node in enumerate(nodes)}
     reading = {known.setdefault(address.halves(text), len(known)): lists for text, lists in readers.items()}
     nodes = list(known)
@@ -123,10 +122,10 @@ def summarize(
     scopes = scopes_in_force(state)
     lists = [
         ListSummary(number, port, index)
-        for number, (port, index) in enumerate(zip(flows.lists.high.tolist(), flows.lists.low.tolist(), strict=True))
+        for number, (port, index) in enumerate(zip(keys.lists.high.tolist(), keys.lists.low.tolist(), strict=True))
     ]
     _diagnose(state, lists, order, reading)
-    intervals = StreamIntervals(state.timing, state.recent)
+    intervals = StreamIntervals(state.timing)
     _add_streams(state, lists, scopes, order, intervals_ns, intervals)
     _count(state, lists)
     on_udp = sorted((entry for entry in lists if entry.port < ON_CAN), key=lambda entry: (entry.port, entry.index))
@@ -138,9 +137,9 @@ def summarize(
 
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     """Return, by node with streams, the scope in which most steps of its Counter are regular."""
-    flows, loss = state.flows, state.loss
-    places, nodes = flows.streams.high.tolist(), flows.streams.low.tolist()
-    list_of_place = flows.places.high.tolist()
+    keys, loss = state.keys, state.loss
+    places, nodes = keys.streams.high.tolist(), keys.streams.low.tolist()
+    list_of_place = keys.places.high.tolist()
     steps, regular = loss.streams.column("steps").tolist(), loss.streams.column("regular").tolist()
     own: dict[int, list[int]] = defaultdict(lambda: [0, 0, 0])
     lists: dict[int, set[int]] = defaultdict(set)
@@ -227,25 +226,25 @@ def _diagnose(
 
 def _sum_up(state: TrackerState, lists: list[ListSummary]) -> list[_Traffic]:
     """Return the traffic of each list, and note in ``lists`` since when each sender sends it."""
-    columns = state.flows.columns
+    columns = state.flows
     names = ("kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns")
     table = [columns.column(name).tolist() for name in (*names, "first_frame", "first_ns")]
     traffic = [_Traffic() for _ in lists]
     for kind, number, source, destination, count, mismatches, frame, time_ns, first_frame, first_ns in zip(
         *table, strict=True
     ):
-        if kind in (Kind.HEADER_CUT, Kind.PDO):
+        if kind in (FrameKind.HEADER_CUT, FrameKind.PDO):
             continue
         seen = traffic[number]
         last = (frame, time_ns)
-        written = count - mismatches if kind == Kind.DATA else 0
-        if kind in (Kind.DATA, Kind.MALFORMED_DATA):
+        written = count - mismatches if kind == FrameKind.DATA else 0
+        if kind in (FrameKind.DATA, FrameKind.MALFORMED_DATA):
             seen.sent[source].add(count, 0, last)
             since = lists[number].sender_since
             since[source] = min(since.get(source, (first_frame, first_ns)), (first_frame, first_ns))
-        elif kind == Kind.ACKNOWLEDGEMENT:
+        elif kind == FrameKind.ACKNOWLEDGEMENT:
             seen.acknowledged[source] += count
-        if kind in (Kind.ACKNOWLEDGEMENT, Kind.BOOT_UP_REQUEST):
+        if kind in (FrameKind.ACKNOWLEDGEMENT, FrameKind.BOOT_UP_REQUEST):
             seen.readers.add(source)
         seen.received.add(count, written, last)
         if destination < 0:
@@ -299,14 +298,14 @@ def _add_streams(
     intervals_ns: Mapping[ListKey, int],
     intervals: StreamIntervals,
 ) -> None:
-    flows, memory, loss = state.flows, state.memory.columns, state.loss.streams
+    keys, memory, loss = state.keys, state.memory.columns, state.loss.streams
     telegrams = memory.column("telegrams").tolist()
-    for stream, (place, node) in enumerate(zip(flows.streams.high.tolist(), flows.streams.low.tolist(), strict=True)):
+    for stream, (place, node) in enumerate(zip(keys.streams.high.tolist(), keys.streams.low.tolist(), strict=True)):
         if node == NOBODY_KEY:
             continue
         scope = scopes[node]
-        entry = lists[int(flows.places.high[place])]
-        whole, last_minute = intervals.of(stream, intervals_ns.get((entry.port, entry.index)))
+        entry = lists[int(keys.places.high[place])]
+        whole = intervals.of(stream, intervals_ns.get((entry.port, entry.index)))
         counting = bool(loss.counting[stream])
         unused = not counting and telegrams[stream] >= UNUSED_FROM_TELEGRAMS
         signature = int(memory.signature[stream])
@@ -314,7 +313,7 @@ def _add_streams(
         summary = StreamSummary(
             stream=stream,
             node=node,
-            subindex=int(flows.places.low[place]),
+            subindex=int(keys.places.low[place]),
             telegrams=telegrams[stream],
             first_ns=int(memory.first_ns[stream]),
             last_ns=int(memory.last_ns[stream]),
@@ -322,7 +321,6 @@ def _add_streams(
             counter_scope=SCOPE_UNUSED if unused else SCOPE_NAMES[scope],
             figures=_figures(state, stream, scope) if counting else dict.fromkeys(FIGURES, 0),
             intervals=whole,
-            last_minute=last_minute,
             items=signature & 0xFFFF,
             length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
             checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_PRESENT.mask else None,
@@ -339,15 +337,15 @@ def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
 
 
 def _count(state: TrackerState, lists: list[ListSummary]) -> None:
-    columns = state.flows.columns
+    columns = state.flows
     malformed: dict[int, int] = defaultdict(int)
     requests: dict[int, int] = defaultdict(int)
     mismatches: dict[int, int] = defaultdict(int)
     names = ("kind", "list", "count", "mismatches")
     for kind, number, count, mismatched in zip(*(columns.column(name).tolist() for name in names), strict=True):
-        if kind in (Kind.MALFORMED_DATA, Kind.MALFORMED_OTHER):
+        if kind in (FrameKind.MALFORMED_DATA, FrameKind.MALFORMED_OTHER):
             malformed[number] += count
-        elif kind == Kind.BOOT_UP_REQUEST:
+        elif kind == FrameKind.BOOT_UP_REQUEST:
             requests[number] += count
         mismatches[number] += mismatched
     table = state.lists

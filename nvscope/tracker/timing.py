@@ -17,7 +17,8 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.tracker.columns import Columns
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of
 from nvscope.tracker.events import FRAMES_KEPT, EventLog
 from nvscope.tracker.loss import NodeSteps
 from nvscope.tracker.sequence import Step, Steps
@@ -26,10 +27,7 @@ from nvscope.units import divide
 LEARNED_INTERVALS = 8
 """So many intervals of a stream tell where its dense buckets lie."""
 
-_MANTISSA_BITS = 7
-_SHIFT = 52 - _MANTISSA_BITS
-_BIAS = 1023 << _MANTISSA_BITS
-DENSE_BUCKETS = 1 << _MANTISSA_BITS
+DENSE_BUCKETS = BUCKETS_A_DOUBLING
 _BUCKET_OFFSET = 1 << 20
 _LIMB_BITS = 23
 _LIMB = (1 << _LIMB_BITS) - 1
@@ -39,7 +37,7 @@ LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 """Bits of an unusual interval's key: there was a gap in it, by the stream's counters or by the node's."""
 
 
-class IntervalColumns(Columns):
+class IntervalColumns(KeyedColumns):
     """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares.
 
     ``usual_ns`` is the median of the first intervals, 0 before these are known. ``usual_frames`` are the frames that
@@ -103,7 +101,7 @@ class TimedRows(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Intervals:
+class BatchIntervals:
     """The intervals of a batch: of which stream, ending when, how long; columns of shape (n,).
 
     ``usual`` tells of each row of the batch whether it ended one, while the stream's usual interval was known.
@@ -126,7 +124,7 @@ class Timing:
         self.unusual = EventLog()
         self.large_squares: dict[int, int] = {}
 
-    def observe(self, rows: TimedRows, own: Steps, nodes: NodeSteps, streams: int, first_frame: int) -> Intervals:
+    def observe(self, rows: TimedRows, own: Steps, nodes: NodeSteps, streams: int, first_frame: int) -> BatchIntervals:
         """Take the intervals of a batch, of whose telegrams ``own`` and ``nodes`` are the steps."""
         columns = self.columns
         columns.resize(streams)
@@ -153,11 +151,11 @@ class Timing:
         usual = np.ones(len(rows), np.bool_)
         usual[ends.absent] = False
         if not len(interval):
-            return Intervals(usual, np.empty(0, np.int64), time_ns, interval)
+            return BatchIntervals(usual, np.empty(0, np.int64), time_ns, interval)
         stream = np.repeat(ends.run, ends.stop - ends.start)
         self._add(interval, stream, ends.start, ends.run)
         usual[ends.rows(self._sort_in(rows, ends, interval, stream, loss, first_frame))] = False
-        return Intervals(usual, stream, time_ns, interval)
+        return BatchIntervals(usual, stream, time_ns, interval)
 
     def _add(self, interval: I64, stream: I64, start: I64, run: I64) -> None:
         columns = self.columns
@@ -207,7 +205,7 @@ class Timing:
             # As they happened, so that new keys come in that order.
             order = np.argsort(rows.packet[row])
             row, place = row[order], place[order]
-            key = _key(bucket[place], loss.bits(row))
+            key = key_of(bucket[place], loss.bits(row))
             when, frame = rows.time_ns[row], rows.packet[row] + first_frame
             self.unusual.record(stream[place].astype(np.uint64), key.astype(np.uint64), when, frame)
         return learned
@@ -231,7 +229,7 @@ class Timing:
             place = inside[start[fits] + number]
             row, entry = ends.rows(place), before[fits] + number
             columns.usual_frames[run[fits], entry] = rows.packet[row] + first_frame
-            columns.usual_keys[run[fits], entry] = _key(bucket[place], loss.bits(row))
+            columns.usual_keys[run[fits], entry] = key_of(bucket[place], loss.bits(row))
 
     def _learn(self, interval: I64, start: I64, length: I64, run: I64, before: I64, young: Bool) -> I64:
         """Take the first intervals of young streams, place their dense buckets, and return the places of these."""
@@ -247,10 +245,6 @@ class Timing:
                 columns.usual_ns[number] = max(int(median[0]), 1)
                 columns.first_bucket[number] = bucket_of(np.maximum(median * 3 // 4, 1))[0]
         return np.concatenate(learned)
-
-    def histograms(self) -> Histograms:
-        """Return the histograms of all streams, as they are now."""
-        return Histograms(self)
 
     def mean_ns(self, stream: int) -> int | None:
         """Return the mean interval, rounded half to even; None without intervals."""
@@ -317,104 +311,10 @@ class _LossBefore:
         return bits
 
 
-class Histograms:
-    """A look at the histograms of a ``Timing``, with the unusual intervals found by stream."""
-
-    def __init__(self, timing: Timing) -> None:
-        self._columns = timing.columns
-        self._rows = timing.unusual.rows
-        stream = timing.unusual.keys.high.astype(np.int64)
-        self._order = np.argsort(stream, kind="stable")
-        self._stream = stream[self._order]
-        self._key = timing.unusual.keys.low.astype(np.int64)[self._order]
-
-    def unusual(self, stream: int) -> tuple[I64, I64, I64]:
-        """Return the unusual intervals of a stream: bucket, loss bits, and their rows in ``Timing.unusual``."""
-        begin, end = np.searchsorted(self._stream, (stream, stream + 1))
-        return *_parts(self._key[begin:end]), self._order[begin:end]
-
-    def usual(self, stream: int) -> tuple[I64, I64]:
-        """Return the other intervals of a stream, those near its usual one: bucket, rising, and how many."""
-        dense = self._columns.dense[stream]
-        inside = np.flatnonzero(dense)
-        return inside + self._columns.first_bucket[stream], dense[inside]
-
-    def first_usual(self, stream: int) -> tuple[I64, I64, I64]:
-        """Return the first ten of those: bucket, loss bits, and the frames that ended them, rising."""
-        kept = int(self._columns.usual_kept[stream])
-        frames, keys = self._columns.usual_frames[stream, :kept], self._columns.usual_keys[stream, :kept]
-        return *_parts(keys), frames
-
-    def of(self, stream: int) -> Histogram:
-        """Return the histogram of one stream."""
-        inside, dense = self.usual(stream)
-        bucket, _, row = self.unusual(stream)
-        everything = np.concatenate([inside, bucket])
-        count = np.concatenate([dense, self._rows.count[row]])
-        unique, place = np.unique(everything, return_inverse=True)
-        merged = np.zeros(len(unique), np.int64)
-        np.add.at(merged, place, count)
-        extremes = int(self._columns.least_ns[stream]), int(self._columns.most_ns[stream])
-        return Histogram(unique, merged, *extremes)
-
-    def without_loss(self, stream: int, loss: int) -> Histogram:
-        """Return the histogram of one stream without the intervals that have a loss bit of ``loss``."""
-        whole = self.of(stream)
-        bucket, bits, row = self.unusual(stream)
-        lossy = (bits & loss) != 0
-        count = whole.count.copy()
-        np.subtract.at(count, np.searchsorted(whole.bucket, bucket[lossy]), self._rows.count[row[lossy]])
-        return Histogram(whole.bucket, count, whole.least_ns, whole.most_ns)
-
-
-@dataclass(frozen=True, slots=True)
-class Histogram:
-    """Counted intervals of one stream by bucket, rising; and the exact extremes."""
-
-    bucket: I64
-    count: I64
-    least_ns: int
-    most_ns: int
-
-    def percentile_ns(self, percent: int) -> int | None:
-        """Return the middle of the bucket of the nearest-rank percentile, within the extremes; None if empty."""
-        total = int(self.count.sum())
-        if not total:
-            return None
-        rank = max(-(-percent * total // 100), 1)
-        place = int(np.searchsorted(np.cumsum(self.count), rank))
-        low, high = bucket_bounds(self.bucket[place : place + 1])
-        return min(max((int(low[0]) + int(high[0])) // 2, self.least_ns), self.most_ns)
-
-
-def _key(bucket: I64, loss: I64) -> I64:
+def key_of(bucket: I64, loss: I64) -> I64:
     key: I64 = (bucket + _BUCKET_OFFSET) << 2 | loss
     return key
 
 
-def _parts(key: I64) -> tuple[I64, I64]:
+def key_parts(key: I64) -> tuple[I64, I64]:
     return (key >> 2) - _BUCKET_OFFSET, key & 3
-
-
-def bucket_of(interval: I64) -> I64:
-    """Return the bucket of each interval; 0 and negative ones have the buckets from -1 down."""
-    bucket = (interval.astype(np.float64).view(np.int64) >> _SHIFT) - _BIAS
-    odd = np.flatnonzero(interval <= 0)
-    if len(odd):
-        size = np.maximum(-interval[odd], 1).astype(np.float64)
-        bucket[odd] = np.where(interval[odd] == 0, -1, -2 - ((size.view(np.int64) >> _SHIFT) - _BIAS))
-    return bucket
-
-
-def bucket_bounds(bucket: I64) -> tuple[I64, I64]:
-    """Return the least and the most interval, in ns, that each bucket holds."""
-    number = np.where(bucket >= 0, bucket, np.maximum(-2 - bucket, 0))
-    edge = ((number + _BIAS) << _SHIFT).view(np.float64)
-    next_edge = ((number + 1 + _BIAS) << _SHIFT).view(np.float64)
-    low = np.ceil(edge).astype(np.int64)
-    high = np.ceil(next_edge).astype(np.int64) - 1
-    zero, negative = bucket == -1, bucket < -1
-    return (
-        np.where(zero, 0, np.where(negative, -high, low)),
-        np.where(zero, 0, np.where(negative, -low, high)),
-    )

@@ -7,17 +7,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from dissectors.batch import I64, Bool, PacketBatch
-from dissectors.can_pdo import PdoRules
 from dissectors.netvar import Fault
-from dissectors.sorted_telegrams import SortedTelegrams
-from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
+from dissectors.varieties import NO_TELEGRAM, Varieties
+from nvscope.engine.told import Told
 from nvscope.expression.columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
 from nvscope.expression.expression import compile_expression
-from nvscope.view.can_rows import CanRows
-from nvscope.view.fields import FIELDS, expression_names
-from nvscope.view.telegram_field import TelegramField
-from nvscope.view.telegrams import TelegramRows
-from nvscope.view.verdict_fields import Verdicts
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import FIELDS, expression_names
+from nvscope.view.fields.verdicts import Verdicts
+from nvscope.view.rows.can import CanRows
+from nvscope.view.rows.frames import TelegramRows
 
 
 class DisplayFilter:
@@ -80,64 +79,47 @@ class DisplayFilter:
 
 
 class PacketChoice:
-    """Tells which packets hold telegrams that a display filter chooses; it has to see all batches of a capture in turn.
+    """Tells which packets hold telegrams that a display filter chooses.
 
     What is the same for all telegrams of a variety is asked once of each variety, so that a filter on headers costs
-    next to nothing. ``pdos`` know what CAN channels are called.
+    next to nothing.
     """
 
-    def __init__(self, chosen: DisplayFilter, pdos: PdoRules | None = None) -> None:
+    def __init__(self, chosen: DisplayFilter) -> None:
         self._filter = chosen
-        self._pdos = pdos or PdoRules()
-        self._frames = 0
-        self._start_ns = self._last_ns = 0
         self._varieties: Varieties | None = None
         self._answer = np.zeros(0, np.bool_)
         self._undecided = np.zeros(0, np.bool_)
 
-    def __call__(self, batch: SortedPackets) -> Bool:
+    def __call__(self, told: Told) -> Bool:
         """Return a mask over the packets of the batch."""
-        if not len(batch):
-            return np.zeros(0, np.bool_)
-        if not self._frames:
-            self._start_ns = self._last_ns = int(batch.packets.ts_ns[0])
         if self._filter.constant:
-            self._describe(batch)
-            chosen = self._answer[batch.variety]
+            self._describe(told)
+            chosen = self._answer[told.variety]
             if self._undecided.any():
-                self._ask(batch, np.flatnonzero(self._undecided[batch.variety]), chosen)
+                self._ask(told, np.flatnonzero(self._undecided[told.variety]), chosen)
         else:
-            chosen = np.zeros(len(batch), np.bool_)
-            self._ask(batch, np.flatnonzero(batch.variety != NO_TELEGRAM), chosen)
-        self._frames += len(batch)
-        self._last_ns = int(batch.packets.ts_ns[-1])
+            chosen = np.zeros(len(told), np.bool_)
+            self._ask(told, told.recognised, chosen)
         return chosen
 
-    def _ask(self, batch: SortedPackets, packet: I64, chosen: Bool) -> None:
+    def _ask(self, told: Told, packet: I64, chosen: Bool) -> None:
         """Ask of the telegrams in some packets one by one, and enter the answers."""
         if len(packet):
-            telegrams = SortedTelegrams(batch, packet)
-            rows = TelegramRows(
-                telegrams, batch.packets, self._frames, self._start_ns, self._last_ns, None,
-                can=CanRows.of_packets(batch, packet, self._pdos),
-            )  # fmt: skip
-            chosen[packet] = self._filter(rows)
+            chosen[packet] = self._filter(TelegramRows.of(told, packet))
 
-    def _describe(self, batch: SortedPackets) -> None:
+    def _describe(self, told: Told) -> None:
         """Ask of the varieties that are new."""
-        if batch.varieties is not self._varieties:
-            self._varieties, self._answer, self._undecided = (
-                batch.varieties,
-                np.zeros(0, np.bool_),
-                np.zeros(0, np.bool_),
-            )
+        if told.varieties is not self._varieties:
+            self._varieties = told.varieties
+            self._answer, self._undecided = np.zeros(0, np.bool_), np.zeros(0, np.bool_)
         known = len(self._answer)
-        if len(batch.varieties) == known:
+        if len(told.varieties) == known:
             return
-        new = np.arange(known, len(batch.varieties))
-        telegrams = batch.varieties.telegrams(new)
-        can = CanRows.of_varieties(batch.varieties, new, self._pdos)
-        answer = self._filter(TelegramRows(telegrams, batch.packets, 0, 0, 0, None, can=can)) & (new != NO_TELEGRAM)
+        new = np.arange(known, len(told.varieties))
+        telegrams = told.varieties.telegrams(new)
+        can = CanRows.of_varieties(told.varieties, new, told.pdos)
+        answer = self._filter(TelegramRows(telegrams, told.packets, 0, 0, 0, None, can=can)) & (new != NO_TELEGRAM)
         # Of these, a variety does not tell all that was captured.
         undecided = (telegrams.fault == Fault.HEADER_CUT) | (telegrams.fault == Fault.SHORT)
         self._answer = np.concatenate([self._answer, answer & ~undecided])

@@ -6,6 +6,10 @@ numpy in blocks, so that ten million telegrams take seconds. UDP checksums are a
 
     python tests/benchmarks/generate.py --telegrams 1000000 --seed 1 --dir DIR
 
+With ``--kind events`` the same lists are sent at random intervals, 10 000 telegrams a second, as where values are sent
+on change: no two intervals are alike.
+
+
 prints the path of the capture; beside it lies a JSON file with the parameters and what the capture holds. A capture
 that exists with the same parameters, made by the same version of this file, is not written again.
 """
@@ -36,6 +40,8 @@ LISTS_PER_NODE = LISTS // NODES
 DATA_BYTES = (4, 8, 16, 24, 40, 60, 90, 128, 180, 640)
 INTERVALS_US = (10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000)
 TELEGRAM_DATA_BYTES = 256
+CYCLIC, EVENTS = "cyclic", "events"
+EVENTS_PER_S = 10_000
 ACKNOWLEDGED_LISTS = (9, 23, 38)
 CHECKSUM_LISTS = (4, 15, 26, 42, 48)
 RESTARTING_NODE = NODES - 1
@@ -129,7 +135,7 @@ class Events:
         )
 
 
-def plant(rng: np.random.Generator) -> Streams:
+def plant(rng: np.random.Generator, kind: str = CYCLIC) -> Streams:
     """Lay out the lists; only counters' starts and checksums are random, so that every seed weighs the same."""
     rows = []
     for number in range(LISTS):
@@ -147,6 +153,8 @@ def plant(rng: np.random.Generator) -> Streams:
             remaining -= size
             subindex += 1
     index_column, subindex_column, size_column, node, flag_column, interval = np.array(rows, np.int64).T
+    if kind == EVENTS:
+        interval = np.full(len(rows), len(rows) * 1_000_000 // EVENTS_PER_S)
     return Streams(
         index_column.astype(np.uint16),
         subindex_column.astype(np.uint16),
@@ -159,7 +167,7 @@ def plant(rng: np.random.Generator) -> Streams:
     )
 
 
-def telegrams(streams: Streams, count: int, rng: np.random.Generator) -> Events:
+def telegrams(streams: Streams, count: int, rng: np.random.Generator, kind: str = CYCLIC) -> Events:
     """Return exactly ``count`` telegrams with their faults, sorted by time."""
     per_second = float((1e6 / streams.interval_us).sum())
     # Enough for what loss takes away; rounding matters for captures of a few hundred telegrams.
@@ -169,10 +177,15 @@ def telegrams(streams: Streams, count: int, rng: np.random.Generator) -> Events:
         interval = int(streams.interval_us[stream])
         cycles = np.arange(span_us // interval)
         # One generator per list: its telegrams share the jitter of their cycle.
-        jitter = np.random.default_rng((int(streams.list_index[stream]), 1)).normal(0, 0.005 * interval, len(cycles))
+        of_list = np.random.default_rng((int(streams.list_index[stream]), 1))
         phase = int(streams.list_index[stream]) * 7919 % interval + 120 * int(streams.subindex[stream])
         time = START_US + interval + phase + cycles * interval
-        time += np.clip(jitter, -0.02 * interval, 0.02 * interval).astype(np.int64)
+        if kind == EVENTS:
+            since = np.cumsum(of_list.exponential(interval, len(cycles))).astype(np.int64)
+            time = START_US + interval + 120 * int(streams.subindex[stream]) + since
+        else:
+            jitter = of_list.normal(0, 0.005 * interval, len(cycles))
+            time += np.clip(jitter, -0.02 * interval, 0.02 * interval).astype(np.int64)
         counter = streams.first_counter[stream] + cycles
         if streams.node[stream] == RESTARTING_NODE:
             counter = np.where(cycles < len(cycles) // 2, counter, cycles - len(cycles) // 2 + 1)
@@ -376,11 +389,11 @@ def _scatter(block: U8, starts: I64, records: npt.NDArray[Any]) -> None:
     overlapping[starts] = np.ascontiguousarray(records).view(void).reshape(-1)
 
 
-def write_capture(path: Path, count: int, seed: int) -> dict[str, Any]:
+def write_capture(path: Path, count: int, seed: int, kind: str = CYCLIC) -> dict[str, Any]:
     """Write a capture with ``count`` telegrams and return what it holds."""
     rng = np.random.default_rng(seed)
-    streams = plant(rng)
-    sent = telegrams(streams, count, rng)
+    streams = plant(rng, kind)
+    sent = telegrams(streams, count, rng, kind)
     others = other_traffic(round(count * OTHER_TRAFFIC), int(sent.time_us[0]), int(sent.time_us[-1]), rng)
     events = Events.joined([sent, others])
     events = events[np.argsort(events.time_us, kind="stable")]
@@ -403,20 +416,21 @@ def write_capture(path: Path, count: int, seed: int) -> dict[str, Any]:
     }
 
 
-def ensure_capture(folder: Path, count: int, seed: int) -> Path:
+def ensure_capture(folder: Path, count: int, seed: int, kind: str = CYCLIC) -> Path:
     """Return the capture with these parameters, writing it where it does not exist yet."""
     parameters = {
         "telegrams": count,
         "seed": seed,
+        "kind": kind,
         "generator": hashlib.sha256(Path(__file__).read_bytes()).hexdigest(),
     }
-    path = folder / f"plant-{count}-{seed}.pcap"
+    path = folder / f"{'plant' if kind == CYCLIC else kind}-{count}-{seed}.pcap"
     about = path.with_suffix(".json")
     if path.exists() and about.exists() and json.loads(about.read_text())["parameters"] == parameters:
         return path
     folder.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_suffix(".unfinished")
-    contents = write_capture(unfinished, count, seed)
+    contents = write_capture(unfinished, count, seed, kind)
     about.unlink(missing_ok=True)
     os.replace(unfinished, path)
     about.write_text(json.dumps({"parameters": parameters, **contents}, indent=2) + "\n")
@@ -427,9 +441,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Generate a capture of a busy plant.")
     parser.add_argument("--telegrams", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kind", choices=(CYCLIC, EVENTS), default=CYCLIC)
     parser.add_argument("--dir", type=Path, default=Path(tempfile.gettempdir()) / "nvscope-benchmarks")
     arguments = parser.parse_args()
-    sys.stdout.write(f"{ensure_capture(arguments.dir, arguments.telegrams, arguments.seed)}\n")
+    path = ensure_capture(arguments.dir, arguments.telegrams, arguments.seed, arguments.kind)
+    sys.stdout.write(f"{path}\n")
 
 
 if __name__ == "__main__":

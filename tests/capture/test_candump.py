@@ -18,7 +18,7 @@ import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from nvscope.capture.candump_line import LineFault, is_silent, parse
+from nvscope.capture.can.candump_line import LineFault, is_silent, parse
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.reader import ReadingSizes

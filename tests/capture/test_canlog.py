@@ -17,7 +17,7 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
-from nvscope.capture.blf_containers import BlfContainers
+from nvscope.capture.can.blf_containers import BlfContainers
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.reader import ReadingSizes

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from dissectors.batch import LinkType
-from dissectors.can import dissect_can
-from dissectors.can_pdo import channel_name
+from dissectors.can.frame import dissect_can
+from dissectors.can.pdo import channel_name
 from nvscope.capture.open import open_source
 from tests.capture import build
 from tests.capture.reference import Packet

@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 import nvscope
-from nvscope.view.fields import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS
+from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS
 from tests.definition.lists import telegram
 from tests.export.given import written
 from tests.program import run

@@ -5,8 +5,8 @@ import subprocess
 from pathlib import Path
 
 from nvscope.expression.columns import FieldType
-from nvscope.view.fields import EITHER_OF
-from nvscope.view.vocabulary import vocabulary
+from nvscope.view.fields.frame import EITHER_OF
+from nvscope.view.fields.vocabulary import vocabulary
 from tests.program import run_text
 
 FIELDS = vocabulary()

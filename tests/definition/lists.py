@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from nvscope.definition.model import (
     Array,
     Enumeration,
-    Kind,
     ListDefinition,
     Member,
     Position,
     Scalar,
+    ScalarKind,
     String,
     Structure,
     Type,
@@ -23,14 +23,14 @@ from nvscope.definition.model import (
 )
 from tests.oracle.frame import Frame
 
-BOOL = Scalar("BOOL", Kind.BOOL, "u1", 1)
-BYTE = Scalar("BYTE", Kind.UNSIGNED, "u1", 1)
-INT = Scalar("INT", Kind.SIGNED, "<i2", 2)
-UDINT = Scalar("UDINT", Kind.UNSIGNED, "<u4", 4)
-LINT = Scalar("LINT", Kind.SIGNED, "<i8", 8)
-REAL = Scalar("REAL", Kind.REAL, "<f4", 4)
-LREAL = Scalar("LREAL", Kind.REAL, "<f8", 8)
-TIME = Scalar("TIME", Kind.DURATION, "<u4", 4, unit_ns=1_000_000)
+BOOL = Scalar("BOOL", ScalarKind.BOOL, "u1", 1)
+BYTE = Scalar("BYTE", ScalarKind.UNSIGNED, "u1", 1)
+INT = Scalar("INT", ScalarKind.SIGNED, "<i2", 2)
+UDINT = Scalar("UDINT", ScalarKind.UNSIGNED, "<u4", 4)
+LINT = Scalar("LINT", ScalarKind.SIGNED, "<i8", 8)
+REAL = Scalar("REAL", ScalarKind.REAL, "<f4", 4)
+LREAL = Scalar("LREAL", ScalarKind.REAL, "<f8", 8)
+TIME = Scalar("TIME", ScalarKind.DURATION, "<u4", 4, unit_ns=1_000_000)
 STATE = Enumeration("eState", INT, {"eOff": 0, "eRun": 1, "eFault": -1})
 UNKNOWN = Union("uAny", (Member("a", INT), Member("b", UDINT)))
 HERE = Position("test.gvl", 1, 1)

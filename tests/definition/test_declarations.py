@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import Kind, Scalar, elements, size_bytes_of
+from nvscope.definition.model import Scalar, ScalarKind, elements, size_bytes_of
 from nvscope.definition.scalars import SCALARS
 from nvscope.errors import ConfigurationError
 from tests.definition.declared import declared, problem, shown
@@ -133,13 +133,13 @@ def test_types_of_unknown_size_say_so(tmp_path: Path) -> None:
         "AXIS": 16, "SLOW": 18, "LATER": 19, "COLOUR": 2, "LEVEL": 1, "SPEED": 2, "SPEEDS": 4, "BOTH": 2, "HANDLE": 0,
         "OUTER": 0, "MOTOR": 0,
     }  # fmt: skip
-    assert types["MOTOR"] == Scalar("Motor", Kind.RAW, "V0", 0)
+    assert types["MOTOR"] == Scalar("Motor", ScalarKind.RAW, "V0", 0)
 
 
 def test_scalars_are_those_of_the_wire() -> None:
     sizes: dict[int, set[str]] = {}
     for scalar in SCALARS.values():
-        if scalar.kind is not Kind.RAW:
+        if scalar.kind is not ScalarKind.RAW:
             sizes.setdefault(scalar.size_bytes, set()).add(scalar.name)
             assert scalar.dtype.lstrip("<")[1:] == str(scalar.size_bytes)
     assert sizes == {

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.definition.byte_map import Part, Relation, Run, meaning_of
+from nvscope.definition.byte_map import Relation, Run, Stretch, meaning_of
 from nvscope.definition.difference import Difference, ListDifference, difference, list_difference
 from nvscope.definition.load import load_definitions
 from nvscope.definition.model import Definition, ListDefinition, Type, Variable
@@ -31,7 +31,7 @@ def compared(a: str, b: str, path: Path, b_types: str = CONSTANTS) -> ListDiffer
     return found
 
 
-def part_text(part: Part | None) -> str:
+def part_text(part: Stretch | None) -> str:
     if part is None:
         return "-"
     return part.first if part.count == 1 else f"{part.first}..{part.last}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dissectors.canopen import PREDEFINED, services_within
+from dissectors.can.canopen import PREDEFINED, services_within
 from nvscope.definition.lint import RULES, Mistake, lint
 from nvscope.definition.load import read_definitions
 from nvscope.definition.resolve import resolve

@@ -10,10 +10,10 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition, Type
 from nvscope.definition.scalars import SCALARS
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import Values
-from nvscope.view.variables import variables_document
+from nvscope.tracker.variables.values import Values
+from nvscope.view.documents.variables import variables_document
 from tests.definition.lists import INT, REAL, UNKNOWN, list_of, telegram
-from tests.packets import batch_of
+from tests.packets import batch_of, observed
 from tests.tracker.test_values import START_NS
 
 POINTER, BIT = SCALARS["POINTER"], SCALARS["BIT"]
@@ -23,14 +23,11 @@ def shown(definition: ListDefinition, *telegrams: tuple[int, int, bytes]) -> lis
     """Return name, type and value of what is shown after some telegrams (SubIndex, Items, data)."""
     values = Values(Layouts(Definition((definition,))))
     state = TrackerState(values=values)
-    state.observe(
-        batch_of(
-            [
-                telegram(data, items, subindex=subindex, counter=1, ts_ns=START_NS + number)
-                for number, (subindex, items, data) in enumerate(telegrams)
-            ]
-        )
-    )
+    frames = [
+        telegram(data, items, subindex=subindex, counter=1, ts_ns=START_NS + number)
+        for number, (subindex, items, data) in enumerate(telegrams)
+    ]
+    observed(state, [batch_of(frames)])
     return [(row["name"], row["type"], row["text"]) for row in variables_document(state, values)["variables"]]
 
 

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from scapy.layers.can import CAN
 
 from dissectors.batch import LinkType, PacketBatch
-from dissectors.can import DLC_OF_LENGTH, FD_LENGTHS, CanBatch, Fault, dissect_can
+from dissectors.can.frame import DLC_OF_LENGTH, FD_LENGTHS, CanBatch, Fault, dissect_can
 from dissectors.link import peel
 from tests.capture.build import pcap
 from tests.capture.reference import Packet

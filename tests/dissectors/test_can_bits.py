@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType
-from dissectors.can import FD_LENGTHS, CanBatch, dissect_can
-from dissectors.can_bits import Stuffing, wire_bits
+from dissectors.can.bits import Stuffing, wire_bits
+from dissectors.can.frame import FD_LENGTHS, CanBatch, dissect_can
 from tests.oracle.frame import Frame
 from tests.packets import batch_of
 

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType
-from dissectors.can import CanBatch, dissect_can
-from dissectors.can_error import (
+from dissectors.can.error import (
     CLASSES,
     CONTROLLER_BITS,
     LOCATIONS,
@@ -22,6 +21,7 @@ from dissectors.can_error import (
     describe_error,
     error_details,
 )
+from dissectors.can.frame import CanBatch, dissect_can
 from tests.oracle.frame import Frame
 from tests.packets import batch_of
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.canopen import (
+from dissectors.can.canopen import (
     FUNCTION_NAMES,
     MAX_COB_ID,
     NO_FUNCTION,

@@ -14,8 +14,8 @@ from nvscope.definition.packing import pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import Value, value_of
 from nvscope.expression.columns import FieldType
-from nvscope.view.utf8 import Utf8Column, latin_column, utf16_column
-from nvscope.view.value_columns import ColumnDecoder, ValueColumn, value_type
+from nvscope.view.rows.utf8 import Utf8Column, latin_column, utf16_column
+from nvscope.view.rows.values import ColumnDecoder, ValueColumn, value_type
 from tests.definition.lists import SCALARS as DRAWN
 from tests.definition.lists import list_of
 

@@ -26,7 +26,7 @@ from nvscope.export import wide as wide_module
 from nvscope.export.frames import wide_frame
 from nvscope.export.lists import lists_to_write
 from nvscope.export.values import paths_of
-from nvscope.view.defined_telegrams import LeftOut
+from nvscope.view.rows.defined import LeftOut
 from tests.definition.lists import HERE, STATE, UNKNOWN, VARIABLES, list_of, telegram
 from tests.export.written import long, telegrams_of, wide
 from tests.laws import examples
@@ -188,8 +188,9 @@ def test_what_cannot_be_told_is_counted(tmp_path: Path) -> None:
     header_cut = Frame(4, 1, good.data[:56], good.original)
     wrong_length = Frame(5, 1, good.data[:56] + b"\x19" + good.data[57:], good.original)
     stranger = telegram(b"\1\0", 1, subindex=0, counter=1, ts_ns=6, list_id=8)
-    telegrams = telegrams_of([good, other_shape, no_such_place, cut, header_cut, wrong_length, stranger], [entry])
-    assert sum(map(len, telegrams)) == 1
+    frames = [good, other_shape, no_such_place, cut, header_cut, wrong_length, stranger]
+    telegrams, rows = telegrams_of(frames, [entry])
+    assert sum(map(len, rows)) == 1
     assert telegrams.left_out == {(1202, 7): {LeftOut.MALFORMED: 1, LeftOut.UNFITTING: 2, LeftOut.CUT: 2}}
     assert telegrams.undefined == 1
 
@@ -197,8 +198,8 @@ def test_what_cannot_be_told_is_counted(tmp_path: Path) -> None:
 def test_a_choice_of_packets_leaves_the_others_out(tmp_path: Path) -> None:
     entry = list_of([INT])
     frames = sent(entry, [(0, bytes([number])) for number in range(10)])
-    telegrams = telegrams_of(frames, [entry], 4, lambda batch: np.arange(len(batch)) % 2 == 0)
-    assert [rows.frame.tolist() for rows in telegrams] == [[1, 3], [5, 7], [9]]
+    _, batches = telegrams_of(frames, [entry], 4, lambda told: np.arange(len(told)) % 2 == 0)
+    assert [rows.frame.tolist() for rows in batches] == [[1, 3], [5, 7], [9]]
 
 
 def test_a_variable_named_as_a_column_keeps_its_value(tmp_path: Path) -> None:
@@ -292,8 +293,8 @@ def test_several_definitions_share_the_columns_of_equal_variables(tmp_path: Path
         telegram(struct.pack("<hh", 8, 9), 2, subindex=0, counter=2, ts_ns=2),
         telegram(struct.pack("<h", 8), 1, subindex=0, counter=3, ts_ns=3),
     ]
-    telegrams = telegrams_of(frames, [first, second, third])
-    table, beyond = wide_frame(telegrams)
+    telegrams, rows = telegrams_of(frames, [first, second, third])
+    table, beyond = wide_frame(telegrams, rows)
     assert table.columns[4:] == ["v0", "v1", "v1.name", "v2", "v3", "v2 : LREAL", "v4", "v1 : INT"]
     assert beyond == 0
     assert [[None if one is None else str(one) for one in row[4:]] for row in table.rows()] == [

@@ -8,15 +8,17 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.canopen import PREDEFINED
+from dissectors.can.canopen import PREDEFINED
 from nvscope.definition.cob_ids import canopen_ids, canopen_uses, overlaps, taken_in
 from nvscope.definition.model import Definition, ListDefinition, Position
 from nvscope.definition.pdos import Pdos
+from nvscope.engine.reading import Reading
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from tests.definition.lists import LREAL, list_of
+from tests.packets import observed
 from tests.tracker.test_can_state import START_NS, Frame, batch
 
 
@@ -28,9 +30,9 @@ def on_can(name: str, cob_id: int, frames: int) -> ListDefinition:
 
 def findings(lists: list[ListDefinition], frames: list[Frame], *codes: str) -> list[dict[str, Any]]:
     definition = Definition(tuple(lists))
-    state = TrackerState(pdos=Pdos(definition).rules(lambda: ["can0", "can1"]))
+    state = TrackerState()
     if frames:
-        state.observe(batch(frames))
+        observed(state, [batch(frames)], Reading(pdos=Pdos(definition).rules()), ["can0", "can1"])
     summary = summarize(state)
     document = report_document(state, summary, judge(state, summary=summary, definition=definition), [], definition)
     return [finding for finding in document["findings"] if finding["code"] in codes]

@@ -16,11 +16,11 @@ from nvscope.definition.packing import pack
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import Values
+from nvscope.tracker.variables.values import Values
 from tests.definition.lists import BOOL, HERE, INT, LINT, LREAL, REAL, TIME, UDINT, VARIABLES, list_of, telegram
 from tests.laws import examples
 from tests.oracle.frame import Frame
-from tests.packets import batch_of
+from tests.packets import batch_of, observed
 
 START_NS = 1_700_000_000_000_000_000
 STRING = String(9)
@@ -38,7 +38,7 @@ def all_findings(*lists: ListDefinition, sent: Sent = ((0, bytes(15), 4),)) -> l
         telegram(data, items, subindex=subindex, counter=number, ts_ns=START_NS + number * 50_000_000)
         for number, (subindex, data, items) in enumerate(sent)
     ]
-    state.observe(batch_of(frames))
+    observed(state, [batch_of(frames)])
     return judge(state, definition=definition)
 
 
@@ -136,7 +136,7 @@ def test_with_the_files_of_both_sides_it_is_said_who_is_wrong() -> None:
 
 def test_the_file_that_fits_is_the_one_that_is_decoded() -> None:
     values = Values(Layouts(Definition((named("hmi.gvl", [INT]), named("press.gvl", SENT)))))
-    TrackerState(values=values).observe(batch_of([telegram(bytes(15), 4, subindex=0, counter=1, ts_ns=START_NS)]))
+    observed(TrackerState(values=values), [batch_of([telegram(bytes(15), 4, subindex=0, counter=1, ts_ns=START_NS)])])
     assert [fitted.layout.list.position.file for fitted in values.fitted(0)] == ["press.gvl"]
     assert not values.unfitting.count.any()
 
@@ -153,9 +153,7 @@ def test_any_cut_into_batches_finds_the_same(cut: int, odd: bool) -> None:
     ]
 
     def found(parts: Sequence[Sequence[Frame]]) -> list[Finding]:
-        state = TrackerState(values=Values(Layouts(definition)))
-        for part in parts:
-            state.observe(batch_of(part))
+        state = observed(TrackerState(values=Values(Layouts(definition))), map(batch_of, parts))
         return [finding for finding in judge(state, definition=definition) if finding.code == "NV405"]
 
     whole = found([frames])
@@ -349,7 +347,7 @@ def test_a_list_known_by_its_settings_only() -> None:
 
 def test_without_definitions_nothing_is_missed() -> None:
     state = TrackerState()
-    state.observe(batch_of([telegram(bytes(15), 4, subindex=0, counter=1, ts_ns=START_NS)]))
+    observed(state, [batch_of([telegram(bytes(15), 4, subindex=0, counter=1, ts_ns=START_NS)])])
     assert judge(state) == []
 
 
@@ -396,6 +394,6 @@ def test_a_cause_is_looked_for_once_for_all_senders_of_the_same_shapes(monkeypat
         frames.append(frame._replace(data=frame.data[:29] + bytes([number + 1]) + frame.data[30:]))
     definition = Definition((list_of([INT, REAL]),))
     state = TrackerState(values=Values(Layouts(definition)))
-    state.observe(batch_of(frames))
+    observed(state, [batch_of(frames)])
     found = [finding for finding in judge(state, definition=definition) if finding.code == "NV405"]
     assert (len(found), len(tried)) == (60, 1)

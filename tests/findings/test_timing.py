@@ -15,7 +15,7 @@ from nvscope.definition.model import Definition
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from nvscope.tracker.summary import Summary, summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from tests.definition.lists import BOOL, list_of, telegram
 from tests.laws import examples
 from tests.oracle.frame import Frame

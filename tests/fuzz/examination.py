@@ -21,26 +21,25 @@ from dissectors.netvar import PortRules
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.source import SourceInfo
-from nvscope.engine import track
+from nvscope.engine.reading import Reading
 from nvscope.errors import UnreadableInput
 from nvscope.findings.judge import judge
 from nvscope.report import json as json_face
 from nvscope.report import markdown, text
-from nvscope.report.packets.line import Moment
 from nvscope.report.packets.records import Csv, JsonArray, JsonLines
 from nvscope.report.packets.text import Text
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from nvscope.view.escape import visible
-from nvscope.view.fields import DEFAULT_FIELDS
-from nvscope.view.telegrams import Telegrams
+from nvscope.view.fields.frame import DEFAULT_FIELDS
+from nvscope.view.lines.line import Moment
 from tests.capture.reference import Content, read_pcap, read_pcapng
 from tests.fuzz.anatomy import PCAP_ORDERS, SECTION_MAGIC
 from tests.fuzz.mutations import COMPRESSIONS
 from tests.oracle.compare import differences
 from tests.oracle.frame import Frame
 from tests.oracle.reference import reference_report
-from tests.packets import document_of, tracked
+from tests.packets import Shown, document_of, tracked
 
 NAME = "a\x1b[31m\u202e<b>|`capture"
 """A file name that a terminal, a browser and a Markdown reader would all obey."""
@@ -185,7 +184,7 @@ def _told(info: SourceInfo) -> tuple[object, ...]:
 
 def _check_report(path: Path, rng: random.Random, batches: Sequence[PacketBatch]) -> Examined:
     source = CaptureFile(str(path))
-    state = track(source)
+    state = tracked(source)
     summary = summarize(state)
     document = report_document(state, summary, judge(state, source.infos, summary=summary), source.infos)
     capture = document["capture"]
@@ -217,13 +216,13 @@ def _check_report(path: Path, rng: random.Random, batches: Sequence[PacketBatch]
 def _check_ports(path: Path, rng: random.Random, frames: int) -> None:
     """Read ports as telegrams, or not, by order: then payloads of any content and length are telegrams."""
     ports = PortRules(tuple(range(65_536)) if rng.random() < 0.5 else (53, 1300), rng.choice(((), (1202,))))
-    capture = document_of(track(CaptureFile(str(path)), ports=ports))["capture"]
+    capture = document_of(tracked(CaptureFile(str(path)), Reading(ports)))["capture"]
     assert capture["telegrams"] + capture["other_frames"] == capture["frames"] == frames
-    telegrams = Telegrams(CaptureFile(str(path)), ports=ports)
-    lines = "".join(part for rows in telegrams for part in Text().render(rows))
+    shown = Shown(CaptureFile(str(path)), Reading(ports))
+    lines = "".join(part for rows in shown for part in Text().render(rows))
     assert_printable(lines)
-    assert lines.count("\n") == telegrams.telegrams == capture["telegrams"]
-    trees = Telegrams(CaptureFile(str(path)), ports=ports, limit=5)
+    assert lines.count("\n") == shown.counts[1] == capture["telegrams"]
+    trees = Shown(CaptureFile(str(path)), Reading(ports), limit=5)
     assert_printable("".join(part for rows in trees for part in Text(trees=True, dumps=True).render(rows)))
 
 
@@ -276,7 +275,7 @@ def _check_packets(path: Path, rng: random.Random, telegrams: int) -> None:
 
 def _shown(path: Path, face: Text | JsonLines | JsonArray | Csv, limit: int | None = None) -> str:
     parts = [face.begin()]
-    for rows in Telegrams(CaptureFile(str(path)), limit=limit):
+    for rows in Shown(CaptureFile(str(path)), limit=limit):
         parts += face.render(rows)
     parts.append(face.end())
     shown = "".join(parts)

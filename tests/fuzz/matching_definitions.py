@@ -7,8 +7,8 @@ from collections import defaultdict
 from pathlib import Path
 
 from nvscope.capture.capture_file import CaptureFile
-from nvscope.engine import track
 from nvscope.errors import UnreadableInput
+from tests.packets import tracked
 
 _HEADER_BYTES = 20
 _MOST_LISTS = 12
@@ -29,12 +29,12 @@ def matching(raw: bytes, folder: Path, rng: random.Random) -> dict[str, bytes]:
     path = folder / "shapes"
     path.write_bytes(raw)
     try:
-        state = track(CaptureFile(str(path)))
+        state = tracked(CaptureFile(str(path)))
     except UnreadableInput:
         return {}
     shapes: dict[tuple[int, int], dict[int, tuple[int, int]]] = defaultdict(dict)
     from nvscope.tracker.summary import summarize  # noqa: PLC0415
-    from nvscope.view.document import report_document  # noqa: PLC0415
+    from nvscope.view.documents.report import report_document  # noqa: PLC0415
 
     for entry in report_document(state, summarize(state), [], [])["lists"]:
         for stream in entry["streams"]:

@@ -18,7 +18,6 @@ import pytest
 
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
-from nvscope.engine import track
 from nvscope.errors import UnreadableInput
 from tests.fuzz.anatomy import anatomy_of
 from tests.fuzz.examination import NAME, Examined, assert_printable, content_of, ends, examine
@@ -27,7 +26,7 @@ from tests.fuzz.mutations import AIMED, BLIND, COMPRESSIONS, mutated, shortened
 from tests.fuzz.originals import random_traffic, sample_captures
 from tests.fuzz.run import fuzz_input
 from tests.laws import some
-from tests.packets import document_of
+from tests.packets import document_of, tracked
 from tests.program import COMMAND, run_text
 
 CAPTURES = sample_captures()
@@ -98,7 +97,7 @@ def _read_as_expected(folder: Path, raw: bytes) -> None:
     expected = content_of(raw)
     try:
         source = CaptureFile(str(path))
-        document = document_of(track(source))
+        document = document_of(tracked(source))
     except UnreadableInput:
         assert not expected.readable
         return
@@ -130,7 +129,7 @@ def test_mutated_captures_make_one_timeline(tmp_path: Path) -> None:
         if paths:
             with ends():
                 source = open_source([str(path) for path in paths])
-                capture = document_of(track(source))["capture"]
+                capture = document_of(tracked(source))["capture"]
             assert capture["telegrams"] + capture["other_frames"] == capture["frames"] == frames
             assert [info.frames for info in source.infos] == [
                 len(content_of(path.read_bytes()).packets) for path in paths
@@ -190,7 +189,7 @@ def test_lengths_that_promise_much_take_no_memory(tmp_path: Path) -> None:
     path = tmp_path / "capture"
     files = huge_lengths()
     assert len(files) > 50
-    track(CaptureFile(str(_written(path, CAPTURES["telegrams.pcap"]))))
+    tracked(CaptureFile(str(_written(path, CAPTURES["telegrams.pcap"]))))
     tracemalloc.start()
     try:
         for name, raw in files.items():
@@ -198,7 +197,7 @@ def test_lengths_that_promise_much_take_no_memory(tmp_path: Path) -> None:
             tracemalloc.reset_peak()
             before, _ = tracemalloc.get_traced_memory()
             try:
-                track(CaptureFile(str(path)))
+                tracked(CaptureFile(str(path)))
             except UnreadableInput:
                 assert not content_of(raw).readable
             _, peak = tracemalloc.get_traced_memory()
@@ -216,8 +215,8 @@ def test_small_files_with_large_content_take_little_memory(tmp_path: Path, suffi
     program = (
         "import sys\n"
         "from nvscope.capture.capture_file import CaptureFile\n"
-        "from nvscope.engine import track\n"
-        "print(track(CaptureFile(sys.argv[1])).frames)\n"
+        "from tests.packets import tracked\n"
+        "print(tracked(CaptureFile(sys.argv[1])).frames)\n"
         "print(next(line for line in open('/proc/self/status') if line.startswith('VmHWM')).split()[1])\n"
     )
     command = [sys.executable, "-c", program, str(_written(tmp_path / "capture", raw))]
@@ -240,7 +239,7 @@ def test_floods_of_records_end(tmp_path: Path, name: str) -> None:
     flood, count = CAPTURE_FLOODS[name]
     raw = flood(count)
     with ends():
-        state = track(CaptureFile(str(_written(tmp_path / "capture", raw))))
+        state = tracked(CaptureFile(str(_written(tmp_path / "capture", raw))))
     assert state.frames == len(content_of(raw).packets)
 
 
@@ -251,7 +250,7 @@ def test_cost_grows_no_faster_than_the_capture(tmp_path: Path, name: str) -> Non
 
     def judged(count: int) -> int:
         path = _written(tmp_path / "capture", flood(count))
-        return steps(lambda: document_of(track(CaptureFile(str(path)))))
+        return steps(lambda: document_of(tracked(CaptureFile(str(path)))))
 
     judged(20)  # what is computed once only
     assert growth(judged) < 2.6

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from dissectors.batch import PacketBatch
-from nvscope.analysis import Inquiry
+from nvscope.analysis.inquiry import Inquiry
 from nvscope.definition.project import Project, read_project
-from nvscope.plc.can_definition import can_definitions
-from nvscope.plc.scenario import Scenario
-from nvscope.plc.simulator import open_capture, simulate
+from nvscope.simulate.can.definition import can_definitions
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.simulator import open_capture, simulate
 from tests.oracle.frame import Frame
 
 

@@ -18,12 +18,12 @@ from dissectors.batch import LinkType
 from nvscope.capture.open import open_source
 from nvscope.definition.packing import pack
 from nvscope.errors import ConfigurationError, ExitCode
-from nvscope.plc.can_bus import priority_of, transmit
-from nvscope.plc.can_definition import can_definitions
-from nvscope.plc.can_timeline import frames_bits, make_can_timeline
-from nvscope.plc.scenario import load_scenario, read_scenario
-from nvscope.plc.simulator import channels_of, open_capture, simulate
-from nvscope.plc.timeline import make_timeline
+from nvscope.simulate.can.bus import priority_of, transmit
+from nvscope.simulate.can.definition import can_definitions
+from nvscope.simulate.can.timeline import frames_bits, make_can_timeline
+from nvscope.simulate.scenario import load_scenario, read_scenario
+from nvscope.simulate.simulator import channels_of, open_capture, simulate
+from nvscope.simulate.timeline import make_timeline
 from tests.capture.can_logs import frames_of
 from tests.plc.collected import Collected, project_of
 from tests.plc.random_can_scenario import random_can_scenario

@@ -11,8 +11,8 @@ import pytest
 
 from nvscope.definition.packing import pack
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.plc.scenario import Scenario, load_scenario, read_scenario
-from nvscope.plc.simulator import open_capture, simulate
+from nvscope.simulate.scenario import Scenario, load_scenario, read_scenario
+from nvscope.simulate.simulator import open_capture, simulate
 from tests.oracle.can_reference import DefinedList, findings, read
 from tests.plc.collected import project_of, reported
 from tests.plc.comparison import compare, differences

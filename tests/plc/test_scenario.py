@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from nvscope.errors import ConfigurationError
-from nvscope.plc.scenario import Duplicate, ListPlan, Scenario, document, load_scenario, read_scenario
-from nvscope.plc.simulator import simulate
+from nvscope.simulate.scenario import Duplicate, ListPlan, Scenario, document, load_scenario, read_scenario
+from nvscope.simulate.simulator import simulate
 from tests.plc.collected import Collected
 
 PLANT = """

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.plc.scenario import load_scenario
+from nvscope.simulate.scenario import load_scenario
 from nvscope.tracker.counters import LIST_COUNTERS
 from tests.plc.collected import run
 

@@ -6,6 +6,7 @@ import json
 import random
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,40 +15,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType, PacketBatch
-from dissectors.can import dissect_can
-from dissectors.can_pdo import PdoRules
+from dissectors.can.frame import dissect_can
+from dissectors.can.pdo import PdoRules
 from dissectors.varieties import NO_TELEGRAM, Sorter
 from nvscope.capture.open import open_source
 from nvscope.capture.pcap import PcapSink
 from nvscope.definition.load import load_definitions
 from nvscope.definition.pdos import Pdos
+from nvscope.engine.reading import Reading
 from nvscope.report.packets.records import JsonLines
 from nvscope.report.packets.text import Text
-from nvscope.view.fields import DEFAULT_CAN_FIELDS
-from nvscope.view.telegrams import Telegrams
+from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS
 from tests.can_plant import CanPlant, drawn_plant
 from tests.capture import build
 from tests.capture.reference import Packet
 from tests.fuzz.program import run
 from tests.laws import examples
+from tests.packets import Batches, Shown
 
 SEEDS = st.integers(0, 100_000)
 FILTERS = (
     "can", "!can", "can.len == 8", "can.data[0] > 7f", 'can.channel == "can1"', "can.flags.rtr", "list.id > 0x140",
     "canopen.node == 5", 'finding.code == "NV603"', "frame.number < 20", "list.nSendCount > 5",
 )  # fmt: skip
-
-
-class Pieces:
-    """Batches as a source."""
-
-    def __init__(self, batches: Sequence[PacketBatch], channels: Sequence[str]) -> None:
-        self._batches = batches
-        self.channels = channels
-        self.infos: list[Any] = []
-
-    def __iter__(self) -> Any:
-        return iter(self._batches)
 
 
 def read(plant: CanPlant) -> tuple[PacketBatch, Sequence[str], Pdos]:
@@ -68,12 +58,12 @@ def cut(batch: PacketBatch, chance: random.Random) -> list[PacketBatch]:
 def test_any_cut_gives_the_same_lines_trees_and_records(seed: int, tree: bool) -> None:
     plant = drawn_plant(seed)
     whole, channels, pdos = read(plant)
-    rules = pdos.rules(lambda: channels)
+    reading = Reading(pdos=pdos.rules())
     shown = []
     for batches in ([whole], cut(whole, random.Random(seed)), [whole[row : row + 1] for row in range(len(whole))]):
         faces = Text(trees=tree, pdos=pdos, width=None), JsonLines(DEFAULT_CAN_FIELDS)
         text, records = (
-            "".join(part for rows in Telegrams(Pieces(batches, channels), pdos=rules) for part in face.render(rows))
+            "".join(part for rows in Shown(Batches(batches, channels), reading) for part in face.render(rows))
             for face in faces
         )
         # Columns of lines get wider as they need it.
@@ -87,7 +77,7 @@ def test_any_cut_gives_the_same_lines_trees_and_records(seed: int, tree: bool) -
 def test_varieties_are_what_each_frame_is_by_itself(seed: int) -> None:
     """Every frame is a row; list, part and data are those of the frame dissected alone by a sorter of its own."""
     whole, channels, pdos = read(drawn_plant(seed))
-    rules = pdos.rules(lambda: channels)
+    rules = replace(pdos.rules(), names=lambda: channels)
     told = Sorter(pdos=rules).sort(whole)
     assert (told.variety != NO_TELEGRAM).all()
     for row in range(len(whole)):

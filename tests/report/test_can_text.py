@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from dissectors.can_pdo import PdoRules
 from nvscope.capture.open import open_source
 from nvscope.definition.load import load_definitions
 from nvscope.definition.pdos import Pdos
+from nvscope.engine.reading import Reading
 from nvscope.report.packets.text import Text
-from nvscope.view.telegrams import Telegrams
 from tests.can_plant import Element, List
 from tests.capture import build
 from tests.capture.reference import Packet
+from tests.packets import Shown
 
 AXIS = List("axis", 0x110, True, (("nHigh : UDINT;", (Element("nHigh", "UDINT"),)),))
 SMALL = List("axis_r", 0x110, True, (("nLow : UINT;", (Element("nLow", "UINT"),)),))
@@ -33,8 +33,7 @@ def shown(path: Path, lists: tuple[List, ...], width: int | None = None, *, tree
     pdos = Pdos(load_definitions(files))
     face = Text(pdos=pdos, width=width, trees=trees)
     source = open_source([str(path)])
-    rules: PdoRules = pdos.rules(lambda: source.channels)
-    return "".join(text for rows in Telegrams(source, pdos=rules) for text in face.render(rows))
+    return "".join(text for rows in Shown(source, Reading(pdos=pdos.rules())) for text in face.render(rows))
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 from nvscope.errors import ExitCode, UsageError
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.report import explain
-from nvscope.view.table import display_width
+from nvscope.view.lines.table import display_width
 
 
 @pytest.mark.parametrize("code", ["NV206", "NV301", "NV905"])

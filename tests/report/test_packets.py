@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -18,27 +18,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.batch import PacketBatch
 from dissectors.netvar import HEADER
 from nvscope.capture.open import open_source
-from nvscope.capture.source import Source, SourceInfo
+from nvscope.capture.source import Source
 from nvscope.errors import UsageError
 from nvscope.expression.columns import FieldType, TextColumn
 from nvscope.report.ansi import paint
-from nvscope.report.packets import moments
-from nvscope.report.packets.hexdump import dump
-from nvscope.report.packets.line import LineWriter, Moment
 from nvscope.report.packets.records import Csv, Face, JsonArray, JsonLines, SeparatedFields, separation
 from nvscope.report.packets.text import Text
-from nvscope.view.fields import DEFAULT_FIELDS, FIELDS
-from nvscope.view.layers import layers
-from nvscope.view.table import Tone, display_width
-from nvscope.view.telegram_field import TelegramField
-from nvscope.view.telegrams import TelegramRows, Telegrams
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS
+from nvscope.view.lines import moments
+from nvscope.view.lines.hexdump import dump
+from nvscope.view.lines.layers import layers
+from nvscope.view.lines.line import LineWriter, Moment
+from nvscope.view.lines.table import Tone, display_width
+from nvscope.view.rows.frames import TelegramRows
 from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import LINKS, data_frame, generate, mutate, telegram
-from tests.packets import batch_of
+from tests.packets import Batches, Shown, batch_of
 
 ROOT = Path(__file__).parents[2]
 CAPTURES = ROOT / "captures"
@@ -53,21 +52,9 @@ MOMENTS: tuple[Moment, ...] = ("a", "ad", "d", "e", "r", "u", "ud")
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
 
 
-class Batches:
-    """A source of given batches."""
-
-    def __init__(self, batches: list[PacketBatch]) -> None:
-        self.batches = batches
-        self.infos: list[SourceInfo] = []
-        self.channels: list[str] = []
-
-    def __iter__(self) -> Iterator[PacketBatch]:
-        return iter(self.batches)
-
-
 def written(face: Face, source: Source) -> str:
     text = face.begin()
-    for rows in Telegrams(source):
+    for rows in Shown(source):
         text += "".join(face.render(rows))
     return text + face.end()
 
@@ -77,7 +64,7 @@ def written_of(face: Face, path: Path) -> str:
 
 
 def rows_of(frames: list[Frame]) -> list[TelegramRows]:
-    return list(Telegrams(Batches([batch_of(frames)])))
+    return list(Shown(Batches([batch_of(frames)])))
 
 
 def fields(*names: str) -> list[TelegramField]:

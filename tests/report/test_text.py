@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.report import columns, text
-from nvscope.view.table import Tone, display_width
+from nvscope.report import tables, text
+from nvscope.view.lines.table import Tone, display_width
 
 from .examples import CLEAN, EXAMPLES, HOSTILE, MS, TROUBLED, at, diag, interval, report, stream, udp_list
 
@@ -177,7 +177,7 @@ def test_a_list_that_is_not_sent_at_its_defined_interval_shows_both() -> None:
 def test_another_interval_than_the_defined_one_is_coloured_as_a_warning() -> None:
     def tones(median_ns: int) -> dict[str, Tone]:
         streams = [stream("10.0.0.1", 0, 10, interval(9, 1, 1, 1, 1, *[median_ns] * 3, nominal=50))]
-        measures, rows = columns.overview(report({}, [udp_list(1, 1, streams=streams)], []))
+        measures, rows = tables.overview(report({}, [udp_list(1, 1, streams=streams)], []))
         return {measure.column.title: measure.cell(rows[0]).tone for measure in measures}
 
     assert tones(60)["interval"] is Tone.WARNING

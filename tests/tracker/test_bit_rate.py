@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.can import dissect_can
-from dissectors.can_bits import Stuffing, wire_bits
-from nvscope.tracker.bit_rate import USUAL_RATES, BackToBack
+from dissectors.can.bits import Stuffing, wire_bits
+from dissectors.can.frame import dissect_can
+from nvscope.tracker.can.bit_rate import USUAL_RATES, BackToBack
 from tests.laws import examples
 from tests.tracker.can_bus_traffic import bus_traffic
 from tests.tracker.test_can_state import START_NS, Frame, batch
@@ -98,7 +98,7 @@ def test_error_frames_stand_between_frames(monkeypatch: pytest.MonkeyPatch) -> N
     errors = [(time_ns, 0, 0x2000_0004, bytes(8)) for time_ns, *_ in frames]
     assert found(frames) == 500_000
     assert found([frame for pair in zip(errors, frames, strict=True) for frame in pair]) is None
-    monkeypatch.setattr("nvscope.tracker.bit_rate.MAX_PAIRS", 500)
+    monkeypatch.setattr("nvscope.tracker.can.bit_rate.MAX_PAIRS", 500)
     junk = [(START_NS - (1000 - place) * 1_000_000, 0, 0x181, b"") for place in range(500)]
     assert found(junk + frames) is None
     assert found(junk[:400] + frames, 7) == 500_000

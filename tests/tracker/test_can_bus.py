@@ -12,18 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType
-from dissectors.can import dissect_can
-from dissectors.can_bits import Stuffing, wire_bits
+from dissectors.can.bits import Stuffing, wire_bits
+from dissectors.can.frame import dissect_can
 from nvscope.definition.buses import Buses, BusSettings
 from nvscope.definition.limits import Limits
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from tests.dissectors.test_can_bits import classic_bits
 from tests.laws import examples
 from tests.oracle.frame import Frame as Packet
-from tests.packets import batch_of
+from tests.packets import batch_of, observed
+from tests.packets import cut as cut_into
 from tests.tracker.can_bus_traffic import bus_traffic
 from tests.tracker.test_can_state import START_NS, Frame, batch, traffic
 
@@ -34,8 +35,7 @@ def report(
     frames: list[Frame], given: Buses | None = None, cut: int = 1 << 17, limits: Limits | None = None
 ) -> dict[str, Any]:
     state, whole = TrackerState(), batch(frames)
-    for begin in range(0, len(whole), cut):
-        state.observe(whole[begin : begin + cut])
+    observed(state, cut_into(whole, cut))
     summary = summarize(state, buses=given)
     return report_document(state, summary, judge(state, summary=summary, limits=limits), [])
 
@@ -124,7 +124,7 @@ def test_the_data_phase_of_can_fd_has_its_own_bit_rate() -> None:
     raw = struct.pack(">IBBBB", 0x123, 64, 4 | 1, 0, 0) + bytes(range(64))
     packets = batch_of([Packet(START_NS + place * 10**7, LinkType.CAN_SOCKETCAN, raw, len(raw)) for place in range(50)])
     state = TrackerState()
-    state.observe(packets)
+    observed(state, [packets])
     bits = wire_bits(dissect_can(packets), Stuffing.EXACT)
     for data, partial in ((2_000_000, False), (None, True)):
         (bus,) = summarize(state, buses=at(500_000, data)).can.buses

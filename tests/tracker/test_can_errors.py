@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.can import dissect_can
+from dissectors.can.frame import dissect_can
 from nvscope.findings.judge import judge
-from nvscope.tracker.can_errors import BusErrors, CanErrors
+from nvscope.tracker.can.errors import BusErrors, CanErrors
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from tests.laws import examples
+from tests.packets import observed
 from tests.tracker.test_can_state import START_NS, Frame, batch
 
 S = 1_000_000_000
@@ -84,7 +85,7 @@ def test_errors_are_those_found_frame_by_frame_whatever_the_cut(seed: int, count
 
 def findings(frames: list[Frame]) -> list[Any]:
     state = TrackerState()
-    state.observe(batch(frames))
+    observed(state, [batch(frames)])
     return [one for one in judge(state, summary=summarize(state)) if one.code == "NV606"]
 
 

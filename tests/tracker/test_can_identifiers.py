@@ -7,10 +7,10 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.can import dissect_can
-from dissectors.can_bits import Stuffing, wire_bits
-from dissectors.can_pdo import EXTENDED
-from nvscope.tracker.can_identifiers import CanIdentifiers
+from dissectors.can.bits import Stuffing, wire_bits
+from dissectors.can.frame import dissect_can
+from dissectors.can.pdo import EXTENDED
+from nvscope.tracker.can.identifiers import CanIdentifiers
 from tests.laws import examples
 from tests.tracker.test_can_state import START_NS, Frame, batch
 

@@ -18,13 +18,15 @@ from dissectors.batch import LinkType, PacketBatch
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition
 from nvscope.definition.pdos import Pdos
+from nvscope.engine.reading import Reading
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.tracker.values import Values
-from nvscope.view.document import report_document
+from nvscope.tracker.variables.values import Values
+from nvscope.view.documents.report import report_document
 from tests.definition.lists import INT, LREAL, list_of, telegram
-from tests.packets import batch_of
+from tests.packets import batch_of, observed
+from tests.packets import cut as cut_into
 
 START_NS = 1_700_000_000_000_000_000
 Frame = tuple[int, int, int, bytes]  # time in ns, channel, identifier word, data
@@ -60,10 +62,9 @@ def report(frames: list[Frame], cut: int, definition: Definition | None = None) 
     """Return the report on frames of can0 and vcan1, observed so many at a time."""
     definition = definition or Definition()
     values = Values(Layouts(definition), wanted=False) if definition.lists else None
-    state = TrackerState(pdos=Pdos(definition).rules(lambda: ["can0", "vcan1"]), values=values)
+    state = TrackerState(values=values)
     whole = batch(frames)
-    for begin in range(0, len(whole), cut):
-        state.observe(whole[begin : begin + cut])
+    observed(state, cut_into(whole, cut), Reading(pdos=Pdos(definition).rules()), ["can0", "vcan1"])
     summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
     return report_document(state, summary, judge(state, summary=summary, definition=definition), [], definition)
 
@@ -266,6 +267,6 @@ def test_lists_are_missed_only_on_what_was_captured() -> None:
         "List press (can/*/1664) is defined, but not one frame of it was seen."
     ]
     state = TrackerState()
-    state.observe(batch_of([telegram(b"\1\0", 1, subindex=0, counter=1, ts_ns=START_NS, list_id=8)]))
+    observed(state, [batch_of([telegram(b"\1\0", 1, subindex=0, counter=1, ts_ns=START_NS, list_id=8)])])
     messages = [one.message for one in judge(state, definition=both) if one.code == "NV407"]
     assert messages == ["List test (udp/1202/7) is defined, but not one telegram of it was seen."]

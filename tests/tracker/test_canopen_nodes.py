@@ -9,8 +9,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.can import dissect_can
-from nvscope.tracker.canopen import CanOpen, CanOpenNode, Emergency
+from dissectors.can.frame import dissect_can
+from nvscope.tracker.can.canopen import CanOpen, CanOpenNode, Emergency
 from tests.laws import examples
 from tests.tracker.test_can_state import START_NS, Frame, batch
 

@@ -15,16 +15,19 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, String, Type
 from nvscope.definition.packing import pack
 from nvscope.definition.selection import select
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import run
 from nvscope.errors import UsageError
-from nvscope.tracker import samples as sampling
-from nvscope.tracker.history import History
-from nvscope.tracker.moment import Moment
-from nvscope.tracker.samples import Samples
-from nvscope.view.history import at_document, change_row, change_summary
+from nvscope.tracker.variables import samples as sampling
+from nvscope.tracker.variables.history import History
+from nvscope.tracker.variables.moment import Moment
+from nvscope.tracker.variables.samples import Samples
+from nvscope.view.documents.history import at_document, change_row, change_summary
 from tests.definition.lists import INT, REAL, UDINT, VARIABLES, list_of, telegram
 from tests.laws import examples
 from tests.oracle.frame import Frame
-from tests.packets import batch_of
+from tests.packets import Batches, batch_of, observed
+from tests.packets import cut as cut_into
 from tests.tracker.test_values import POINTER, START_NS, seen, telegrams_of
 
 
@@ -40,12 +43,8 @@ def shaken(sent: list[tuple[Frame, int, list[bytes]]], seed: int) -> list[tuple[
 
 def told_by(history: History, frames: list[Frame], cut: int) -> list[dict[str, Any]]:
     """Return the rows of a history that gets frames some at a time."""
-    whole = batch_of(frames)
-    return [
-        change_row(entry)
-        for begin in range(0, len(frames), cut)
-        for entry in history.observe(whole[begin : begin + cut])
-    ]
+    parts = Batches(cut_into(batch_of(frames), cut))
+    return [change_row(entry) for _ in run(parts, Reading(), [history]) for entry in history.entries()]
 
 
 @settings(deadline=None)
@@ -95,14 +94,13 @@ def test_a_moment_is_the_last_frame_that_is_not_later(
     layouts = Layouts(Definition((definition,)))
     time_ns = START_NS + at_ms * 1_000_000
     frames = [frame for frame, _, _ in sent]
-    moment, whole = Moment(layouts, time_ns=time_ns), batch_of(frames)
-    for begin in range(0, count, cut):
-        moment.observe(whole[begin : begin + cut])
+    moment, whole = Moment(layouts, at=lambda _: time_ns), batch_of(frames)
+    observed(moment, cut_into(whole, cut))
 
     counted = [number + 1 for number, frame in enumerate(frames) if frame.ts_ns <= time_ns]
     until = max(counted, default=0)
     by_frame = Moment(layouts, frame=until)
-    by_frame.observe(whole)
+    observed(by_frame, [whole])
     assert moment.last_frame == by_frame.last_frame == until
     rows = at_document(moment, layouts, time_ns)["variables"]
     assert rows == at_document(by_frame, layouts, time_ns)["variables"]
@@ -141,7 +139,7 @@ def test_where_a_program_is_changed_a_history_goes_on_with_the_definition_that_f
     assert history.unfitting == 1
 
     moment = Moment(layouts, frame=5)
-    moment.observe(batch_of(frames))
+    observed(moment, [batch_of(frames)])
     rows = at_document(moment, layouts, START_NS)["variables"]
     assert [(row["name"], row["type"], row["value"]) for row in rows] == [
         ("v0", "INT", 8), ("v1", "UDINT", 8 + (8 << 16)),
@@ -158,7 +156,7 @@ def test_the_telegrams_that_were_not_sent_are_those_of_the_definition_that_fits(
     shown = []
     for frame in (1, 2, 3):
         moment = Moment(layouts, frame=frame)
-        moment.observe(batch_of(frames))
+        observed(moment, [batch_of(frames)])
         rows = at_document(moment, layouts, START_NS)["variables"]
         shown.append([(row["subindex"], row["type"], row["missing"]) for row in rows])
     begin = [(0, "INT", None), (0, "UDINT", None), (1, "STRING(254)", "later")]
@@ -190,7 +188,7 @@ def test_what_is_known_of_a_list_with_an_element_of_unknown_size() -> None:
     assert (every.names(), [name for name, _ in every.unplaced]) == ({"v0", "v1 …"}, ["v2"])
 
     moment = Moment(layouts, frame=0)
-    moment.observe(batch_of(frames))
+    observed(moment, [batch_of(frames)])
     rows = at_document(moment, layouts, START_NS)["variables"]
     assert [(row["name"], row["missing"]) for row in rows] == [("v0", "later"), ("v1 …", "later")]
 
@@ -211,10 +209,7 @@ def test_a_sample_does_not_depend_on_how_a_capture_is_cut(count: int, cut: int, 
     try:
         found = []
         for step in (cut, count):
-            samples = Samples()
-            for begin in range(0, count, step):
-                samples.observe(whole[begin : begin + step])
-            found.append(samples.usual())
+            found.append(observed(Samples(), cut_into(whole, step)).usual())
         for (one, others), (two, others_too) in zip(*found, strict=True):
             assert (one.stream.subindex, one.telegrams, one.every, others) == (
                 two.stream.subindex, two.telegrams, two.every, others_too,

@@ -13,11 +13,12 @@ import pytest
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition, String
 from nvscope.definition.pdos import Pdos
-from nvscope.tracker.hops import Hops
-from nvscope.view.hops import hop_rows
+from nvscope.engine.reading import Reading
+from nvscope.tracker.variables.hops import Hops
+from nvscope.view.documents.hops import hop_rows
 from tests.definition.lists import INT, LREAL, list_of, telegram
 from tests.oracle.frame import Frame
-from tests.packets import batch_of
+from tests.packets import batch_of, observed
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000
@@ -42,10 +43,9 @@ def sent_on_can(at_ns: int, data: bytes, cob_id: int = 0x190) -> Frame:
 
 def compared(lists: Sequence[ListDefinition], frames: Sequence[Frame], cut: int = 10_000) -> list[dict[str, Any]]:
     definition = Definition(tuple(lists))
-    hops = Hops(Layouts(definition), pdos=Pdos(definition).rules(lambda: ["can0"]))
     frames = sorted(frames, key=lambda frame: frame.ts_ns)
-    for begin in range(0, len(frames), cut):
-        hops.observe(batch_of(frames[begin : begin + cut]))
+    parts = [batch_of(frames[begin : begin + cut]) for begin in range(0, len(frames), cut)]
+    hops = observed(Hops(Layouts(definition)), parts, Reading(pdos=Pdos(definition).rules()), ["can0"])
     return hop_rows(hops, frames[-1].ts_ns)
 
 

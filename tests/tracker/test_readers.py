@@ -9,7 +9,7 @@ import pytest
 
 from nvscope.findings.judge import judge
 from nvscope.tracker.summary import summarize
-from nvscope.view.document import report_document
+from nvscope.view.documents.report import report_document
 from tests.oracle.traffic import ACKNOWLEDGEMENT, MILLISECOND, START, data_frame, generate, telegram
 from tests.packets import batch_of, tracked
 

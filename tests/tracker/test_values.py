@@ -11,17 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Definition, Enumeration, Kind, ListDefinition, Scalar, String, Type
+from nvscope.definition.model import Definition, Enumeration, ListDefinition, Scalar, ScalarKind, String, Type
 from nvscope.definition.packing import pack
 from nvscope.definition.value import value_of
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.values import MOST_LAYOUTS, Values
-from nvscope.view.variables import variables_document
+from nvscope.tracker.variables.values import MOST_LAYOUTS, Values
+from nvscope.view.documents.variables import variables_document
 from tests.definition.lists import BOOL, INT, LREAL, REAL, STATE, TIME, UDINT, UNKNOWN, VARIABLES, list_of, telegram
 from tests.oracle.frame import Frame
-from tests.packets import batch_of
+from tests.packets import batch_of, observed
+from tests.packets import cut as cut_into
 
-POINTER = Scalar("POINTER", Kind.RAW, "V0", 0)
+POINTER = Scalar("POINTER", ScalarKind.RAW, "V0", 0)
 START_NS = 1_700_000_000_000_000_000
 
 
@@ -73,7 +74,7 @@ def seen(kind: Any, raw: bytes) -> bytes:
 
 def has_order(kind: Any) -> bool:
     scalar = kind.base if isinstance(kind, Enumeration) else kind
-    return isinstance(scalar, Scalar) and scalar.kind is not Kind.RAW
+    return isinstance(scalar, Scalar) and scalar.kind is not ScalarKind.RAW
 
 
 @given(VARIABLES, st.booleans(), st.integers(0, 10_000), st.integers(1, 40), st.integers(1, 40))
@@ -85,8 +86,7 @@ def test_bulk_values_are_those_of_one_telegram_after_the_other(
     values = Values(Layouts(Definition((definition,))))
     state = TrackerState(values=values)
     whole = batch_of([frame for frame, _, _ in sent])
-    for begin in range(0, count, cut):
-        state.observe(whole[begin : begin + cut])
+    observed(state, cut_into(whole, cut))
 
     rows = {(row["subindex"], row["name"]): row for row in variables_document(state, values)["variables"]}
     for layout in pack(definition):
@@ -122,7 +122,7 @@ def test_what_does_not_fit_is_counted_and_not_decoded() -> None:
         telegram(b"\3\0\0\0\0\0", 3, subindex=0, counter=3, ts_ns=START_NS + 2),
         telegram(b"\4\0", 1, subindex=1, counter=1, ts_ns=START_NS + 3),
     ]
-    state.observe(batch_of(frames))
+    observed(state, [batch_of(frames)])
     first, _ = variables_document(state, values)["variables"]
     assert (first["value"], first["telegrams"]) == (1, 1)
     assert values.unfitting.column("count").tolist() == [2, 1]
@@ -144,7 +144,7 @@ def test_equal_values_are_no_change() -> None:
             ]
         )
     ]
-    state.observe(batch_of(frames))
+    observed(state, [batch_of(frames)])
     rows = variables_document(state, values)["variables"]
     assert [row["changes"] for row in rows] == [0, 0, 0, 1, 0]
     assert (rows[3]["min"], rows[3]["max"]) == (-1.0, 1.0)
@@ -162,8 +162,7 @@ def test_a_sender_whose_program_is_changed_is_read_with_the_definition_that_fits
     values = Values(layouts)
     state = TrackerState(values=values)
     whole = batch_of(frames)
-    for begin in range(0, len(frames), cut):
-        state.observe(whole[begin : begin + cut])
+    observed(state, cut_into(whole, cut))
 
     def last(kind: str) -> int:
         return max((number for number, one in enumerate(sent) if one == kind), default=-1)
@@ -198,7 +197,7 @@ def test_of_a_list_that_is_partly_known_each_shape_has_its_bytes_up_to_a_limit()
         telegram(bytes([size] * size), 3, subindex=0, counter=number, ts_ns=START_NS + number)
         for number, size in enumerate(sizes)
     ]
-    state.observe(batch_of(frames))
+    observed(state, [batch_of(frames)])
     document = variables_document(state, values)
     assert [(row["name"], row["value"], row["telegrams"]) for row in document["variables"]] == [("v0", 514, 2)]
     assert len({row["last_ns"] for row in document["earlier"]}) == MOST_LAYOUTS - 1
@@ -219,7 +218,7 @@ def test_texts_are_what_an_engineer_writes() -> None:
     )
     values = Values(Layouts(Definition((definition,))))
     state = TrackerState(values=values)
-    state.observe(batch_of([telegram(data, 8, subindex=0, counter=1, ts_ns=START_NS)]))
+    observed(state, [batch_of([telegram(data, 8, subindex=0, counter=1, ts_ns=START_NS)])])
     assert [row["text"] for row in variables_document(state, values)["variables"]] == [
         "TRUE", "eRun (1)", "7 (no value of eState)", "T#1m30s500ms", "'ab'", "01 02 03 04", "12.5", "7",
     ]  # fmt: skip

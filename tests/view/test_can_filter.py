@@ -14,15 +14,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.can_pdo import PdoRules
 from nvscope.capture.open import open_source
 from nvscope.errors import UsageError
 from nvscope.view.display_filter import DisplayFilter
-from nvscope.view.telegrams import TelegramRows, Telegrams
-from nvscope.view.vocabulary import vocabulary
+from nvscope.view.fields.vocabulary import vocabulary
+from nvscope.view.rows.frames import TelegramRows
 from tests.definition.lists import telegram
 from tests.export.given import written
 from tests.laws import examples
+from tests.packets import Shown
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 CANOPEN = (
@@ -109,7 +109,7 @@ def mixture(seed: int) -> Mixture:
         log = Path(folder) / "a.log"
         log.write_text("".join(lines))
         source = open_source([str(log), str(Path(folder) / written(Path(folder), frames))])
-        pieces = list(Telegrams(source, pdos=PdoRules(names=lambda: source.channels)))
+        pieces = list(Shown(source))
     for number, told in enumerate(fields):
         told["frame.number"] = number + 1
     assert sum(map(len, pieces)) == len(fields)

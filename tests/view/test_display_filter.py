@@ -16,10 +16,10 @@ from nvscope.capture.open import open_source
 from nvscope.errors import UsageError
 from nvscope.expression.columns import FieldType
 from nvscope.view.display_filter import DisplayFilter
-from nvscope.view.fields import EITHER_OF, FIELDS, PROTOCOLS, expression_names
-from nvscope.view.telegrams import Telegrams
+from nvscope.view.fields.frame import EITHER_OF, FIELDS, PROTOCOLS, expression_names
 from tests.laws import examples
 from tests.oracle.traffic import LINKS, generate, mutate
+from tests.packets import Shown
 from tests.view.test_fields import rows_of, values
 
 ROOT = Path(__file__).parents[2]
@@ -32,8 +32,8 @@ DISSECTOR = ROOT / "tests" / "benchmarks" / "dissector.lua"
 
 def numbers(path: Path, expression: str | None = None, limit: int | None = None) -> list[int]:
     chosen = DisplayFilter(expression) if expression is not None else None
-    telegrams = Telegrams(open_source([str(path)]), chosen=chosen, limit=limit)
-    return [number for rows in telegrams for number in rows.frame_number.tolist()]
+    shown = Shown(open_source([str(path)]), chosen=chosen, limit=limit)
+    return [number for rows in shown for number in rows.frame_number.tolist()]
 
 
 # --- against tshark
@@ -222,13 +222,13 @@ def test_two_ways_to_say_the_same(expression: str, same: str) -> None:
 
 
 def test_the_limit_counts_what_is_read() -> None:
-    telegrams = Telegrams(open_source([str(PEERS)]), chosen=DisplayFilter("nv.index == 7"), limit=20)
-    assert [len(rows) for rows in telegrams] == [3]
-    assert (telegrams.telegrams, telegrams.shown) == (20, 3)
+    shown = Shown(open_source([str(PEERS)]), chosen=DisplayFilter("nv.index == 7"), limit=20)
+    assert [len(rows) for rows in shown] == [3]
+    assert shown.counts[1:] == (20, 3)
 
 
 def test_the_time_since_the_telegram_shown_before_is_that_since_the_one_chosen_before() -> None:
-    (rows,) = Telegrams(open_source([str(PEERS)]), chosen=DisplayFilter("nv.index == 42"))
+    (rows,) = Shown(open_source([str(PEERS)]), chosen=DisplayFilter("nv.index == 42"))
     times = rows.telegrams.ts_ns.tolist()
     assert rows.since_shown_ns.tolist() == [0, *(b - a for a, b in pairwise(times))]
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -9,36 +8,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissectors import address
 from dissectors.batch import PacketBatch
 from dissectors.netvar import HEADER, PortRules
-from nvscope.capture.source import SourceInfo
+from nvscope.engine.reading import Reading
 from nvscope.errors import UsageError
 from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
-from nvscope.tracker import address
-from nvscope.view.fields import DEFAULT_FIELDS, FIELDS, output_field
-from nvscope.view.telegrams import TelegramRows, Telegrams
+from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS, output_field
+from nvscope.view.rows.frames import TelegramRows
 from tests.laws import examples
 from tests.oracle.frame import Datagram, Frame, peel
 from tests.oracle.traffic import LINKS, generate, mutate
-from tests.packets import batch_of
+from tests.packets import Batches, Shown, batch_of
 
 IDENTITIES = (b"\x00-S3", b"0-S3")
 
 
-@dataclass
-class Batches:
-    """A source of given batches."""
-
-    batches: list[PacketBatch]
-    infos: list[SourceInfo] = field(default_factory=list)
-    channels: list[str] = field(default_factory=list)
-
-    def __iter__(self) -> Iterator[PacketBatch]:
-        return iter(self.batches)
-
-
 def rows_of(frames: list[Frame]) -> list[TelegramRows]:
-    return list(Telegrams(Batches([batch_of(frames)])))
+    return list(Shown(Batches([batch_of(frames)])))
 
 
 def values(name: str, rows: TelegramRows) -> list[object]:
@@ -157,9 +144,9 @@ def test_services_and_faults_have_names() -> None:
 
 def test_ports_decided_by_hand() -> None:
     frames = generate(1, frames=100)
-    without = Telegrams(Batches([batch_of(frames)]), ports=PortRules(others=tuple(range(65536))))
+    without = Shown(Batches([batch_of(frames)]), Reading(PortRules(others=tuple(range(65536)))))
     assert list(without) == []
-    assert (without.frames, without.telegrams) == (100, 0)
+    assert without.counts == (100, 0, 0)
 
 
 @given(st.integers(1, 90), st.lists(st.integers(0, 100), max_size=5))
@@ -174,11 +161,9 @@ def test_a_limit_stops_reading(limit: int, cuts: list[int]) -> None:
             read.append(stop)
             yield whole[start:stop]
 
-    source = Batches([])
-    source.batches = batches()  # type: ignore[assignment]  # an iterator, to see how far it is read
-    telegrams = Telegrams(source, limit=limit)
-    numbers = [number for rows in telegrams for number in values("frame.number", rows)]
-    everything = [number for rows in Telegrams(Batches([whole])) for number in values("frame.number", rows)]
+    # An iterator, to see how far it is read.
+    numbers = [number for rows in Shown(Batches(batches()), limit=limit) for number in values("frame.number", rows)]
+    everything = [number for rows in Shown(Batches([whole])) for number in values("frame.number", rows)]
     assert numbers == everything[:limit]
     if len(everything) >= limit:
         assert read[-1] == next(stop for stop in edges[1:] if stop >= everything[limit - 1])  # type: ignore[operator]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dissectors.varieties import Sorter
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import run
 from nvscope.view.display_filter import DisplayFilter, PacketChoice
-from nvscope.view.vocabulary import vocabulary
+from nvscope.view.fields.vocabulary import vocabulary
 from tests.dissectors.test_varieties import traffic
 from tests.laws import some
-from tests.packets import batch_of
+from tests.packets import Batches, batch_of
+from tests.packets import cut as cut_into
 from tests.view.test_fields import rows_of
 
 EXPRESSIONS = [
@@ -49,8 +51,8 @@ def test_the_same_as_of_telegrams(seed: int) -> None:
         chosen = DisplayFilter(expression, vocabulary())
         expected = [number for rows in rows_of(frames) for number in rows.take(chosen(rows)).frame_number.tolist()]
         for cut in (len(packets), 29):
-            choice, sorter = PacketChoice(chosen), Sorter()
-            masks = [choice(sorter.sort(packets[at : at + cut])) for at in range(0, len(packets), cut)]
+            reading = Reading(choose=PacketChoice(chosen))
+            masks = [told.chosen for told in run(Batches(cut_into(packets, cut)), reading, ())]
             assert (np.flatnonzero(np.concatenate(masks)) + 1).tolist() == expected, expression
         telling += 0 < len(expected) < len(packets)
     assert telling > 5

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.view.escape import visible
-from nvscope.view.table import NO_BREAK, Cell, Column, Line, Tone, align, display_width, shorten, wrap
+from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, display_width, shorten, wrap
 
 TEXT = st.text(st.characters(codec="utf-8"), max_size=40).map(visible) | st.text("ab 1値\u0301", max_size=60).map(
     visible

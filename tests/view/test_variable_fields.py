@@ -13,20 +13,30 @@ from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import Array, Definition, Elementary, Kind, Member, String, Structure, Type, scalar_of
+from nvscope.definition.model import (
+    Array,
+    Definition,
+    Elementary,
+    Member,
+    ScalarKind,
+    String,
+    Structure,
+    Type,
+    scalar_of,
+)
 from nvscope.definition.packing import pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
 from nvscope.errors import UsageError
 from nvscope.expression.columns import BytesColumn, TextColumn
 from nvscope.report.fields import document, render
-from nvscope.view import variable_fields as module
 from nvscope.view.display_filter import DisplayFilter
-from nvscope.view.fields import output_field
-from nvscope.view.telegram_field import TelegramField
-from nvscope.view.telegrams import TelegramRows
-from nvscope.view.variable_fields import variable_fields
-from nvscope.view.vocabulary import vocabulary
+from nvscope.view.fields import variables as module
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import output_field
+from nvscope.view.fields.variables import variable_fields
+from nvscope.view.fields.vocabulary import vocabulary
+from nvscope.view.rows.frames import TelegramRows
 from tests.definition.lists import BOOL, INT, REAL, STATE, TIME, VARIABLES, list_of, telegram
 from tests.tracker.test_values import START_NS, telegrams_of
 from tests.view.test_fields import rows_of
@@ -62,7 +72,7 @@ def test_fields_are_the_values_of_the_elements(types: list[Type], packed: bool, 
                 if subindex == layout.subindex:
                     value = value_of(element.type, parts[place])
                     scalar = scalar_of(element.type)
-                    if scalar and scalar.kind is Kind.DURATION:
+                    if scalar and scalar.kind is ScalarKind.DURATION:
                         value *= scalar.unit_ns
                 expected.append(value)
             found = seen(fields[f"var.{element.name.replace(' ', '')}"], rows)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
-from nvscope.view.variable_fields import variable_fields
+from nvscope.view.fields.variables import variable_fields
 from tests.can_frames import rows_of_log
 from tests.definition.lists import INT, list_of
 from tests.view.test_variable_fields import seen

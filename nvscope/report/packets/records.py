@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from nvscope.errors import UsageError
-from nvscope.report.packets import cells
 from nvscope.view.escape import csv_safe, visible
-from nvscope.view.telegram_field import TelegramField
-from nvscope.view.telegrams import TelegramRows
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.lines import cells
+from nvscope.view.rows.frames import TelegramRows
 
 Quote = Literal["", "'", '"']
 

@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from dissectors.can import FRAME
+from dissectors.can.frame import FRAME
 from dissectors.netvar import HEADER
 from nvscope.report.ansi import paint
-from nvscope.report.packets.can_line import CanLineWriter
-from nvscope.report.packets.hexdump import dump
-from nvscope.report.packets.line import LineWriter
-from nvscope.report.packets.moments import Moment
-from nvscope.report.packets.tree import Trees
-from nvscope.view.table import Line, Tone
-from nvscope.view.telegrams import TelegramRows
+from nvscope.view.lines.can_line import CanLineWriter
+from nvscope.view.lines.hexdump import dump
+from nvscope.view.lines.line import LineWriter
+from nvscope.view.lines.moments import Moment
+from nvscope.view.lines.table import Line, Tone
+from nvscope.view.lines.tree import Trees
+from nvscope.view.rows.frames import TelegramRows
 
 if TYPE_CHECKING:
     from nvscope.definition.layouts import Layouts

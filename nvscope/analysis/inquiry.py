@@ -1,0 +1,270 @@
+"""Inquiry: captures and how to read them, to be asked what was seen, what follows from it, and what is wrong.
+
+Verbs, notebooks and whatever else wants to know something about captures ask an ``Inquiry``; there is one way from
+captures, project and filter to an answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from dissectors import address
+from dissectors.can.frame import dissect_can
+from dissectors.netvar import PortRules
+from nvscope.capture.capture_file import STDIN, CaptureFile
+from nvscope.capture.open import open_source
+from nvscope.capture.source import SourceInfo
+from nvscope.capture.timeline import Timeline
+from nvscope.definition.pdos import Pdos
+from nvscope.definition.project import Project
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import Observer, run
+from nvscope.engine.told import Told
+from nvscope.errors import UsageError
+from nvscope.findings.finding import Finding
+from nvscope.findings.judge import judge
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import Summary, summarize
+from nvscope.view.documents.report import report_document
+
+if TYPE_CHECKING:  # what only some questions need is imported when they are asked
+    from nvscope.definition.layouts import Layouts
+    from nvscope.tracker.variables.hops import Hops
+    from nvscope.tracker.variables.values import Values
+    from nvscope.view.chosen import Chosen
+    from nvscope.view.display_filter import DisplayFilter
+    from nvscope.view.fields.field import TelegramField
+    from nvscope.view.fields.verdicts import Names, Verdicts
+
+Capture = CaptureFile | Timeline
+Watch = Callable[[Capture], AbstractContextManager[Callable[[], None]]]
+"""Given captures that are about to be read, returns what is called after each batch, as a context."""
+
+
+def _nobody(_: Capture) -> AbstractContextManager[Callable[[], None]]:
+    return nullcontext(lambda: None)
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What one reading of captures showed: everything, and what a filter leaves of it.
+
+    ``summary`` and ``findings`` are those of all telegrams; ``chosen`` is what the filter chose, None without one.
+    ``values`` are those of the chosen telegrams, None without definitions. ``hops`` compare the variables that several
+    lists have, whatever the filter; None where nobody asked.
+    """
+
+    infos: Sequence[SourceInfo]
+    state: TrackerState
+    summary: Summary
+    findings: Sequence[Finding]
+    values: Values | None = None
+    chosen: Chosen | None = None
+    hops: Hops | None = None
+
+
+@dataclass(frozen=True)
+class Inquiry:
+    """Captures, and how to read them: with which project, ports and timeout, watched by whom.
+
+    ``timeout_ns`` is how long an answer may take, None for what the project says. Captures are opened when something is
+    asked, and read from their beginning each time.
+    """
+
+    paths: Sequence[str]
+    project: Project = field(default_factory=Project)
+    ports: PortRules | None = None
+    timeout_ns: int | None = None
+    watch: Watch = _nobody
+
+    @cached_property
+    def layouts(self) -> Layouts | None:
+        """The telegrams of the lists whose variables are defined, None where there are none."""
+        if not any(entry.variables for entry in self.project.definition.lists):
+            return None
+        from nvscope.definition.layouts import Layouts  # noqa: PLC0415
+
+        return Layouts(self.project.definition)
+
+    def defined_layouts(self) -> Layouts:
+        """Return ``layouts``; UsageError where there are none."""
+        if self.layouts is None:
+            raise UsageError("the definition files declare types, but no list", next_step="name the exported list too")
+        return self.layouts
+
+    @cached_property
+    def pdos(self) -> Pdos:
+        """The frames of the lists that are defined on CAN."""
+        return Pdos(self.project.definition)
+
+    def reading(self, chosen: DisplayFilter | None = None) -> Reading:
+        """Return how the captures are read, with a filter or without."""
+        choose = None
+        if chosen is not None:
+            from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
+
+            choose = PacketChoice(chosen)
+        timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
+        return Reading(self.ports, self.pdos.rules(), choose, timeout_ns)
+
+    def open(self) -> Capture:
+        """Return the captures as one source, to be read once."""
+        return open_source(self.paths)
+
+    def run(
+        self,
+        source: Capture,
+        observers: Sequence[Observer],
+        chosen: DisplayFilter | None = None,
+        *,
+        watch: Watch | None = None,
+    ) -> Iterator[Told]:
+        """Tell a source to observers, as ``nvscope.engine.run`` does; ``watch`` takes the place of the inquiry's."""
+        with (watch or self.watch)(source) as progress:
+            for told in run(source, self.reading(chosen), observers):
+                yield told
+                progress()
+
+    @cached_property
+    def names(self) -> Names:
+        """The names of lists and nodes."""
+        from nvscope.view.fields.verdicts import Names  # noqa: PLC0415
+
+        lists = self.project.definition.by_key().items()
+        nodes = self.project.node_names.items()
+        return Names(
+            {key: entry.name for key, entry in lists if entry.name},
+            {address.halves(text): name for text, name in nodes},
+        )
+
+    @cached_property
+    def fields(self) -> Mapping[str, TelegramField]:
+        """What expressions may name; what is judged cannot be read with these."""
+        return self._fields(None)
+
+    def filter(self, expression: str) -> DisplayFilter:
+        """Return a display filter that is ready to be asked of the telegrams of these captures.
+
+        Where it asks for what is known in the end only, the captures are read for it. UsageError, with the place, where
+        the expression cannot be understood, or where captures cannot be read twice.
+        """
+        from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
+
+        chosen = DisplayFilter(expression, self.fields)
+        if not chosen.judged:
+            return chosen
+        self._check_rereadable(chosen)
+        return self._judged(expression, self._read())
+
+    def analyze(self, expression: str | None = None, *, values: bool = False, compare: bool = False) -> Analysis:
+        """Read the captures, judge them, and choose among it what an expression chooses.
+
+        ``values``: the variables are wanted too; ``compare``: those that several lists have are compared. UsageError as
+        ``filter``, and without definitions to compare by.
+        """
+        if compare and self.layouts is None:
+            raise UsageError(
+                "--compare needs to know the variables of the lists",
+                next_step="name the exported lists and their types with --gvl FILE",
+            )
+        if expression is None:
+            return self._read(values=values, compare=compare)
+        from nvscope.view.chosen import Chosen  # noqa: PLC0415
+
+        chosen = self.filter(expression)
+        found = self._read(values=values, chosen=chosen, compare=compare)
+        left = Chosen(found.state, chosen, found.findings)
+        return replace(found, chosen=left)
+
+    def report(self, found: Analysis, *, names: bool = True, values: bool = False) -> dict[str, Any]:
+        """Return the report on an analysis as data (schema ``nvscope.report/1``).
+
+        ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined.
+        """
+        rows = None
+        if values and found.values is not None:
+            from nvscope.view.documents.variables import values_by_list  # noqa: PLC0415
+
+            rows = values_by_list(found.state, found.values)
+        summary, findings = found.summary, found.findings
+        if found.chosen is not None:
+            summary, findings = found.chosen.summary(summary), found.chosen.findings
+        document = report_document(
+            found.state, summary, findings, found.infos, self.project.definition, rows,
+            node_names=self.project.node_names if names else {},
+        )  # fmt: skip
+        if found.chosen is not None:
+            document["filter"] = {"expression": found.chosen.expression, "telegrams": found.state.chosen}
+        if found.hops is not None:
+            from nvscope.view.documents.hops import hop_rows  # noqa: PLC0415
+
+            document["hops"] = hop_rows(found.hops, found.state.end_ns)
+            document["hops_of_other_types"] = found.hops.untyped
+        return document
+
+    @staticmethod
+    def default_fields(source: Capture) -> Sequence[TelegramField]:
+        """Return what is written of each telegram or CAN frame where nobody says, by what the captures begin with."""
+        from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS  # noqa: PLC0415
+
+        on_can = others = False
+        for first in source.first_batches():
+            frames = len(dissect_can(first))
+            on_can |= frames > 0
+            others |= frames < len(first)
+        if not on_can:
+            return DEFAULT_FIELDS
+        if not others:
+            return DEFAULT_CAN_FIELDS
+        # Fields cannot be compared, their names can.
+        return tuple({field.name: field for field in (*DEFAULT_FIELDS, *DEFAULT_CAN_FIELDS)}.values())
+
+    def _read(
+        self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False
+    ) -> Analysis:  # fmt: skip
+        taken = None
+        if self.layouts is not None:
+            from nvscope.tracker.variables.values import Values  # noqa: PLC0415
+
+            taken = Values(self.layouts, wanted=values)
+        project, definition = self.project, self.project.definition
+        source, reading = self.open(), self.reading(chosen)
+        state = TrackerState(reading.timeout_ns, values=taken)
+        observers: list[Observer] = [state]
+        hops = None
+        if compare and self.layouts is not None:
+            from nvscope.tracker.variables.hops import Hops  # noqa: PLC0415
+
+            hops = Hops(self.layouts)
+            observers.append(hops)
+        for _ in self.run(source, observers, chosen):
+            pass
+        summary = summarize(
+            state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,
+            cob_ids={cob_id for _, cob_id in self.pdos.by_cob_id},
+        )  # fmt: skip
+        findings = judge(state, source.infos, summary=summary, limits=project.limits, definition=definition)
+        return Analysis(source.infos, state, summary, findings, taken, hops=hops)
+
+    def _fields(self, verdicts: Verdicts | None) -> Mapping[str, TelegramField]:
+        from nvscope.view.fields.vocabulary import vocabulary  # noqa: PLC0415
+
+        return vocabulary(self.layouts, self.names, verdicts)
+
+    def _judged(self, expression: str, found: Analysis) -> DisplayFilter:
+        from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
+        from nvscope.view.fields.verdicts import Verdicts  # noqa: PLC0415
+
+        verdicts = Verdicts(found.summary, [address.halves(text) for text in found.summary.addresses], found.findings)
+        return DisplayFilter(expression, self._fields(verdicts), verdicts)
+
+    def _check_rereadable(self, chosen: DisplayFilter) -> None:
+        if STDIN in self.paths:
+            raise UsageError(
+                f"{', '.join(chosen.judged)}: known when the whole capture was read, and stdin cannot be read twice",
+                next_step="name a file instead of -",
+            )

@@ -1,0 +1,1 @@
+"""CAN logs, whatever program wrote them."""

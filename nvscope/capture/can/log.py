@@ -1,0 +1,373 @@
+"""CAN logs that python-can reads (.asc .blf .trc .csv .db .mf4), batched.
+
+python-can is imported only when such a log is read. Channel numbers are named as python-can's own writers do, "can0".
+Times are python-can's: .asc is in the local time zone, .trc, .blf and .mf4 are in UTC, and a log without a date begins
+in 1970. A wrong line of a text is left out and told; behind a fault of another format nothing is read.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib.util
+import io
+import logging
+import os
+import shutil
+import sqlite3
+import struct
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING, TextIO, cast
+from urllib.parse import quote
+
+from dissectors.batch import PacketBatch
+from nvscope.capture.byte_stream import ByteStream
+from nvscope.capture.can.blf_containers import BlfContainers
+from nvscope.capture.can.frame import MAX_CHANNEL_BYTES, MAX_CHANNELS, CanFrame, FrameBatches, FrameRows
+from nvscope.capture.can.message import MessageFault, described, frame_of
+from nvscope.capture.formats import Format
+from nvscope.capture.reader import Reader, ReadingSizes
+from nvscope.capture.source import SourceInfo, Truncation
+from nvscope.capture.text_lines import MAX_LINE_BYTES, TextLines
+from nvscope.capture.window import View
+from nvscope.errors import UnreadableInput
+
+if TYPE_CHECKING:
+    import can
+
+MAX_SPOOLED_BYTES = 2 << 30
+"""Bytes that a log may have which has to be a file on disk, but is compressed or comes from a pipe."""
+
+_MAX_TAIL_BYTES = 4 << 20
+_CHUNK_FRAMES = 4096
+
+# What a text reader is to be given first where it begins anew in the middle of a file, in place of a header.
+_RESUME_WITH = {Format.ASC: "internal events logged\n", Format.CSV: "header\n", Format.TRC: ""}
+
+
+# What is wrong with a file is not always told in UTF-8.
+_DATABASE_FAULTS = (sqlite3.Error, UnicodeError, OverflowError)
+
+
+class NoMessages(Exception):
+    """An SQLite file that is no log of python-can."""
+
+
+def check_readable(kind: Format, path: str, where: str) -> None:
+    """Raise NoMessages or UnreadableInput where a log can be known to be unreadable without reading it."""
+    if kind is Format.MF4 and importlib.util.find_spec("asammdf") is None:
+        raise UnreadableInput(
+            "an MDF 4 log, for which the package asammdf is missing",
+            where=where,
+            next_step='install it: pip install "python-can[mf4]"',
+        )
+    if kind is Format.SQLITE and path:
+        _check_database(path, where)
+
+
+def _check_database(path: str, where: str) -> None:
+    """Raise NoMessages or UnreadableInput for an SQLite file that is no log, or no whole one.
+
+    SQLite reads zeros for what is missing of the last page, and would show them as messages.
+    """
+    with open(path, "rb") as file:
+        head = file.read(32)
+    page_bytes, pages = struct.unpack(">16xH10xL", head.ljust(32, b"\0"))
+    expected = (page_bytes if page_bytes > 1 else 1 << 16) * pages
+    if os.path.getsize(path) < expected:
+        raise UnreadableInput(
+            f"an SQLite file that is cut short: {os.path.getsize(path)} of {expected} bytes",
+            where=where,
+            next_step="copy the file again",
+        )
+    try:
+        with closing(_connect(path)) as database:
+            found = database.execute("SELECT 1 FROM sqlite_master WHERE name = 'messages'").fetchone()
+    except _DATABASE_FAULTS as error:
+        raise UnreadableInput(f"an SQLite file that cannot be read: {described(error)}", where=where) from error
+    if not found:
+        raise NoMessages
+
+
+def _connect(path: str) -> sqlite3.Connection:
+    # Read-only: opening a log must not change it.
+    return sqlite3.connect(f"file:{quote(os.path.abspath(path))}?mode=ro", uri=True)
+
+
+class CanLogReader(Reader):
+    """Reads a log by python-can: from ``pieces``, or from ``path`` where the format needs a file on disk and it is one.
+
+    Views are not used.
+    """
+
+    def __init__(
+        self, info: SourceInfo, kind: Format, sizes: ReadingSizes, pieces: Iterator[bytes], path: str = ""
+    ) -> None:
+        super().__init__(info, 0)
+        info.format = kind.value
+        self._kind = kind
+        self._sizes = sizes
+        self._pieces = pieces
+        self._path = path
+        self._numbers: dict[object, int] = {}
+        self._place = ""
+        self._wrong = 0
+        self._first_fault = ""
+        self._fault_at = 0
+
+    def read(self, view: View) -> Iterator[PacketBatch]:
+        batches = FrameBatches(self._sizes.batch_packets)
+        frames: list[CanFrame] = []
+        channels: list[int] = []
+        chunk = min(_CHUNK_FRAMES, self._sizes.batch_packets)
+        with _warnings(self._kind) as warned:
+            for message in self._messages():
+                try:
+                    channels.append(self._channel(message.channel))
+                    frames.append(frame_of(message))
+                except MessageFault as fault:
+                    del channels[len(frames) :]
+                    self._fault(str(fault))
+                if len(frames) == chunk:
+                    yield from self._add(batches, frames, channels)
+                    frames, channels = [], []
+            for line in warned:
+                self._fault(f"python-can cannot read {line!r}")
+        if frames:
+            yield from self._add(batches, frames, channels)
+        if batches.rows:
+            yield batches.take()
+        self.finished = True
+        if self._path:
+            self.position = self.info.bytes
+        if self._wrong:
+            more = "" if self._wrong == 1 else f"; {self._wrong} faults in all"
+            self.left_out = self._first_fault + more
+            self.info.truncation = Truncation(self._fault_at, self.left_out)
+
+    def _add(self, batches: FrameBatches, frames: list[CanFrame], channels: list[int]) -> Iterator[PacketBatch]:
+        self.info.frames += len(frames)
+        yield from batches.add(FrameRows.of(frames, channels))
+
+    def _fault(self, what: str, place: str | None = None) -> None:
+        if not self._wrong:
+            place = self._place if place is None else place
+            self._first_fault = f"{place}: {what}" if place else what
+            self._fault_at = self.position
+        self._wrong += 1
+
+    def _channel(self, channel: object) -> int:
+        number = self._numbers.get(channel)
+        if number is None:
+            name = "" if channel is None else f"can{channel}" if isinstance(channel, int) else str(channel)
+            name = name[:MAX_CHANNEL_BYTES]
+            if len(self._numbers) >= MAX_CHANNELS:
+                raise MessageFault(f"more than {MAX_CHANNELS} channels")
+            if not self.channels and None in self._numbers:
+                # What came before has no name, which need not be said as long as nothing has one.
+                self.channels.append("")
+            if name not in self.channels and (name or self.channels):
+                self.channels.append(name)
+            number = self._numbers[channel] = self.channels.index(name) if self.channels else 0
+        return number
+
+    def _messages(self) -> Iterator[can.Message]:
+        if self._kind is Format.SQLITE:
+            with _on_disk(self._path, self._pieces) as path:
+                if not self._path:
+                    try:
+                        _check_database(path, self.info.path)
+                    except NoMessages:
+                        raise self._unreadable("there is no table 'messages'") from None
+                yield from self._of_database(path)
+        elif self._kind is Format.MF4:
+            with _on_disk(self._path, self._pieces) as path:
+                yield from self._of_mdf(path)
+        elif self._kind is Format.BLF:
+            yield from self._of_blf()
+        else:
+            yield from self._of_text()
+
+    def _of_text(self) -> Iterator[can.Message]:
+        lines = TextLines(self._pieces)
+        reader = _text_reader(self._kind, lines)
+        begun = -1
+        while True:
+            try:
+                for message in reader:
+                    self._place = f"line {lines.number}"
+                    self.position = lines.offset
+                    yield message
+                break
+            except OSError:
+                raise
+            except Exception as error:
+                self.position = lines.offset
+                self._fault(f"{described(error)}; the line is left out", f"line {lines.number}")
+                if lines.number == begun:
+                    break
+                begun = lines.number
+                if _RESUME_WITH[self._kind]:
+                    lines.push(_RESUME_WITH[self._kind])
+        if lines.too_long:
+            self._fault(f"more than {MAX_LINE_BYTES} characters", f"line {lines.first_too_long}")
+
+    def _of_blf(self) -> Iterator[can.Message]:
+        from can.io.blf import BLFReader  # noqa: PLC0415
+
+        containers = BlfContainers(self._pieces)
+        try:
+            reader = BLFReader(io.BufferedReader(ByteStream(iter(containers)), 1 << 20))
+        except OSError:
+            raise
+        except Exception as error:
+            raise self._unreadable(containers.fault or described(error)) from error
+        try:
+            for message in reader:
+                yield message
+                if len(getattr(reader, "_tail", b"")) > _MAX_TAIL_BYTES:
+                    break
+        except OSError:
+            raise
+        except Exception as error:
+            self.position = containers.offset
+            self._fault(f"damaged: {described(error)}; nothing after it can be read", "")
+        self.position = containers.offset
+        tail = len(getattr(reader, "_tail", b""))
+        if containers.fault:
+            self._fault(containers.fault, "")
+        elif tail >= 16:
+            self._fault(f"damaged: the last object has only {tail} bytes left of it", "")
+
+    def _of_database(self, path: str) -> Iterator[can.Message]:
+        import can  # noqa: PLC0415
+
+        query = "SELECT rowid, ts, arbitration_id, extended, remote, error, dlc, data FROM messages ORDER BY rowid"
+        try:
+            with closing(_connect(path)) as database:
+                for row, ts, identifier, extended, remote, error, dlc, data in database.execute(query):
+                    self._place = f"row {row}"
+                    try:
+                        message = can.Message(
+                            timestamp=ts, arbitration_id=identifier, is_extended_id=bool(extended),
+                            is_remote_frame=bool(remote), is_error_frame=bool(error), dlc=dlc,
+                            data=data if isinstance(data, bytes) else None,
+                        )  # fmt: skip
+                    except (TypeError, ValueError) as fault:
+                        self._fault(described(fault))
+                        continue
+                    yield message
+        except _DATABASE_FAULTS as error:
+            self._fault(
+                f"damaged: {error}; nothing after it can be read", f"after {self._place}" if self._place else ""
+            )
+
+    def _of_mdf(self, path: str) -> Iterator[can.Message]:
+        from can.io.mf4 import MF4Reader  # noqa: PLC0415
+
+        fault = ""
+        try:
+            reader = MF4Reader(path)
+        except Exception as error:
+            fault = described(error)
+        if fault:
+            _forget_half_opened()
+            raise self._unreadable(fault)
+        try:
+            yield from reader
+        except Exception as error:
+            self._fault(f"damaged: {described(error)}; nothing after it can be read", "")
+        finally:
+            reader.stop()
+
+    def _unreadable(self, what: str) -> UnreadableInput:
+        return UnreadableInput(
+            f"a {self._kind.value} log that python-can cannot open: {what}",
+            where=self.info.path,
+            next_step="copy the file again",
+        )
+
+
+def _text_reader(kind: Format, text: TextLines) -> Iterable[can.Message]:
+    # Of a file, python-can's readers need the lines only.
+    lines = cast("TextIO", text)
+    if kind is Format.CSV:
+        from can.io.csv import CSVReader  # noqa: PLC0415
+
+        return CSVReader(lines)
+    if kind is Format.TRC:
+        from can.io.trc import TRCReader  # noqa: PLC0415
+
+        return TRCReader(lines)
+    from can.io.asc import ASCReader  # noqa: PLC0415
+
+    class DatedAscReader(ASCReader):
+        """Begins in 1970 where python-can does not understand the date; it would not read such a log at all."""
+
+        @staticmethod
+        def _datetime_to_timestamp(datetime_string: str) -> float:
+            try:
+                return float(ASCReader._datetime_to_timestamp(datetime_string))
+            except (ValueError, OverflowError, OSError):
+                return 0.0
+
+    return DatedAscReader(lines, relative_timestamp=False)
+
+
+def _forget_half_opened() -> None:
+    """Let go of a log that asammdf did not open whole, where what that says of it on stderr is not heard."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+
+
+@contextmanager
+def _on_disk(path: str, pieces: Iterator[bytes]) -> Iterator[str]:
+    """Yield the path of a file with the log in it."""
+    if path:
+        yield path
+        return
+    directory = tempfile.mkdtemp(prefix="nvscope-")
+    try:
+        spooled = os.path.join(directory, "log")
+        size = 0
+        with open(spooled, "wb") as file:
+            for piece in pieces:
+                size += len(piece)
+                if size > MAX_SPOOLED_BYTES:
+                    raise UnreadableInput(
+                        f"a log of more than {MAX_SPOOLED_BYTES >> 30} GiB that is compressed or comes from a pipe",
+                        next_step="decompress it to a file first",
+                    )
+                file.write(piece)
+        yield spooled
+    finally:
+        shutil.rmtree(directory, ignore_errors=True)
+
+
+@contextmanager
+def _warnings(kind: Format) -> Iterator[list[str]]:
+    """Collect the lines that python-can leaves out with no more than a warning."""
+    lines: list[str] = []
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            # A header without messages is parsed as one, too.
+            line = str(record.args[0]) if record.args and isinstance(record.args, tuple) else ""
+            if kind is Format.TRC and record.levelno >= logging.WARNING and line and not line.startswith(";"):
+                lines.append(line[:80])
+
+    handler = Collector()
+    loggers = [logging.getLogger(name) for name in ("can", "asammdf")]
+    for logger in loggers:
+        logger.addHandler(handler)
+    try:
+        yield lines
+    finally:
+        for logger in loggers:
+            logger.removeHandler(handler)

@@ -1,0 +1,44 @@
+"""KeyedColumns: tables with one array a column and one row a key, growing as keys appear."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+
+class KeyedColumns:
+    """A table whose columns are the annotated arrays of a subclass.
+
+    ``COLUMNS`` names each column with the value that a new row starts with (its dtype is the column's) and, for rows of
+    several numbers, their count. Arrays are longer than the table; ``resize`` keeps room for what is to come.
+    """
+
+    COLUMNS: ClassVar[dict[str, tuple[np.generic, int]]]
+
+    def __init__(self) -> None:
+        self._rows = 0
+        for name, (initial, width) in self.COLUMNS.items():
+            setattr(self, name, np.full((0, width) if width > 1 else 0, initial))
+
+    def __len__(self) -> int:
+        return self._rows
+
+    def resize(self, rows: int) -> None:
+        """Make the table at least this long; new rows hold the initial values."""
+        if rows <= self._rows:
+            return
+        self._rows = rows
+        first = getattr(self, next(iter(self.COLUMNS)))
+        if rows <= len(first):
+            return
+        room = max(rows, 2 * len(first), 64)
+        for name, (initial, width) in self.COLUMNS.items():
+            old = getattr(self, name)
+            grown = np.full((room, width) if width > 1 else room, initial)
+            grown[: len(old)] = old
+            setattr(self, name, grown)
+
+    def column(self, name: str) -> Any:
+        """Return one column, cut to the rows in use."""
+        return getattr(self, name)[: self._rows]

@@ -1,0 +1,299 @@
+"""Keys: who sent what kind of telegram of which list and SubIndex to whom, numbered.
+
+A flow is the finest key there is; nodes, lists, places (list, SubIndex) and streams (place, sender) are numbered here
+as flows appear. Whoever counts something of any of them has a row for each number (``KeyedColumns``).
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from dissectors import address
+from dissectors.batch import I64, U8, U32, U64, Bool
+from dissectors.can.pdo import ON_CAN, PdoRules
+from dissectors.keys import KeyTable, first_rows
+from dissectors.netvar import (
+    ACKNOWLEDGE_WANTED,
+    CHECKSUM_PRESENT,
+    HEADER,
+    IDENTITY_ASCII,
+    KNOWN_SERVICE,
+    RESERVED_FLAGS,
+    Fault,
+    Service,
+    TelegramBatch,
+)
+from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.list_key import ListKey
+
+
+class FrameKind(IntEnum):
+    """What a telegram is to its list."""
+
+    DATA = 0  # well-formed, as the next two
+    ACKNOWLEDGEMENT = 1
+    BOOT_UP_REQUEST = 2
+    MALFORMED_DATA = 3
+    MALFORMED_OTHER = 4
+    HEADER_CUT = 5  # of which so little was captured that only its list is known
+    PARAMETER = 6  # of the Parameter Manager: belongs to no list and is no flow
+    NOTHING = 7  # no telegram at all, and CAN frames that carry no data
+    PDO = 8  # on CAN: data without header, sender and receiver
+
+
+NOBODY = -1
+"""The node of what has no address."""
+
+NOBODY_KEY = NOBODY % (1 << 64)
+"""The same as the table of streams has it."""
+
+LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
+IS_PARAMETER = KNOWN_SERVICE.copy()
+"""Mask over ID, as ``KNOWN_SERVICE``: the services of the Parameter Manager."""
+
+IS_PARAMETER[list(LIST_SERVICES)] = False
+
+# Items, Length, Counter, Flags and Checksum are looked at as one 64-bit number, the signature.
+_SIGNATURE_AT = HEADER.offset_of("items")
+_SIGNATURE = np.dtype(
+    {"names": ["signature"], "formats": ["<u8"], "offsets": [_SIGNATURE_AT], "itemsize": HEADER.size_bytes}
+)
+
+
+def _shift(name: str) -> np.uint64:
+    return np.uint64(8 * (HEADER.offset_of(name) - _SIGNATURE_AT))
+
+
+LENGTH_SHIFT, COUNTER_SHIFT = _shift("length"), _shift("counter")
+FLAGS_SHIFT, CHECKSUM_SHIFT = _shift("flags"), _shift("checksum")
+SHAPE_MASK = np.uint64(0xFFFFFFFF)
+"""The part of a signature that holds Items and Length."""
+
+
+class VarietyColumns(KeyedColumns):
+    """One row a variety of telegrams (``dissectors.varieties``): what it is to the tracker.
+
+    ``flow``, ``stream``, ``place``, ``list`` and ``subindex`` are -1 where it is of none; ``signature`` has a Counter
+    of 0. ``odd`` says that something in its header is to be noted, ``wants`` that a well-formed data telegram wants to
+    be acknowledged, ``signed`` that it has a checksum.
+    """
+
+    kind: U8
+    flow: I64
+    stream: I64
+    place: I64
+    list: I64
+    subindex: I64
+    node: I64
+    signature: U64
+    odd: Bool
+    wants: Bool
+    signed: Bool
+    COLUMNS: ClassVar = {
+        "kind": (np.uint8(FrameKind.NOTHING), 1),
+        "flow": (np.int64(-1), 1),
+        "stream": (np.int64(-1), 1),
+        "place": (np.int64(-1), 1),
+        "list": (np.int64(-1), 1),
+        "subindex": (np.int64(-1), 1),
+        "node": (np.int64(-1), 1),
+        "signature": (np.uint64(0), 1),
+        "odd": (np.False_, 1),
+        "wants": (np.False_, 1),
+        "signed": (np.False_, 1),
+    }
+
+
+class FlowColumns(KeyedColumns):
+    """One row a flow; ``destination`` is -1 for broadcasts, ``stream`` -1 for flows that are no well-formed data."""
+
+    kind: I64
+    list: I64
+    place: I64
+    stream: I64
+    source: I64
+    destination: I64
+    COLUMNS: ClassVar = {
+        name: (np.int64(0), 1) for name in ("kind", "list", "place", "stream", "source", "destination")
+    }
+
+
+class Begun(NamedTuple):
+    """Flows whose first telegram is in a batch, by number, and the packet that holds it."""
+
+    flow: I64
+    packet: I64
+
+
+NONE_BEGUN = Begun(np.empty(0, np.int64), np.empty(0, np.int64))
+
+
+class Rejected(NamedTuple):
+    """Telegrams of lists that came back as undeliverable, with the numbers of their list and of who sent them."""
+
+    telegrams: TelegramBatch
+    list: I64
+    node: I64
+
+
+def kinds(service: U32, fault: U8) -> U8:
+    """Tell what telegrams are to their list, as uint8 (``FrameKind``)."""
+    is_data = service == Service.ODStateFree
+    kind = np.select(
+        [
+            IS_PARAMETER[np.minimum(service, len(IS_PARAMETER) - 1)],
+            fault == Fault.HEADER_CUT,
+            (fault != Fault.NONE) & is_data,
+            fault != Fault.NONE,
+            is_data,
+            service == Service.ODAcknowledgement,
+        ],
+        [
+            FrameKind.PARAMETER, FrameKind.HEADER_CUT, FrameKind.MALFORMED_DATA, FrameKind.MALFORMED_OTHER,
+            FrameKind.DATA, FrameKind.ACKNOWLEDGEMENT,
+        ],
+        FrameKind.BOOT_UP_REQUEST,
+    )  # fmt: skip
+    return kind.astype(np.uint8)
+
+
+class StreamKey(NamedTuple):
+    """What a stream is told by: list, SubIndex and sender; ``order`` is what senders are sorted by.
+
+    Nobody knows who sends on CAN: there, the channel stands for the sender.
+    """
+
+    list: ListKey
+    subindex: int
+    sender: str
+    order: tuple[bool, int]
+
+
+class Keys:
+    """The keys of all that was seen.
+
+    ``nodes`` are keyed by the halves of their address, ``lists`` by (port, Index), ``places`` by (list, SubIndex),
+    ``streams`` by (place, node), ``flows`` by (source, destination, place, kind). ``varieties`` tells of each variety
+    of the batch observed last what it is here. Ports are those of ``dissectors.varieties``, so that lists on CAN have
+    theirs; a stream on CAN has the node ``NOBODY``. ``pdos`` know what CAN channels are called.
+    """
+
+    def __init__(self, pdos: PdoRules | None = None) -> None:
+        self.channel = (pdos or PdoRules()).channel
+        self.nodes = KeyTable()
+        self.lists = KeyTable()
+        self.places = KeyTable()
+        self.streams = KeyTable()
+        self.flows = KeyTable(4)
+        self.columns = FlowColumns()
+        self.varieties = VarietyColumns()
+        self._described: Varieties | None = None
+
+    def observe(self, batch: SortedPackets) -> Begun:
+        """Number what is new in a batch; return the flows that begin in it."""
+        if batch.varieties is not self._described:
+            self._described = batch.varieties
+            self.varieties = VarietyColumns()
+            self.varieties.resize(NO_TELEGRAM + 1)
+        known = len(self.varieties)
+        return self._describe(batch, known) if len(batch.varieties) > known else NONE_BEGUN
+
+    def rejected(self, quoted: TelegramBatch) -> Rejected:
+        """Number the lists and senders of the telegrams that ICMP messages quote; those of other services are none."""
+        mine = np.isin(quoted.header["id"], LIST_SERVICES)
+        quoted = quoted if mine.all() else quoted.take(mine)
+        datagram = quoted.datagram
+        lists = self.lists.numbers(
+            datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64)
+        )  # fmt: skip
+        return Rejected(quoted, lists, self.nodes.numbers(datagram.source_hi, datagram.source_lo))
+
+    def place_of(self, stream: I64) -> I64:
+        """Return the places of streams."""
+        return self.streams.high[stream].astype(np.int64)
+
+    def node_of(self, stream: I64) -> I64:
+        """Return the nodes that send streams."""
+        return self.streams.low[stream].astype(np.int64)
+
+    def list_key(self, number: int) -> ListKey:
+        """Return the key of a list."""
+        port = int(self.lists.high[number])
+        return self.channel(port - ON_CAN) if port >= ON_CAN else port, int(self.lists.low[number])
+
+    def place_key(self, stream: int) -> tuple[ListKey, int]:
+        """Return list and SubIndex of a stream."""
+        place = int(self.streams.high[stream])
+        return self.list_key(int(self.places.high[place])), int(self.places.low[place])
+
+    def stream_key(self, stream: int) -> StreamKey:
+        """Return what a stream is told by."""
+        key, subindex = self.place_key(stream)
+        node = int(self.streams.low[stream].view(np.int64))
+        if node == NOBODY:
+            return StreamKey(key, subindex, str(key[0]), (False, 0))
+        halves = int(self.nodes.high[node]), int(self.nodes.low[node])
+        return StreamKey(key, subindex, address.text(*halves), address.order(*halves))
+
+    def _describe(self, batch: SortedPackets, known: int) -> Begun:
+        """Fill in the columns of new varieties, numbering what is new in them as it appeared."""
+        varieties, columns = batch.varieties, self.varieties
+        columns.resize(len(varieties))
+        fresh = np.flatnonzero(batch.variety >= known)
+        first = fresh[first_rows(batch.variety[fresh] - known, len(varieties) - known)]
+        order = np.argsort(first)
+        new, row = order + known, first[order]
+        header, datagram = varieties.header[new], varieties.datagram.take(new)
+        kind = kinds(header["id"], varieties.fault[new])
+        kind[varieties.on_can[new]] = FrameKind.NOTHING
+        kind[varieties.is_pdo[new]] = FrameKind.PDO
+        flags = header["flags"]
+        signature = header.view(_SIGNATURE)["signature"].astype(np.uint64)
+        columns.kind[new] = kind
+        columns.signature[new] = signature & ~(np.uint64(0xFFFF) << COUNTER_SHIFT)
+        columns.odd[new] = (
+            (varieties.fault[new] != Fault.NONE) | varieties.truncated[new] | (header["identity"] == IDENTITY_ASCII)
+            | ((flags & RESERVED_FLAGS) != 0)
+        )  # fmt: skip
+        columns.odd[new[varieties.on_can[new]]] = False
+        is_data = kind == FrameKind.DATA
+        columns.wants[new] = is_data & ((flags & ACKNOWLEDGE_WANTED.mask) != 0)
+        columns.signed[new] = is_data & ((flags & CHECKSUM_PRESENT.mask) != 0)
+        is_data |= kind == FrameKind.PDO
+        source = np.full(len(new), NOBODY)
+        sent = np.flatnonzero(~varieties.on_can[new])
+        source[sent] = self.nodes.numbers(datagram.source_hi[sent], datagram.source_lo[sent])
+        columns.node[new] = source
+        own = np.flatnonzero((kind != FrameKind.PARAMETER) & (kind != FrameKind.NOTHING))
+        new, row, kind, source, is_data = new[own], row[own], kind[own], source[own], is_data[own]
+        header, datagram = header[own], datagram.take(own)
+        unicast = np.flatnonzero(~datagram.broadcast & (kind != FrameKind.PDO))
+        destination = np.full(len(new), -1)
+        destination[unicast] = self.nodes.numbers(datagram.destination_hi[unicast], datagram.destination_lo[unicast])
+        lists = self.lists.numbers(varieties.port[new].astype(np.uint64), varieties.index[new].astype(np.uint64))
+        place = self.places.numbers(lists.astype(np.uint64), header["subindex"].astype(np.uint64))
+        stream = np.full(len(new), -1)
+        stream[is_data] = self.streams.numbers(place[is_data].astype(np.uint64), source[is_data].view(np.uint64))
+        columns.list[new], columns.subindex[new] = lists, header["subindex"]
+        columns.place[new], columns.stream[new] = place, stream
+        flows = len(self.flows)
+        flow = self.flows.numbers(
+            source.view(np.uint64), destination.view(np.uint64), place.astype(np.uint64), kind.astype(np.uint64)
+        )
+        columns.flow[new] = flow
+        table = self.columns
+        table.resize(len(self.flows))
+        begun = np.flatnonzero(flow >= flows)[::-1]
+        flow, row = flow[begun], row[begun]
+        # Assigned backwards, so that the first telegram of each flow is what stays.
+        table.kind[flow], table.list[flow], table.place[flow] = kind[begun], lists[begun], place[begun]
+        table.stream[flow], table.source[flow], table.destination[flow] = (
+            stream[begun],
+            source[begun],
+            destination[begun],
+        )
+        return Begun(flow, row)

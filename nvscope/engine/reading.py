@@ -1,0 +1,35 @@
+"""Reading: how frames are to be read, as one value that goes from whoever asks to the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dissectors.batch import Bool
+from dissectors.can.pdo import PdoRules
+from dissectors.netvar import PortRules
+
+if TYPE_CHECKING:
+    from nvscope.engine.told import Told
+
+TIMEOUT_NS = 1_000_000_000
+"""So long an answer may take unless somebody says otherwise (diagnosis, error events)."""
+
+Choose = Callable[["Told"], Bool]
+"""A filter: tells which packets of a batch hold telegrams that are chosen, as a mask with an entry a packet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How frames are read.
+
+    ``ports`` decide by hand which UDP payloads are telegrams, None: by their identity. ``pdos`` say which lists CAN
+    frames belong to. ``choose`` is the filter, None without one: it changes what is shown, and no figure.
+    ``timeout_ns`` is how long an answer may take.
+    """
+
+    ports: PortRules | None = None
+    pdos: PdoRules = field(default_factory=PdoRules)
+    choose: Choose | None = None
+    timeout_ns: int = TIMEOUT_NS

@@ -1,0 +1,60 @@
+"""Recogniser: from packet batches to what observers are told of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dissectors.batch import PacketBatch
+from dissectors.varieties import SortedPackets, Sorter
+from nvscope.engine.keys import FrameKind, Keys
+from nvscope.engine.reading import Reading
+from nvscope.engine.rows import StreamMemory
+from nvscope.engine.told import Laid, Told
+
+MAX_BATCH = 1 << 17
+
+
+class Recogniser:
+    """Recognises the batches of a capture in turn.
+
+    ``channels`` returns the names of CAN channels by number, as far as they are known. With ``by_stream``, telegrams
+    are laid out by stream.
+    """
+
+    def __init__(
+        self, reading: Reading, channels: Callable[[], Sequence[str]] = lambda: (), *, by_stream: bool = True
+    ) -> None:
+        self._reading = replace(reading, pdos=replace(reading.pdos, names=channels))
+        self._sorter = Sorter(reading.ports, self._reading.pdos)
+        self._keys = Keys(self._reading.pdos) if by_stream else None
+        self._memory = StreamMemory()
+        self._frames = 0
+        self._start_ns = self._last_ns = 0
+
+    def tell(self, packets: PacketBatch) -> Iterator[Told]:
+        """Yield what is to be told of the packets that follow those before, a limited number of them at a time."""
+        for start in range(0, len(packets), MAX_BATCH):
+            yield self._tell(packets[start : start + MAX_BATCH])
+
+    def _tell(self, packets: PacketBatch) -> Told:
+        if not self._frames:
+            self._start_ns = self._last_ns = int(packets.ts_ns[0])
+        batch = self._sorter.sort(packets)
+        told = Told(
+            batch, first_frame=self._frames + 1, start_ns=self._start_ns, before_ns=self._last_ns,
+            pdos=self._reading.pdos, choose=self._reading.choose,
+            laid=None if self._keys is None else self._lay_out(batch, self._keys),
+        )  # fmt: skip
+        self._frames += len(batch)
+        self._last_ns = int(batch.packets.ts_ns[-1])
+        return told
+
+    def _lay_out(self, batch: SortedPackets, keys: Keys) -> Laid:
+        begun = keys.observe(batch)
+        count = np.bincount(batch.variety, minlength=len(keys.varieties))
+        data = self._memory.rows(batch, count, keys)
+        pdos = self._memory.rows(batch, count, keys, FrameKind.PDO)
+        return Laid(keys, begun, count, data, pdos, keys.rejected(batch.quoted), self._memory)

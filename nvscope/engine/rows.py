@@ -1,0 +1,171 @@
+"""DataRows: the well-formed data telegrams of a batch, or its PDOs, laid out by stream."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U16, U64, Bool
+from dissectors.layout import gather_bytes
+from dissectors.varieties import SortedPackets
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import COUNTER_SHIFT, FrameKind, Keys
+from nvscope.engine.runs import order_by, runs_of_lengths
+
+_COMPARE_ROWS = 8192
+
+
+class StreamColumns(KeyedColumns):
+    """One row a stream: how often, when, and the last telegram (its signature; its bytes are in ``StreamMemory``)."""
+
+    telegrams: I64
+    first_ns: I64
+    last_ns: I64
+    signature: U64
+    COLUMNS: ClassVar = {
+        "telegrams": (np.int64(0), 1),
+        "first_ns": (np.int64(0), 1),
+        "last_ns": (np.int64(0), 1),
+        "signature": (np.uint64(0), 1),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class DataRows:
+    """Well-formed data telegrams, by stream, within a stream as captured.
+
+    ``packet`` holds their rows in the packet batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound
+    the runs of one stream, which is ``run_stream``; ``signature_before`` is that of the telegram before each run, and
+    ``fresh`` where there is none. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
+    where no row is.
+    """
+
+    packet: I64
+    stream: I64
+    start: I64
+    stop: I64
+    run_stream: I64
+    signature_before: U64
+    fresh: Bool
+    variety: I64
+    counter: U16
+    time_ns: I64
+    wanting: I64
+    repeated: Bool | None
+
+    def __len__(self) -> int:
+        return len(self.packet)
+
+    def changes(self) -> I64:
+        """Return the rows, starts of runs aside, whose variety is not that of the row before, rising."""
+        changed = np.flatnonzero(self.variety[1:] != self.variety[:-1]) + 1
+        starts = np.searchsorted(self.start, changed)
+        inside: Bool = self.start[np.minimum(starts, len(self.start) - 1)] != changed
+        return changed[inside]
+
+
+def _no_rows() -> DataRows:
+    number, word = np.empty(0, np.int64), np.empty(0, np.uint64)
+    return DataRows(
+        number, number, number, number, number, word, np.empty(0, np.bool_), number, np.empty(0, np.uint16), number,
+        number, None,
+    )  # fmt: skip
+
+
+NO_ROWS = _no_rows()
+
+
+class StreamMemory:
+    """What is kept of each stream from one batch to the next, and the rows made with it."""
+
+    def __init__(self) -> None:
+        self.columns = StreamColumns()
+        self.payload: dict[int, bytes] = {}
+
+    def rows(self, batch: SortedPackets, count: I64, keys: Keys, kind: FrameKind = FrameKind.DATA) -> DataRows:
+        """Lay out well-formed data telegrams by stream, and remember the last one of each; or the PDOs, if so asked.
+
+        ``count`` says how many telegrams there are of each variety. PDOs are never ``repeated``: without a counter,
+        nobody can tell a repeated one from the next one.
+        """
+        columns, varieties = self.columns, keys.varieties
+        streams = len(keys.streams)
+        columns.resize(streams)
+        stream_of = varieties.column("stream")
+        length = np.zeros(streams, np.int64)
+        own = varieties.column("kind") == kind
+        np.add.at(length, stream_of[own], count[own])
+        if not length.any():
+            return NO_ROWS
+        # What is no data telegram goes behind all streams.
+        packet = order_by(np.where(own, stream_of, streams), batch.variety, streams)[: length.sum()]
+        run, start, stop = runs_of_lengths(length)
+        variety, counter, time_ns = batch.variety[packet], batch.counter[packet], batch.packets.ts_ns[packet]
+        nothing = np.empty(0, np.int64)
+        rows = DataRows(
+            packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
+            variety, counter, time_ns,
+            np.flatnonzero(varieties.wants[variety]) if varieties.column("wants").any() else nothing, None,
+        )  # fmt: skip
+        if kind == FrameKind.DATA:
+            rows = replace(rows, repeated=self._repeated(batch, rows, keys))
+        columns.first_ns[run[rows.fresh]] = time_ns[start[rows.fresh]]
+        columns.last_ns[run] = time_ns[stop - 1]
+        columns.telegrams[run] += stop - start
+        columns.signature[run] = _signatures(rows, stop - 1, keys)
+        if kind == FrameKind.DATA:
+            self._remember(batch, rows)
+        return rows
+
+    def _repeated(self, batch: SortedPackets, rows: DataRows, keys: Keys) -> Bool | None:
+        """Tell which rows equal the one before in their stream, byte for byte as far as both were captured."""
+        again = np.zeros(len(rows), np.bool_)
+        alike = (_signatures(rows, rows.start, keys) == rows.signature_before) & ~rows.fresh
+        for row, stream in zip(rows.start[alike].tolist(), rows.run_stream[alike].tolist(), strict=True):
+            again[row] = _payload(batch, int(rows.packet[row]), int(rows.variety[row])) == self.payload[stream]
+        inner = np.flatnonzero(rows.counter[1:] == rows.counter[:-1]) + 1
+        inner = inner[rows.stream[inner] == rows.stream[inner - 1]]
+        if len(inner):
+            signature, length = keys.varieties.signature, batch.varieties.datagram.captured_bytes
+            now, previous = rows.variety[inner], rows.variety[inner - 1]
+            inner = inner[(signature[now] == signature[previous]) & (length[now] == length[previous])]
+            again[inner] = _equal_payloads(batch, rows, inner)
+        return again if again.any() else None
+
+    def _remember(self, batch: SortedPackets, rows: DataRows) -> None:
+        last = rows.stop - 1
+        packet, variety = rows.packet[last].tolist(), rows.variety[last].tolist()
+        for stream, own_packet, own_variety in zip(rows.run_stream.tolist(), packet, variety, strict=True):
+            self.payload[stream] = _payload(batch, own_packet, own_variety)
+
+
+def _signatures(rows: DataRows, which: I64, keys: Keys) -> U64:
+    """Return the signatures of some rows, with their Counter."""
+    common: U64 = keys.varieties.signature[rows.variety[which]]
+    return common | (rows.counter[which].astype(np.uint64) << COUNTER_SHIFT)
+
+
+def _payload(batch: SortedPackets, packet: int, variety: int) -> bytes:
+    """Return a copy of the captured bytes of one telegram."""
+    datagram = batch.varieties.datagram
+    start = int(batch.packets.offset[packet]) + int(datagram.payload[variety])
+    return batch.packets.data[start : start + int(datagram.captured_bytes[variety])].tobytes()
+
+
+def _equal_payloads(batch: SortedPackets, rows: DataRows, which: I64) -> Bool:
+    """Tell which rows have the payload of the row before, which is as long; many of the same length at a time."""
+    equal = np.zeros(len(which), np.bool_)
+    datagram, packets = batch.varieties.datagram, batch.packets
+    length = datagram.captured_bytes[rows.variety[which]]
+    payload = [packets.offset[rows.packet[row]] + datagram.payload[rows.variety[row]] for row in (which, which - 1)]
+    for size in np.unique(length).tolist():
+        places = np.flatnonzero(length == size)
+        for begin in range(0, len(places), _COMPARE_ROWS):
+            part = places[begin : begin + _COMPARE_ROWS]
+            now, before = (
+                gather_bytes(packets.data, at[part], size).view(np.uint8).reshape(len(part), size) for at in payload
+            )
+            equal[part] = (now == before).all(axis=1)
+    return equal

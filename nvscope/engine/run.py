@@ -1,0 +1,38 @@
+"""The one loop: batches from a source are recognised and told to observers, wherever they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar, Protocol
+
+from nvscope.capture.source import Source
+from nvscope.engine.reading import Reading
+from nvscope.engine.recogniser import Recogniser
+from nvscope.engine.told import Told
+
+
+class Observer(Protocol):
+    """Whatever looks at traffic: a state, a history, lines, a recorder, a rule.
+
+    ``by_stream``: it needs telegrams laid out by stream. What it comes to does not depend on who else observes.
+    """
+
+    by_stream: ClassVar[bool]
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        ...
+
+
+def run(source: Source, reading: Reading, observers: Sequence[Observer]) -> Iterator[Told]:
+    """Tell a source to observers, batch by batch, and yield what they have been told.
+
+    A batch is valid until the next one is asked for. Who stops asking stops the loop.
+    """
+    by_stream = any(observer.by_stream for observer in observers)
+    recogniser = Recogniser(reading, lambda: source.channels, by_stream=by_stream)
+    for packets in source:
+        for told in recogniser.tell(packets):
+            for observer in observers:
+                observer.observe(told)
+            yield told

@@ -1,0 +1,120 @@
+"""Told: one batch, recognised once, as every observer reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dissectors.batch import I64, U16, Bool, PacketBatch
+from dissectors.can.frame import CanBatch
+from dissectors.can.pdo import PdoRules
+from dissectors.netvar import TelegramBatch
+from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
+from nvscope.engine.keys import Begun, Keys, Rejected
+from nvscope.engine.reading import Choose
+from nvscope.engine.rows import DataRows, StreamMemory
+
+
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """The telegrams of a batch laid out by stream.
+
+    ``keys`` number what they are of, ``begun`` are the flows that begin here, ``count`` is how many telegrams there are
+    of each variety. ``data`` are the well-formed data telegrams, ``pdos`` the data frames of CAN, ``rejected`` the
+    telegrams that came back. ``memory`` is what is known of the streams up to the end of the batch.
+    """
+
+    keys: Keys
+    begun: Begun
+    count: I64
+    data: DataRows
+    pdos: DataRows
+    rejected: Rejected
+    memory: StreamMemory
+
+
+class Told:
+    """A batch with what was recognised in it; observers must not change it, and must not keep what is over its buffer.
+
+    ``batch`` tells each packet by its variety. ``first_frame`` is the number of its first packet in the capture, from
+    1; ``start_ns`` the time of the capture's first frame, ``before_ns`` that of the frame before this batch (of the
+    first one: its own). ``until_ns`` says that time has passed up to then, behind the packets; None where only they
+    tell. ``pdos`` know which lists CAN frames belong to, and what channels are called.
+
+    ``laid`` is there where an observer asks for it (``Observer.by_stream``).
+    """
+
+    def __init__(
+        self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
+        choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
+    ) -> None:  # fmt: skip
+        self.batch = batch
+        self.first_frame = first_frame
+        self.start_ns = start_ns
+        self.before_ns = before_ns
+        self.until_ns = until_ns
+        self.pdos = pdos
+        self._choose = choose
+        self._laid = laid
+
+    def __len__(self) -> int:
+        return len(self.batch)
+
+    @property
+    def packets(self) -> PacketBatch:
+        return self.batch.packets
+
+    @property
+    def variety(self) -> I64:
+        """The variety of each packet, ``NO_TELEGRAM`` where it holds none. Shape (n,)."""
+        return self.batch.variety
+
+    @property
+    def varieties(self) -> Varieties:
+        return self.batch.varieties
+
+    @property
+    def counter(self) -> U16:
+        """The Counter of each packet's telegram. Shape (n,)."""
+        return self.batch.counter
+
+    @property
+    def can(self) -> CanBatch | None:
+        """The CAN frames, None without any."""
+        return self.batch.can
+
+    @property
+    def quoted(self) -> TelegramBatch:
+        """The telegrams that ICMP messages quote as not delivered."""
+        return self.batch.quoted
+
+    @cached_property
+    def chosen(self) -> Bool | None:
+        """Which packets hold telegrams that the filter chooses, shape (n,); None without a filter."""
+        return None if self._choose is None else self._choose(self)
+
+    @cached_property
+    def recognised(self) -> I64:
+        """The packets that hold a telegram, or are a CAN frame, rising."""
+        return np.flatnonzero(self.variety != NO_TELEGRAM)
+
+    @property
+    def laid(self) -> Laid:
+        """The telegrams laid out by stream."""
+        assert self._laid is not None, "no observer asked for rows by stream"
+        return self._laid
+
+    @property
+    def keys(self) -> Keys:
+        return self.laid.keys
+
+    @property
+    def begun(self) -> Begun:
+        return self.laid.begun
+
+    @property
+    def count(self) -> I64:
+        """How many telegrams there are of each variety."""
+        return self.laid.count

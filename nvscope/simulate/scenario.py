@@ -1,0 +1,738 @@
+"""Scenario: a plant, its traffic and what goes wrong in it, as a file that can be read without running it.
+
+A scenario is TOML. ``[[node]]``, ``[[list]]`` and ``[[reader]]`` describe who sends what to whom over UDP, ``[[bus]]``
+and ``[[can_list]]`` what is sent over CAN; every other array of tables is a kind of fault or of foreign traffic. The
+dataclasses below are the table of all keys: reading, messages and ``document`` come from them.
+
+A telegram is named by its number: telegram 1 is the first one that its sender sends in that (list, SubIndex). A fault
+that chooses telegrams does so by ``telegrams``, ``every`` or ``probability``, and takes all of them if none is given.
+
+Unless ``wild`` is set, faults that change the order or the presence of telegrams keep away from each other, from
+restarts and from the wrap of the counter, so that what an observer can know follows from what was put in: chosen
+telegrams that are too near are an error, random ones are left alone.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+from dissectors.can.frame import MAX_DATA_BYTES as MAX_PDO_BYTES
+from nvscope.errors import ConfigurationError
+from nvscope.simulate.can.check import check_can
+from nvscope.simulate.can.tables import Bus, BusOff, CanList, CanTraffic, ErrorFrames
+from nvscope.toml_table import (
+    DURATION,
+    FLAG,
+    LENGTH,
+    MOMENT,
+    TEXT,
+    Place,
+    array,
+    choice,
+    document_table,
+    integer,
+    key,
+    mapping,
+    nearest,
+    number,
+    read_table,
+    table_of,
+    tables,
+)
+
+MAX_FILE_BYTES = 1_000_000
+MAX_DATA_BYTES = 1452
+PACKED_DATA_BYTES = 256
+MAX_TELEGRAMS_PER_LIST = 1024
+SLOWEST_NS = 31 * 86_400_000_000_000
+U8_MAX, U16_MAX = 0xFF, 0xFFFF
+
+
+@dataclass(frozen=True, kw_only=True)
+class Node:
+    """A controller or PC with an address. What it counts in Counter is a matter of the node, not of the list."""
+
+    name: str = key(TEXT, "how the rest of the scenario calls it")
+    address: str = key(TEXT, "IPv4 or IPv6 address")
+    mac: str = key(TEXT, "hardware address; made from the node's number if empty", default="")
+    counter: str = key(
+        choice("stream", "telegram", "send", "list", "constant"),
+        "what Counter counts: telegrams of a (list, SubIndex), as controllers do; all telegrams of the node; its sends "
+        "of a whole list; telegrams of a list; nothing",
+        default="stream",
+    )
+    first_value: int = key(integer(0, U16_MAX), "Counter of the first telegram", default=1)
+    last_value: int = key(integer(0, U16_MAX), "highest Counter; 0 follows", default=U16_MAX)
+    carry_into_flags: bool = key(
+        FLAG,
+        "a 32-bit counter written over Counter, Flags and Checksum, so that its carry lands in Flags",
+        default=False,
+    )
+    byte_swapped: bool = key(FLAG, "Counter is written byte-swapped from 128 on", default=False)
+    changing_port: bool = key(FLAG, "a new source port for each telegram, as PC senders do", default=False)
+    vlan: tuple[int, ...] = key(
+        array(integer(0, 4095), single=True), "VLAN tags of its frames, the outer one first", default=()
+    )
+    ip_options: bool = key(FLAG, "its IPv4 headers carry an option (router alert)", default=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListPlan:
+    """A network variables list: its telegrams, and when who sends them where."""
+
+    name: str = key(TEXT, "how the rest of the scenario calls it")
+    index: int = key(integer(0, U16_MAX), "list identifier")
+    port: int = key(integer(1, U16_MAX), "UDP port", default=1202)
+    sender: tuple[str, ...] = key(array(TEXT, single=True), "the node that sends it; several send it side by side")
+    destination: str = key(
+        TEXT,
+        'where to: an address, a node, or "broadcast" (255.255.255.255; ff02::1 from IPv6 nodes)',
+        default="broadcast",
+    )
+    packed: bool = key(FLAG, "several variables in one telegram; otherwise one telegram per variable", default=True)
+    data_bytes: tuple[int, ...] = key(
+        array(integer(0, MAX_DATA_BYTES), single=True),
+        "data bytes of each telegram, by SubIndex",
+        default=(),
+        name="bytes",
+    )
+    total_bytes: int = key(
+        integer(0, 64 * MAX_DATA_BYTES),
+        "data bytes of the list, cut into telegrams of at most 256; instead of bytes",
+        default=0,
+    )
+    element_bytes: int = key(
+        integer(1, 255), "size of a variable, for total_bytes and for items that are not given", default=4
+    )
+    items: tuple[int, ...] = key(
+        array(integer(0, U16_MAX), single=True),
+        "variables in each telegram; if not given, what element_bytes gives (1 if not packed)",
+        default=(),
+    )
+    interval_ns: int = key(LENGTH, "time from one sending of the list to the next", name="interval")
+    mode: str = key(
+        choice("cyclic", "on_change"),
+        "on_change sends at random moments: intervals lie between a tenth and nearly twice the interval",
+        default="cyclic",
+    )
+    jitter_ns: int = key(LENGTH, "each sending is late by 0 to this much", default=0, name="jitter")
+    phase_ns: int = key(LENGTH, "when the first sending is due", default=0, name="phase")
+    spacing_ns: int = key(
+        LENGTH, "from one telegram of a sending to the next SubIndex", default=100_000, name="spacing"
+    )
+    from_ns: int = key(LENGTH, "when the sender starts", default=0, name="from")
+    until_ns: int | None = key(LENGTH, "when the sender stops", default=None, name="until")
+    acknowledge: bool = key(FLAG, "Flags bit 0: acknowledgement wanted", default=False)
+    checksum: tuple[int, ...] = key(
+        array(integer(0, U8_MAX), single=True),
+        "signature of the definition, by SubIndex or one for all; sets bit 1",
+        default=(),
+    )
+    values: str = key(
+        choice("ramp", "constant", "noise"),
+        "data: the first bytes count the telegrams; nothing ever changes; random bytes behind a counting one",
+        default="ramp",
+    )
+    answers_boot_up: bool = key(FLAG, "a boot-up request is answered by a sending of the list", default=True)
+    answer_delay_ns: int = key(LENGTH, "how long that takes", default=5_000_000, name="answer_delay")
+
+    @property
+    def shapes(self) -> tuple[tuple[int, int], ...]:
+        """Items and data bytes of each telegram, by SubIndex."""
+        sizes = self.data_bytes
+        if self.total_bytes:
+            full = PACKED_DATA_BYTES // self.element_bytes * self.element_bytes if self.packed else self.element_bytes
+            count, rest = divmod(self.total_bytes, full)
+            sizes = (full,) * count + ((rest,) if rest else ())
+        items = self.items or tuple(max(size // self.element_bytes, 1) if self.packed else 1 for size in sizes)
+        return tuple(zip(items, sizes, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reader:
+    """A node that reads a list: it acknowledges what wants to be acknowledged, and asks at its start."""
+
+    node: str = key(TEXT, "the node that reads")
+    list: str = key(TEXT, "the list that it reads")
+    acknowledges: bool = key(FLAG, "answers telegrams with Flags bit 0", default=True)
+    delay_ns: int = key(LENGTH, "from the telegram to its acknowledgement", default=2_000_000, name="delay")
+    jitter_ns: int = key(LENGTH, "and up to this much later", default=0, name="jitter")
+    to: str = key(choice("sender", "broadcast"), "where acknowledgements go", default="sender")
+    echo_counter: bool = key(FLAG, "acknowledgements repeat the Counter; otherwise it is 0", default=False)
+    boot_up: tuple[int, ...] = key(
+        array(LENGTH, single=True),
+        "when it asks for current values, one request for each telegram of the list",
+        default=(),
+    )
+    boot_up_rejected: bool = key(FLAG, "the requests come back as ICMP port unreachable", default=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Some telegrams of a list."""
+
+    list: str = key(TEXT, "the list concerned")
+    subindex: int | None = key(integer(0, U16_MAX), "only this SubIndex; otherwise each one by itself", default=None)
+    node: str = key(TEXT, "only telegrams of this sender; otherwise of all", default="")
+    telegrams: tuple[int, ...] = key(
+        array(integer(1, 100_000_000), single=True), "numbers of the telegrams, from 1", default=()
+    )
+    every: int = key(integer(0, 100_000_000), "the n-th telegram, the 2n-th and so on", default=0)
+    probability: float = key(number(0, 1), "each telegram by itself, with this probability", default=0.0)
+    run: int = key(integer(1, 100_000_000), "this many in a row from each chosen one on", default=1)
+    from_ns: int = key(LENGTH, "only those sent from this time on", default=0, name="from")
+    until_ns: int | None = key(LENGTH, "only those sent before this time", default=None, name="until")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loss(Selection):
+    """Telegrams that nobody sees: neither the capture nor the readers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fragmented(Selection):
+    """Telegrams that arrive as two IP fragments. They are no telegrams for an observer, so they are missing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Duplicate(Selection):
+    """Telegrams that are seen again, byte for byte."""
+
+    copies: int = key(integer(1, 100), "how many more there are of each", default=1)
+    delay_ns: int = key(LENGTH, "when, if nothing comes in between", default=5_000, name="delay")
+    behind: int = key(integer(0, 63), "this many telegrams of the stream come in between", default=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overtaken(Selection):
+    """Telegrams that arrive after later ones."""
+
+    by: int = key(integer(1, 63), "how many later telegrams of the stream arrive before", default=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Late(Selection):
+    """Sendings of the list that come late; the following ones are on time."""
+
+    by_ns: int = key(LENGTH, "how late, less than the interval", name="by")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truncated(Selection):
+    """Telegrams of which the capture keeps only the beginning."""
+
+    payload_bytes: int = key(integer(0, 1471), "how much of the UDP payload is kept")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongChecksum(Selection):
+    """Telegrams with another checksum than before."""
+
+    checksum: int | None = key(integer(0, U8_MAX), "the value; otherwise the right one, all bits turned", default=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChecksumFlag(Selection):
+    """Telegrams that carry a checksum and do not say so: Flags bit 1 is clear."""
+
+    checksum: int = key(integer(1, U8_MAX), "value of Checksum", default=0x5A)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReservedFlags(Selection):
+    """Telegrams with undocumented bits in Flags."""
+
+    flags: int = key(integer(0x08, 0xF8), "the bits that are set beside the usual ones", default=0x08)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AsciiIdentity(Selection):
+    """Telegrams whose identity begins with the character '0' instead of a binary zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape(Selection):
+    """Telegrams of another definition: other Items, other data length."""
+
+    items: int | None = key(integer(0, U16_MAX), "Items; otherwise unchanged", default=None)
+    data_bytes: int | None = key(
+        integer(0, MAX_DATA_BYTES), "data bytes; otherwise unchanged", default=None, name="bytes"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongDlc(Selection):
+    """PDOs on CAN that are shorter or longer than they should be."""
+
+    data_bytes: int = key(integer(0, MAX_PDO_BYTES), "data bytes", name="bytes")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Malformed(Selection):
+    """Extra telegrams that make no sense, sent by the list's sender right after the chosen ones."""
+
+    kind: str = key(
+        choice("short", "stub", "wrong_length", "byte_swapped_length", "unknown_service"),
+        "12 to 19 bytes; 8 bytes, not even a telegram; a Length that is 4 too large; a big-endian Length; ID 77",
+    )
+    payload_bytes: int = key(integer(12, 19), "UDP payload of a short one", default=16)
+    service: int = key(integer(0, 6), "ID of a short one or one of wrong length: 0, 5 or 6", default=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissingAcknowledgement(Selection):
+    """Telegrams that a reader does not acknowledge."""
+
+    reader: str = key(TEXT, "only this reader keeps silent; otherwise all", default="")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NegativeAcknowledgement(Selection):
+    """Telegrams that a reader acknowledges with Flags bit 2, invalid checksum."""
+
+    reader: str = key(TEXT, "only this reader; otherwise all", default="")
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnexpectedAcknowledgement(Selection):
+    """Acknowledgements that nobody wanted, sent right after the chosen telegrams."""
+
+    reader: str = key(TEXT, "the node that sends them")
+    to: str = key(choice("sender", "broadcast"), "where they go", default="sender")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unreachable(Selection):
+    """ICMP port unreachable in answer to the chosen telegrams, or to their acknowledgements."""
+
+    of: str = key(choice("data", "acknowledgement"), "what is refused", default="data")
+    host: str = key(TEXT, "the node that refuses; needed where the destination is no node", default="")
+    quote: str = key(
+        choice("full", "header"), "how much is quoted: up to 548 bytes, or the IP header and 8 bytes", default="full"
+    )
+    delay_ns: int = key(LENGTH, "when the refusal follows", default=300_000, name="delay")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Restart:
+    """A node starts again: its counters begin anew. What it would have sent during the outage is never sent."""
+
+    node: str = key(TEXT, "the node")
+    at_ns: int = key(LENGTH, "when", name="at")
+    outage_ns: int = key(LENGTH, "how long it sends nothing", default=0, name="outage")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """A node sends no more, be it one list or all of them."""
+
+    node: str = key(TEXT, "the node; all that send the list if it is not given", default="")
+    at_ns: int = key(LENGTH, "when", name="at")
+    list: str = key(TEXT, "only this list", default="")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pause:
+    """A sending is held up, and all later ones with it; nothing is lost."""
+
+    list: str = key(TEXT, "the list")
+    at_ns: int = key(LENGTH, "sendings due from this time on", name="at")
+    by_ns: int = key(LENGTH, "how long", name="by")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Burst:
+    """Extra sendings in quick succession after the first one due at a time."""
+
+    list: str = key(TEXT, "the list")
+    at_ns: int = key(LENGTH, "when", name="at")
+    count: int = key(integer(1, 10_000), "how many extra ones")
+    gap_ns: int = key(LENGTH, "from one to the next", name="gap")
+
+
+ON_CAN = (Loss, Late, WrongDlc, Stop, Pause, Burst)
+"""The faults of a list on CAN."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondSender:
+    """Another node sends the same list for some time. What is not given is as in the list."""
+
+    list: str = key(TEXT, "the list")
+    node: str = key(TEXT, "the other node")
+    from_ns: int = key(LENGTH, "when it starts", default=0, name="from")
+    until_ns: int | None = key(LENGTH, "when it stops", default=None, name="until")
+    phase_ns: int = key(LENGTH, "when its first sending is due, from its start", default=7_000_000, name="phase")
+    interval_ns: int | None = key(LENGTH, "its interval", default=None, name="interval")
+    data_bytes: tuple[int, ...] = key(
+        array(integer(0, MAX_DATA_BYTES), single=True), "data bytes of its telegrams", default=(), name="bytes"
+    )
+    items: tuple[int, ...] = key(array(integer(0, U16_MAX), single=True), "their Items", default=())
+    checksum: tuple[int, ...] = key(array(integer(0, U8_MAX), single=True), "their signature", default=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockStep:
+    """The capturing computer's clock is set: all later frames get earlier or later times."""
+
+    at_ns: int = key(LENGTH, "when", name="at")
+    by_ns: int = key(DURATION, "by how much; negative sets it back", name="by")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mirrored:
+    """A mirror port shows every frame twice."""
+
+    from_ns: int = key(LENGTH, "since when", default=0, name="from")
+    until_ns: int | None = key(LENGTH, "until when", default=None, name="until")
+    delay_ns: int = key(LENGTH, "how much later the copy comes", default=2_000, name="delay")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traffic:
+    """Frames that are no telegrams of a list."""
+
+    kind: str = key(
+        choice("arp", "dns", "tcp", "ping", "udp", "parameter"),
+        "udp has another payload on port 1202; parameter is the Parameter Manager, whose telegrams belong to no list",
+    )
+    node: str = key(TEXT, "who sends it")
+    to: str = key(TEXT, "to which node")
+    interval_ns: int = key(LENGTH, "how often", name="interval")
+    jitter_ns: int = key(LENGTH, "and up to this much later", default=0, name="jitter")
+    from_ns: int = key(LENGTH, "since when", default=0, name="from")
+    until_ns: int | None = key(LENGTH, "until when", default=None, name="until")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expect:
+    """What a report about this traffic must say, no more and no less; the simulator does not look at it."""
+
+    findings: dict[str, tuple[str, ...]] | None = key(  # noqa: RUF009
+        mapping(array(TEXT)),
+        'codes of findings by list, such as "udp/1202/7"; those of no list under "capture"',
+        default=None,
+    )
+    counters: dict[str, dict[str, int]] | None = key(  # noqa: RUF009
+        mapping(mapping(integer(-(2**31), 2**31))), "counters that are not 0, by list", default=None
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """A plant for some time, seen at one capture point."""
+
+    title: str = key(TEXT, "what is happening, in a sentence", default="")
+    seed: int = key(integer(0, 2**63 - 1), "another seed gives other chances", default=1)
+    duration_ns: int = key(LENGTH, "how long is recorded", name="duration")
+    start_ns: int = key(MOMENT, "time of the first moment", default=1_704_067_200_000_000_000, name="start")
+    link: str = key(
+        choice("ethernet", "sll", "sll2", "raw", "null", "loop"),
+        "link layer of the capture, of what is not on CAN",
+        default="ethernet",
+    )
+    snap_length: int = key(integer(0, 65_535), "bytes kept of each frame that is not of CAN; 0 keeps all", default=0)
+    wild: bool = key(FLAG, "faults may meet; the truth about counters is then not exact", default=False)
+    node: tuple[Node, ...] = key(tables(Node), "controllers and PCs; CAN does without", default=())
+    list: tuple[ListPlan, ...] = key(tables(ListPlan), "network variables lists", default=())
+    reader: tuple[Reader, ...] = key(tables(Reader), "who reads what", default=())
+    traffic: tuple[Traffic, ...] = key(tables(Traffic), "foreign traffic", default=())
+    bus: tuple[Bus, ...] = key(tables(Bus), "CAN buses", default=())
+    can_list: tuple[CanList, ...] = key(tables(CanList), "network variables lists on CAN", default=())
+    can_traffic: tuple[CanTraffic, ...] = key(tables(CanTraffic), "other frames on CAN", default=())
+    error_frames: tuple[ErrorFrames, ...] = key(tables(ErrorFrames), "error frames of CAN", default=())
+    bus_off: tuple[BusOff, ...] = key(tables(BusOff), "CAN controllers that leave the bus", default=())
+    loss: tuple[Loss, ...] = key(tables(Loss), "lost telegrams", default=())
+    fragmented: tuple[Fragmented, ...] = key(tables(Fragmented), "IP fragments", default=())
+    duplicate: tuple[Duplicate, ...] = key(tables(Duplicate), "duplicates", default=())
+    overtaken: tuple[Overtaken, ...] = key(tables(Overtaken), "overtaken telegrams", default=())
+    late: tuple[Late, ...] = key(tables(Late), "late sendings", default=())
+    truncated: tuple[Truncated, ...] = key(tables(Truncated), "telegrams cut by the capture", default=())
+    wrong_checksum: tuple[WrongChecksum, ...] = key(tables(WrongChecksum), "wrong checksums", default=())
+    checksum_flag: tuple[ChecksumFlag, ...] = key(tables(ChecksumFlag), "checksums without their flag", default=())
+    reserved_flags: tuple[ReservedFlags, ...] = key(tables(ReservedFlags), "undocumented flags", default=())
+    ascii_identity: tuple[AsciiIdentity, ...] = key(tables(AsciiIdentity), "identities in ASCII", default=())
+    shape: tuple[Shape, ...] = key(tables(Shape), "changed definitions", default=())
+    wrong_dlc: tuple[WrongDlc, ...] = key(tables(WrongDlc), "PDOs of another length", default=())
+    malformed: tuple[Malformed, ...] = key(tables(Malformed), "malformed telegrams", default=())
+    missing_acknowledgement: tuple[MissingAcknowledgement, ...] = key(
+        tables(MissingAcknowledgement), "missing acknowledgements", default=()
+    )
+    negative_acknowledgement: tuple[NegativeAcknowledgement, ...] = key(
+        tables(NegativeAcknowledgement), "negative acknowledgements", default=()
+    )
+    unexpected_acknowledgement: tuple[UnexpectedAcknowledgement, ...] = key(
+        tables(UnexpectedAcknowledgement), "unexpected acknowledgements", default=()
+    )
+    unreachable: tuple[Unreachable, ...] = key(tables(Unreachable), "refused telegrams", default=())
+    restart: tuple[Restart, ...] = key(tables(Restart), "restarts of nodes", default=())
+    stop: tuple[Stop, ...] = key(tables(Stop), "senders that stop", default=())
+    pause: tuple[Pause, ...] = key(tables(Pause), "senders that are held up", default=())
+    burst: tuple[Burst, ...] = key(tables(Burst), "bursts", default=())
+    second_sender: tuple[SecondSender, ...] = key(tables(SecondSender), "second senders of a list", default=())
+    clock_step: tuple[ClockStep, ...] = key(tables(ClockStep), "steps of the capture's clock", default=())
+    mirrored: tuple[Mirrored, ...] = key(tables(Mirrored), "frames seen twice", default=())
+    expect: Expect | None = key(table_of(Expect), "what a report must say", default=None)  # noqa: RUF009
+    path: str = "scenario"
+
+    def error(self, keys: str, what: str, next_step: str = "") -> ConfigurationError:
+        """Return the error that something is wrong at a place of this scenario, such as ``loss[0]``."""
+        return Place(self.path, keys).error(what, next_step)
+
+    @property
+    def node_numbers(self) -> dict[str, int]:
+        """The position of each node by its name."""
+        return {node.name: position for position, node in enumerate(self.node)}
+
+    @property
+    def list_numbers(self) -> dict[str, int]:
+        """The position of each list by its name."""
+        return {entry.name: position for position, entry in enumerate(self.list)}
+
+    @property
+    def can_numbers(self) -> dict[str, int]:
+        """The position of each list on CAN by its name."""
+        return {entry.name: position for position, entry in enumerate(self.can_list)}
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The CAN buses that any table names, in the order of their names."""
+        tables = (self.bus, self.can_list, self.can_traffic, self.error_frames, self.bus_off)
+        return tuple(sorted({entry.channel for table in tables for entry in table}))
+
+    @property
+    def has_network(self) -> bool:
+        """Whether there is something else than CAN; nodes alone, which CAN has too, send nothing."""
+        return not self.channels or bool(self.list or self.traffic)
+
+    def rows(self) -> Iterator[tuple[str, int, object]]:
+        """Yield every table of every array of tables, with the array's name and its position there."""
+        for entry in fields(self):
+            if "kind" in entry.metadata and entry.metadata["kind"].table is not None and entry.name != "expect":
+                for position, row in enumerate(getattr(self, entry.name)):
+                    yield entry.name, position, row
+
+    def selections(self) -> Iterator[tuple[str, Selection]]:
+        """Yield every fault that chooses telegrams, with its place in the file: ``loss[0]``."""
+        for name, position, row in self.rows():
+            if isinstance(row, Selection):
+                yield f"{name}[{position}]", row
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Return the scenario of a TOML file; ConfigurationError names file and key of whatever is wrong."""
+    place = Place(str(path))
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise place.error(f"the scenario cannot be read: {error.strerror}", "Check the name of the file.") from None
+    if len(content) > MAX_FILE_BYTES:
+        raise place.error(f"the scenario is larger than {MAX_FILE_BYTES} bytes")
+    try:
+        return read_scenario(content.decode("utf-8"), str(path))
+    except UnicodeDecodeError as error:
+        raise place.error(f"byte {error.start} is not UTF-8", "TOML files are UTF-8.") from None
+
+
+def read_scenario(text: str, path: str = "scenario") -> Scenario:
+    """Return the scenario of a TOML text; ``path`` is what messages call it."""
+    place = Place(path)
+    try:
+        table = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise place.error(f"no TOML: {error}") from None
+    scenario = replace(read_table(Scenario, table, place), path=path)
+    _check(scenario, place)
+    return scenario
+
+
+def document() -> str:
+    """Return all keys of a scenario with type, default and meaning, as Markdown."""
+    return document_table(Scenario, "Scenario") + "\n" + document_table(Selection, "Selection")
+
+
+def _check(scenario: Scenario, place: Place) -> None:
+    """Raise ConfigurationError where tables contradict themselves or each other."""
+    if not scenario.node and not scenario.channels:
+        raise place.below("node").error("a scenario needs a node, or a list on CAN")
+    if not 0 < scenario.duration_ns <= SLOWEST_NS:
+        raise place.below("duration").error("the duration must be more than 0 and at most 31 days")
+    _check_nodes(scenario, place)
+    for position, entry in enumerate(scenario.list):
+        _check_list(scenario, entry, place.below("list").below(position))
+    _check_names(scenario, place)
+    check_can(scenario, place)
+    for where, fault in scenario.selections():
+        _check_choice(fault, place.below(where))
+        if fault.list in scenario.list_numbers:
+            _check_selection(scenario, fault, place.below(where))
+    for position, traffic in enumerate(scenario.traffic):
+        below = place.below("traffic").below(position)
+        if not traffic.interval_ns:
+            raise below.below("interval").error("the interval must be more than 0")
+        if traffic.kind == "arp" and (scenario.link not in {"ethernet", "sll", "sll2"} or _has_ipv6(scenario, traffic)):
+            raise below.below("kind").error("ARP needs IPv4 addresses and a link layer")
+    for position, sender in enumerate(scenario.second_sender):
+        below = place.below("second_sender").below(position)
+        owner = scenario.list[scenario.list_numbers[sender.list]]
+        if sender.node in owner.sender:
+            raise below.below("node").error(f"{sender.node!r} sends this list already")
+        if sender.interval_ns == 0:
+            raise below.below("interval").error("the interval must be more than 0")
+        for name, given in (("bytes", sender.data_bytes), ("items", sender.items)):
+            if given and len(given) != len(owner.shapes):
+                raise below.below(name).error(f"the list has {len(owner.shapes)} telegrams, not {len(given)}")
+        if sender.checksum and len(sender.checksum) not in {1, len(owner.shapes)}:
+            raise below.below("checksum").error("one value, or one for each telegram of the list")
+    for position, stop in enumerate(scenario.stop):
+        if not stop.node and not stop.list:
+            raise place.below("stop").below(position).error("a stop needs a node or a list")
+    for position, burst in enumerate(scenario.burst):
+        if burst.list not in scenario.list_numbers:
+            continue
+        owner = scenario.list[scenario.list_numbers[burst.list]]
+        if burst.gap_ns < owner.spacing_ns * len(owner.shapes):
+            raise place.below("burst").below(position).below("gap").error("the telegrams of one sending take longer")
+
+
+def _check_nodes(scenario: Scenario, place: Place) -> None:
+    names: set[str] = set()
+    addresses: set[str] = set()
+    for position, node in enumerate(scenario.node):
+        below = place.below("node").below(position)
+        try:
+            address = ipaddress.ip_address(node.address)
+        except ValueError:
+            raise below.below("address").error(f"{node.address[:60]!r} is no IP address") from None
+        if address.is_multicast or address.is_unspecified or node.address == "255.255.255.255":
+            raise below.below("address").error("a node's address is that of one host")
+        if address.version == 6 and address.scope_id:
+            raise below.below("address").error("an address without a scope is expected")
+        if node.name in names or node.name == "broadcast" or not node.name:
+            raise below.below("name").error(f"the name {node.name!r} is taken or empty")
+        if str(address) in addresses:
+            raise below.below("address").error(f"{node.address} belongs to another node already")
+        names.add(node.name)
+        addresses.add(str(address))
+        if node.mac and (len(node.mac.split(":")) != 6 or not _is_hex(node.mac.replace(":", ""), 12)):
+            raise below.below("mac").error(f"{node.mac[:60]!r} is no hardware address such as 02:00:00:00:00:01")
+        if node.first_value > node.last_value:
+            raise below.below("first_value").error("the first value is above last_value")
+        if node.carry_into_flags and node.last_value != U16_MAX:
+            raise below.below("carry_into_flags").error("a 32-bit counter does not wrap at last_value")
+        if len(node.vlan) > 2:
+            raise below.below("vlan").error("more than two tags")
+
+
+def _check_list(scenario: Scenario, entry: ListPlan, place: Place) -> None:
+    if bool(entry.data_bytes) == bool(entry.total_bytes):
+        raise place.error("one of bytes and total_bytes is needed")
+    if entry.items and len(entry.items) != len(entry.data_bytes):
+        raise place.below("items").error(f"bytes has {len(entry.data_bytes)} telegrams, items {len(entry.items)}")
+    if len(entry.checksum) not in {0, 1, len(entry.shapes)}:
+        raise place.below("checksum").error("one value, or one for each telegram of the list")
+    if len(entry.shapes) > MAX_TELEGRAMS_PER_LIST:
+        raise place.error(f"the list has {len(entry.shapes)} telegrams, more than {MAX_TELEGRAMS_PER_LIST}")
+    if not entry.interval_ns:
+        raise place.below("interval").error("the interval must be more than 0")
+    if entry.jitter_ns * 2 > entry.interval_ns:
+        raise place.below("jitter").error("the jitter is more than half the interval")
+    if entry.spacing_ns * (len(entry.shapes) - 1) * 2 > entry.interval_ns:
+        raise place.below("spacing").error("the telegrams of one sending take more than half the interval")
+    if not entry.sender or len(set(entry.sender)) != len(entry.sender):
+        raise place.below("sender").error("no sender, or the same one twice")
+    for position, other in enumerate(scenario.list):
+        if other is entry:
+            break
+        if other.name == entry.name:
+            raise place.below("name").error(f"list[{position}] is called {entry.name!r} already")
+        if (other.port, other.index) == (entry.port, entry.index) and set(other.sender) & set(entry.sender):
+            raise place.below("index").error(f"list[{position}] has the same index, port and sender")
+    if entry.destination != "broadcast" and entry.destination not in scenario.node_numbers:
+        try:
+            ipaddress.ip_address(entry.destination)
+        except ValueError:
+            raise place.below("destination").error(
+                f"{entry.destination[:60]!r} is neither an address nor a node",
+                nearest(entry.destination, scenario.node_numbers),
+            ) from None
+
+
+def _check_names(scenario: Scenario, place: Place) -> None:
+    """Raise ConfigurationError where a node or list is named that does not exist."""
+    known: dict[str, dict[str, int]] = {"node": scenario.node_numbers, "list": scenario.list_numbers}
+    known |= {"reader": known["node"], "host": known["node"]}
+    for table, position, entry in scenario.rows():
+        below = place.below(table).below(position)
+        named = [(attribute, getattr(entry, attribute, "")) for attribute in known]
+        if isinstance(entry, ListPlan):
+            named += [("sender", name) for name in entry.sender]
+        if isinstance(entry, Traffic):
+            named.append(("to", entry.to))
+        for attribute, name in named:
+            names = known.get(attribute, known["node"])
+            if attribute == "list" and isinstance(entry, ON_CAN):
+                names = scenario.can_numbers if isinstance(entry, WrongDlc) else names | scenario.can_numbers
+            if attribute == "list" and name in scenario.can_numbers and name not in names:
+                raise below.below(attribute).error(f"{name!r} is sent over CAN, where there is no such thing")
+            if not isinstance(name, str):
+                continue
+            if name and name not in names:
+                kind = "list" if attribute == "list" else "node"
+                raise below.below(attribute).error(f"there is no {kind} {name!r}", nearest(name, names))
+    versions = {node.name: ipaddress.ip_address(node.address).version for node in scenario.node}
+    for position, plan in enumerate(scenario.list):
+        below = place.below("list").below(position)
+        target = (
+            versions.get(plan.destination)
+            if plan.destination in versions or plan.destination == "broadcast"
+            else ipaddress.ip_address(plan.destination).version
+        )
+        people = [*plan.sender, *(s.node for s in scenario.second_sender if s.list == plan.name)]
+        people += [reader.node for reader in scenario.reader if reader.list == plan.name]
+        if len({versions[name] for name in people} | ({target} if target else set())) > 1:
+            raise below.error("senders, readers and destination of a list need the same version of IP")
+
+
+def _check_choice(fault: Selection, place: Place) -> None:
+    if (len(fault.telegrams) > 0) + (fault.every > 0) + (fault.probability > 0) > 1:
+        raise place.error("telegrams, every and probability exclude each other")
+    if fault.telegrams and (fault.from_ns or fault.until_ns is not None):
+        raise place.error("numbered telegrams need no times")
+
+
+def _check_selection(scenario: Scenario, fault: Selection, place: Place) -> None:
+    if isinstance(fault, Late) and fault.subindex is not None:
+        raise place.below("subindex").error("a sending is late with all its telegrams")
+    if isinstance(fault, Shape) and fault.items is None and fault.data_bytes is None:
+        raise place.error("a changed shape needs items or bytes")
+    owner = scenario.list[scenario.list_numbers[fault.list]]
+    if fault.subindex is not None and fault.subindex >= len(owner.shapes):
+        raise place.below("subindex").error(f"the list has {len(owner.shapes)} telegrams, 0 to {len(owner.shapes) - 1}")
+    senders = {*owner.sender, *(entry.node for entry in scenario.second_sender if entry.list == owner.name)}
+    if fault.node and fault.node not in senders:
+        raise place.below("node").error(f"{fault.node!r} does not send this list", nearest(fault.node, sorted(senders)))
+    if isinstance(fault, Late) and fault.by_ns >= owner.interval_ns:
+        raise place.below("by").error("a sending cannot be late by an interval or more", "Use [[pause]] for that.")
+    if isinstance(fault, WrongChecksum) and not owner.checksum:
+        raise place.error("the list has no checksum that could be wrong")
+    if isinstance(fault, Malformed) and fault.service not in {0, 5, 6}:
+        raise place.below("service").error("telegrams of the Parameter Manager belong to no list", "Use 0, 5 or 6.")
+    if isinstance(fault, Malformed) and fault.kind == "byte_swapped_length":
+        for _, size in owner.shapes:
+            if (20 + size) % 256 == (20 + size) // 256:
+                raise place.below("kind").error(f"the Length {20 + size} stays the same when its bytes are swapped")
+
+
+def _is_hex(text: str, length: int) -> bool:
+    return len(text) == length and all(digit in "0123456789abcdefABCDEF" for digit in text)
+
+
+def _has_ipv6(scenario: Scenario, traffic: Traffic) -> bool:
+    numbers = scenario.node_numbers
+    return any(":" in scenario.node[numbers[name]].address for name in (traffic.node, traffic.to))

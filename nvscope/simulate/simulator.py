@@ -1,0 +1,160 @@
+"""Simulator: from a scenario to frames and to the truth about them.
+
+The same scenario gives the same bytes on every machine. Frames are rendered in batches; what stays in memory is the
+timeline.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dissectors.batch import Bool, LinkType, PacketBatch
+from nvscope.capture.can.candump_sink import CandumpSink
+from nvscope.capture.open import open_sink
+from nvscope.capture.pcap import PcapSink
+from nvscope.capture.pcapng import PcapngSink
+from nvscope.capture.source import Sink
+from nvscope.errors import CaptureError, UsageError
+from nvscope.simulate.can.tables import ETHERNET
+from nvscope.simulate.can.timeline import CanTimeline, make_can_timeline
+from nvscope.simulate.frames import render
+from nvscope.simulate.ordering import order_by
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.timeline import LINKS, Timeline, make_timeline
+from nvscope.simulate.truth import make_truth
+
+BATCH_FRAMES = 32_768
+
+
+def simulate(
+    scenario: Scenario,
+    sink: Sink,
+    *,
+    batch_frames: int = BATCH_FRAMES,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Any]:
+    """Write the traffic of a scenario to a sink, and return the truth about it (``nvscope.truth/1``).
+
+    The sink stays open. ``progress`` is told frames written and frames in all after each batch. Raises
+    ConfigurationError before anything is written where faults of the scenario contradict each other.
+    """
+    timeline = make_timeline(scenario) if scenario.has_network else None
+    can = make_can_timeline(scenario) if scenario.channels else None
+    truth = make_truth(scenario, timeline, can)
+    written = 0
+    for batch in all_packets(scenario, timeline, can, batch_frames):
+        sink.write(batch)
+        written += len(batch)
+        if progress is not None:
+            progress(written, truth["capture"]["frames"])
+    return truth
+
+
+def open_capture(scenario: Scenario, path: str, name: str) -> PcapSink | PcapngSink | CandumpSink:
+    """Return a sink for the traffic of a scenario at ``path``; messages call it ``name``.
+
+    Raises UsageError where the format cannot hold what is in the scenario.
+    """
+    suffix = Path(name).suffix.lower()
+    if scenario.has_network and scenario.channels and suffix != ".pcapng":
+        raise UsageError(
+            f"the scenario has frames of CAN and others, which a {suffix} file cannot hold side by side", where=name,
+            next_step="name the file .pcapng",
+        )  # fmt: skip
+    if len(scenario.channels) > 1 and suffix == ".pcap":
+        raise UsageError(
+            f"the scenario has {len(scenario.channels)} CAN buses, which a .pcap file cannot tell apart", where=name,
+            next_step="name the file .pcapng or .log",
+        )  # fmt: skip
+    if scenario.has_network and suffix == ".log":
+        raise UsageError(
+            "the scenario has no frames of CAN, and a candump log holds no others", where=name,
+            next_step="name the file .pcapng or .pcap",
+        )  # fmt: skip
+    link = LINKS[scenario.link] if scenario.has_network else LinkType.CAN_SOCKETCAN
+    try:
+        return open_sink(path, int(link), channels_of(scenario) or None)
+    except (CaptureError, UsageError) as error:
+        error.where = name
+        raise
+
+
+def channels_of(scenario: Scenario) -> tuple[str, ...]:
+    """Return the names of the channels of a scenario's packets, by number; none where there is no CAN."""
+    if not scenario.channels:
+        return ()
+    return ((ETHERNET,) if scenario.has_network else ()) + scenario.channels
+
+
+def all_packets(
+    scenario: Scenario, timeline: Timeline | None, can: CanTimeline | None, batch_frames: int = BATCH_FRAMES
+) -> Iterator[PacketBatch]:
+    """Yield the frames of a scenario's buses and of its network in the order of time."""
+    link = int(LINKS[scenario.link])
+    if can is None:
+        yield from packets(timeline, link, batch_frames) if timeline is not None else ()
+        return
+    if timeline is None:
+        for start in range(0, len(can), batch_frames):
+            yield can.frames.take(slice(start, start + batch_frames)).packets()
+        return
+    is_can = np.repeat([False, True], [len(timeline), len(can)])
+    is_can = is_can[np.argsort(np.concatenate([timeline.ts_ns, can.frames.ts_ns]), kind="stable")]
+    here = there = 0
+    for start in range(0, len(is_can), batch_frames):
+        of_can = is_can[start : start + batch_frames]
+        frames = int(of_can.sum())
+        others = len(of_can) - frames
+        yield interleaved(
+            _rendered(timeline, slice(here, here + others), link),
+            can.frames.take(slice(there, there + frames)).packets(first_channel=1),
+            of_can,
+        )
+        here, there = here + others, there + frames
+
+
+def interleaved(first: PacketBatch, second: PacketBatch, is_second: Bool) -> PacketBatch:
+    """Return the packets of two batches as one, in the order that ``is_second`` tells, of shape (n,)."""
+    order = np.empty(len(is_second), np.int64)
+    order[~is_second] = np.arange(len(first))
+    order[is_second] = np.arange(len(first), len(first) + len(second))
+    names = ("captured", "original", "ts_ns", "link", "channels")
+    columns = (np.concatenate([getattr(first, name), getattr(second, name)])[order] for name in names)
+    offset = np.concatenate([first.offset, second.offset + len(first.data)])[order]
+    return PacketBatch(np.concatenate([first.data, second.data]), offset, *columns)
+
+
+def packets(timeline: Timeline, link: int, batch_frames: int = BATCH_FRAMES) -> Iterator[PacketBatch]:
+    """Yield the frames of a timeline, rendered; the bytes of a batch stand in it grouped by template."""
+    for start in range(0, len(timeline), batch_frames):
+        yield _rendered(timeline, slice(start, min(start + batch_frames, len(timeline))), link)
+
+
+def _rendered(timeline: Timeline, rows: slice, link: int) -> PacketBatch:
+    template = timeline.template[rows]
+    order = order_by(template)
+    numbers, starts = np.unique(template[order], return_index=True)
+    stops = np.append(starts[1:], len(order))
+    sizes = np.array([len(timeline.templates[number].frame.data) for number in numbers.tolist()], np.int64)
+    data = np.empty(int((sizes * (stops - starts)).sum()), np.uint8)
+    offset = np.empty(len(order), np.int64)
+    ordinal = timeline.ordinal[rows].astype(np.int64)
+    counter, flags, checksum = timeline.counter[rows], timeline.flags[rows], timeline.checksum[rows]
+    end = 0
+    for number, first, last, size in zip(
+        numbers.tolist(), starts.tolist(), stops.tolist(), sizes.tolist(), strict=True
+    ):
+        own = order[first:last]
+        begin, end = end, end + size * len(own)
+        out = data[begin:end].reshape(len(own), size)
+        render(timeline.templates[number].frame, ordinal[own], counter[own], flags[own], checksum[own], out)
+        offset[own] = begin + size * np.arange(len(own))
+    original = np.empty(len(order), np.int64)
+    original[order] = np.repeat(sizes, stops - starts)
+    return PacketBatch(
+        data, offset, timeline.captured[rows], original, timeline.ts_ns[rows], PacketBatch.link_column(link, len(order))
+    )

@@ -1,0 +1,1 @@
+"""What is on CAN buses besides the data they carry: load, errors, nodes."""

@@ -1,0 +1,182 @@
+"""What follows from the frames of a CAN bus: bit rate, load, which identifiers take it, errors, CANopen nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dissectors.batch import I64
+from dissectors.can.frame import EXTENDED_MASK
+from dissectors.can.pdo import EXTENDED
+from nvscope.definition.buses import Buses, BusSettings
+from nvscope.tracker.can.canopen import CanOpenNode
+from nvscope.tracker.can.errors import BusErrors
+from nvscope.tracker.can.identifiers import IdentifierColumns
+from nvscope.tracker.can.load import BEFORE_1970, rows_by_channel
+from nvscope.tracker.can.state import CanState
+
+F64 = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+_S_NS = 1_000_000_000
+_NOTHING = np.empty(0, np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class BitRate:
+    """Bits per second of a bus, and of the data phase of CAN FD; ``given``, or else found from the frames."""
+
+    nominal: int
+    data: int | None
+    given: bool
+
+    def seconds(self, bits: float, fast_bits: float) -> float:
+        """Return how long bits take; those of the data phase count as none where its bit rate is unknown."""
+        return bits / self.nominal + (fast_bits / self.data if self.data else 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class BusLoad:
+    """Which part of the time a bus was busy, in percent, counted as ``canbusload`` does: bits over bit rate.
+
+    ``mean`` is that from the first frame to the last (of a second, where they are no further apart), ``peak`` that of
+    the busiest second, which began at ``peak_ns``, and ``worst`` what that one could have had with stuff bits
+    wherever its frames can have some. ``second_ns`` is when each second with frames began, ``second`` its load,
+    ``second_worst`` the worst it could have had, columns of shape (n,). ``partial`` where there are bits at a data bit
+    rate that is unknown: they are not counted.
+    """
+
+    mean: float
+    peak: float
+    peak_ns: int
+    worst: float
+    partial: bool
+    second_ns: I64 = field(compare=False)
+    second: F64 = field(compare=False)
+    second_worst: F64 = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifierBits:
+    """The frames of an identifier and their bits; ``share`` is their part of the bus's busy time, else of its bits."""
+
+    cob_id: int
+    extended: bool
+    frames: int
+    bits: int
+    fast_bits: int
+    first_ns: int
+    last_ns: int
+    first_frame: int
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class CanBusSummary:
+    """One channel: its frames, and the bits of its seconds.
+
+    ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one
+    (exact stuffing), ``worst_bits`` those that it could have had at most. ``bits`` and ``fast_bits`` are sums over all,
+    exact; the latter at the data bit rate of CAN FD. ``load`` is None where no bit rate is known. ``identifiers`` are
+    those with frames, the largest share first. ``errors`` is None without error frames.
+    """
+
+    channel: str
+    frames: int
+    seconds: int
+    bits: int
+    fast_bits: int
+    peak_bits: int
+    worst_bits: int
+    bit_rate: BitRate | None
+    load: BusLoad | None
+    identifiers: Sequence[IdentifierBits]
+    errors: BusErrors | None
+    canopen_nodes: Sequence[CanOpenNode]
+
+
+def summarize_buses(
+    state: CanState, name: Callable[[int], str], buses: Buses | None = None, lists: Collection[int] = ()
+) -> list[CanBusSummary]:
+    """Return the buses of a state by name; ``buses`` are the bit rates that are given, ``lists`` COB-IDs of lists.
+
+    ``name`` returns what a channel is called.
+    """
+    given, rows = buses or Buses(), rows_by_channel(state.load.keys)
+    identifiers = rows_by_channel(state.load.identifiers.keys)
+    errors, nodes = state.errors.by_channel(), state.canopen.by_channel(lists)
+    found = [
+        _bus(
+            state, number, name(number), given, rows[number], identifiers.get(number, _NOTHING),
+            errors.get(number), nodes.get(number, []),
+        )
+        for number in rows
+    ]  # fmt: skip
+    return sorted(found, key=lambda bus: bus.channel)
+
+
+def _percent(rate: BitRate, bits: I64, fast_bits: I64) -> F64:
+    fast = fast_bits * (100 / rate.data) if rate.data else 0.0
+    load: F64 = bits * (100 / rate.nominal) + fast
+    return load
+
+
+def _bus(
+    state: CanState,
+    number: int,
+    channel: str,
+    given: Buses,
+    rows: I64,
+    identifiers: I64,
+    errors: BusErrors | None,
+    nodes: Sequence[CanOpenNode],
+) -> CanBusSummary:
+    columns = state.load.columns
+    exact, fast = columns.exact_bits[rows], columns.fast_bits[rows]
+    rate = _rate(state, number, given.of(channel))
+    if rate is None:
+        busiest, load = int(exact.argmax()), None
+    else:
+        began_ns = (state.load.keys.low[rows].astype(np.int64) - BEFORE_1970) * _S_NS
+        percent = _percent(rate, exact, fast)
+        busiest = int(percent.argmax())
+        worst = _percent(rate, columns.worst_bits[rows], columns.worst_fast_bits[rows])
+        busy_s = rate.seconds(int(exact.sum()), int(fast.sum()))
+        partial = bool(fast.any()) and not rate.data
+        mean = 100 * busy_s / _duration_s(state.load.identifiers.columns, identifiers)
+        load = BusLoad(
+            mean, float(percent[busiest]), int(began_ns[busiest]), float(worst[busiest]), partial,
+            began_ns, percent, worst,
+        )  # fmt: skip
+    return CanBusSummary(
+        channel, int(columns.frames[rows].sum()), len(rows), int(exact.sum()), int(fast.sum()),
+        int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load, _identifiers(state, identifiers, rate),
+        errors, nodes,
+    )  # fmt: skip
+
+
+def _rate(state: CanState, number: int, given: BusSettings) -> BitRate | None:
+    if given.bit_rate is not None:
+        return BitRate(given.bit_rate, given.data_bit_rate, True)
+    found = state.load.back_to_back.rate(number)
+    return None if found is None else BitRate(found, given.data_bit_rate, False)
+
+
+def _duration_s(columns: IdentifierColumns, own: I64) -> float:
+    if not len(own):
+        return 1.0
+    return max(1.0, int(columns.last_ns[own].max() - columns.first_ns[own].min()) / _S_NS)
+
+
+def _identifiers(state: CanState, own: I64, rate: BitRate | None) -> list[IdentifierBits]:
+    keys, columns = state.load.identifiers.keys.low[own], state.load.identifiers.columns
+    bits, fast = columns.bits[own], columns.fast_bits[own]
+    part = _percent(rate, bits, fast) if rate else (bits + fast).astype(np.float64)
+    share = part * (100 / max(float(part.sum()), 1e-9))
+    order = np.lexsort((keys, -share))
+    figures = [
+        columns.column(name)[own] for name in ("frames", "bits", "fast_bits", "first_ns", "last_ns", "first_frame")
+    ]
+    told = (column[order].tolist() for column in (keys, *figures, share))
+    return [IdentifierBits(word & EXTENDED_MASK, bool(word & EXTENDED), *row) for word, *row in zip(*told, strict=True)]

@@ -1,0 +1,226 @@
+"""CanOpen: the CANopen nodes of each channel, by their heartbeats and emergencies, and what the NMT master told them.
+
+Frames are taken by identifier and length: whether they are CANopen's, only who knows the plant can say.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U8, U16, U32, U64
+from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STATES, PREDEFINED, Service
+from dissectors.can.frame import CanBatch
+from dissectors.keys import KeyTable
+from dissectors.layout import gather_bytes
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import runs_of, stable_order
+
+_SERVICES = {service.name: service for service in PREDEFINED}
+_NMT, _EMCY, _HEARTBEAT = (_SERVICES[name] for name in ("NMT", "EMCY", "heartbeat"))
+_OTHER, _IS_NMT, _IS_EMCY, _IS_HEARTBEAT = range(4)
+_BYTES = {_IS_NMT: 2, _IS_EMCY: 8, _IS_HEARTBEAT: 1}
+_NO_STATE = -1
+_STATE_BITS = 0x7F
+_AFTER_COMMAND = {1: 5, 2: 4, 128: 127, 129: 0, 130: 0}
+"""The state that a node has after an NMT command, by the command's code."""
+
+
+def _kinds() -> U8:
+    kind = np.zeros(MAX_COB_ID + 1, np.uint8)
+    for code, service in ((_IS_NMT, _NMT), (_IS_EMCY, _EMCY), (_IS_HEARTBEAT, _HEARTBEAT)):
+        kind[service.first : service.last + 1] = code
+    return kind
+
+
+_KIND = _kinds()
+
+
+class _NodeColumns(KeyedColumns):
+    """One row a channel and node; node 0 has the commands to all. Frame numbers are 0, states -1 where there are none.
+
+    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest.
+    """
+
+    heartbeats: I64
+    boot_ups: I64
+    changes: I64
+    state: I64
+    since_ns: I64
+    last_ns: I64
+    emergencies: I64
+    emergency: U64
+    emergency_ns: I64
+    commands: I64
+    command: I64
+    command_ns: I64
+    command_frame: I64
+    COLUMNS: ClassVar = {
+        "heartbeats": (np.int64(0), 1),
+        "boot_ups": (np.int64(0), 1),
+        "changes": (np.int64(0), 1),
+        "state": (np.int64(_NO_STATE), 1),
+        "since_ns": (np.int64(0), 1),
+        "last_ns": (np.int64(0), 1),
+        "emergencies": (np.int64(0), 1),
+        "emergency": (np.uint64(0), 1),
+        "emergency_ns": (np.int64(0), 1),
+        "commands": (np.int64(0), 1),
+        "command": (np.int64(0), 1),
+        "command_ns": (np.int64(0), 1),
+        "command_frame": (np.int64(0), 1),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Emergency:
+    """An emergency: its error code, the error register, and when it was sent."""
+
+    code: int
+    register: int
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class CanOpenNode:
+    """A node that sent heartbeats, or emergencies.
+
+    ``state`` is one of ``NODE_STATES``, since ``since_ns``: what its heartbeats tell, or where it sends none, what it
+    was commanded to (``commanded``). ``last_ns`` is when it sent a heartbeat or emergency last. ``changes`` counts
+    those of its state, ``boot_ups`` the boot-up messages.
+    """
+
+    node: int
+    state: int | None
+    since_ns: int | None
+    commanded: bool
+    last_ns: int
+    heartbeats: int
+    changes: int
+    boot_ups: int
+    emergencies: int
+    emergency: Emergency | None
+
+
+class CanOpen:
+    """The CANopen nodes that were seen."""
+
+    def __init__(self) -> None:
+        self._nodes = KeyTable()
+        self._columns = _NodeColumns()
+
+    def observe(self, batch: CanBatch, first_frame: int) -> None:
+        """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
+        kind = _KIND.take(batch.identifier, mode="clip")
+        row = np.flatnonzero(kind)
+        if not len(row):
+            return
+        other = batch.extended[row] | batch.error[row] | batch.remote[row] | batch.fd[row] | (batch.fault[row] != 0)
+        kind, length = kind[row], batch.length[row]
+        for code, observe in (
+            (_IS_HEARTBEAT, self._observe_heartbeats), (_IS_EMCY, self._observe_emergencies),
+            (_IS_NMT, self._observe_commands),
+        ):  # fmt: skip
+            own = row[(kind == code) & (length == _BYTES[code]) & ~other]
+            if len(own):
+                observe(batch, own, first_frame)
+
+    def _numbers(self, channel: U16, node: U32 | U8) -> I64:
+        number = self._nodes.numbers(channel.astype(np.uint64), node.astype(np.uint64))
+        self._columns.resize(len(self._nodes))
+        return number
+
+    def _observe_heartbeats(self, batch: CanBatch, row: I64, _: int) -> None:
+        state = (batch.data[batch.at[row]] & np.uint8(_STATE_BITS)).astype(np.int64)  # node guarding toggles bit 7
+        known = np.isin(state, list(NODE_STATES))
+        row, state = row[known], state[known]
+        number = self._numbers(batch.channel[row], _node_of(batch, row, _HEARTBEAT))
+        order = stable_order(number, len(self._nodes))
+        number, state, time_ns = number[order], state[order], batch.ts_ns[row[order]]
+        start, stop = runs_of(number)
+        run, last, columns = number[start], stop - 1, self._columns
+        before = np.empty_like(state)
+        before[1:] = state[:-1]
+        before[start] = columns.state[run]
+        changed = state != before
+        since = np.maximum.accumulate(np.where(changed, np.arange(len(state)), -1))[last]
+        fresh = since >= start
+        columns.since_ns[run[fresh]] = time_ns[since[fresh]]
+        columns.state[run] = state[last]
+        columns.last_ns[run] = time_ns[last]
+        columns.heartbeats[run] += stop - start
+        np.add.at(columns.boot_ups, number[state == 0], 1)
+        np.add.at(columns.changes, number[changed & (before != _NO_STATE)], 1)
+
+    def _observe_emergencies(self, batch: CanBatch, row: I64, _: int) -> None:
+        number = self._numbers(batch.channel[row], _node_of(batch, row, _EMCY))
+        order = stable_order(number, len(self._nodes))
+        number, row = number[order], row[order]
+        start, stop = runs_of(number)
+        run, last, columns = number[start], row[stop - 1], self._columns
+        columns.emergencies[run] += stop - start
+        columns.emergency[run] = gather_bytes(batch.data, batch.at[last], 8).view("<u8").reshape(-1)
+        columns.emergency_ns[run] = batch.ts_ns[last]
+
+    def _observe_commands(self, batch: CanBatch, row: I64, first_frame: int) -> None:
+        command, node = batch.data[batch.at[row]], batch.data[batch.at[row] + 1]
+        known = np.isin(command, list(NMT_COMMANDS)) & (node <= MAX_NODES)
+        row, command, node = row[known], command[known], node[known]
+        number = self._numbers(batch.channel[row], node)
+        order = stable_order(number, len(self._nodes))
+        number, row, command = number[order], row[order], command[order]
+        start, stop = runs_of(number)
+        run, last, columns = number[start], stop - 1, self._columns
+        columns.commands[run] += stop - start
+        columns.command[run] = command[last]
+        columns.command_ns[run] = batch.ts_ns[row[last]]
+        columns.command_frame[run] = batch.row[row[last]] + first_frame
+
+    def by_channel(self, lists: Collection[int] = ()) -> dict[int, list[CanOpenNode]]:
+        """Return the nodes of each channel that has some; the COB-IDs of ``lists`` are not CANopen's."""
+        rows: dict[int, dict[int, int]] = defaultdict(dict)
+        for row, (channel, node) in enumerate(zip(self._nodes.high.tolist(), self._nodes.low.tolist(), strict=True)):
+            rows[channel][node] = row
+        found = {}
+        for channel, row_of in rows.items():
+            nodes = (self._node(node, row_of[node], row_of.get(0), lists) for node in sorted(row_of) if node)
+            found[channel] = [node for node in nodes if node.heartbeats or node.emergencies]
+        return found
+
+    def _node(self, node: int, row: int, everybody: int | None, lists: Collection[int]) -> CanOpenNode:
+        columns = self._columns
+        heartbeats = 0 if _cob_id(_HEARTBEAT, node) in lists else int(columns.heartbeats[row])
+        emergencies = 0 if _cob_id(_EMCY, node) in lists else int(columns.emergencies[row])
+        state = since_ns = None
+        if heartbeats:
+            state, since_ns = int(columns.state[row]), int(columns.since_ns[row])
+        elif _NMT.first not in lists:
+            told = max(
+                (place for place in (row, everybody) if place is not None),
+                key=lambda place: int(columns.command_frame[place]),
+            )
+            if columns.commands[told]:
+                state, since_ns = _AFTER_COMMAND[int(columns.command[told])], int(columns.command_ns[told])
+        emergency = None
+        if emergencies:
+            raw = int(columns.emergency[row])
+            emergency = Emergency(raw & 0xFFFF, raw >> 16 & 0xFF, int(columns.emergency_ns[row]))
+        last_ns = max(int(columns.last_ns[row]) if heartbeats else 0, emergency.time_ns if emergency else 0)
+        return CanOpenNode(
+            node, state, since_ns, state is not None and not heartbeats, last_ns, heartbeats,
+            int(columns.changes[row]) if heartbeats else 0, int(columns.boot_ups[row]) if heartbeats else 0,
+            emergencies, emergency,
+        )  # fmt: skip
+
+
+def _node_of(batch: CanBatch, row: I64, service: Service) -> U32:
+    node: U32 = batch.identifier[row] - np.uint32(service.first - 1)
+    return node
+
+
+def _cob_id(service: Service, node: int) -> int:
+    return service.first + node - 1

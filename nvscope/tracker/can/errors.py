@@ -1,0 +1,188 @@
+"""CanErrors: what the error frames of each channel tell, how long its controller was off the bus, and how it fared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U64, Bool
+from dissectors.can.error import (
+    CLASSES,
+    CONTROLLER,
+    CONTROLLER_BITS,
+    COUNTERS,
+    ErrorDetails,
+    error_details,
+)
+from dissectors.can.frame import CanBatch
+from dissectors.keys import KeyTable
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import runs_of, stable_order
+from nvscope.tracker.events import EventLog
+
+_UNTOLD = -1
+_STATES = len(CONTROLLER_BITS)
+_CLASS_OF_MASK = {bit.mask: bit for bit in CLASSES}
+
+
+class _ChannelColumns(KeyedColumns):
+    """One row a channel with error frames.
+
+    ``off`` is 1 while its controller is off the bus, since ``off_since_ns``; ``off_ns`` and ``longest_off_ns`` are of
+    the times that have ended. ``states`` counts by bit of ``CONTROLLER_BITS``; the error counters are the highest, -1
+    where none were told.
+    """
+
+    off: I64
+    off_since_ns: I64
+    bus_offs: I64
+    restarts: I64
+    returns: I64
+    off_ns: I64
+    longest_off_ns: I64
+    states: I64
+    tx_errors: I64
+    rx_errors: I64
+    COLUMNS: ClassVar = {
+        "off": (np.int64(0), 1),
+        "off_since_ns": (np.int64(0), 1),
+        "bus_offs": (np.int64(0), 1),
+        "restarts": (np.int64(0), 1),
+        "returns": (np.int64(0), 1),
+        "off_ns": (np.int64(0), 1),
+        "longest_off_ns": (np.int64(0), 1),
+        "states": (np.int64(0), _STATES),
+        "tx_errors": (np.int64(_UNTOLD), 1),
+        "rx_errors": (np.int64(_UNTOLD), 1),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class BusErrors:
+    """The error frames of a channel.
+
+    ``frames`` are the first ten of ``count``. ``classes`` are those of ``dissectors.can.error.CLASSES`` by how many
+    frames told them, ``states`` likewise those of ``CONTROLLER_BITS``; both by name, and only what was told.
+    ``bus_offs`` counts how often the controller left the bus; ``restarts`` of them ended by a frame that says so,
+    ``returns`` by frames on the bus again; ``off_ns`` is how long that took in all. ``off_since_ns`` is None unless it
+    was off at the end. The error counters are the highest that were told, None without any.
+    """
+
+    count: int
+    first_ns: int
+    last_ns: int
+    frames: tuple[int, ...]
+    classes: dict[str, int]
+    states: dict[str, int]
+    bus_offs: int
+    restarts: int
+    returns: int
+    off_ns: int
+    longest_off_ns: int
+    off_since_ns: int | None
+    tx_errors: int | None
+    rx_errors: int | None
+
+
+class CanErrors:
+    """The error frames of all channels. ``classes`` are events by (channel, class bit), ``all`` by (channel, 0)."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.classes = EventLog()
+        self.all = EventLog()
+        self._channels = KeyTable(1)
+        self._columns = _ChannelColumns()
+
+    def observe(self, batch: CanBatch, first_frame: int) -> None:
+        """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
+        error = np.flatnonzero(batch.error)
+        if not len(error) and not self._columns.column("off").any():
+            return
+        details = error_details(batch)
+        if len(error):
+            self.count += len(error)
+            channel = batch.channel[error].astype(np.uint64)
+            number = self._channels.numbers(channel)
+            self._columns.resize(len(self._channels))
+            self._count(details, channel, number, batch.ts_ns[error], batch.row[error] + first_frame)
+        self._observe_bus_off(batch, details)
+
+    def _count(self, details: ErrorDetails, channel: U64, number: I64, time_ns: I64, frame: I64) -> None:
+        columns = self._columns
+        self.all.record(channel, np.zeros_like(channel), time_ns, frame)
+        for bit in CLASSES:
+            own = np.flatnonzero(details.classes & np.uint16(bit.mask))
+            if len(own):
+                mask = np.full(len(own), bit.mask, np.uint64)
+                self.classes.record(channel[own], mask, time_ns[own], frame[own])
+        for place, bit in enumerate(CONTROLLER_BITS):
+            own = np.flatnonzero(details.controller & np.uint8(bit.mask))
+            np.add.at(columns.states[:, place], number[own], 1)
+        # Drivers before Linux 6.0 fill the counters in where they tell of the controller, and say so nowhere.
+        told = details.classes & np.uint16(COUNTERS) != 0
+        told |= (details.classes & np.uint16(CONTROLLER) != 0) & ((details.tx_errors | details.rx_errors) != 0)
+        for highest, counter in ((columns.tx_errors, details.tx_errors), (columns.rx_errors, details.rx_errors)):
+            np.maximum.at(highest, number[told], counter[told].astype(np.int64))
+
+    def _observe_bus_off(self, batch: CanBatch, details: ErrorDetails) -> None:
+        """Note when controllers leave the bus and come back: told, or shown by any frame that is on the bus."""
+        columns = self._columns
+        leaves: Bool = np.zeros(len(batch), np.bool_)
+        leaves[details.position] = details.bus_off
+        if not leaves.any() and not columns.column("off").any():
+            return
+        back = ~batch.error
+        back[details.position] |= details.recovered
+        number = self._channels.find(batch.channel.astype(np.uint64))
+        row = np.flatnonzero((leaves | back) & (number >= 0))
+        row = row[stable_order(number[row], len(self._channels))]
+        if not len(row):
+            return
+        number, time_ns, off = number[row], batch.ts_ns[row], leaves[row]
+        start, stop = runs_of(number)
+        run = number[start]
+        before: Bool = np.empty_like(off)
+        before[1:] = off[:-1]
+        before[start] = columns.off[run] != 0
+        begins, ends = off & ~before, np.flatnonzero(~off & before)
+        # Of each end the beginning: the last one in front of it, or one in an earlier batch.
+        begin = np.maximum.accumulate(np.where(begins, np.arange(len(row)), -1))
+        first = np.repeat(start, stop - start)
+        since_ns = np.where(begin >= first, time_ns[begin], columns.off_since_ns[number])
+        np.add.at(columns.bus_offs, number[begins], 1)
+        took_ns = np.maximum(time_ns[ends] - since_ns[ends], 0)
+        np.add.at(columns.off_ns, number[ends], took_ns)
+        np.maximum.at(columns.longest_off_ns, number[ends], took_ns)
+        told = batch.error[row[ends]]
+        np.add.at(columns.restarts, number[ends[told]], 1)
+        np.add.at(columns.returns, number[ends[~told]], 1)
+        columns.off[run], columns.off_since_ns[run] = off[stop - 1], since_ns[stop - 1]
+
+    def by_channel(self) -> dict[int, BusErrors]:
+        """Return what is known of each channel with error frames."""
+        classes: dict[int, dict[str, int]] = {}
+        keys = zip(self.classes.keys.high.tolist(), self.classes.keys.low.tolist(), strict=True)
+        for row, (channel, mask) in sorted(enumerate(keys), key=lambda pair: pair[1]):
+            classes.setdefault(channel, {})[_CLASS_OF_MASK[mask].name] = int(self.classes.rows.count[row])
+        found = {}
+        events, columns, channels = self.all.rows, self._columns, self.all.keys.high
+        rows = zip(channels.tolist(), self._channels.find(channels).tolist(), strict=True)
+        for row, (channel, number) in enumerate(rows):
+            states = columns.states[number].tolist()
+            found[channel] = BusErrors(
+                int(events.count[row]), int(events.first_ns[row]), int(events.last_ns[row]),
+                tuple(frame for frame in events.frames[row].tolist() if frame), classes.get(channel, {}),
+                {bit.name: times for bit, times in zip(CONTROLLER_BITS, states, strict=True) if times},
+                int(columns.bus_offs[number]), int(columns.restarts[number]), int(columns.returns[number]),
+                int(columns.off_ns[number]), int(columns.longest_off_ns[number]),
+                int(columns.off_since_ns[number]) if columns.off[number] else None,
+                _told(columns.tx_errors[number]), _told(columns.rx_errors[number]),
+            )  # fmt: skip
+        return found
+
+
+def _told(counter: np.int64) -> int | None:
+    return None if counter == _UNTOLD else int(counter)

@@ -1,0 +1,82 @@
+"""CanIdentifiers: how often each identifier of each channel was sent, when, and how many bits that took."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64
+from dissectors.can.bits import WireBits
+from dissectors.can.frame import CanBatch, Fault
+from dissectors.can.pdo import words
+from dissectors.keys import KeyTable
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import add_sums
+
+_STANDARD = 1 << 11
+_DENSE_CHANNELS = 64
+
+
+class IdentifierColumns(KeyedColumns):
+    """One row an identifier of a channel: its frames with and without data, and their exact bits at both bit rates."""
+
+    frames: I64
+    bits: I64
+    fast_bits: I64
+    first_ns: I64
+    last_ns: I64
+    first_frame: I64
+    COLUMNS: ClassVar = {
+        name: (np.int64(0), 1) for name in ("frames", "bits", "fast_bits", "first_ns", "last_ns", "first_frame")
+    }
+
+
+class CanIdentifiers:
+    """The identifiers of all channels, keyed by (channel, identifier, with ``EXTENDED`` if it has 29 bits)."""
+
+    def __init__(self) -> None:
+        self.keys = KeyTable()
+        self.columns = IdentifierColumns()
+        # The rows of standard identifiers of the first channels: nearly all frames are found here.
+        self._dense = np.empty(0, np.int64)
+
+    def observe(self, frames: CanBatch, bits: WireBits, first_frame: int) -> None:
+        """Take the frames of a batch with their exact bits; its first packet is the frame ``first_frame``."""
+        known = (frames.fault == Fault.NONE) | (frames.fault >= Fault.TRUNCATED)
+        known &= ~frames.error
+        row = None if known.all() else np.flatnonzero(known)
+        if row is not None:
+            if not len(row):
+                return
+            frames, bits = frames.take(row), WireBits(bits.nominal[row], bits.fast[row])
+        before = len(self.keys)
+        number = self._numbers(frames)
+        rows, columns = len(self.keys), self.columns
+        columns.resize(rows)
+        if rows > before:
+            new, at = np.unique(number, return_index=True)
+            new, at = new[new >= before], at[new >= before]
+            columns.first_ns[new], columns.first_frame[new] = frames.ts_ns[at], frames.row[at] + first_frame
+        columns.frames[:rows] += np.bincount(number, minlength=rows)
+        add_sums(columns.bits, number, bits.nominal, rows)
+        if bits.fast.any():
+            add_sums(columns.fast_bits, number, bits.fast, rows)
+        columns.last_ns[number] = frames.ts_ns  # of equal numbers, the last one stays
+
+    def _numbers(self, frames: CanBatch) -> I64:
+        """Return the rows of frames, adding those that are new, as they come."""
+        channels = min(int(frames.channel.max()) + 1, _DENSE_CHANNELS)
+        dense = self._dense
+        if channels * _STANDARD > len(dense):
+            dense = self._dense = np.concatenate([dense, np.full(channels * _STANDARD - len(dense), -1)])
+        place = frames.channel.astype(np.int64) * _STANDARD + (frames.identifier & np.uint32(_STANDARD - 1))
+        number: I64 = dense.take(place, mode="clip")
+        number[frames.extended | (frames.channel >= _DENSE_CHANNELS)] = -1
+        other = np.flatnonzero(number < 0)
+        if len(other):
+            unknown = frames.take(other)
+            number[other] = self.keys.numbers(unknown.channel.astype(np.uint64), words(unknown))
+            short = other[~unknown.extended & (unknown.channel < _DENSE_CHANNELS)]
+            dense[place[short]] = number[short]
+        return number

@@ -1,0 +1,138 @@
+"""What follows from the CAN frames seen: lists by channel and COB-ID, their intervals, and how busy each bus was."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dissectors.can.pdo import EXTENDED, ON_CAN
+from dissectors.netvar import HEADER
+from nvscope.definition.buses import Buses
+from nvscope.engine.keys import LENGTH_SHIFT, NOBODY_KEY
+from nvscope.list_key import ListKey, list_key, told_of
+from nvscope.tracker.can.bus import CanBusSummary, summarize_buses
+from nvscope.tracker.diagnosis import Diagnosis
+from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
+
+if TYPE_CHECKING:
+    from nvscope.tracker.state import TrackerState
+
+
+@dataclass(frozen=True, slots=True)
+class CanStreamSummary:
+    """The frames of one COB-ID of a channel: as ``StreamSummary`` has it, of a sender that nobody knows.
+
+    ``subindex`` is its place in its list, ``length`` the bytes of the last frame; ``remote`` counts frames that ask for
+    it.
+    """
+
+    stream: int
+    subindex: int
+    cob_id: int
+    extended: bool
+    telegrams: int
+    remote: int
+    first_ns: int
+    last_ns: int
+    length: int
+    intervals: IntervalFigures
+    node: None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CanListSummary:
+    """One list on a channel; without a definition, it is one COB-ID alone.
+
+    ``number`` is that of the state; ``index`` is the COB-ID, as a ``ListKey`` has it. ``diagnosis`` counts frames, and
+    nothing else.
+    """
+
+    number: int
+    port: str
+    index: int
+    diagnosis: Diagnosis
+    streams: Sequence[CanStreamSummary]
+
+    @property
+    def key(self) -> str:
+        return list_key(self.port, self.index)
+
+    @property
+    def extended(self) -> bool:
+        """Whether its identifier is one of 29 bits."""
+        return bool(self.index & EXTENDED)
+
+    @staticmethod
+    def of(number: int, key: tuple[str, int], streams: list[CanStreamSummary]) -> CanListSummary:
+        """Return the list with the given streams, of which there is at least one."""
+        frames = sum(stream.telegrams for stream in streams)
+        last_ns = max(stream.last_ns for stream in streams)
+        diagnosis = Diagnosis(frames, last_ns, frames, last_ns, frames)
+        return CanListSummary(number, *key, diagnosis, sorted(streams, key=lambda stream: stream.subindex))
+
+
+@dataclass(frozen=True, slots=True)
+class CanSummary:
+    """Lists by channel and COB-ID, standard before extended; buses by name of the channel."""
+
+    lists: Sequence[CanListSummary] = ()
+    buses: Sequence[CanBusSummary] = ()
+
+
+def summarize_can(
+    state: TrackerState,
+    intervals: StreamIntervals,
+    *,
+    intervals_ns: Mapping[ListKey, int] = MappingProxyType({}),
+    buses: Buses | None = None,
+    cob_ids: Collection[int] = (),
+) -> CanSummary:
+    """Compute what follows from the CAN frames of a state.
+
+    ``intervals`` are those measured, ``intervals_ns`` the nominal ones of lists, ``buses`` the bit rates that are
+    given, ``cob_ids`` those that defined lists take: they are not CANopen's.
+    """
+    if not state.can.frames:
+        return CanSummary()
+    keys, memory = state.keys, state.memory.columns
+    remotes = state.can.remotes
+    asked = dict(
+        zip(
+            zip(remotes.keys.high.tolist(), remotes.keys.low.tolist(), strict=True),
+            remotes.rows.column("count").tolist(), strict=True,
+        )
+    )  # fmt: skip
+    streams: dict[int, list[CanStreamSummary]] = defaultdict(list)
+    for stream in np.flatnonzero(keys.streams.low == np.uint64(NOBODY_KEY)).tolist():
+        place = int(keys.streams.high[stream])
+        number, subindex = int(keys.places.high[place]), int(keys.places.low[place])
+        index = int(keys.lists.low[number])
+        word = index if index & EXTENDED else index + subindex
+        whole = intervals.of(stream, told_of(intervals_ns, keys.list_key(number)))
+        signature = int(memory.signature[stream])
+        streams[number].append(
+            CanStreamSummary(
+                stream=stream,
+                subindex=subindex,
+                cob_id=word & ~EXTENDED,
+                extended=bool(word & EXTENDED),
+                telegrams=int(memory.telegrams[stream]),
+                remote=asked.get((int(keys.lists.high[number]) - ON_CAN, word), 0),
+                first_ns=int(memory.first_ns[stream]),
+                last_ns=int(memory.last_ns[stream]),
+                length=(signature >> int(LENGTH_SHIFT) & 0xFFFF) - HEADER.size_bytes,
+                intervals=whole,
+            )
+        )
+    lists = [
+        CanListSummary.of(number, (str(port), index), own)
+        for number, own in streams.items()
+        for port, index in [keys.list_key(number)]
+    ]
+    lists.sort(key=lambda entry: (entry.port, entry.index))
+    return CanSummary(lists, summarize_buses(state.can, keys.channel, buses, cob_ids))

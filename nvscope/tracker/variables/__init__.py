@@ -1,0 +1,1 @@
+"""The variables in the telegrams of defined lists: last values, changes, moments, hops, samples."""

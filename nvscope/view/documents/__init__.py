@@ -1,0 +1,1 @@
+"""What faces show, as data: the documents that --json prints."""

@@ -1,0 +1,203 @@
+"""Changes of variables, and variables at a time, as data (schemas ``nvscope.history/1`` and ``nvscope.at/1``).
+
+Values are as in ``nvscope.vars/1``; absolute times are nanoseconds as decimal strings, durations numbers in ns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+from nvscope.definition.layouts import Layouts
+from nvscope.definition.model import type_text
+from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
+from nvscope.definition.value import value_of
+from nvscope.list_key import ListKey, Port, list_key, list_order
+from nvscope.tracker.variables.history import Entry, History
+from nvscope.tracker.variables.moment import LastTelegram, Moment
+from nvscope.version import __version__
+from nvscope.view.documents.variables import filter_told, plain_value, value_text
+
+HISTORY_SCHEMA = "nvscope.history/1"
+AT_SCHEMA = "nvscope.at/1"
+TOOL = {"name": "nvscope", "version": __version__}
+
+_Place = tuple[Port, int, int, str]
+"""Port (or CAN channel) and identifier of a list, SubIndex, and sender."""
+
+
+def change_row(entry: Entry) -> dict[str, Any]:
+    """Return one element of one telegram; ``old`` is None in its first one."""
+    track = entry.track
+    element, stream = track.layout.elements[entry.place], track.stream
+    kind, before = element.type, entry.before
+    return {
+        "frame": entry.frame,
+        "time_ns": str(entry.time_ns),
+        "list": list_key(stream.port, stream.index),
+        "list_name": track.layout.list.name,
+        "sender": stream.sender,
+        "subindex": stream.subindex,
+        "name": element.name,
+        "changed": entry.changed,
+        "old": None if before is None else plain_value(value_of(kind, before)),
+        "new": plain_value(value_of(kind, entry.now)),
+        "old_text": None if before is None else value_text(kind, before),
+        "new_text": value_text(kind, entry.now),
+    }
+
+
+def change_summary(history: History) -> list[dict[str, Any]]:
+    """Return how often and how fast each variable changed, by list, SubIndex, sender and place.
+
+    A stream has the variables of each of its layouts, in the order in which these came.
+    """
+    tracks = sorted(
+        history.tracks.values(),
+        key=lambda track: (
+            list_order((track.stream.port, track.stream.index)),
+            track.stream.subindex,
+            track.stream.order,
+        ),
+    )
+    return [
+        {
+            "list": list_key(track.stream.port, track.stream.index),
+            "list_name": track.layout.list.name,
+            "name": track.layout.elements[place].name,
+            "type": type_text(track.layout.elements[place].type),
+            "sender": track.stream.sender,
+            "subindex": track.stream.subindex,
+            "telegrams": track.telegrams,
+            "first_ns": str(track.first_ns),
+            "last_ns": str(track.last_ns),
+            "changes": int(track.changes[at]),
+            "changed_ns": str(int(track.changed_ns[at])) if track.changes[at] else None,
+            "shortest_ns": _known(int(track.shortest_ns[at])),
+            "longest_ns": _known(int(track.longest_ns[at])),
+        }
+        for track in tracks
+        for at, place in enumerate(track.places)
+    ]
+
+
+def _known(duration_ns: int) -> int | None:
+    return None if duration_ns < 0 else duration_ns
+
+
+def at_document(
+    moment: Moment,
+    layouts: Layouts,
+    time_ns: int,
+    *,
+    keys: Collection[ListKey] | None = None,
+    expression: str | None = None,
+) -> dict[str, Any]:
+    """Return what all variables of the defined lists were at a moment; ``keys`` are these lists, None for all.
+
+    A row without ``text`` is a variable of which there was no telegram until then, and ``missing`` says why: it was
+    sent ``later`` or not at all by this sender; or by nobody (then there is no ``sender``) in the whole capture: ``not
+    sent``, ``not chosen`` by the filter, or ``not decoded``, since the telegrams had another shape or were cut.
+    ``age_ns`` tells how old the telegram was at ``time_ns``. ``expression`` is that of the filter.
+    """
+    rows: list[dict[str, Any]] = []
+    by_place: dict[_Place, LastTelegram] = {
+        (last.stream.port, last.stream.index, last.stream.subindex, last.stream.sender): last
+        for last in moment.streams.values()
+    }
+    senders: dict[ListKey, dict[str, tuple[bool, int]]] = {}
+    for stream in moment.known.values():
+        senders.setdefault((stream.port, stream.index), {})[stream.sender] = stream.order
+    everything = {*senders, *moment.read.lists}
+    wanted = [
+        key
+        for defined, _ in layouts.lists()
+        if keys is None or defined in keys
+        for key in [one for one in everything if layouts.key_of(*one) == defined] or [defined]
+    ]
+    for key in sorted(wanted, key=list_order):
+        own = senders.get(key, {})
+        missing = "later" if own else _missing(moment, key, expression)
+        for subindex, sender, last, layout in _telegrams_at(key, layouts, by_place, sorted(own, key=own.__getitem__)):
+            common = {"list": list_key(*key), "list_name": layout.list.name, "sender": sender, "subindex": subindex}
+            rows += [
+                {
+                    **common,
+                    "name": element.name,
+                    "type": type_text(element.type),
+                    **_state(last, offset, place, time_ns, missing),
+                }
+                for place, (offset, element) in enumerate(layout.spans())
+            ]
+    return {
+        "schema": AT_SCHEMA,
+        "tool": TOOL,
+        "time_ns": str(time_ns),
+        "capture": {
+            "start_ns": None if moment.start_ns is None else str(moment.start_ns),
+            "end_ns": None if moment.end_ns is None else str(moment.end_ns),
+        },
+        "last_frame": moment.last_frame or None,
+        "filter": filter_told(expression, moment.read.chosen, moment.read.telegrams),
+        "variables": rows,
+    }
+
+
+def _missing(moment: Moment, key: ListKey, expression: str | None) -> str:
+    """Return why no telegram of a list was decoded in the whole capture."""
+    if key not in moment.read.lists:
+        return "not sent"
+    return "not decoded" if expression is None or key in moment.read.chosen_lists else "not chosen"
+
+
+def _telegrams_at(
+    key: ListKey, layouts: Layouts, by_place: Mapping[_Place, LastTelegram], senders: Sequence[str]
+) -> Iterator[tuple[int, str | None, LastTelegram | None, TelegramLayout]]:
+    """Yield SubIndex, sender, last telegram and its layout of one list, in the order of the rows.
+
+    Where a list has several definitions, the layout is the one that a telegram had; what was not sent until then is as
+    the definition has it that the sender's last telegram had, else as the first. Of a list that is left out, what was
+    not sent is only what is known of its first telegram, and all bytes behind that.
+    """
+    found: list[tuple[int, int, str | None, LastTelegram | None, TelegramLayout]] = []
+    sent: dict[str | None, dict[int, LastTelegram]] = {}
+    for place, telegram in by_place.items():
+        if place[:2] == key:
+            sent.setdefault(place[3], {})[place[2]] = telegram
+    for order, sender in enumerate(senders or [None]):
+        own = sent.get(sender, {})
+        newest = max(own.values(), key=lambda last: last.frame, default=None)
+        expected = {layout.subindex: layout for layout in _expected(layouts, key, newest)}
+        for subindex in expected.keys() | own.keys():
+            last = own.get(subindex)
+            found.append((subindex, order, sender, last, last.layout if last else expected[subindex]))
+    for subindex, _, sender, last, layout in sorted(found, key=lambda one: one[:2]):
+        yield subindex, sender, last, layout
+
+
+def _expected(layouts: Layouts, key: ListKey, newest: LastTelegram | None) -> Sequence[TelegramLayout]:
+    """Return the telegrams that a sender should send, of which the newest is known, if any."""
+    candidates = layouts.candidates_of(*key)
+    if candidates:
+        own = (telegrams for telegrams in candidates if newest and telegrams[0].list is newest.layout.list)
+        return next(own, candidates[0])
+    if newest is not None:
+        return ()
+    front, cause = known_fronts(layouts.partly_of(*key))[0]
+    elements = (*front.elements, *([undescribed(cause, 1)] if cause else []))
+    return [TelegramLayout(front.list, front.subindex, elements)]
+
+
+def _state(last: LastTelegram | None, offset: int, place: int, time_ns: int, missing: str) -> dict[str, Any]:
+    if last is None:
+        return {**dict.fromkeys(("value", "text", "frame", "sent_ns", "age_ns")), "missing": missing}
+    kind = last.layout.elements[place].type
+    raw = last.data[offset : offset + kind.size_bytes].tobytes()
+    return {
+        "value": plain_value(value_of(kind, raw)),
+        "text": value_text(kind, raw),
+        "frame": last.frame,
+        "sent_ns": str(last.time_ns),
+        "age_ns": time_ns - last.time_ns,
+        "missing": None,
+    }

@@ -1,0 +1,72 @@
+"""Variables that several lists have, as data: how one follows the other, and for how long they differed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from nvscope.definition.value import value_of
+from nvscope.list_key import list_key
+from nvscope.tracker.variables.hops import Direction, End, Hops, Pair, ordered
+from nvscope.units import divide
+from nvscope.view.documents.variables import plain_value, value_text
+
+
+def hop_rows(hops: Hops, end_ns: int | None) -> list[dict[str, Any]]:
+    """Return a row a pair of lists with the same variable, by name.
+
+    ``from`` is the end whose changes the other one follows: more of them, or sooner. ``changes`` are those of ``to``,
+    ``followed`` of them to a value that ``from`` had taken before; ``delay_ns`` is how long that took (percentiles
+    within 1 %). ``differed_ns`` of ``observed_ns`` both were not equal, up to ``end_ns``, the end of the capture.
+    """
+    return [_row(pair, end_ns) for _, pair in ordered(hops.pairs)]
+
+
+def _row(pair: Pair, end_ns: int | None) -> dict[str, Any]:
+    forth = _rank(pair.forth) >= _rank(pair.back)
+    leader, follower = (pair.first, pair.second) if forth else (pair.second, pair.first)
+    direction = pair.forth if forth else pair.back
+    equal = pair.first.last == pair.second.last
+    rest_ns = 0 if end_ns is None or pair.until_ns is None else max(end_ns - pair.until_ns, 0)
+    return {
+        "variable": leader.element.name,
+        "type": leader.element.type.name,
+        "from": _end(leader),
+        "to": _end(follower),
+        "changes": direction.changes,
+        "followed": direction.followed,
+        "delay_ns": _delays(direction),
+        "observed_ns": pair.observed_ns + rest_ns,
+        "differed_ns": pair.differed_ns + (0 if equal else rest_ns),
+        "equal": equal,
+    }
+
+
+def _rank(direction: Direction) -> tuple[float, int]:
+    """Return what tells which end follows the other: how many of its changes do, and how soon."""
+    share = direction.followed / direction.changes if direction.changes else 0.0
+    return round(share, 2), -(direction.percentile_ns(50) or 0)
+
+
+def _end(end: End) -> dict[str, Any]:
+    kind = end.element.type
+    return {
+        "list": list_key(end.stream.port, end.stream.index),
+        "sender": end.stream.sender,
+        "telegrams": end.telegrams,
+        "value": plain_value(value_of(kind, end.last)),
+        "text": value_text(kind, end.last),
+    }
+
+
+def _delays(direction: Direction) -> Mapping[str, int | None]:
+    if not direction.timed:
+        return dict.fromkeys(("count", "min", "mean", "p50", "p99", "max")) | {"count": 0}
+    return {
+        "count": direction.timed,
+        "min": direction.least_ns,
+        "mean": divide(direction.total_ns, direction.timed),
+        "p50": direction.percentile_ns(50),
+        "p99": direction.percentile_ns(99),
+        "max": direction.most_ns,
+    }

@@ -1,0 +1,132 @@
+"""The report as data: schema ``nvscope.report/1``, which every face shows and ``--json`` prints.
+
+Absolute times are decimal strings of nanoseconds, since JavaScript cannot hold them as numbers; durations are integers;
+what is absent is None. The same state gives the same document.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from nvscope.capture.source import SourceInfo
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.findings.finding import Finding
+from nvscope.list_key import ListKey
+from nvscope.tracker.can.summary import CanListSummary
+from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
+from nvscope.version import __version__
+from nvscope.view.documents.buses import can_buses
+from nvscope.view.documents.can_lists import can_list
+from nvscope.view.documents.diagnosis import diagnosis_row, time_text
+from nvscope.view.documents.intervals import interval_row
+
+if TYPE_CHECKING:
+    from nvscope.definition.model import Definition
+
+SCHEMA = "nvscope.report/1"
+
+
+def report_document(
+    state: TrackerState,
+    summary: Summary,
+    findings: Sequence[Finding],
+    sources: Sequence[SourceInfo],
+    definition: Definition | None = None,
+    values: Mapping[ListKey, list[dict[str, Any]]] | None = None,
+    *,
+    node_names: Mapping[str, str] = MappingProxyType({}),
+) -> dict[str, Any]:
+    """Return the document of a state, what was summarized and judged from it, and where it was read from.
+
+    Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by port and
+    identifier of their list, each list has its own. ``node_names`` are by the text of the address.
+    """
+    names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
+    keys = {entry.number: entry.key for entry in summary.lists}
+    keys |= {entry.number: entry.key for entry in summary.can.lists}
+
+    def valued(entry: ListSummary | CanListSummary) -> dict[str, Any]:
+        return {} if values is None else {"values": values.get((entry.port, entry.index), [])}
+
+    document = {
+        "schema": SCHEMA,
+        "tool": {"name": "nvscope", "version": __version__},
+        "capture": {
+            "sources": [
+                {"path": info.path, "format": info.format, "bytes": info.bytes, "frames": info.frames}
+                for info in sources
+            ],
+            "frames": state.frames,
+            "telegrams": state.telegrams,
+            "other_frames": state.frames - state.telegrams,
+            **({"can_frames": state.can.frames} if state.can.frames else {}),
+            "drops": sum(info.drops for info in sources),
+            "start_ns": time_text(state.start_ns),
+            "end_ns": time_text(state.end_ns),
+        },
+        "lists": [
+            *(can_list(entry, names) | valued(entry) for entry in summary.can.lists),
+            *(
+                _list(entry, summary, names.get((entry.port, entry.index)) or None, node_names) | valued(entry)
+                for entry in summary.lists
+            ),
+        ],
+        "findings": [_finding(finding, keys, summary) for finding in findings],
+    }
+    return document | ({"buses": can_buses(summary.can, names)} if summary.can.buses else {})
+
+
+def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Mapping[str, str]) -> dict[str, Any]:
+    address = summary.addresses
+    return {
+        "key": entry.key,
+        "transport": "udp",
+        "port": entry.port,
+        "id": entry.index,
+        "name": name,
+        "senders": [address[node] for node in entry.senders],
+        "readers": [address[node] for node in entry.readers],
+        "diag": diagnosis_row(entry.diagnosis),
+        "counters": {counter.name: entry.counters[counter.name] for counter in LIST_COUNTERS},
+        "nodes": [
+            {"address": address[node], "name": node_names.get(address[node]), "diag": diagnosis_row(diagnosis)}
+            for node, diagnosis in entry.nodes
+        ],
+        "streams": [_stream(stream, summary) for stream in entry.streams],
+    }
+
+
+def _stream(stream: StreamSummary, summary: Summary) -> dict[str, Any]:
+    return {
+        "node": summary.addresses[stream.node],
+        "subindex": stream.subindex,
+        "telegrams": stream.telegrams,
+        "counter_scope": stream.counter_scope,
+        **{name: stream.figures[name] for name in STREAM_FIGURES},
+        "interval_ns": interval_row(stream.intervals),
+        "items": stream.items,
+        "length": stream.length,
+        "checksum": stream.checksum,
+    }
+
+
+def _finding(finding: Finding, keys: dict[int, str], summary: Summary) -> dict[str, Any]:
+    kind = CATALOGUE[finding.code]
+    return {
+        "code": finding.code,
+        "name": kind.name,
+        "severity": kind.severity.word,
+        "list": None if finding.list_number is None else keys[finding.list_number],
+        "node": None if finding.node is None else summary.addresses[finding.node],
+        "subindex": finding.subindex,
+        "count": finding.count,
+        "first_ns": time_text(finding.first_ns),
+        "last_ns": time_text(finding.last_ns),
+        "frames": list(finding.frames),
+        "message": finding.message,
+        "hint": finding.hint or kind.next_steps[0],
+    }

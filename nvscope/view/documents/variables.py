@@ -1,0 +1,187 @@
+"""The variables of a capture as data: last value, time, changes and bounds (schema ``nvscope.vars/1``)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from nvscope.definition.model import Elementary, Enumeration, Scalar, ScalarKind, type_text
+from nvscope.definition.value import Value, value_of
+from nvscope.list_key import ListKey, list_key, list_order
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.variables.values import StreamValues, Values
+from nvscope.units import clock_time, date, iec_ltime, iec_time
+from nvscope.version import __version__
+
+_S_NS = 1_000_000_000
+
+DOCUMENTED, ASSUMED = "documented", "assumed"
+"""How sure it is which bytes a variable has: nothing documents how lists are packed on CAN."""
+
+
+def variables_document(
+    state: TrackerState,
+    values: Values,
+    *,
+    keys: Collection[ListKey] | None = None,
+    expression: str | None = None,
+) -> dict[str, Any]:
+    """Return the variables of all streams as data, by list, SubIndex and sender; ``keys`` are the lists, as their
+    definition has them, None for all.
+
+    Numbers are numbers (``null`` where they are not finite), times of the type as numbers in its unit, bytes as
+    hexadecimal text; absolute times are nanoseconds as decimal strings. ``earlier`` are the variables of telegrams with
+    a layout that another one of the list's definitions took the place of, up to their last telegram. ``expression`` is
+    that of the filter.
+    """
+    streams = [
+        stream for stream in _streams(state, values) if keys is None or values.layouts.key_of(*stream.list) in keys
+    ]
+    return {
+        "schema": "nvscope.vars/1",
+        "tool": {"name": "nvscope", "version": __version__},
+        "filter": filter_told(expression, state.chosen, state.choosable),
+        "variables": [row for stream in streams for row in _listed(stream, stream.sequence[-1])],
+        "earlier": [row for stream in streams for known in stream.sequence[:-1] for row in _listed(stream, known)],
+    }
+
+
+def filter_told(expression: str | None, chosen: int, telegrams: int) -> dict[str, Any] | None:
+    """Return a filter as data, with how many of all telegrams it chooses; None where there is none."""
+    if expression is None:
+        return None
+    return {"expression": expression, "telegrams": chosen, "all_telegrams": telegrams}
+
+
+def values_by_list(state: TrackerState, values: Values) -> dict[ListKey, list[dict[str, Any]]]:
+    """Return the rows of ``variables_document`` without what they have of their list, by its key."""
+    found: dict[ListKey, list[dict[str, Any]]] = {}
+    for stream in _streams(state, values):
+        rows = _rows(stream.subindex, stream.sender, stream.sequence[-1])
+        found.setdefault(stream.list, []).extend(rows)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Stream:
+    """Whose values: key of the list, SubIndex, sender, and what each of its layouts gave."""
+
+    list: ListKey
+    subindex: int
+    sender: str
+    sequence: Sequence[StreamValues]
+
+
+def _streams(state: TrackerState, values: Values) -> list[_Stream]:
+    """Return the streams in the order of their rows."""
+    entries = []
+    for stream in values.streams:
+        key = state.keys.stream_key(stream)
+        order = list_order(key.list), key.subindex, key.order
+        entries.append((order, _Stream(key.list, key.subindex, key.sender, values.sequence(stream))))
+    return [stream for _, stream in sorted(entries, key=lambda entry: entry[0])]
+
+
+def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | None = None) -> tuple[int, int]:
+    """Return how many telegrams of defined lists have another shape, and how many were not captured whole.
+
+    ``keys`` are those of the lists that are looked at, as their definition has them, None for all.
+    """
+    keys_seen = state.keys
+    listed = (values.layouts.key_of(*keys_seen.list_key(number)) for number in range(len(keys_seen.lists)))
+    defined = np.array([key is not None and (keys is None or key in keys) for key in listed], np.bool_)
+    count = values.unfitting.column("count")
+    lists = keys_seen.places.high.astype(np.int64)[keys_seen.place_of(np.arange(len(count)))]
+    return int(count[defined[lists]].sum()), int(state.lists.truncated[: len(defined)][defined].sum())
+
+
+def _listed(stream: _Stream, known: StreamValues) -> list[dict[str, Any]]:
+    listed = {"list": list_key(*stream.list), "list_name": known.layout.list.name}
+    return [{**listed, **row} for row in _rows(stream.subindex, stream.sender, known)]
+
+
+def _rows(subindex: int, sender: str, known: StreamValues) -> list[dict[str, Any]]:
+    rows = []
+    bounds = _bounds(known)
+    for place, (offset, element) in enumerate(known.layout.spans()):
+        raw = known.data[offset : offset + element.type.size_bytes].tobytes()
+        least, most = bounds[place]
+        rows.append(
+            {
+                "name": element.name,
+                "type": type_text(element.type),
+                "sender": sender,
+                "packing": ASSUMED if known.layout.list.on_can else DOCUMENTED,
+                "subindex": subindex,
+                "value": plain_value(value_of(element.type, raw)),
+                "text": value_text(element.type, raw),
+                "last_ns": str(known.last_ns),
+                "changed_ns": str(int(known.changed_ns[place])),
+                "telegrams": known.telegrams,
+                "changes": int(known.changes[place]),
+                "min": None if least is None else plain_value(value_of(element.type, least)),
+                "max": None if most is None else plain_value(value_of(element.type, most)),
+                "min_text": None if least is None else value_text(element.type, least),
+                "max_text": None if most is None else value_text(element.type, most),
+            }
+        )
+    return rows
+
+
+def _bounds(known: StreamValues) -> list[tuple[bytes | None, bytes | None]]:
+    """Return the bytes of the least and the greatest value of each element; None for what has no order."""
+    bounds: list[tuple[bytes | None, bytes | None]] = []
+    for block, least, most in zip(known.blocks, known.least, known.most, strict=True):
+        if least is None or most is None:
+            bounds += [(None, None)] * block.count
+        else:
+            bounds += [(low.tobytes(), high.tobytes()) for low, high in zip(least, most, strict=True)]
+    return bounds
+
+
+def plain_value(value: Value) -> bool | int | float | str | None:
+    """Return a value as JSON has it: bytes as hexadecimal text, None for a number that is not finite."""
+    if isinstance(value, bytes):
+        return value.hex()
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    return value
+
+
+def value_text(kind: Elementary, raw: bytes) -> str:
+    """Return the value of an element as an engineer writes it: ``TRUE``, ``12.5``, ``T#1s500ms``, ``eRun (2)``."""
+    value = value_of(kind, raw)
+    if isinstance(kind, Enumeration) and isinstance(value, int):
+        names = [name for name, number in kind.values.items() if number == value]
+        return f"{names[0]} ({value})" if names else f"{value} (no value of {kind.name})"
+    if isinstance(kind, Scalar) and kind.kind is ScalarKind.BOOL:
+        return "TRUE" if value else "FALSE"
+    if isinstance(value, str):
+        return f"'{value}'"
+    if isinstance(value, bytes):
+        return value.hex(" ")
+    if isinstance(value, float):
+        return f"{value:.7g}" if isinstance(kind, Scalar) and kind.size_bytes == 4 else f"{value:.12g}"
+    return _time_text(kind, value) if isinstance(kind, Scalar) and kind.unit_ns else str(value)
+
+
+def _time_text(kind: Scalar, value: int) -> str:
+    """Return an IEC 61131-3 literal with the short prefix of the type; of 64 bits with all that they tell."""
+    time_ns = value * kind.unit_ns
+    is_long = kind.unit_ns == 1
+    if kind.kind is ScalarKind.DURATION:
+        return iec_ltime(time_ns) if is_long else iec_time(time_ns)
+    prefix = "L" if is_long else ""
+    seconds, rest_ns = divmod(time_ns, _S_NS)
+    digits = f"{rest_ns:09d}".rstrip("0")
+    fraction = f".{digits}" if digits else ""
+    if kind.kind is ScalarKind.TIME_OF_DAY:
+        return f"{prefix}TOD#{seconds // 3_600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}{fraction}"
+    day = date(time_ns, utc=True)
+    if kind.kind is ScalarKind.DATE:
+        return f"{prefix}D#{day}"
+    return f"{prefix}DT#{day}-{clock_time(time_ns, utc=True, digits=0)}{fraction}"

@@ -1,0 +1,1 @@
+"""The fields that expressions, columns and records may name."""

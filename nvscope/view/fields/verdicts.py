@@ -1,0 +1,278 @@
+"""What is known of a telegram's list, of its sender and of the findings it shows, as fields: ``list.lost``,
+``node.nErrorCount``, ``finding.code``.
+
+Keys and names are known as a telegram is read, the rest when the whole capture was: such fields are ``judged``, and can
+be read where ``Verdicts`` are given. A telegram shows a finding where its frame is one of those that the finding names;
+a finding that names none shows in all telegrams of its list, node and SubIndex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.can.pdo import EXTENDED
+from dissectors.netvar import KNOWN_SERVICE
+from nvscope.engine.keys import IS_PARAMETER
+from nvscope.expression.columns import Column, FieldType, TextColumn
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.findings.finding import Finding
+from nvscope.list_key import ListKey, list_key, told_of
+from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, Counter
+from nvscope.tracker.summary import Summary
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import FIELDS
+from nvscope.view.rows.frames import TelegramRows
+
+NodeKey = tuple[int, int]
+_UNSIGNED, _SIGNED, _TEXT = FieldType.UNSIGNED, FieldType.SIGNED, FieldType.TEXT
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """The names that people gave to lists, by key, and to nodes, by the halves of their address."""
+
+    lists: Mapping[ListKey, str] = field(default_factory=dict)
+    nodes: Mapping[NodeKey, str] = field(default_factory=dict)
+
+
+class Verdicts:
+    """What is known when a capture was read: the figures of lists and nodes, and the findings.
+
+    ``nodes`` are the halves of the addresses by number of the node.
+    """
+
+    def __init__(self, summary: Summary, nodes: Sequence[NodeKey], findings: Sequence[Finding]) -> None:
+        self.findings = list(findings)
+        self.lists: dict[ListKey, dict[str, Any]] = {}
+        self.nodes: dict[tuple[NodeKey, ListKey], dict[str, Any]] = {}
+        keys: dict[int, ListKey] = {}
+        key: ListKey
+        for entry in summary.lists:
+            key = keys[entry.number] = (entry.port, entry.index)
+            self.lists[key] = entry.counters | {one.name: getattr(entry.diagnosis, one.name) for one in DIAGNOSIS}
+            for node, diagnosis in entry.nodes:
+                self.nodes[nodes[node], key] = {one.name: getattr(diagnosis, one.name) for one in DIAGNOSIS}
+        for on_can in summary.can.lists:
+            key = keys[on_can.number] = (on_can.port, on_can.index)
+            counted = {one.name: getattr(on_can.diagnosis, one.name) for one in DIAGNOSIS}
+            self.lists[key] = dict.fromkeys(counter.name for counter in LIST_COUNTERS) | counted
+        frames = [(frame, number) for number, finding in enumerate(self.findings) for frame in finding.frames]
+        frames.sort()
+        self._frame = np.array([frame for frame, _ in frames], np.int64)
+        self._finding = np.array([number for _, number in frames], np.int64)
+        self._lasting = [
+            _Lasting(number, keys[one.list_number], None if one.node is None else nodes[one.node], one.subindex)
+            for number, one in enumerate(self.findings)
+            if not one.frames and one.list_number is not None
+        ]
+
+    def findings_of(self, rows: TelegramRows) -> tuple[I64, I64]:
+        """Return positions of telegrams, each as often as it shows findings (at least once), and their numbers or -1.
+
+        Positions rise; numbers are those of ``findings``.
+        """
+        frame = rows.frame_number
+        first = np.searchsorted(self._frame, frame)
+        count = np.searchsorted(self._frame, frame, "right") - first
+        position = np.repeat(np.arange(len(frame)), count)
+        place = np.arange(len(position)) - np.repeat(np.cumsum(count) - count - first, count)
+        positions, numbers = [position], [self._finding[place]]
+        if self._lasting:
+            keys, code = _keys(rows)
+            subindex = rows.lists[2]
+            for one in self._lasting:
+                concerned = np.array([one.concerns(*key) for key in keys], np.bool_)[code]
+                if one.subindex is not None:
+                    concerned &= subindex == one.subindex
+                positions.append(np.flatnonzero(concerned & _in_list(rows)))
+                numbers.append(np.full(len(positions[-1]), one.number))
+        position = np.concatenate(positions)
+        without = np.ones(len(frame), np.bool_)
+        without[position] = False
+        positions.append(np.flatnonzero(without))
+        numbers.append(np.full(len(positions[-1]), -1))
+        position = np.concatenate(positions)
+        order = np.argsort(position, kind="stable")
+        return position[order], np.concatenate(numbers)[order]
+
+
+@dataclass(frozen=True, slots=True)
+class _Lasting:
+    """A finding without frames, on a list: its number, and the node and SubIndex that it concerns, None for all."""
+
+    number: int
+    key: ListKey
+    node: NodeKey | None
+    subindex: int | None
+
+    def concerns(self, node: NodeKey, key: ListKey) -> bool:
+        return key == self.key and self.node in (None, node)
+
+
+def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None) -> dict[str, TelegramField]:
+    """Return the fields ``list.*``, ``node.*`` and ``finding.*`` by name."""
+    known = names or Names()
+    lists = [
+        TelegramField(
+            "list.key", _TEXT, "List", "transport, port (or CAN channel) and list identifier: udp/1202/7, can/can0/385",
+            _of_list(lambda key: list_key(*key)), _in_list, constant=True,
+        ),
+        TelegramField(
+            "list.port", _UNSIGNED, "Port of the list", "destination port", FIELDS["udp.dstport"].read, _on_udp,
+            constant=True,
+        ),
+        TelegramField(
+            "list.id", _UNSIGNED, "List identifier", "Index of a telegram that belongs to a list, on CAN the COB-ID",
+            lambda rows: rows.lists[1] & ~EXTENDED, _in_list, constant=True,
+        ),
+        TelegramField(
+            "list.name", _TEXT, "Name of the list", "from definition or project file",
+            _of_list(lambda key: told_of(known.lists, key) or ""), _named(known), constant=True,
+        ),
+    ]  # fmt: skip
+    nodes = [
+        TelegramField(
+            "node.address", FieldType.ADDRESS, "Node", "address of the sender", FIELDS["ip.src"].read,
+            FIELDS["ip.src"].known, constant=True,
+        ),
+        TelegramField(
+            "node.name", _TEXT, "Name of the node", "of the sender, from the project file",
+            _of_both(lambda node, _: known.nodes.get(node, "")), _node_named(known), constant=True,
+        ),
+    ]  # fmt: skip
+    lists += [_figure("list", "of the list", counter, verdicts) for counter in (*DIAGNOSIS, *LIST_COUNTERS)]
+    nodes += [_figure("node", "of the sender on that list", counter, verdicts) for counter in DIAGNOSIS]
+    return {entry.name: entry for entry in (*lists, *nodes, *_finding_fields(verdicts))}
+
+
+def _in_list(rows: TelegramRows) -> Bool:
+    """Tell which telegrams belong to a list: all but those of the Parameter Manager; and all data frames of CAN."""
+    service = np.minimum(rows.telegrams.header["id"], len(KNOWN_SERVICE) - 1)
+    own: Bool = ~IS_PARAMETER[service]
+    return own if rows.can is None else np.where(rows.can.on_can, rows.can.is_pdo, own)
+
+
+def _on_udp(rows: TelegramRows) -> Bool:
+    """Tell which telegrams belong to a list on UDP."""
+    own = _in_list(rows)
+    return own if rows.can is None else own & ~rows.can.on_can
+
+
+def _keys(rows: TelegramRows) -> tuple[list[tuple[NodeKey, ListKey]], I64]:
+    """Return the (sender, list) pairs that occur, and which of them each telegram is of."""
+    datagram = rows.telegrams.datagram
+    key = np.empty(len(rows), [("high", "u8"), ("low", "u8"), ("port", "u4"), ("index", "u4")])
+    key["high"], key["low"] = datagram.source_hi, datagram.source_lo
+    key["port"], key["index"], _ = rows.lists
+    found, code = np.unique(key, return_inverse=True)
+    told = rows.can.port_text if rows.can else int
+    return [((high, low), (told(port), index)) for high, low, port, index in found.tolist()], code
+
+
+def _of_both(tell: Callable[[NodeKey, ListKey], str]) -> Callable[[TelegramRows], Column]:
+    def read(rows: TelegramRows) -> TextColumn:
+        keys, code = _keys(rows)
+        return TextColumn(code, tuple(tell(*key) for key in keys))
+
+    return read
+
+
+def _of_list(tell: Callable[[ListKey], str]) -> Callable[[TelegramRows], Column]:
+    return _of_both(lambda _, key: tell(key))
+
+
+def _named(names: Names) -> Callable[[TelegramRows], Bool]:
+    def known(rows: TelegramRows) -> Bool:
+        keys, code = _keys(rows)
+        return np.array([bool(told_of(names.lists, key)) for _, key in keys], np.bool_)[code] & _in_list(rows)
+
+    return known
+
+
+def _node_named(names: Names) -> Callable[[TelegramRows], Bool]:
+    def known(rows: TelegramRows) -> Bool:
+        keys, code = _keys(rows)
+        return np.array([node in names.nodes for node, _ in keys], np.bool_)[code] & _sent_by_node(rows)
+
+    return known
+
+
+def _sent_by_node(rows: TelegramRows) -> Bool:
+    """Tell which telegrams have a sender: nobody knows it on CAN."""
+    return np.ones(len(rows), np.bool_) if rows.can is None else ~rows.can.on_can
+
+
+def _figure(of: str, whose: str, counter: Counter, verdicts: Verdicts | None) -> TelegramField:
+    """Return the field of one counter; a node that a list's diagnosis does not name has counted nothing there."""
+    kind = FieldType.TIME if counter.unit == "ns" else _TEXT if not counter.unit else _SIGNED
+
+    def values(rows: TelegramRows) -> tuple[list[Any], I64]:
+        if verdicts is None:
+            raise LookupError(f"{of}.{counter.name} is read before the capture was judged")
+        keys, code = _keys(rows)
+        rows_of = [verdicts.lists.get(key) if of == "list" else verdicts.nodes.get((node, key)) for node, key in keys]
+        blank = None if kind is FieldType.TIME else "NOERROR" if kind is _TEXT else 0
+        return [blank if row is None else row[counter.name] for row in rows_of], code
+
+    def read(rows: TelegramRows) -> Column:
+        told, code = values(rows)
+        if kind is _TEXT:
+            return TextColumn(code, tuple(value or "" for value in told))
+        return np.array([value or 0 for value in told], np.int64)[code]
+
+    def known(rows: TelegramRows) -> Bool:
+        told, code = values(rows)
+        belongs = _in_list(rows) if of == "list" else _on_udp(rows)
+        return np.array([value is not None for value in told], np.bool_)[code] & belongs
+
+    name, label = f"{of}.{counter.name}", counter.name
+    return TelegramField(
+        name,
+        kind,
+        label,
+        f"{counter.help}, {whose}",
+        read,
+        known,
+        calendar=kind is FieldType.TIME,
+        constant=True,
+        judged=True,
+    )
+
+
+def _code(finding: Finding) -> str:
+    return finding.code
+
+
+def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
+    findings = verdicts.findings if verdicts else []
+
+    def column(tell: Callable[[Finding], str]) -> Callable[[TelegramRows], Column]:
+        texts = ("", *(tell(finding) for finding in findings))
+        return lambda rows: TextColumn(_number(rows) + 1, texts)
+
+    def count(rows: TelegramRows) -> Column:
+        return np.array([0, *(finding.count for finding in findings)], np.int64)[_number(rows) + 1]
+
+    def known(rows: TelegramRows) -> Bool:
+        return _number(rows) >= 0
+
+    def entry(name: str, kind: FieldType, text: str, read: Callable[[TelegramRows], Column]) -> TelegramField:
+        return TelegramField(f"finding.{name}", kind, f"Finding's {name}", text, read, known, judged=True)
+
+    return [
+        entry("code", _TEXT, "such as NV201; shown by the telegrams of its first ten events", column(_code)),
+        entry("name", _TEXT, "such as telegram-gap", column(lambda finding: CATALOGUE[finding.code].name)),
+        entry("severity", _TEXT, "error, warning or note", column(lambda one: CATALOGUE[one.code].severity.word)),
+        entry("count", _SIGNED, "how many events it has", count),
+        entry("message", _TEXT, "its sentence", column(lambda finding: finding.message)),
+    ]
+
+
+def _number(rows: TelegramRows) -> I64:
+    """Return the number of the finding with which each telegram is looked at, -1 where there is none."""
+    return np.full(len(rows), -1) if rows.finding is None else rows.finding

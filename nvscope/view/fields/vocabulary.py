@@ -1,0 +1,25 @@
+"""Everything that an expression or -e may name: fields of telegrams, of variables, and of what is known in the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import FIELDS
+from nvscope.view.fields.verdicts import Names, Verdicts, verdict_fields
+
+if TYPE_CHECKING:  # without definitions, nothing of them is imported
+    from nvscope.definition.layouts import Layouts
+
+
+def vocabulary(
+    layouts: Layouts | None = None, names: Names | None = None, verdicts: Verdicts | None = None
+) -> Mapping[str, TelegramField]:
+    """Return all fields by name: with ``layouts`` also ``var.*``; without ``verdicts``, judged ones cannot be read."""
+    variables: Mapping[str, TelegramField] = {}
+    if layouts is not None:
+        from nvscope.view.fields.variables import variable_fields  # noqa: PLC0415
+
+        variables = variable_fields(layouts)
+    return {**FIELDS, **verdict_fields(names, verdicts), **variables}

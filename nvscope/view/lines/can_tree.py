@@ -1,0 +1,124 @@
+"""What a tree tells of a CAN frame: identifier and flags, what it means, and its data, as variables where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dissectors.can.bits import Stuffing, wire_bits
+from dissectors.can.frame import EXTENDED_MASK, FRAME, STANDARD_MASK, CanBatch, Fault
+from dissectors.layout import Field
+from nvscope import units
+from nvscope.view.escape import visible
+from nvscope.view.lines.can_words import Meanings, flags_of, identifier_text
+from nvscope.view.lines.hexdump import dump
+from nvscope.view.lines.table import Cell, Tone
+from nvscope.view.lines.tree_lines import (
+    INDENT,
+    Entry,
+    bit_entries,
+    label_cell,
+    number_text,
+    place_cell,
+    variable_entries,
+)
+from nvscope.view.rows.can import CanRows
+
+if TYPE_CHECKING:
+    from nvscope.definition.pdos import Pdos
+
+
+class CanTree:
+    """The part of a tree that is about a CAN frame; ``pdos`` are the defined lists.
+
+    Without ``dumps``, data that nothing describes are told in their length only.
+    """
+
+    def __init__(self, can: CanRows, pdos: Pdos | None = None, *, dumps: bool = True) -> None:
+        self._can = can
+        self._pdos = pdos
+        self._dumps = dumps
+        self._meanings = Meanings(pdos)
+
+    def frame_at(self, row: int, offset: int) -> int:
+        """Return where the CAN frame of a row begins in its packet, which begins at ``offset`` of the buffer."""
+        return max(int(self._frames.at[int(self._can.frame[row])]) - offset - FRAME.size_bytes, 0)
+
+    @property
+    def _frames(self) -> CanBatch:
+        assert self._can.frames is not None
+        return self._can.frames
+
+    def entries(self, row: int, packet: bytes, at: int) -> Iterator[Entry]:
+        """Yield the lines on the CAN frame of a row, which begins at ``at`` of the packet."""
+        place = int(self._can.frame[row])
+        frame = self._frames.take(slice(place, place + 1))
+        identifier = identifier_text(int(frame.identifier[0]), bool(frame.extended[0] or frame.error[0]))
+        channel = visible(self._can.pdos.channel(int(frame.channel[0])))
+        kind = f", {flags}" if (flags := flags_of(frame, 0)) else ""
+        bits = sum(int(column[0]) for column in wire_bits(frame, Stuffing.EXACT))
+        told = f"  {identifier} on {channel}{kind}" + (f", {bits} bits on the wire" if bits else "")
+        yield Entry([Cell("CAN", Tone.STRONG), Cell(told)])
+        meaning = self._meanings.of(self._can, frame, row, 0)
+        if meaning.text:
+            sign = {Tone.ERROR: "✗ ", Tone.WARNING: "! "}.get(meaning.tone, "")
+            yield Entry([Cell(f"{'':{INDENT}}{sign}{meaning.text}", meaning.tone)])
+        for entry in FRAME:
+            begin = at + FRAME.offset_of(entry.name)
+            content = packet[begin : begin + entry.size_bytes]
+            if len(content) < entry.size_bytes:
+                missing = Cell("not captured", Tone.WARNING)
+                yield Entry([place_cell(begin, content), label_cell(entry.label), missing])
+                continue
+            number = _word(frame, content) if entry.name == "identifier" else int.from_bytes(content, "big")
+            value = Cell(number_text(entry, number))
+            yield Entry([place_cell(begin, content), label_cell(entry.label), value], entry.help)
+            if _has_bits(entry, frame):
+                yield from bit_entries(entry, number)
+        yield from self._data(frame, row, at + FRAME.size_bytes)
+
+    def _data(self, frame: CanBatch, row: int, at: int) -> Iterator[Entry]:
+        data, length = frame.payload(0), int(frame.length[0])
+        if not data and (frame.remote[0] or not length):
+            return
+        size = f"  {units.count_of(len(data), 'byte')}"
+        pdo, channel = None, ""
+        if self._pdos and self._can.is_pdo[row] and not frame.extended[0]:
+            channel = self._can.pdos.channel(int(frame.channel[0]))
+            pdo = self._pdos.pdo_of(channel, int(frame.identifier[0]))
+        if self._pdos and pdo is not None and pdo.layout is not None:
+            fitting = self._pdos.fitting(channel, int(frame.identifier[0]), length)
+            if fitting is not None and fitting.layout is not None and len(data) == length:
+                title = (
+                    f"  {visible(fitting.list.name)} {pdo.subindex}, packed as assumed: "
+                    "nothing documents the rule on CAN"
+                )
+                yield Entry([Cell("Variables", Tone.STRONG), Cell(title)])
+                yield from variable_entries(fitting.layout, data, at)
+                return
+            told = units.count_of(pdo.layout.layout.size_bytes, "byte")
+            why = f"not of the {told} that its definition has (NV603)" if fitting is None else "not captured whole"
+            yield Entry([Cell("Variables", Tone.STRONG), Cell(f"  {visible(pdo.list.name)}: {why}", Tone.WARNING)])
+        missing = length - len(data) if frame.fault[0] in (Fault.NONE, Fault.TRUNCATED, Fault.TOO_LONG) else 0
+        facts = [Cell(size)]
+        if missing > 0:
+            facts.append(Cell(f", {units.count(missing)} more not captured", Tone.WARNING))
+        yield Entry([Cell("Data", Tone.STRONG), *facts])
+        if self._dumps:
+            for line in dump(data, indent=INDENT, first=at):
+                yield Entry(list(line))
+
+
+def _word(frame: CanBatch, content: bytes) -> int:
+    """Return the identifier with its flags, as the number it is in whatever byte order it was captured."""
+    word = int(frame.identifier[0])
+    told = EXTENDED_MASK if frame.extended[0] or frame.error[0] else STANDARD_MASK
+    for number in (int.from_bytes(content, "big"), int.from_bytes(content, "little")):
+        if number & told == word:
+            return number
+    return word
+
+
+def _has_bits(entry: Field, frame: CanBatch) -> bool:
+    """Tell whether the bits of a field are worth a line each: those of CAN FD only in its frames."""
+    return bool(entry.bits) and (entry.name != "fd_flags" or bool(frame.fd[0]))

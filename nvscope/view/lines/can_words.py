@@ -1,0 +1,89 @@
+"""What CAN frames are in words: the list they carry, their function in CANopen, or what an error frame tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dissectors.can.canopen import describe
+from dissectors.can.error import describe_error
+from dissectors.can.frame import FD_LENGTHS, MAX_DATA_BYTES, CanBatch, Fault
+from nvscope.units import count_of
+from nvscope.view.escape import visible
+from nvscope.view.lines.table import Tone
+from nvscope.view.rows.can import CanRows
+
+if TYPE_CHECKING:
+    from nvscope.definition.pdos import Pdos
+
+FAULT_WORDS = {
+    Fault.SHORT: "shorter than a CAN frame",
+    Fault.XL: "CAN XL, which is not read here",
+    Fault.TOO_LONG: f"Length above {FD_LENGTHS[-1]}",
+    Fault.CLASSIC_TOO_LONG: f"Length above {MAX_DATA_BYTES} in a frame that is not CAN FD",
+    Fault.TRUNCATED: "cut short by the capture",
+    Fault.IDENTIFIER: "a standard frame with an identifier above 0x7FF",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a frame is, and how it stands in a line."""
+
+    text: str
+    tone: Tone = Tone.PLAIN
+
+
+def identifier_text(identifier: int, extended: bool) -> str:
+    """Return an identifier in hexadecimal digits, as candump writes it: 3, or 8 of an extended one."""
+    return f"{identifier:08X}" if extended else f"{identifier:03X}"
+
+
+def flags_of(frames: CanBatch, row: int) -> str:
+    """Return what kind of frame it is, where it is not a plain data frame."""
+    kinds = (
+        ("error", frames.error), ("remote", frames.remote), ("FD", frames.fd), ("BRS", frames.brs), ("ESI", frames.esi),
+    )  # fmt: skip
+    return " ".join(name for name, column in kinds if column[row])
+
+
+class Meanings:
+    """Tells what frames mean; equal ones are asked of the definitions once. ``pdos`` are the defined lists."""
+
+    def __init__(self, pdos: Pdos | None = None) -> None:
+        self._pdos = pdos
+        self._lists: dict[tuple[str, int], str] = {}
+
+    def of(self, can: CanRows, frames: CanBatch, place: int, row: int) -> Meaning:
+        """Return what a frame means: row ``place`` of the rows, ``row`` of the frames."""
+        fault = int(frames.fault[row])
+        if fault:
+            return Meaning(FAULT_WORDS[Fault(fault)], Tone.WARNING)
+        identifier, data = int(frames.identifier[row]), frames.payload(row)
+        if frames.error[row]:
+            return Meaning(describe_error(identifier, data), Tone.ERROR)
+        if frames.extended[row]:
+            return Meaning("")
+        channel = str(can.port_text(int(can.port[place])))
+        listed = self._list_name(channel, identifier)
+        if listed:
+            size = "" if frames.remote[row] else self._wrong_size(channel, identifier, int(frames.length[row]))
+            return Meaning(f"{listed}{size}", Tone.WARNING if size else Tone.STRONG)
+        return Meaning(describe(identifier, data, bool(frames.remote[row])), Tone.FAINT)
+
+    def _wrong_size(self, channel: str, identifier: int, size_bytes: int) -> str:
+        """Return that a frame of a list has not the size that its definition gives it."""
+        pdo = self._pdos.pdo_of(channel, identifier) if self._pdos else None
+        if self._pdos is None or pdo is None or pdo.layout is None:
+            return ""
+        if self._pdos.fitting(channel, identifier, size_bytes) is not None:
+            return ""
+        return f": not of {count_of(pdo.layout.layout.size_bytes, 'byte')} (NV603)"
+
+    def _list_name(self, channel: str, identifier: int) -> str:
+        key = channel, identifier
+        if key not in self._lists:
+            pdo = self._pdos.pdo_of(channel, identifier) if self._pdos else None
+            name = f"{visible(pdo.list.name or f'list {pdo.list.list_id}')} {pdo.subindex}" if pdo else ""
+            self._lists[key] = name
+        return self._lists[key]

@@ -1,0 +1,109 @@
+"""Columns of fields as text, a whole column at once: as people and spreadsheets read them, and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from math import isfinite
+
+import numpy as np
+
+from dissectors import address
+from dissectors.batch import Bool
+from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, Numbers, TextColumn
+from nvscope.view.escape import visible
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.lines import moments
+from nvscope.view.rows.frames import TelegramRows
+
+_BITS = ("0", "1")
+_JSON_BITS = ("false", "true")
+
+
+def texts(field: TelegramField, rows: TelegramRows, shown: Callable[[str], str] = visible) -> list[str]:
+    """Return a field as Wireshark writes it; empty where it does not exist.
+
+    Numbers decimal or with 0x, times in seconds, bytes as hexadecimal digits, bits as 0 and 1; of real numbers that are
+    no numbers, NaN, inf and -inf. ``shown`` makes what a text may hold safe for where it is written.
+    """
+    column = field.read(rows)
+    if isinstance(column, AddressColumn):
+        cells = addresses(column)
+    elif isinstance(column, BytesColumn):
+        cells = hexadecimal(column)
+    elif isinstance(column, TextColumn):
+        safe = [shown(text) for text in column.texts]
+        cells = [safe[code] for code in column.code.tolist()]
+    else:
+        cells = _number_texts(field, column)
+    return _where_known(cells, field.known(rows), "")
+
+
+def json_texts(field: TelegramField, rows: TelegramRows) -> list[str]:
+    """Return a field as JSON values; null where it does not exist.
+
+    Numbers and bits are what they are in JSON, null where they are not finite. Absolute times are strings of
+    nanoseconds, since JavaScript cannot hold them as numbers, or of the date; durations are numbers of nanoseconds.
+    Bytes are strings of hexadecimal digits.
+    """
+    column = field.read(rows)
+    if isinstance(column, AddressColumn):
+        cells = _quoted(addresses(column))
+    elif isinstance(column, BytesColumn):
+        cells = _quoted(hexadecimal(column))
+    elif isinstance(column, TextColumn):
+        quoted = [json.dumps(text) for text in column.texts]
+        cells = [quoted[code] for code in column.code.tolist()]
+    elif field.type is FieldType.BOOL:
+        cells = [_JSON_BITS[bit] for bit in column.tolist()]
+    elif field.type is FieldType.TIME:
+        cells = _quoted(moments.iso(column) if field.calendar else map(str, column.tolist()))
+    elif field.type is FieldType.REAL:
+        cells = [text if isfinite(float(text)) else "null" for text in map(str, column)]
+    else:
+        cells = list(map(str, column.tolist()))
+    return _where_known(cells, field.known(rows), "null")
+
+
+def addresses(column: AddressColumn) -> list[str]:
+    """Return addresses as people write them."""
+    pairs = list(zip(column.high.tolist(), column.low.tolist(), strict=True))
+    told = {pair: address.text(*pair) for pair in set(pairs)}
+    return [told[pair] for pair in pairs]
+
+
+def hexadecimal(column: BytesColumn) -> list[str]:
+    """Return bytes as pairs of lower-case hexadecimal digits."""
+    data = column.data.data
+    return [data[start:stop].hex() for start, stop in zip(column.start.tolist(), column.stop.tolist(), strict=True)]
+
+
+def _number_texts(field: TelegramField, column: Numbers) -> list[str]:
+    if field.type is FieldType.BOOL:
+        return [_BITS[bit] for bit in column.tolist()]
+    if field.type is FieldType.DURATION or (field.type is FieldType.TIME and not field.calendar):
+        return moments.seconds(column)
+    if field.type is FieldType.TIME:
+        return moments.iso(column)
+    if field.type is FieldType.REAL:
+        # As short as tells them from their neighbours of the same width.
+        cells = list(map(str, column))
+        for row in np.flatnonzero(np.isnan(column)).tolist():
+            cells[row] = "NaN"
+        return cells
+    if not field.hex_digits:
+        return list(map(str, column.tolist()))
+    pattern = f"0x%0{field.hex_digits}x"
+    return [pattern % number for number in column.tolist()]
+
+
+def _quoted(cells: Iterable[str]) -> list[str]:
+    """Quote texts in which nothing needs an escape."""
+    return [f'"{cell}"' for cell in cells]
+
+
+def _where_known(cells: list[str], known: Bool | None, otherwise: str) -> list[str]:
+    if known is not None:
+        for row in np.flatnonzero(~known).tolist():
+            cells[row] = otherwise
+    return cells

@@ -1,0 +1,72 @@
+"""The lines that trees are made of: a field with its place and bytes, a bit, a title."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+from dissectors.layout import Field
+from nvscope.view.escape import visible
+from nvscope.view.lines.table import Cell, Tone
+
+if TYPE_CHECKING:
+    from nvscope.definition.packing import TelegramLayout
+
+INDENT = 2
+_HEX_BYTES = 6
+_HEX_WIDTH = 3 * _HEX_BYTES - 1
+_LABEL_WIDTH = 22
+
+
+class Entry(NamedTuple):
+    """A line of a tree, and an explanation for where there is room for one."""
+
+    cells: list[Cell]
+    help: str = ""
+
+
+def place_cell(at: int, content: bytes) -> Cell:
+    """Return where a field is and its bytes, the first of them where it is long."""
+    digits = content.hex(" ")
+    if len(content) > _HEX_BYTES:
+        digits = f"{content[: _HEX_BYTES - 1].hex(' ')} …"
+    return Cell(f"{'':{INDENT}}{at:04x}  {digits:<{_HEX_WIDTH}}  ", Tone.FAINT)
+
+
+def label_cell(label: str) -> Cell:
+    return Cell(f"{label:<{_LABEL_WIDTH}}  ")
+
+
+def number_text(entry: Field, number: int) -> str:
+    return f"0x{number:0{2 * entry.size_bytes}x}" if entry.base == "hex" else str(number)
+
+
+def bit_entries(entry: Field, number: int, reserved: int = 0) -> Iterator[Entry]:
+    """Yield a line for each named bit, and one for those without a name where any of them is set."""
+    width = 8 * entry.size_bytes
+    margin = Cell(" " * (INDENT + 4 + 2))
+    for bit in entry.bits:
+        tone = Tone.PLAIN if number & bit.mask else Tone.FAINT
+        state = "set" if number & bit.mask else "not set"
+        yield Entry([margin, Cell(f"{_picture(number, bit.mask, width)} = {bit.label} ({state})", tone)])
+    if number & reserved:
+        yield Entry([margin, Cell(f"{_picture(number, reserved, width)} = {entry.help}", Tone.WARNING)])
+
+
+def variable_entries(layout: TelegramLayout, data: bytes, data_at: int) -> Iterator[Entry]:
+    """Yield the variables of a telegram, whose data begin at ``data_at`` of the packet and have the layout's size."""
+    # Not without definitions.
+    from nvscope.definition.model import type_text  # noqa: PLC0415
+    from nvscope.view.documents.variables import value_text  # noqa: PLC0415
+
+    for offset, element in layout.spans():
+        raw = data[offset : offset + element.type.size_bytes]
+        value = Cell(visible(value_text(element.type, raw)))
+        line = [place_cell(data_at + offset, raw), label_cell(visible(element.name)), value]
+        yield Entry(line, visible(type_text(element.type)))
+
+
+def _picture(number: int, mask: int, width: int) -> str:
+    """Return ``.... ..1.``: the bits of a mask, with points for the others."""
+    places = [str(number >> place & 1) if mask >> place & 1 else "." for place in reversed(range(width))]
+    return " ".join("".join(places[at : at + 4]) for at in range(0, width, 4))
