@@ -96,7 +96,7 @@ class CaptureState:
         if len(back):
             self.longest_step_back_ns = max(self.longest_step_back_ns, int((before[back] - time_ns[back]).max()))
             one_key = np.zeros(len(back), np.uint64)
-            self.steps_back.record(one_key, one_key, time_ns[back], back + told.first_frame)
+            self.steps_back.record(time_ns[back], back + told.first_frame, one_key, one_key)
             self.steps_back.settle()
         earliest, latest = int(time_ns.min()), int(time_ns.max())
         self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)

@@ -141,7 +141,7 @@ class ListState:
         np.add.at(self.columns.truncated, lists[truncated & (lists >= 0)], 1)
 
     def _log(self, code: int, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
-        self.events.record(*finding_key(code, lists, node, subindex), time_ns, frame)
+        self.events.record(time_ns, frame, *finding_key(code, lists, node, subindex))
 
     def _observe_rejected(self, told: Told) -> list[ErrorEvents]:
         """Book the telegrams that ICMP messages say were not delivered."""

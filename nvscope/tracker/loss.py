@@ -240,6 +240,12 @@ class NodeSteps:
         together: Bool = self._word[row] & (1 << _TOGETHER_BIT) != 0
         return together
 
+    @property
+    def all_gaps(self) -> I64:
+        """How many gaps the nodes' counters have had up to each row."""
+        gaps: I64 = self._word >> _GAPS_BIT
+        return gaps
+
     def gaps(self, row: I64) -> I64:
         """Return how many gaps the nodes' counters have had up to some rows."""
         gaps: I64 = self._word[row] >> _GAPS_BIT

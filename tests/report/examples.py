@@ -44,7 +44,8 @@ def interval(count: int, *statistics_ns: int, nominal: int | None) -> dict[str, 
 def stream(address: str, subindex: int, telegrams: int, interval_ns: dict[str, Any], **facts: Any) -> dict[str, Any]:
     return {
         "node": address, "subindex": subindex, "telegrams": telegrams, "counter_scope": "stream", "lost": 0,
-        "lost_claimed": 0, "duplicates": 0, "overtaken": 0, "restarts": 0, "interval_ns": interval_ns, "items": 12, "length": 68,
+        "lost_claimed": 0, "duplicates": 0, "overtaken": 0, "restarts": 0, "interval_ns": interval_ns, "items": 12,
+        "length": 68,
         "checksum": None, **facts,
     }  # fmt: skip
 

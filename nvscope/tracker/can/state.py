@@ -55,10 +55,10 @@ class BusState:
         wrong = np.flatnonzero(frames.fault)
         if len(wrong):
             channel, fault = (column[wrong].astype(np.uint64) for column in (frames.channel, frames.fault))
-            self.faults.record(channel, fault, frames.ts_ns[wrong], frames.row[wrong] + first_frame)
+            self.faults.record(frames.ts_ns[wrong], frames.row[wrong] + first_frame, channel, fault)
 
     def _observe_remotes(self, frames: CanBatch, first_frame: int) -> None:
         asking = np.flatnonzero(frames.remote)
         if len(asking):
             channel, number = frames.channel[asking].astype(np.uint64), words(frames)[asking]
-            self.remotes.record(channel, number, frames.ts_ns[asking], frames.row[asking] + first_frame)
+            self.remotes.record(frames.ts_ns[asking], frames.row[asking] + first_frame, channel, number)
