@@ -43,6 +43,14 @@ def order_by(number_of: I64, variety: I64, bound: int) -> I64:
     return stable_order(narrow[variety], bound + 1)
 
 
+def spans(start: I64, length: I64) -> I64:
+    """Return the numbers from ``start[i]`` on, ``length[i]`` of them, for all i, one span behind the other."""
+    stop = np.cumsum(length)
+    total = int(stop[-1]) if len(stop) else 0
+    numbers: I64 = np.arange(total) + np.repeat(start - stop + length, length)
+    return numbers
+
+
 def runs_of_lengths(length: I64) -> tuple[I64, I64, I64]:
     """Return which numbers have runs, given how long that of each is, and where these start and stop end to end."""
     run = np.flatnonzero(length)

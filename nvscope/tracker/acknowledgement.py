@@ -17,6 +17,7 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
+from nvscope.engine.runs import spans
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.errors import ErrorEvents
 from nvscope.tracker.sightings import NO_PACKET, Sightings
@@ -228,10 +229,7 @@ class Acknowledgement:
             return (nothing, nothing, nothing), []
         concerned = waits.column("open").copy()
         concerned[rows.stream[wanting]] = True
-        telling = np.repeat(concerned[rows.run_stream], rows.stop - rows.start)
-        if rows.repeated is not None:
-            telling &= ~rows.repeated
-        row = np.flatnonzero(telling)
+        row = _rows_of(rows, concerned[rows.run_stream])
         stream, packet = rows.stream[row], rows.packet[row]
         opens = np.searchsorted(row, wanting if rows.repeated is None else wanting[~rows.repeated[wanting]])
         wait_stream = np.concatenate([open_streams, stream[opens]])
@@ -282,7 +280,7 @@ class Acknowledgement:
                 if not len(own):
                     continue
                 wanted = Sightings(asking, packet, asking, len(clock))
-                latest = _running_latest(time_ns, asking, wanted.order)
+                latest = time_ns if clock.steady else _running_latest(time_ns, asking, wanted.order)
                 last = wanted.last_before(number, messages.packet[own])
                 here = np.where(last >= 0, latest[last], NEVER) if len(latest) else NEVER
                 asked[own] = np.maximum(here, wanted_ns[number])
@@ -328,10 +326,7 @@ class Acknowledgement:
         expired = clock.first_behind(waits.deadline_ns, packet)
         asked = np.zeros(len(keys.places), np.bool_)
         asked[waits.place] = True
-        telling = np.repeat(asked[keys.place_of(rows.run_stream)], rows.stop - rows.start)
-        if rows.repeated is not None:
-            telling &= ~rows.repeated
-        told = np.flatnonzero(telling)
+        told = _rows_of(rows, asked[keys.place_of(rows.run_stream)])
         told = told[_within(rows.packet[told], packet, expired)]
         stream = rows.stream[told]
         place, sender = keys.place_of(stream), keys.node_of(stream)
@@ -342,6 +337,13 @@ class Acknowledgement:
         unanswered, seen = waits.take(late), expired[late] + first_frame
         order = np.lexsort((unanswered.frame, unanswered.deadline_ns, seen))
         return unanswered.take(order), seen[order]
+
+
+def _rows_of(rows: DataRows, chosen: Bool) -> I64:
+    """Return the rows of some runs, rising, those aside that repeat the one before."""
+    run = np.flatnonzero(chosen)
+    row = spans(rows.start[run], rows.stop[run] - rows.start[run])
+    return row if rows.repeated is None else row[~rows.repeated[row]]
 
 
 def _within(packet: I64, begin: I64, end: I64) -> Bool:
