@@ -197,6 +197,60 @@ class Captures:
             warnings.warn(sentence, stacklevel=2)
         return frame
 
+    def history(self, name: str, *, of: str | None = None, every: bool = False) -> pl.DataFrame:
+        """Return a row a change of the variables of a name, in the order of the capture.
+
+        ``name`` is that of a variable, a structure or an array, or a pattern with *; ``of`` is the list, where several
+        have it. ``every``: a row a telegram, changed or not. ``old`` and ``new`` are texts as an engineer writes them,
+        ``value`` is the new one where it is a number or BOOL. UsageError where nothing has the name.
+        """
+        from nvscope.analysis.history import Changes  # noqa: PLC0415
+        from nvscope.view.documents.history import change_row  # noqa: PLC0415
+
+        rows = [
+            row | {"time": row["time_ns"], "old": row["old_text"], "new": row["new_text"], "value": _number(row["new"])}
+            for row in map(change_row, Changes(self._inquiry, name, listed=of, every=every, expression=self._where))
+        ]
+        kinds: dict[str, _Kind] = {"time": "time", "frame": int, "list": str, "list_name": str, "name": str}
+        kinds |= {"sender": str, "subindex": int, "changed": bool, "old": str, "new": str, "value": float}
+        return _frame(rows, kinds)
+
+    def at(self, time: str) -> pl.DataFrame:
+        """Return what all variables were at a time: ``5s`` after the start, ``-2s`` before the end, ``#1234`` a frame.
+
+        Also ``08:00:01.5`` or ``2026-01-31 08:00:01.5Z``. ``age`` is how old the telegram was; where there was none,
+        ``text`` is null and ``missing`` says why. UsageError for what is no time of the capture.
+        """
+        from nvscope.analysis.moment import at  # noqa: PLC0415
+        from nvscope.view.asked_time import parse_time  # noqa: PLC0415
+        from nvscope.view.documents.history import at_document  # noqa: PLC0415
+
+        asked = parse_time("at", time)
+        found = at(self._inquiry, asked, expression=self._where, told=f"at {time}")
+        layouts = self._inquiry.defined_layouts()
+        document = at_document(found.moment, layouts, found.time_ns, expression=self._where)
+        rows = [{**row, "age": row["age_ns"], "value": _number(row["value"])} for row in document["variables"]]
+        kinds: dict[str, _Kind] = {"list": str, "list_name": str, "sender": str, "subindex": int, "name": str}
+        kinds |= {"type": str, "text": str, "value": float, "age": "duration", "frame": int, "missing": str}
+        return _frame(rows, kinds)
+
+    def infer(self) -> pl.DataFrame:
+        """Return a row a field that is proposed for lists without a definition, with its grade and the evidence."""
+        from nvscope.analysis.inference import infer  # noqa: PLC0415
+        from nvscope.view.documents.inference import inference_document, proposals  # noqa: PLC0415
+
+        samples = infer(self._inquiry, expression=self._where).samples
+        rows = [
+            {"list": entry["list"], "sender": entry["sender"], "subindex": telegram["subindex"], **proposed}
+            for entry in inference_document(proposals(samples), samples)["lists"]
+            for telegram in entry["telegrams"]
+            for layout in telegram["layouts"][:1]
+            for proposed in layout["fields"]
+        ]
+        kinds: dict[str, _Kind] = {"list": str, "sender": str, "subindex": int, "offset": int, "bytes": int}
+        kinds |= {"name": str, "type": str, "grade": str, "probability": float, "evidence": str}
+        return _frame(rows, kinds)
+
     def _defined(self, name: str | int | None) -> Lists:
         from nvscope.export.lists import lists_to_write  # noqa: PLC0415
 
@@ -211,11 +265,16 @@ _KIND_OF_UNIT: dict[str, _Kind] = {"ns": "time", "": str}
 _INTERVALS = ("min", "mean", "max", "stddev", "p50", "p95", "p99", "nominal")
 
 
+def _number(value: object) -> float | None:
+    """Return a value as a number, None where it is none."""
+    return float(value) if isinstance(value, bool | int | float) else None
+
+
 def _frame(rows: Sequence[dict[str, Any]], kinds: Mapping[str, _Kind]) -> pl.DataFrame:
     """Return some columns of rows; absolute times, in reports decimal strings, are times in UTC."""
     import polars as pl  # noqa: PLC0415
 
-    plain = {str: pl.String, int: pl.Int64}
+    plain = {str: pl.String, int: pl.Int64, float: pl.Float64, bool: pl.Boolean}
     columns = []
     for name, kind in kinds.items():
         cells = [row.get(name) for row in rows]  # lists on UDP have a port, those on CAN a channel

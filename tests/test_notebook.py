@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import nvscope
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.errors import ConfigurationError, UnreadableInput, UsageError
+from tests.program import run_text
 
 CAPTURES = Path(__file__).parents[1] / "captures"
 PEERS, PLANT = CAPTURES / "peers" / "peers.pcap", CAPTURES / "plant.pcapng.gz"
@@ -131,3 +133,50 @@ def test_a_project_file_is_used_where_it_is_wanted(tmp_path: Path, monkeypatch: 
         nvscope.open(PEERS, project=tmp_path / "nvscope.toml").lists,
     )]  # fmt: skip
     assert names == [None, "press axis", "press axis"]
+
+
+def documents_of(*arguments: str) -> dict[str, Any]:
+    """Return what ``nvscope vars --json`` says of the peers."""
+    definitions = [option for path in AXIS for option in ("--gvl", str(path))]
+    done = run_text("vars", str(PEERS), "--json", *arguments, *([] if "--infer" in arguments else definitions))
+    assert done.returncode == 0, done.stderr
+    document: dict[str, Any] = json.loads(done.stdout)
+    return document
+
+
+def test_a_history_is_that_of_the_program() -> None:
+    plant = nvscope.open(PEERS, definitions=AXIS)
+    for every in (False, True):
+        told = documents_of("--history", "stAxis.*", *(["--all"] if every else []))["changes"]
+        shown = plant.history("stAxis.*", every=every)
+        assert shown["frame"].to_list() == [row["frame"] for row in told]
+        assert shown["time"].cast(pl.Int64).to_list() == [int(row["time_ns"]) for row in told]
+        assert shown["name"].to_list() == [row["name"] for row in told]
+        assert shown["new"].to_list() == [row["new_text"] for row in told]
+        assert shown["old"].to_list() == [row["old_text"] for row in told]
+        assert shown["changed"].to_list() == [row["changed"] for row in told]
+    numbers = plant.history("stAxis.pos")["value"].drop_nulls()
+    assert numbers.len() == plant.history("stAxis.pos").height
+    assert plant.where("frame.number < 100").history("stAxis.pos")["frame"].max() < 100  # type: ignore[operator]
+    with pytest.raises(UsageError, match=r"nothing\.of\.this"):
+        plant.history("nothing.of.this")
+
+
+@pytest.mark.parametrize("time", ["0s", "3s", "-1s", "#200"])
+def test_values_at_a_time_are_those_of_the_program(time: str) -> None:
+    told = documents_of("--at", time)["variables"]
+    shown = nvscope.open(PEERS, definitions=AXIS).at(time)
+    for column in ("list", "sender", "subindex", "name", "type", "text", "frame", "missing"):
+        assert shown[column].to_list() == [row[column] for row in told], column
+    assert shown["age"].cast(pl.Int64).to_list() == [row["age_ns"] for row in told]
+
+
+def test_proposals_are_those_of_the_program() -> None:
+    told = [
+        (entry["list"], telegram["subindex"], field["offset"], field["type"], field["grade"])
+        for entry in documents_of("--infer")["lists"]
+        for telegram in entry["telegrams"]
+        for layout in telegram["layouts"][:1]
+        for field in layout["fields"]
+    ]
+    assert nvscope.open(PEERS).infer().select("list", "subindex", "offset", "type", "grade").rows() == told
