@@ -22,7 +22,8 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from nvscope.analysis.inquiry import Capture, Inquiry
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.source import Source
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
     from nvscope.view.fields.field import TelegramField
@@ -152,7 +153,7 @@ def _face(
     node_names: Mapping[str, str],
     inquiry: Inquiry | None,
     pdos: Pdos,
-) -> Callable[[Capture], Face]:
+) -> Callable[[Source], Face]:
     """Return what makes the form that was asked for; UsageError where options contradict each other."""
     chosen_format = output or ("fields" if names else "text")
     if chosen_format != "text" and (trees or dumps):

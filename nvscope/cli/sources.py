@@ -79,7 +79,8 @@ def _is_definition(path: str) -> bool:
         return False  # opening it as a capture will say what is wrong
     if not path.lower().endswith(_DEFINITION_SUFFIXES) and _DEFINITION.match(head) is None:
         return False
-    from nvscope.capture.capture_file import CaptureFile, NoCapture
+    from nvscope.capture.capture_file import CaptureFile
+    from nvscope.capture.formats import NoCapture
 
     try:
         CaptureFile(path)

@@ -18,6 +18,7 @@ from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.source import SourceInfo
+from nvscope.capture.time_span import TimeSpan
 from nvscope.capture.timeline import Timeline
 from tests.capture import build
 from tests.capture.reference import Packet
@@ -95,7 +96,7 @@ class _Track:
     def first_ts_ns(self) -> int | None:
         return int(self._batches[0].ts_ns[0])
 
-    def read(self, share: int) -> Iterator[PacketBatch]:
+    def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
         for batch in self._batches:
             self._asked.append(self.path)
             yield batch
