@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
+from weakref import ReferenceType, ref
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.between import Between
@@ -63,7 +64,8 @@ class CaptureFile:
         self._channels: Sequence[str] = ()
         self._stopped = False
         self._opened: _Opened | None = None
-        self._running: StoppableBatches | None = None
+        # Weak, so that who forgets a reading closes its file, without waiting for the collector of cycles.
+        self._running: ReferenceType[StoppableBatches] | None = None
         self._once: StoppableBatches | None = None
         opened = self._open()
         self.size_bytes = opened.content.size_bytes
@@ -74,7 +76,8 @@ class CaptureFile:
             opened.content.close()
         else:
             self._opened = opened
-            self._once = self._running = StoppableBatches(self._read(opened=opened), lambda: self._end(opened))
+            self._once = StoppableBatches(self._read(opened=opened), lambda: self._end(opened))
+            self._running = ref(self._once)
 
     @property
     def info(self) -> SourceInfo:
@@ -119,8 +122,9 @@ class CaptureFile:
     def stop(self) -> None:
         """Let the iteration end after the batch in hand, and close the file; for any thread, also repeatedly."""
         self._stopped = True
-        if self._running is not None:
-            self._running.stop()
+        running = None if self._running is None else self._running()
+        if running is not None:
+            running.stop()
 
     def first_ts_ns(self) -> int | None:
         """Return the time of the first packet, or None where there is none."""
@@ -139,12 +143,13 @@ class CaptureFile:
 
     def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
         """Return the packets as ``nvscope.capture.between.Spanned.read`` says; those of a pipe only once."""
-        if self._once is None:
-            self._running = StoppableBatches(self._read(share, span))
-            if self._stopped:
-                self._running.stop()
-            return self._running
-        return self._once
+        if self._once is not None:
+            return self._once
+        batches = StoppableBatches(self._read(share, span))
+        self._running = ref(batches)
+        if self._stopped:
+            batches.stop()
+        return batches
 
     def _read(
         self, share: int = 1, span: TimeSpan | None = None, opened: _Opened | None = None

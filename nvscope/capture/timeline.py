@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
+from weakref import ReferenceType, ref
 
 import numpy as np
 
@@ -29,13 +30,9 @@ _MAX_CHANNEL = 0xFFFF
 
 
 class Track(Source, Protocol):
-    """A source that can be merged with others."""
+    """A source that can be merged with others; files are read when their time comes, all others from the beginning."""
 
     path: str
-
-    def first_ts_ns(self) -> int | None:
-        """Return the time of the first packet, or of the first ``until_ns`` if that comes before; None without any."""
-        ...
 
     def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
         """Yield the packets as ``nvscope.capture.between.Spanned.read`` says."""
@@ -53,9 +50,8 @@ _NOBODY: _Rank = (1 << 63, "", 0)
 class _Head:
     """A track that is being read: those of its packets in memory that are not yet passed on, and what sorts them."""
 
-    def __init__(self, path: str, number: int, batches: Iterator[PacketBatch]) -> None:
-        self.rank = _NOBODY
-        self._name = path, number
+    def __init__(self, rank: _Rank, batches: Iterator[PacketBatch]) -> None:
+        self.rank = rank
         self._batches = batches
         self._latest_ns = self._until_ns = _NEVER_NS
         self.batch: PacketBatch
@@ -77,8 +73,9 @@ class _Head:
                 self.batch = batch
                 self.keys = np.maximum.accumulate(batch.ts_ns)
                 np.maximum(self.keys, max(self._latest_ns, self._until_ns), out=self.keys)
-                if self.rank is _NOBODY:
-                    self.rank = int(self.keys[0]), *self._name
+                if self.rank[0] == _NEVER_NS:
+                    # The rank is known with the first packet; before, there is nothing to be compared with others.
+                    self.rank = int(self.keys[0]), *self.rank[1:]
                 self._latest_ns = int(self.keys[-1])
             if batch.until_ns is not None:
                 self._until_ns = max(self._until_ns, batch.until_ns)
@@ -108,7 +105,7 @@ class Timeline:
         self._batch_packets = batch_packets
         self._batch_bytes = batch_bytes
         self._stopped = False
-        self._running: StoppableBatches | None = None
+        self._running: ReferenceType[StoppableBatches] | None = None
 
     @property
     def infos(self) -> Sequence[SourceInfo]:
@@ -130,7 +127,7 @@ class Timeline:
 
     def first_ts_ns(self) -> int | None:
         """Return the time of the first packet of all, or None where there is none."""
-        firsts = (track.first_ts_ns() for track in self._tracks)
+        firsts = (track.first_ts_ns() for track in self._tracks if isinstance(track, FileSource))
         return min((first_ns for first_ns in firsts if first_ns is not None), default=None)
 
     def first_batches(self) -> Iterator[PacketBatch]:
@@ -148,23 +145,25 @@ class Timeline:
         self._stopped = True
         for track in self._tracks:
             track.stop()
-        if self._running is not None:
-            self._running.stop()
+        running = None if self._running is None else self._running()
+        if running is not None:
+            running.stop()
 
     def __iter__(self) -> Iterator[PacketBatch]:
         return self.read(1, TimeSpan())
 
     def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
         """Return the packets as ``nvscope.capture.between.Spanned.read`` says."""
-        self._running = StoppableBatches(self._read(share, span))
+        batches = StoppableBatches(self._read(share, span))
+        self._running = ref(batches)
         if self._stopped:
-            self._running.stop()
-        return self._running
+            batches.stop()
+        return batches
 
     def _read(self, share: int, span: TimeSpan) -> Generator[PacketBatch, None, None]:
         waiting: list[_Rank] = []
         for number, track in enumerate(self._tracks):
-            first_ns = track.first_ts_ns()
+            first_ns = track.first_ts_ns() if isinstance(track, FileSource) else _NEVER_NS
             if first_ns is not None:
                 waiting.append((first_ns, track.path, number))
             else:
@@ -178,14 +177,13 @@ class Timeline:
             # Up to here no packet can still come that would have to be before.
             bound = min((head.bound for head in heads), default=None)
             if bound is None or (waiting and (waiting[-1][0], waiting[-1]) < bound):
-                _, path, number = waiting.pop()
-                track = self._tracks[number]
+                rank = waiting.pop()
+                track = self._tracks[rank[2]]
                 batches = track.read(share * max(1, len(heads)), span)
-                head = _Head(path, number, self._named(track, batches))
+                head = _Head(rank, self._named(track, batches))
                 if head.advance():
                     heads.append(head)
                 continue
-            # The rank of a track is known when its first packet is.
             heads.sort(key=lambda head: head.rank)
             pieces = [head.take(bound) for head in heads if len(head.keys)]
             pieces = [piece for piece in pieces if len(piece[0])]
@@ -195,7 +193,7 @@ class Timeline:
             if bound[1] is _NOBODY and bound[0] > passed_ns:
                 passed_ns = bound[0]
                 yield PacketBatch.nothing(passed_ns)
-            heads = [head for head in heads if len(head.keys) or head.advance()]
+            heads = [head for head in heads if len(head.keys) or head.bound > bound or head.advance()]
 
     def _named(self, track: Track, batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:
         """Yield batches with the channel numbers of the timeline in place of the track's own.
