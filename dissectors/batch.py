@@ -54,8 +54,8 @@ class PacketBatch:
     From every row's offset at least ``PAD_BYTES`` bytes of ``data`` can be read, be they of the packet or not.
     ``link`` holds the link type of each row as uint16, usually one broadcast value. ``channel`` tells as uint16 on
     which of several buses or interfaces a packet was captured; None where all are of number 0.
-    ``until_ns``: time has passed up to here, behind the packets; a batch without packets says by it that nothing came
-    until then. None where only the packets tell.
+    ``until_ns``: time has passed up to here, behind the packets, and nothing comes any more from before; an empty batch
+    with it says "nothing until then". None where nobody says so; of a slice, unless it is the whole batch.
     Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
     """
 
@@ -73,12 +73,20 @@ class PacketBatch:
 
     def __getitem__(self, rows: slice) -> PacketBatch:
         """Return the packets of a slice, over the same buffer; ``until_ns`` is that of the whole batch alone."""
-        if len(range(*rows.indices(len(self)))) == len(self):
-            return self
         channel = None if self.channel is None else self.channel[rows]
+        whole = self.until_ns is not None and rows.indices(len(self)) == (0, len(self), 1)
         return PacketBatch(
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows],
-            channel,
+            channel, self.until_ns if whole else None,
+        )  # fmt: skip
+
+    @staticmethod
+    def nothing(until_ns: int | None = None) -> PacketBatch:
+        """Return a batch without packets, which says up to when there are none."""
+        none = np.empty(0, np.int64)
+        return PacketBatch(
+            np.zeros(PAD_BYTES, np.uint8), none, np.empty(0, np.int32), none, none, PacketBatch.link_column(0, 0),
+            until_ns=until_ns,
         )  # fmt: skip
 
     def with_margin(self, lead_bytes: int = 0) -> PacketBatch:

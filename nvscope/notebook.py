@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.capture.capture_file import STDIN
+from nvscope.capture.content import STDIN
 from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project, read_project
 from nvscope.errors import UsageError

@@ -10,7 +10,7 @@ import pytest
 from dissectors.batch import PacketBatch
 from nvscope.capture.open import open_source
 from nvscope.capture.pcap import PcapSink
-from nvscope.capture.pcapng import PcapngSink
+from nvscope.capture.pcapng.sink import PcapngSink
 from tests.laws import some
 from tests.oracle.traffic import generate
 from tests.packets import batch_of, document_of, tracked
@@ -22,7 +22,7 @@ def sorted_by_time(seed: int) -> PacketBatch:
 
 
 def write(path: Path, batch: PacketBatch) -> None:
-    with PcapngSink(str(path)) if path.suffix == ".pcapng" else PcapSink(str(path), 1) as sink:
+    with PcapngSink(str(path)) if path.suffix == ".pcapng" else PcapSink(str(path)) as sink:
         sink.write(batch)
 
 
@@ -50,7 +50,7 @@ def test_interleaved_files_are_one_timeline(seed: int, tmp_path: Path) -> None:
         same_time = whole.ts_ns[row] == whole.ts_ns[row - 1]
         owner.append(owner[-1] if same_time else choice.randrange(3))
     for number in range(3):
-        with PcapSink(str(tmp_path / f"{number}.pcap"), 1) as sink:
+        with PcapSink(str(tmp_path / f"{number}.pcap")) as sink:
             for row in range(len(whole)):
                 if owner[row] == number:
                     sink.write(whole[row : row + 1])

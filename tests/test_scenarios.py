@@ -18,7 +18,6 @@ from nvscope.capture.open import open_sink
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario import load_scenario
 from nvscope.simulate.simulator import open_capture, simulate
-from nvscope.simulate.timeline import LINKS
 from tests.packets import document_of, tracked
 from tests.plc.collected import Collected, reported, run
 from tests.plc.comparison import differences
@@ -116,7 +115,7 @@ def test_the_sample_plant_is_what_its_scenario_makes(tmp_path: Path) -> None:
     captures = Path(__file__).parent.parent / "captures"
     made = tmp_path / "plant.pcapng"
     scenario = load_scenario(captures / "plant.toml")
-    sink = open_sink(str(made), LINKS[scenario.link])
+    sink = open_sink(str(made))
     simulate(scenario, sink)
     sink.close()
     assert made.read_bytes() == gzip.decompress((captures / "plant.pcapng.gz").read_bytes())

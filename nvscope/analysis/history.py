@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from nvscope.analysis.inquiry import Inquiry, Watch
+from nvscope.analysis.extent import Watch
+from nvscope.analysis.inquiry import Inquiry
 from nvscope.definition.selection import names_of_lists, select, unplaced_text
 from nvscope.list_key import list_key
 from nvscope.tracker.variables.history import Entry, History

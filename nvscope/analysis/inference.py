@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nvscope.analysis.inquiry import Capture, Inquiry
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.capture.source import Source
 from nvscope.tracker.variables.samples import Samples
 
 
@@ -13,7 +14,7 @@ class Inferred:
     """Samples of all streams, from which layouts are proposed, and the source that they were taken from."""
 
     samples: Samples
-    source: Capture
+    source: Source
 
     @property
     def some_on_can(self) -> bool:

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 from dissectors import address
 from dissectors.can.frame import dissect_can
 from dissectors.netvar import PortRules
+from nvscope.analysis.extent import Watch, latest_ns, part_of
 from nvscope.analysis.snapshot import Snapshot, snapshot
-from nvscope.capture.capture_file import STDIN, CaptureFile
+from nvscope.capture.content import STDIN
 from nvscope.capture.open import open_source
-from nvscope.capture.source import SourceInfo
-from nvscope.capture.timeline import Timeline
+from nvscope.capture.source import FileSource, Source, SourceInfo
 from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
 from nvscope.engine.reading import Reading
@@ -36,17 +36,14 @@ if TYPE_CHECKING:  # what only some questions need is imported when they are ask
     from nvscope.engine.session import Session
     from nvscope.tracker.variables.hops import Hops
     from nvscope.tracker.variables.values import Values
+    from nvscope.view.asked_time import AskedRange
     from nvscope.view.chosen import Chosen
     from nvscope.view.display_filter import DisplayFilter
     from nvscope.view.fields.field import TelegramField
     from nvscope.view.fields.verdicts import Names, Verdicts
 
-Capture = CaptureFile | Timeline
-Watch = Callable[[Capture], AbstractContextManager[Callable[[], None]]]
-"""Given captures that are about to be read, returns what is called after each batch, as a context."""
 
-
-def _nobody(_: Capture) -> AbstractContextManager[Callable[[], None]]:
+def _nobody(_: Source) -> AbstractContextManager[Callable[[], None]]:
     return nullcontext(lambda: None)
 
 
@@ -72,8 +69,9 @@ class Analysis:
 class Inquiry:
     """Captures, and how to read them: with which project, ports and timeout, watched by whom.
 
-    ``timeout_ns`` is how long an answer may take, None for what the project says. Captures are opened when something is
-    asked, and read from their beginning each time.
+    ``timeout_ns`` is how long an answer may take, None for what the project says. ``asked`` is the part of the captures
+    that is read, None for all: frames are counted, and times told, from its first frame, as if nothing else had been
+    captured. Captures are opened when something is asked, and read from their beginning each time.
     """
 
     paths: Sequence[str]
@@ -81,6 +79,7 @@ class Inquiry:
     ports: PortRules | None = None
     timeout_ns: int | None = None
     watch: Watch = _nobody
+    asked: AskedRange | None = None
 
     @cached_property
     def layouts(self) -> Layouts | None:
@@ -112,13 +111,19 @@ class Inquiry:
         timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
         return Reading(self.ports, self.pdos.rules(), choose, timeout_ns)
 
-    def open(self) -> Capture:
-        """Return the captures as one source, to be read once."""
-        return open_source(self.paths)
+    def open(self) -> Source:
+        """Return the captures, or the part of them that is asked for, as one source, to be read once."""
+        source = open_source(self.paths)
+        return source if self.asked is None else part_of(source, self.asked, lambda: self._latest_ns)
+
+    @cached_property
+    def _latest_ns(self) -> int | None:
+        assert self.asked
+        return latest_ns(self.paths, self.watch, self.asked.told_from_end)
 
     def run(
         self,
-        source: Capture,
+        source: Source,
         observers: Sequence[Observer],
         chosen: DisplayFilter | None = None,
         *,
@@ -208,12 +213,12 @@ class Inquiry:
         return document
 
     @staticmethod
-    def default_fields(source: Capture) -> Sequence[TelegramField]:
+    def default_fields(source: Source) -> Sequence[TelegramField]:
         """Return what is written of each telegram or CAN frame where nobody says, by what the captures begin with."""
         from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS  # noqa: PLC0415
 
         on_can = others = False
-        for first in source.first_batches():
+        for first in source.first_batches() if isinstance(source, FileSource) else ():
             frames = len(dissect_can(first))
             on_can |= frames > 0
             others |= frames < len(first)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nvscope.analysis.inquiry import Capture, Inquiry
-from nvscope.capture.capture_file import STDIN
+from nvscope.analysis.extent import latest_ns
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.capture.source import Source
 from nvscope.errors import UsageError
 from nvscope.tracker.variables.moment import Moment
 from nvscope.units import count_of
@@ -18,7 +19,7 @@ class At:
 
     moment: Moment
     time_ns: int
-    source: Capture
+    source: Source
 
 
 def at(
@@ -31,11 +32,7 @@ def at(
     layouts = inquiry.defined_layouts()
     end_ns = None
     if asked.reference is Reference.END:
-        if STDIN in inquiry.paths:
-            raise UsageError(
-                f"{told}: stdin has no end that is known before it is there", next_step="name a file instead"
-            )
-        end_ns = _latest_ns(inquiry)
+        end_ns = latest_ns(inquiry.paths, inquiry.watch, told)
     chosen = None if expression is None else inquiry.filter(expression)
     source = inquiry.open()
     frame = asked.number if asked.reference is Reference.FRAME else None
@@ -47,16 +44,3 @@ def at(
     if frame is not None and frame > moment.frames:
         raise UsageError(f"{told}: the capture has {count_of(moment.frames, 'frame')}")
     return At(moment, (moment.last_frame_ns if frame is not None else moment.time_ns) or 0, source)
-
-
-def _latest_ns(inquiry: Inquiry) -> int | None:
-    """Return the latest time of the captures, None where they hold no packet; nothing else of them is looked at."""
-    latest_ns = None
-    source = inquiry.open()
-    with inquiry.watch(source) as progress:
-        for batch in source:
-            if len(batch):
-                own = int(batch.ts_ns.max())
-                latest_ns = own if latest_ns is None else max(latest_ns, own)
-            progress()
-    return latest_ns

@@ -164,6 +164,9 @@ class _Lz4:
 
 _DECODERS: dict[str, Callable[[], _Decoder]] = {GZIP: _Gzip, ZSTD: _Zstd, LZ4: _Lz4}
 
+COMPRESSIONS = tuple(_DECODERS)
+"""The names of all compressions."""
+
 
 def _gzip_failure() -> type[Exception]:
     return zlib.error

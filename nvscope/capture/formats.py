@@ -1,14 +1,24 @@
-"""What a capture file is, told by its first bytes."""
+"""FORMATS: every capture format is a row here, and a file with its reader, its sink or both.
+
+The row says how the format is told and what it can hold. Opening, error texts and what verbs need to know of formats
+derive from it. Readers and sinks are named, not imported: the program starts with those only that it needs.
+"""
 
 from __future__ import annotations
 
 import re
-from enum import Enum
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from nvscope.capture import pcap
-from nvscope.capture.can.candump_line import LineFault, is_silent, parse
+from nvscope.errors import UnreadableInput
 
-SECTION_MAGIC = b"\x0a\x0d\x0d\x0a"
+if TYPE_CHECKING:
+    from nvscope.capture.content import Content
+    from nvscope.capture.reader import Reader, ReadingSizes
+    from nvscope.capture.source import Sink
 
 HEAD_BYTES = 32
 """So many bytes tell a binary format."""
@@ -17,55 +27,154 @@ TEXT_HEAD_BYTES = 8192
 """So many bytes tell a text format: its first lines may be comments or damaged."""
 
 
-class Format(Enum):
-    """A capture format; the value is its name in reports."""
-
-    PCAP = "pcap"
-    PCAPNG = "pcapng"
-    CANDUMP = "candump"
-    ASC = "asc"
-    BLF = "blf"
-    TRC = "trc"
-    CSV = "csv"
-    SQLITE = "sqlite"
-    MF4 = "mf4"
+class NoCapture(UnreadableInput):
+    """A file that is empty, or is of no known capture format."""
 
 
-BY_PYTHON_CAN = frozenset({Format.ASC, Format.BLF, Format.TRC, Format.CSV, Format.SQLITE, Format.MF4})
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaptureFormat:
+    """One capture format; ``name`` is what reports call it, ``suffixes`` those of its files.
 
-CAN_LOGS = frozenset({kind.value for kind in BY_PYTHON_CAN} | {Format.CANDUMP.value})
-"""The names of formats that hold CAN frames and nothing else."""
+    A binary format is told by ``magics``, any of which its files begin with, a text format by ``is_line``: given one of
+    the first lines, and whether all of that is there, it tells whether it is one of the format's. ``near_miss`` returns
+    what is wrong with bytes that are nearly of the format, and what to do instead.
 
-_MAGICS = {
-    **dict.fromkeys(pcap.MAGICS, Format.PCAP),
-    SECTION_MAGIC: Format.PCAPNG,
-    b"LOGG": Format.BLF,
-    b"MDF     ": Format.MF4,
-    b"SQLite format 3\0": Format.SQLITE,
-}
-_LINES = (
-    (Format.CSV, re.compile(rb"timestamp,arbitration_id,")),
-    (Format.TRC, re.compile(rb"\s*;\$FILEVERSION\s*=|\s*;\s+Start time:|\s*\d+\)\s+\d+(?:\.\d+)?\s+\S")),
-    (Format.ASC, re.compile(rb"\s*(?:date\s+\w{2,3}\s|base\s+(?:hex|dec)\b)", re.IGNORECASE)),
-)
+    ``reader`` (``module:class``, made of Content and ReadingSizes) is a ``nvscope.capture.reader.Reader``. ``sink``
+    (made of a path and names of channels, or None) is a ``nvscope.capture.source.Sink``, '' where nothing writes the
+    format. It can hold link types side by side (``mixes_links``), names of channels, attachments, or CAN frames only.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    reader: str
+    sink: str = ""
+    magics: tuple[bytes, ...] = ()
+    is_line: Callable[[bytes, bool], bool] | None = None
+    near_miss: Callable[[bytes], tuple[str, str] | None] | None = None
+    only_can: bool = False
+    mixes_links: bool = False
+    names_channels: bool = False
+    holds_attachments: bool = False
+
+    def open_reader(self, content: Content, sizes: ReadingSizes) -> Reader:
+        """Return a reader of an open file; raises UnreadableInput for one that cannot be read at all."""
+        make: Callable[[Content, ReadingSizes], Reader] = _named(self.reader)
+        return make(content, sizes)
+
+    def open_sink(self, path: str, channels: Sequence[str] | None) -> Sink:
+        """Return a sink that writes to ``path``; raises CaptureError where it cannot be written."""
+        make: Callable[[str, Sequence[str] | None], Sink] = _named(self.sink)
+        return make(path, channels)
+
+
+def _named(name: str) -> Any:
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def _begins(pattern: bytes) -> Callable[[bytes, bool], bool]:
+    begin = re.compile(pattern)
+    return lambda line, whole: begin.match(line) is not None
+
+
 _CANDUMP_BEGIN = re.compile(rb"[ \t]*\(-?\d{1,12}(?:\.\d{1,18})?\)(?:[ \t]|\Z)")
 _SCREEN = re.compile(rb"[ \t]*(?:\(\d+\.\d+\)[ \t]+)?\S+[ \t]+(?:[RT]X [ -B E]*)?[0-9A-Fa-f]{3,8}[ \t]+\[\d+\]")
+
+
+def _is_candump(line: bytes, whole: bool) -> bool:
+    if not _CANDUMP_BEGIN.match(line):
+        return False
+    if not whole:
+        return not _SCREEN.match(line)
+    from nvscope.capture.can.candump_line import LineFault, parse  # noqa: PLC0415
+
+    try:
+        parse(line.removesuffix(b"\r"))
+    except LineFault:
+        return False
+    return True
+
+
+def _candump_screen(head: bytes) -> tuple[str, str] | None:
+    if not any(_SCREEN.match(line) for line in head.splitlines()[:20]):
+        return None
+    return "what candump shows on a screen, expected its log", "record with candump -L, or candump -l for a file"
+
+
+_PYTHON_CAN = "nvscope.capture.can.log:CanLogReader"
+
+FORMATS = (
+    CaptureFormat(
+        name="pcap",
+        suffixes=(".pcap",),
+        reader="nvscope.capture.pcap:PcapReader",
+        sink="nvscope.capture.pcap:PcapSink",
+        # Two byte orders, microseconds and nanoseconds.
+        magics=(b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d"),
+    ),
+    CaptureFormat(
+        name="pcapng",
+        suffixes=(".pcapng",),
+        reader="nvscope.capture.pcapng.reader:PcapngReader",
+        sink="nvscope.capture.pcapng.sink:PcapngSink",
+        magics=(b"\x0a\x0d\x0d\x0a",),
+        mixes_links=True,
+        names_channels=True,
+    ),
+    CaptureFormat(
+        name="candump",
+        suffixes=(".log",),
+        reader="nvscope.capture.can.candump:CandumpReader",
+        sink="nvscope.capture.can.candump_sink:CandumpSink",
+        is_line=_is_candump,
+        near_miss=_candump_screen,
+        only_can=True,
+        names_channels=True,
+    ),
+    CaptureFormat(
+        name="asc",
+        suffixes=(".asc",),
+        reader=_PYTHON_CAN,
+        is_line=_begins(rb"(?i)\s*(?:date\s+\w{2,3}\s|base\s+(?:hex|dec)\b)"),
+        only_can=True,
+    ),
+    CaptureFormat(name="blf", suffixes=(".blf",), reader=_PYTHON_CAN, magics=(b"LOGG",), only_can=True),
+    CaptureFormat(
+        name="trc",
+        suffixes=(".trc",),
+        reader=_PYTHON_CAN,
+        is_line=_begins(rb"\s*;\$FILEVERSION\s*=|\s*;\s+Start time:|\s*\d+\)\s+\d+(?:\.\d+)?\s+\S"),
+        only_can=True,
+    ),
+    CaptureFormat(
+        name="csv",
+        suffixes=(".csv",),
+        reader=_PYTHON_CAN,
+        is_line=_begins(rb"timestamp,arbitration_id,"),
+        only_can=True,
+    ),
+    CaptureFormat(name="sqlite", suffixes=(".db",), reader=_PYTHON_CAN, magics=(b"SQLite format 3\0",), only_can=True),
+    CaptureFormat(name="mf4", suffixes=(".mf4",), reader=_PYTHON_CAN, magics=(b"MDF     ",), only_can=True),
+)
+
+CAN_LOGS = frozenset(known.name for known in FORMATS if known.only_can)
+"""The names of formats that hold CAN frames and nothing else."""
+
 _TEXT = re.compile(rb"\xef\xbb\xbf|[\t\n\r -~]{32}")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-def format_of(head: bytes) -> Format | None:
+def format_of(head: bytes) -> CaptureFormat | None:
     """Return the format of a file by its first bytes, None where they show none."""
-    for magic, kind in _MAGICS.items():
-        if head.startswith(magic):
-            return kind
+    for known in FORMATS:
+        if head.startswith(known.magics):
+            return known
+    texts = [(known, known.is_line) for known in FORMATS if known.is_line]
     lines = head.removeprefix(_BYTE_ORDER_MARK).split(b"\n")
     for number, line in enumerate(lines):
-        for kind, pattern in _LINES:
-            if pattern.match(line):
-                return kind
-        if _is_candump(line, whole=number + 1 < len(lines)):
-            return Format.CANDUMP
+        for known, is_line in texts:
+            if is_line(line, number + 1 < len(lines)):
+                return known
     return None
 
 
@@ -77,18 +186,29 @@ def is_enough(head: bytes) -> bool:
     return len(head) >= TEXT_HEAD_BYTES or format_of(head) is not None or not _TEXT.match(head)
 
 
-def is_candump_screen(head: bytes) -> bool:
-    """Return whether a file is what candump shows on a screen, which is no log."""
-    return any(_SCREEN.match(line) for line in head.splitlines()[:20])
+def near_miss(head: bytes) -> tuple[str, str] | None:
+    """Return what first bytes of no format are nearly, and what to do instead; None where they are nothing known."""
+    return next((found for known in FORMATS if known.near_miss and (found := known.near_miss(head))), None)
 
 
-def _is_candump(line: bytes, whole: bool) -> bool:
-    if is_silent(line) or not _CANDUMP_BEGIN.match(line):
-        return False
-    if not whole:
-        return not _SCREEN.match(line)
-    try:
-        parse(line.removesuffix(b"\r"))
-    except LineFault:
-        return False
-    return True
+def written_as(path: str) -> CaptureFormat | None:
+    """Return the format that a file of this name is written in, None where no sink writes one."""
+    suffix = Path(path).suffix.lower()
+    return next((known for known in FORMATS if known.sink and suffix in known.suffixes), None)
+
+
+def suffixes_that(fits: Callable[[CaptureFormat], bool]) -> str:
+    """Return the suffixes of the written formats that fit, the most capable first, such as ``.pcapng or .pcap``."""
+    written = [known for known in FORMATS if known.sink and fits(known)]
+    written.sort(key=lambda known: not known.mixes_links)
+    return either([suffix for known in written for suffix in known.suffixes])
+
+
+def either(names: Sequence[str]) -> str:
+    """Return names as a choice: ``a``, ``a or b``, ``a, b or c``."""
+    *others, last = names
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+READABLE = f"a {either([known.name for known in FORMATS if not known.only_can])} file or a CAN log"
+"""What a person may give as a capture."""

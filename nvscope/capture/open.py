@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from dissectors.batch import LinkType
-from nvscope.capture.can.candump_sink import CandumpSink
-from nvscope.capture.capture_file import STDIN, CaptureFile, NoCapture
-from nvscope.capture.pcap import PcapSink
-from nvscope.capture.pcapng import PcapngSink
+from nvscope.capture.capture_file import CaptureFile
+from nvscope.capture.content import STDIN
+from nvscope.capture.formats import READABLE, NoCapture, suffixes_that, written_as
 from nvscope.capture.reader import ReadingSizes
+from nvscope.capture.source import FileSource, Sink
 from nvscope.capture.timeline import Timeline
 from nvscope.errors import UnreadableInput, UsageError
 
 
-def open_source(paths: Sequence[str], *, batch_packets: int = 131_072) -> CaptureFile | Timeline:
+def open_source(paths: Sequence[str], *, batch_packets: int = 131_072) -> FileSource:
     """Return the packets of capture files as one timeline.
 
     "-" is stdin, a directory all capture files in it. Raises UnreadableInput, also later when a file changes or goes.
@@ -50,33 +49,26 @@ def _open_directory(directory: str, sizes: ReadingSizes) -> list[CaptureFile]:
             continue
     if not files:
         raise UnreadableInput(
-            f"no capture file among {len(names)} files, expected pcap or pcapng",
+            f"no capture file among {len(names)} files, expected {READABLE}",
             where=directory,
             next_step="give the directory that holds the captures; subdirectories are not searched",
         )
     return files
 
 
-def open_sink(path: str, link: int, channels: Sequence[str] | None = None) -> PcapSink | PcapngSink | CandumpSink:
-    """Return a sink for a .pcap or .pcapng file or a candump .log; ``link`` is the link type of what will be written.
+def open_sink(path: str, channels: Sequence[str] | None = None) -> Sink:
+    """Return a sink for a file of one of the ``FORMATS``, which its suffix says.
 
-    ``channels`` are the names of the channels by number, where packets have any: a .pcap file holds none.
-    Raises UsageError for another suffix and for a log of something else than CAN, CaptureError where the file cannot be
-    written.
+    ``channels`` are the names of the channels by number, which may grow, where packets have any: not every format can
+    hold them. The link type is that of the packets. Raises UsageError for another suffix, CaptureError where the file
+    cannot be written.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix == ".pcap":
-        return PcapSink(path, link)
-    if suffix == ".pcapng":
-        return PcapngSink(path, channels)
-    if suffix == ".log":
-        if link != LinkType.CAN_SOCKETCAN:
-            raise UsageError(
-                "a candump log holds frames of CAN only", where=path, next_step="name the file .pcapng or .pcap"
-            )
-        return CandumpSink(path, channels or ())
-    raise UsageError(
-        f"no capture format has the suffix {suffix!r}",
-        where=path,
-        next_step="name the file .pcapng or .pcap, or, for CAN, .log",
-    )
+    known = written_as(path)
+    if known is None:
+        network, logs = suffixes_that(lambda one: not one.only_can), suffixes_that(lambda one: one.only_can)
+        raise UsageError(
+            f"no capture format has the suffix {Path(path).suffix.lower()!r}",
+            where=path,
+            next_step=f"name the file {network}, or, for CAN, {logs}",
+        )
+    return known.open_sink(path, channels)

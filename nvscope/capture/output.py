@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
 from dissectors.batch import U8
-from nvscope.errors import CaptureError
+from nvscope.capture.source import Attachment
+from nvscope.errors import CaptureError, UsageError
 
 STDOUT = "-"
 
@@ -33,12 +35,17 @@ class OutputFile:
         except OSError as error:
             raise self._error(error) from error
 
+    def flush(self) -> None:
+        """Hand what was written to the operating system."""
+        self._tried(self._file.flush)
+
     def close(self) -> None:
+        """Close the file; stdout stays open."""
+        self._tried(self._file.flush if self._path == STDOUT else self._file.close)
+
+    def _tried(self, action: Callable[[], None]) -> None:
         try:
-            if self._path == STDOUT:
-                self._file.flush()
-            else:
-                self._file.close()
+            action()
         except BrokenPipeError:
             raise
         except OSError as error:
@@ -53,10 +60,27 @@ class OutputFile:
 
 
 class FileSink:
-    """What sinks to files have in common: the file, and that it is closed at the end of a ``with``."""
+    """What sinks to files have in common: the file, and that it is closed at the end of a ``with``.
 
-    def __init__(self, path: str) -> None:
+    ``channels`` are the names of the packets' channels by number, which may grow while packets are written; None where
+    there are none. ``format_name`` is that of the format in ``FORMATS``.
+    """
+
+    format_name = ""
+
+    def __init__(self, path: str, channels: Sequence[str] | None = None) -> None:
+        self._path = path
+        self._channels = channels
         self._output = OutputFile(path)
+
+    def attach(self, attachment: Attachment) -> None:
+        """Refuse an attachment, since the format has no place for one."""
+        raise UsageError(
+            f"a {self.format_name} file cannot hold {attachment.name!r}, nor any other attachment", where=self._path
+        )
+
+    def flush(self) -> None:
+        self._output.flush()
 
     def close(self) -> None:
         self._output.close()

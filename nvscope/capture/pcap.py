@@ -11,13 +11,15 @@ The magic tells byte order and resolution: a1b2c3d4 is microseconds, a1b23c4d na
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool, PacketBatch
+from dissectors.batch import I64, U8, Bool, LinkType, PacketBatch
+from nvscope.capture.content import Content
 from nvscope.capture.output import FileSink
-from nvscope.capture.reader import MAX_PACKET_BYTES, MAX_SNAP_BYTES, ReadingSizes, RecordReader, Taken
-from nvscope.capture.source import SourceInfo
+from nvscope.capture.reader import ReadingSizes
+from nvscope.capture.record_reader import MAX_PACKET_BYTES, MAX_SNAP_BYTES, RecordReader, Taken
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, put_blocks, stretches
 from nvscope.capture.window import View
 from nvscope.errors import UnreadableInput, UsageError
@@ -78,23 +80,23 @@ class RecordFraming:
 
 
 class PcapReader(RecordReader):
-    """Reads the records of one pcap file, whose first ``FILE_HEADER_BYTES`` are ``head``."""
+    """Reads the records of one pcap file."""
 
-    def __init__(self, head: bytes, info: SourceInfo, sizes: ReadingSizes) -> None:
-        super().__init__(info, FILE_HEADER_BYTES, sizes)
-        info.format = "pcap"
+    def __init__(self, content: Content, sizes: ReadingSizes) -> None:
+        super().__init__(content, sizes, FILE_HEADER_BYTES)
+        head = content.head
         byte_order, self._unit_ns = MAGICS[head[:4]]
         if len(head) < FILE_HEADER_BYTES:
             raise UnreadableInput(
                 f"the file ends within its header: {len(head)} bytes, expected a pcap header of {FILE_HEADER_BYTES}",
-                where=f"{info.path}, offset {len(head)}",
+                where=f"{content.path}, offset {len(head)}",
                 next_step="copy the file again; it holds no packet",
             )
         major, minor, _, _, snap_bytes, link = struct.unpack(byte_order + "HHiIII", head[4:FILE_HEADER_BYTES])
         if major != 2:
             raise UnreadableInput(
                 f"pcap version {major}.{minor}, expected 2.x",
-                where=f"{info.path}, offset 4",
+                where=f"{content.path}, offset 4",
                 next_step="convert it with editcap",
             )
         self._link = link & 0xFFFF
@@ -120,24 +122,43 @@ class PcapReader(RecordReader):
 class PcapSink(FileSink):
     """Writes packets of one link type to a pcap file in this machine's byte order, cut to ``MAX_PACKET_BYTES``.
 
-    Times outside 1970 to 2106 become the nearest that the format can hold. Raises UsageError for other link types.
+    The link type is that of the first packet; that of a file without packets is Ethernet. Times outside 1970 to 2106
+    become the nearest that the format can hold. Names of channels have no place in it. Raises UsageError for a packet
+    of another link type.
     """
 
-    def __init__(self, path: str, link: int, *, nanoseconds: bool = True) -> None:
-        super().__init__(path)
-        self._link = link
+    format_name = "pcap"
+
+    def __init__(self, path: str, channels: Sequence[str] | None = None, *, nanoseconds: bool = True) -> None:
+        super().__init__(path, channels)
+        self._link: int | None = None
         self._unit_ns = 1 if nanoseconds else 1000
-        magic = _MAGIC_NANOSECONDS if nanoseconds else _MAGIC_MICROSECONDS
-        self._output.write(struct.pack("=IHHiIII", magic, 2, 4, 0, 0, MAX_PACKET_BYTES, link))
 
     def write(self, batch: PacketBatch) -> None:
-        if len(batch) and batch.single_link != self._link:
+        if not len(batch):
+            return
+        link = int(batch.link[0]) if self._link is None else self._link
+        if batch.single_link != link:
             raise UsageError(
-                f"packets of another link type than {self._link}, which a pcap file cannot hold beside it",
+                f"packets of another link type than {link}, which a pcap file cannot hold beside it",
                 next_step="write a .pcapng file",
             )
+        self._begin(link)
         for rows in stretches(batch.captured, len(batch), BATCH_BYTES):
             self._output.write(self._records(batch[rows]))
+
+    def close(self) -> None:
+        try:
+            self._begin(LinkType.ETHERNET)
+        finally:
+            super().close()
+
+    def _begin(self, link: int) -> None:
+        """Write the header of the file, if nothing has been written yet."""
+        if self._link is None:
+            magic = _MAGIC_NANOSECONDS if self._unit_ns == 1 else _MAGIC_MICROSECONDS
+            self._output.write(struct.pack("=IHHiIII", magic, 2, 4, 0, 0, MAX_PACKET_BYTES, link))
+            self._link = link
 
     def _records(self, batch: PacketBatch) -> U8:
         captured = np.minimum(batch.captured, MAX_PACKET_BYTES).astype(np.int64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import select
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 _PIECE_BYTES = 256 << 10
 _IDLE_SECONDS = 0.1
@@ -24,30 +24,42 @@ def read_at(descriptor: int, size_bytes: int, position: int) -> bytes:
         os.lseek(descriptor, before, os.SEEK_SET)
 
 
-class FilePieces:
-    """Pieces of a regular file, ``position`` bytes so far."""
+class Stopped(BaseException):
+    """Reading ends because somebody said so: no error, and nothing that a library on the way may take for one."""
 
-    def __init__(self, descriptor: int) -> None:
+
+class FilePieces:
+    """Pieces of a regular file, ``position`` bytes so far. Raises Stopped when ``stopped`` says so."""
+
+    def __init__(self, descriptor: int, stopped: Callable[[], bool] = lambda: False) -> None:
         self._descriptor = descriptor
+        self._stopped = stopped
         self.position = 0
 
     def __iter__(self) -> Iterator[bytes]:
         while piece := read_at(self._descriptor, _PIECE_BYTES, self.position):
+            if self._stopped():
+                raise Stopped
             self.position += len(piece)
             yield piece
 
 
 class PipePieces:
-    """Pieces of a pipe, terminal or socket; an empty one where the other side pauses."""
+    """Pieces of a pipe, terminal or socket; empty ones where the other side pauses. Raises Stopped as FilePieces do."""
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, stopped: Callable[[], bool] = lambda: False) -> None:
         self._descriptor = descriptor
+        self._stopped = stopped
         self.position = 0
 
     def __iter__(self) -> Iterator[bytes]:
         while True:
-            if _CAN_WAIT and not select.select([self._descriptor], [], [], _IDLE_SECONDS)[0]:
+            while _CAN_WAIT and not select.select([self._descriptor], [], [], _IDLE_SECONDS)[0]:
+                if self._stopped():
+                    raise Stopped
                 yield b""
+            if self._stopped():
+                raise Stopped
             piece = os.read(self._descriptor, _PIECE_BYTES)
             if not piece:
                 return

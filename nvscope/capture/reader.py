@@ -1,30 +1,21 @@
-"""What reading pcap and pcapng has in common: a lockstep walk over the records, their columns, batches, and faults."""
+"""What a reader is: it turns the content of a capture file into batches, and tells how far it has come.
+
+A new format is a reader here or in a module of its own, and a row in ``nvscope.capture.formats``.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
-from dissectors.batch import I64, PacketBatch
-from nvscope.capture.batch_builder import BatchBuilder
-from nvscope.capture.lockstep import Framing, LockstepWalker
-from nvscope.capture.source import SourceInfo, Truncation
+from dissectors.batch import PacketBatch
+from nvscope.capture.content import Content
+from nvscope.capture.source import Attachment, Truncation
 from nvscope.capture.window import View
-
-MAX_PACKET_BYTES = 262_144
-"""Captured bytes of a packet that are believed without a larger snap length; tcpdump's and Wireshark's own limit."""
-
-MAX_SNAP_BYTES = 16 << 20
-"""Captured bytes of a packet that are believed at all."""
 
 TIME_LIMIT_NS = (1 << 62) - 1
 """Times are within ± this, so that the difference of any two is an int64; it lies in the year 2116."""
-
-# The walk visits a stretch all over: small enough to stay in the cache, large enough for many lanes.
-_STRIDE_BYTES = 2 << 20
-_FIRST_STRIDE_BYTES = 64 << 10
-_SMALL_RECORD_BYTES = 768
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,113 +23,63 @@ class ReadingSizes:
     """How a reader cuts its work; any choice gives the same packets. ``lanes`` 0: as many as are fast."""
 
     batch_packets: int = 131_072
-    stride_bytes: int = _STRIDE_BYTES
+    stride_bytes: int = 2 << 20
     lanes: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Taken:
-    """The packets of some records, where in the view the records end, and why they end there if not by choice.
+@dataclass(slots=True)
+class Progress:
+    """What a reader has found so far: only it writes here, and whoever wants to know reads, at any time.
 
-    ``incomplete`` is a record that is not whole in the view, ``fault`` says what is wrong with a record that is.
+    The fields are those of ``SourceInfo``; ``left_out`` tells what could not be read before the end, '' if nothing.
     """
 
-    packets: PacketBatch
-    after: int
-    fault: str = ""
-    incomplete: bool = False
+    frames: int = 0
+    drops: int = 0
+    truncation: Truncation | None = None
+    comments: list[tuple[int | None, str]] = field(default_factory=list)
+    left_out: str = ""
 
 
 class Reader(ABC):
-    """Turns views of a file into batches, and tells in ``info`` about frames and faults.
+    """Reads the content of one capture file, from its begin to its end, once.
 
-    ``position`` is how far the file has been read, ``finished`` whether there is nothing more to read from it.
-    ``channels`` are the names of the packets' channels, by number, as far as the file tells them.
-    ``input_failed`` is set from outside where the bytes end too early. ``left_out`` tells what could not be read before
-    the end, '' if nothing.
+    ``position`` is how far the content has been read. ``channels`` are the names of the packets' channels, by number,
+    as far as the file tells them; ``attachments`` what it brings with it, each of which can be read at any time. Raises
+    UnreadableInput when it is made where nothing can be read at all; what is wrong later goes to ``progress``.
     """
 
-    def __init__(self, info: SourceInfo, position: int) -> None:
-        self.info = info
+    attachments: Sequence[Attachment] = ()
+
+    def __init__(self, content: Content, sizes: ReadingSizes, position: int = 0) -> None:
+        self.content = content
+        self.sizes = sizes
         self.position = position
-        self.finished = False
+        self.progress = Progress()
         self.channels: list[str] = []
-        self.input_failed = False
-        self.left_out = ""
+
+    @abstractmethod
+    def batches(self) -> Iterator[PacketBatch]:
+        """Yield the packets in the order of the file; a batch is valid until the next one is asked for.
+
+        What lies outside ``content.span`` may be left out as ``nvscope.capture.between.Spanned.read`` says. OSError
+        where reading fails.
+        """
+
+
+class WindowReader(Reader):
+    """A reader that looks at the content through a window; ``finished`` says that it wants to see no more of it."""
+
+    finished = False
+
+    def batches(self) -> Iterator[PacketBatch]:
+        """Yield the packets of view after view, and let go of what has been read."""
+        window = self.content.window()
+        while not self.finished:
+            for batch in self.read(window.view(self.position)):
+                yield batch
+                window.release(self.position)
 
     @abstractmethod
     def read(self, view: View) -> Iterator[PacketBatch]:
         """Yield the packets whose records are whole in ``view``, and move ``position`` behind them."""
-
-
-class RecordReader(Reader):
-    """A reader of a format whose records tell their length."""
-
-    framing: Framing
-
-    def __init__(self, info: SourceInfo, position: int, sizes: ReadingSizes) -> None:
-        super().__init__(info, position)
-        self._sizes = sizes
-        self._record_bytes = 0.0
-
-    @abstractmethod
-    def _take(self, view: View, found: I64) -> Taken:
-        """Decode the records at ``found``, as a walk returns them; may change ``framing`` for what comes after."""
-
-    def read(self, view: View) -> Iterator[PacketBatch]:
-        sizes = self._sizes
-        columns = BatchBuilder(sizes.batch_packets)
-        here = view.start
-        framing = None
-        incomplete = False
-        stride = sizes.stride_bytes if self._record_bytes else min(_FIRST_STRIDE_BYTES, sizes.stride_bytes)
-        while here < view.stop and not self.finished and not incomplete:
-            if framing is not self.framing:
-                framing = self.framing
-                walker = LockstepWalker(
-                    view.data, view.end, framing, record_bytes=self._record_bytes, lanes=sizes.lanes
-                )
-            stop = min(here + stride, view.stop)
-            if self._record_bytes < _SMALL_RECORD_BYTES:
-                # Reading the stretch in order brings it into the cache at several times the speed of the walk's jumps.
-                view.data[here : min(stop, view.end)].max()
-            found = walker.walk(here, stop)
-            self._record_bytes = walker.record_bytes
-            if not len(found):
-                incomplete = True
-                break
-            taken = self._take(view, found)
-            here, incomplete = taken.after, taken.incomplete
-            self.position = view.origin + here
-            if taken.fault:
-                self._stop_at(self.position, f"damaged: {taken.fault}; nothing after it can be read")
-            self.info.frames += len(taken.packets)
-            # After a section in the other byte order the walk begins small again: there may be many of them.
-            stride = min(2 * stride, sizes.stride_bytes) if framing is self.framing else min(4096, stride)
-            yield from columns.add(taken.packets)
-        if columns.rows:
-            yield columns.take(view.data)
-        if view.ends_file and not self.finished:
-            if incomplete:
-                self._stop_at(self.position, f"cut short: the last record has only {view.end - here} bytes left of it")
-            elif here >= view.end:
-                self.finished = True
-
-    def _judge_last(self, view: View, found: I64) -> tuple[I64, int, str, bool]:
-        """Return the whole records, where the last of them ends, what is wrong there, and whether it is a cut."""
-        framing, at = self.framing, int(found[-1])
-        field = view.data[at + framing.length_at : at + framing.length_at + 4]
-        length = int(field.view(framing.byte_order + "u4")[0])
-        if not framing.shortest <= length <= framing.longest:
-            fault = f"a record of {length} bytes, expected {framing.shortest} to {framing.longest}"
-            return found[:-1], at, fault, False
-        if length % framing.alignment:
-            return found[:-1], at, f"a record of {length} bytes, expected a multiple of {framing.alignment}", False
-        after = at + length + framing.length_adds
-        if after > view.end:
-            return found[:-1], at, "", True
-        return found, after, "", False
-
-    def _stop_at(self, position: int, message: str) -> None:
-        self.info.truncation = Truncation(position, message)
-        self.finished = True

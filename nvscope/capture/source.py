@@ -1,18 +1,19 @@
 """What a capture source and a sink are: an iterable of packet batches, and something that takes them.
 
-A source tells about itself in ``info``, which is complete when the iteration has ended.
+Whatever stands above capture knows these contracts, and not who fulfils them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from types import MappingProxyType, TracebackType
+from typing import Protocol, Self, runtime_checkable
 
 from dissectors.batch import PacketBatch
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Truncation:
     """Where a file stops in the middle of a record."""
 
@@ -20,41 +21,123 @@ class Truncation:
     message: str
 
 
-@dataclass(slots=True)
-class SourceInfo:
-    """What is known of a source apart from its packets.
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """A file that a recording brings with it, such as a definition; ``read`` returns its bytes each time it is called.
 
-    ``bytes`` is the size on disk (of a stream: the bytes read from it). ``drops`` counts the packets that the capturing
-    side says it lost. ``comments`` are those of a pcapng file, as (frame number within the file or None, text).
+    ``media_type`` tells its kind (``text/plain``), ``time_ns`` when it was last changed, None where nobody says.
+    """
+
+    name: str
+    media_type: str
+    read: Callable[[], bytes]
+    time_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SourceInfo:
+    """What is known of a source apart from its packets, at one moment.
+
+    ``bytes`` is the size on disk (of a stream: the bytes read from it so far). ``drops`` counts the packets that the
+    capturing side says it lost, None where it cannot know; ``drops_by`` are its parts (``kernel``, ``queue``, ``ring``)
+    where there are any, each lost packet in one of them. ``clock_steps`` counts how often the clock was set while it
+    was watched. ``comments`` are those of a pcapng file, as (frame number within the file or None, text).
     """
 
     path: str
     format: str
     bytes: int = 0
     frames: int = 0
-    drops: int = 0
+    drops: int | None = 0
+    drops_by: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}), hash=False)
+    clock_steps: int = 0
     truncation: Truncation | None = None
-    comments: list[tuple[int | None, str]] = field(default_factory=list)
+    comments: tuple[tuple[int | None, str], ...] = ()
 
 
 class Source(Protocol):
-    """Packets in batches; iterate once, then read ``infos`` (one entry a file).
+    """Packets in batches.
 
-    ``channels`` are the names of the channels of the packets, by number; it grows as packets come.
+    ``infos`` are frozen values, one a file or interface; they are made anew each time, and may be asked for at any
+    time, from any thread. ``channels`` are the names of the channels of the packets, by number; it grows as packets
+    come. ``attachments`` are what a recording brings with it, none of other sources. A batch is valid until the next
+    one is asked for.
     """
 
     @property
-    def infos(self) -> list[SourceInfo]: ...
+    def infos(self) -> Sequence[SourceInfo]: ...
 
     @property
     def channels(self) -> Sequence[str]: ...
 
+    @property
+    def attachments(self) -> Sequence[Attachment]: ...
+
     def __iter__(self) -> Iterator[PacketBatch]: ...
+
+    def between(self, start_ns: int | None, end_ns: int | None) -> Source:
+        """Return the packets whose time lies between two, both included, None for no bound; in the same order.
+
+        It takes the place of this source. ``infos`` stay those of what was read for it.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Let the iteration end after the batch in hand, and close what is open; for any thread, also repeatedly.
+
+        What is iterated after that has no packets.
+        """
+        ...
+
+
+@runtime_checkable
+class FileSource(Source, Protocol):
+    """A source that reads files; ``position_bytes`` of ``size_bytes`` have been read, None where a size is not known.
+
+    Of compressed files these are the compressed bytes. Regular files can be iterated again.
+    """
+
+    @property
+    def size_bytes(self) -> int | None: ...
+
+    @property
+    def position_bytes(self) -> int: ...
+
+    def between(self, start_ns: int | None, end_ns: int | None) -> FileSource: ...
+
+    def first_ts_ns(self) -> int | None:
+        """Return the time of the first packet of the files, or None where there is none; it is read again later."""
+        ...
+
+    def first_batches(self) -> Iterator[PacketBatch]:
+        """Yield what each file begins with, if anything; it is read again later."""
+        ...
 
 
 class Sink(Protocol):
-    """Something that packets can be written to."""
+    """Something that packets are written to, of whatever link types they say; closed at the end of a ``with``.
 
-    def write(self, batch: PacketBatch) -> None: ...
+    Raises UsageError for what it cannot hold, and CaptureError where it cannot be written.
+    """
 
-    def close(self) -> None: ...
+    def write(self, batch: PacketBatch) -> None:
+        """Write packets, in their order."""
+        ...
+
+    def attach(self, attachment: Attachment) -> None:
+        """Put a file beside the packets; UsageError where the format holds none (``holds_attachments`` in FORMATS)."""
+        ...
+
+    def flush(self) -> None:
+        """Hand all that was written to the operating system."""
+        ...
+
+    def close(self) -> None:
+        """Write what is left, and close."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...

@@ -3,77 +3,86 @@
 Every capture keeps its own order, also where its clock steps back. That is the order of the packets sorted by the
 latest time of their capture so far, then by capture, then by place in it; so it is computed, a stretch at a time.
 Captures are ordered by their first time, then by path, so that the order in which they are given does not matter.
+
+A capture that is silent says so by ``until_ns``: no packet up to there will come of it. It counts like the time of a
+packet, so that the others need not wait for one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
+from weakref import ReferenceType, ref
 
 import numpy as np
 
 from dissectors.batch import I64, PAD_BYTES, U8, PacketBatch
 from dissectors.can.frame import channels_of
 from dissectors.can.pdo import channel_name
-from nvscope.capture.source import SourceInfo
+from nvscope.capture.between import Between
+from nvscope.capture.source import Attachment, FileSource, Source, SourceInfo
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, stretches
+from nvscope.capture.stoppable import StoppableBatches
+from nvscope.capture.time_span import TimeSpan
 
 _MAX_CHANNEL = 0xFFFF
 
 
-class Track(Protocol):
-    """A source that can be merged with others."""
+class Track(Source, Protocol):
+    """A source that can be merged with others; files are read when their time comes, all others from the beginning."""
 
     path: str
 
-    @property
-    def infos(self) -> list[SourceInfo]: ...
-
-    @property
-    def channels(self) -> Sequence[str]: ...
-
-    @property
-    def size_bytes(self) -> int | None: ...
-
-    @property
-    def position_bytes(self) -> int: ...
-
-    def first_ts_ns(self) -> int | None:
-        """Return the time of the first packet, or None where there is none."""
+    def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
+        """Yield the packets as ``nvscope.capture.between.Spanned.read`` says."""
         ...
 
-    def first_batches(self) -> list[PacketBatch]:
-        """Return what the source begins with, if anything; it is read again later."""
-        ...
 
-    def read(self, share: int) -> Iterator[PacketBatch]:
-        """Yield the packets, with a ``share``-th of the memory that a single source would take."""
-        ...
+_Rank = tuple[int, str, int]
+"""Which track's packet goes first at equal times: first time of the track, path, number among the tracks."""
+
+_NEVER_NS = int(np.iinfo(np.int64).min)
+_NOBODY: _Rank = (1 << 63, "", 0)
+"""A rank behind all others."""
 
 
 class _Head:
     """A track that is being read: those of its packets in memory that are not yet passed on, and what sorts them."""
 
-    def __init__(self, rank: int, batches: Iterator[PacketBatch]) -> None:
+    def __init__(self, rank: _Rank, batches: Iterator[PacketBatch]) -> None:
         self.rank = rank
         self._batches = batches
-        self._latest_ns = np.iinfo(np.int64).min
+        self._latest_ns = self._until_ns = _NEVER_NS
         self.batch: PacketBatch
         self.keys: I64 = np.empty(0, np.int64)
 
+    @property
+    def bound(self) -> tuple[int, _Rank]:
+        """The key and the rank up to which nothing can come of the track that is not in memory."""
+        if self._until_ns >= self._latest_ns:
+            return self._until_ns, _NOBODY
+        return self._latest_ns, self.rank
+
     def advance(self) -> bool:
-        """Take the next batch; False at the end of the track."""
+        """Take the next batch, or learn that time has passed without one; False at the end of the track."""
         for batch in self._batches:
+            if batch.until_ns is None and not len(batch):
+                continue
             if len(batch):
                 self.batch = batch
                 self.keys = np.maximum.accumulate(batch.ts_ns)
-                np.maximum(self.keys, self._latest_ns, out=self.keys)
+                np.maximum(self.keys, max(self._latest_ns, self._until_ns), out=self.keys)
+                if self.rank[0] == _NEVER_NS:
+                    # The rank is known with the first packet; before, there is nothing to be compared with others.
+                    self.rank = int(self.keys[0]), *self.rank[1:]
                 self._latest_ns = int(self.keys[-1])
-                return True
+            if batch.until_ns is not None:
+                self._until_ns = max(self._until_ns, batch.until_ns)
+            return True
         return False
 
-    def take(self, bound: tuple[int, int]) -> tuple[PacketBatch, I64]:
+    def take(self, bound: tuple[int, _Rank]) -> tuple[PacketBatch, I64]:
         """Take away the packets, and their keys, that are not behind a key of a rank."""
         count = int(np.searchsorted(self.keys, bound[0], "right" if self.rank <= bound[1] else "left"))
         taken = self.batch[:count], self.keys[:count]
@@ -85,6 +94,8 @@ class Timeline:
     """The packets of several tracks by time, and what is known of the tracks in the order they were given.
 
     Channels of one name are one channel, whichever track they are of; those beyond 65 536 names are the last one.
+    A track that says ``until_ns`` does not hold back the others; where all do, and none has packets, so does the
+    timeline.
     """
 
     def __init__(self, tracks: Sequence[Track], *, batch_packets: int = 32_768, batch_bytes: int = BATCH_BYTES) -> None:
@@ -93,52 +104,96 @@ class Timeline:
         self._numbers: dict[str, int] = {}
         self._batch_packets = batch_packets
         self._batch_bytes = batch_bytes
+        self._stopped = False
+        self._running: ReferenceType[StoppableBatches] | None = None
 
     @property
-    def infos(self) -> list[SourceInfo]:
+    def infos(self) -> Sequence[SourceInfo]:
         return [info for track in self._tracks for info in track.infos]
+
+    @property
+    def attachments(self) -> Sequence[Attachment]:
+        return [attachment for track in self._tracks for attachment in track.attachments]
 
     @property
     def size_bytes(self) -> int | None:
         """The bytes of all tracks, or None where one does not know how many it has."""
-        sizes = [track.size_bytes for track in self._tracks]
+        sizes = [track.size_bytes if isinstance(track, FileSource) else None for track in self._tracks]
         return None if None in sizes else sum(size for size in sizes if size is not None)
 
     @property
     def position_bytes(self) -> int:
-        return sum(track.position_bytes for track in self._tracks)
+        return sum(track.position_bytes for track in self._tracks if isinstance(track, FileSource))
+
+    def first_ts_ns(self) -> int | None:
+        """Return the time of the first packet of all, or None where there is none."""
+        firsts = (track.first_ts_ns() for track in self._tracks if isinstance(track, FileSource))
+        return min((first_ns for first_ns in firsts if first_ns is not None), default=None)
 
     def first_batches(self) -> Iterator[PacketBatch]:
-        """Yield what each track begins with, if anything; it is read again later."""
+        """Yield what each file begins with, if anything; it is read again later."""
         for track in self._tracks:
-            yield from track.first_batches()
+            if isinstance(track, FileSource):
+                yield from track.first_batches()
+
+    def between(self, start_ns: int | None, end_ns: int | None) -> Between:
+        """Return the packets whose time lies between two, both included, None for no bound."""
+        return Between(self, TimeSpan.of(start_ns, end_ns))
+
+    def stop(self) -> None:
+        """Let the iteration end after the batch in hand, and close all tracks; for any thread, also repeatedly."""
+        self._stopped = True
+        for track in self._tracks:
+            track.stop()
+        running = None if self._running is None else self._running()
+        if running is not None:
+            running.stop()
 
     def __iter__(self) -> Iterator[PacketBatch]:
-        starts: list[tuple[int, str, int]] = []
+        return self.read(1, TimeSpan())
+
+    def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
+        """Return the packets as ``nvscope.capture.between.Spanned.read`` says."""
+        batches = StoppableBatches(self._read(share, span))
+        self._running = ref(batches)
+        if self._stopped:
+            batches.stop()
+        return batches
+
+    def _read(self, share: int, span: TimeSpan) -> Generator[PacketBatch, None, None]:
+        waiting: list[_Rank] = []
         for number, track in enumerate(self._tracks):
-            first_ns = track.first_ts_ns()
+            first_ns = track.first_ts_ns() if isinstance(track, FileSource) else _NEVER_NS
             if first_ns is not None:
-                starts.append((first_ns, track.path, number))
+                waiting.append((first_ns, track.path, number))
             else:
                 # Nothing comes of it, but what is wrong with it is found out by reading it.
-                for _ in track.read(1):
+                for _ in track.read(share, span):
                     pass
-        waiting = [(first_ns, rank, number) for rank, (first_ns, _, number) in enumerate(sorted(starts))]
-        waiting.reverse()
+        waiting.sort(reverse=True)
         heads: list[_Head] = []
+        passed_ns = _NEVER_NS
         while heads or waiting:
             # Up to here no packet can still come that would have to be before.
-            bound = min(((int(head.keys[-1]), head.rank) for head in heads), default=None)
-            if bound is None or (waiting and waiting[-1][:2] < bound):
-                _, rank, number = waiting.pop()
-                track = self._tracks[number]
-                head = _Head(rank, self._named(track, track.read(max(1, len(heads)))))
+            bound = min((head.bound for head in heads), default=None)
+            if bound is None or (waiting and (waiting[-1][0], waiting[-1]) < bound):
+                rank = waiting.pop()
+                track = self._tracks[rank[2]]
+                batches = track.read(share * max(1, len(heads)), span)
+                head = _Head(rank, self._named(track, batches))
                 if head.advance():
                     heads.append(head)
                 continue
-            pieces = [head.take(bound) for head in heads]
-            yield from self._merge([piece for piece in pieces if len(piece[0])])
-            heads = [head for head in heads if len(head.keys) or head.advance()]
+            heads.sort(key=lambda head: head.rank)
+            pieces = [head.take(bound) for head in heads if len(head.keys)]
+            pieces = [piece for piece in pieces if len(piece[0])]
+            yield from self._merge(pieces)
+            if pieces:
+                passed_ns = max(int(keys[-1]) for _, keys in pieces)
+            if bound[1] is _NOBODY and bound[0] > passed_ns:
+                passed_ns = bound[0]
+                yield PacketBatch.nothing(passed_ns)
+            heads = [head for head in heads if len(head.keys) or head.bound > bound or head.advance()]
 
     def _named(self, track: Track, batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:
         """Yield batches with the channel numbers of the timeline in place of the track's own.
@@ -146,6 +201,9 @@ class Timeline:
         A channel without a name gets the one that it would be called by if its track were alone.
         """
         for batch in batches:
+            if not len(batch):
+                yield batch
+                continue
             own = channels_of(batch)
             number = np.zeros(int(own.max(initial=0)) + 1, np.uint16)
             for place in np.flatnonzero(np.bincount(own)).tolist():
@@ -161,8 +219,8 @@ class Timeline:
 
     def _merge(self, pieces: list[tuple[PacketBatch, I64]]) -> Iterator[PacketBatch]:
         batches = [batch for batch, _ in pieces]
-        if len(batches) == 1:
-            yield batches[0]
+        if len(batches) < 2:
+            yield from batches
             return
         order = np.argsort(np.concatenate([keys for _, keys in pieces]), kind="stable")
         origin = np.repeat(np.arange(len(batches)), [len(batch) for batch in batches])[order]

@@ -10,10 +10,14 @@ import typer
 
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of
 from nvscope.cli.sources import (
+    NOTHING_BETWEEN,
     DecodeOption,
     FilterOption,
+    FromTimeOption,
     ReadOption,
     SourcesArgument,
+    ToTimeOption,
+    asked_range,
     chosen,
     port_rules,
     tell_of_losses,
@@ -22,7 +26,8 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from nvscope.analysis.inquiry import Capture, Inquiry
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.source import Source
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
     from nvscope.view.fields.field import TelegramField
@@ -71,20 +76,26 @@ def packets(
     project: ProjectOption = None,
     no_names: NoNamesOption = False,
     decode: DecodeOption = None,
+    from_time: FromTimeOption = None,
+    to_time: ToTimeOption = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
 ) -> None:
     """Show the telegrams of a capture one by one: as lines, trees, bytes, or as records for programs.
 
     A line has frame number, time, sender and receiver, list and SubIndex, service, items, Length, Counter, flags, and
-    what is wrong; of a CAN frame it is as candump writes it, with what it means. -Y chooses among them. Exits with 3
-    where a capture could not be read to its end.
+    what is wrong; of a CAN frame it is as candump writes it, with what it means. -Y chooses among them. --from-time and
+    --to-time cut the capture: frame numbers and times since the start are those of what is left, as in a report with
+    the same times; a time without a zone is local, with -t u or ud UTC. Exits with 3 where a capture could not be read
+    to its end.
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
     records = output is not None and output != "text"
-    asked = trees or wanted is not None or bool(fields) or records
     from nvscope.definition.pdos import Pdos
+
+    between = asked_range(from_time, to_time, utc=moment in ("u", "ud"))
+    asked = trees or wanted is not None or bool(fields) or records or between is not None
 
     plant = project_of(project, gvl)
     pdos = Pdos(plant.definition)
@@ -98,7 +109,7 @@ def packets(
         from nvscope.analysis.inquiry import Inquiry
         from nvscope.cli.progress import watching
 
-        inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
+        inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
     make = _face(
         output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour),
         {} if no_names else plant.node_names, inquiry, pdos,
@@ -112,7 +123,7 @@ def packets(
     from nvscope.engine.reading import Reading
     from nvscope.view.rows.frames import PacketRows
 
-    source = open_source(paths)
+    source = inquiry.open() if inquiry else open_source(paths)
     face = make(source)
     reading = inquiry.reading(chosen_by) if inquiry else Reading(ports, pdos.rules())
     telegrams = PacketRows(limit=count)
@@ -125,7 +136,9 @@ def packets(
             out.flush()
         out.write(face.end())
         out.flush()
-    if not telegrams.telegrams:
+    if between and not telegrams.frames:
+        typer.echo(NOTHING_BETWEEN, err=True)
+    elif not telegrams.telegrams:
         frames = units.count_of(telegrams.frames, "frame")
         typer.echo(
             f"nvscope: {frames}, no telegram of network variables; `nvscope report` tells what to check.", err=True
@@ -152,7 +165,7 @@ def _face(
     node_names: Mapping[str, str],
     inquiry: Inquiry | None,
     pdos: Pdos,
-) -> Callable[[Capture], Face]:
+) -> Callable[[Source], Face]:
     """Return what makes the form that was asked for; UsageError where options contradict each other."""
     chosen_format = output or ("fields" if names else "text")
     if chosen_format != "text" and (trees or dumps):

@@ -6,7 +6,9 @@ import sys
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
+
+from nvscope.capture.source import FileSource, Source
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -14,22 +16,12 @@ if TYPE_CHECKING:
 _SILENT_S = 1.0
 
 
-class Positioned(Protocol):
-    """Something that knows how far it has been read; the size is None where it has no end to be seen."""
-
-    @property
-    def size_bytes(self) -> int | None: ...
-
-    @property
-    def position_bytes(self) -> int: ...
-
-
 class ProgressBar:
-    """Shows how far a source has been read, on a terminal only; call it after each batch."""
+    """Shows how far files have been read, on a terminal only; call it after each batch. Other sources have no end."""
 
-    def __init__(self, source: Positioned, *, quiet: bool = False) -> None:
-        self._source = source
-        self._wanted = not quiet and sys.stderr.isatty()
+    def __init__(self, source: Source, *, quiet: bool = False) -> None:
+        self._source = source if isinstance(source, FileSource) else None
+        self._wanted = not quiet and self._source is not None and sys.stderr.isatty()
         self._start = time.monotonic()
         self._bar: Progress | None = None
         self._task: Any = None
@@ -43,9 +35,11 @@ class ProgressBar:
         if self._bar is None:
             self._open()
         assert self._bar is not None
+        assert self._source is not None
         self._bar.update(self._task, completed=self._source.position_bytes, total=self._source.size_bytes)
 
     def _open(self) -> None:
+        assert self._source is not None
         from rich.console import Console
         from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
 
@@ -61,6 +55,6 @@ class ProgressBar:
             self._bar.stop()
 
 
-def watching(*, quiet: bool) -> Callable[[Positioned], ProgressBar]:
+def watching(*, quiet: bool) -> Callable[[Source], ProgressBar]:
     """Return what makes the progress bar of a source."""
     return lambda source: ProgressBar(source, quiet=quiet)

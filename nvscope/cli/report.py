@@ -9,10 +9,14 @@ import typer
 
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.sources import (
+    NOTHING_BETWEEN,
     DecodeOption,
     FilterOption,
+    FromTimeOption,
     ReadOption,
     SourcesArgument,
+    ToTimeOption,
+    asked_range,
     chosen,
     duration_ns,
     port_rules,
@@ -42,6 +46,8 @@ def report(
     project: ProjectOption = None,
     no_names: NoNamesOption = False,
     decode: DecodeOption = None,
+    from_time: FromTimeOption = None,
+    to_time: ToTimeOption = None,
     timeout: Annotated[
         str | None,
         typer.Option(
@@ -68,13 +74,16 @@ def report(
     """Report the lists of a capture: who sends them, what was lost or not answered, and what to check next.
 
     -Y chooses what is shown: lists, streams, nodes and findings to which a chosen telegram belongs, with the figures of
-    the whole capture, so that no filter makes up a loss. Exits with 3 where a capture could not be read to its end.
+    the whole capture, so that no filter makes up a loss. --from-time and --to-time cut the capture: only what lies
+    between is judged. Exits with 3 where a capture could not be read to its end.
     """
     paths = chosen(sources, read)
     ports = port_rules(decode)
     timeout_ns = None if timeout is None else duration_ns("--ack-timeout", timeout)
     if as_json and as_markdown:
         raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
+
+    asked = asked_range(from_time, to_time, utc=utc)
     plant = project_of(project, gvl)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
 
@@ -83,7 +92,7 @@ def report(
     from nvscope.cli.progress import watching
 
     keep_freed_memory()
-    inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet))
+    inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet), asked)
     found = inquiry.analyze(wanted, values=as_json, compare=compare)
     document = inquiry.report(found, names=not no_names, values=as_json)
     shown = colour_wanted(colour)
@@ -103,5 +112,7 @@ def report(
     tell_of_lists(inquiry)
     if fragments := found.state.capture.fragments:
         typer.echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
+    if asked and not found.summary.capture.frames:
+        typer.echo(NOTHING_BETWEEN, err=True)
     if tell_of_losses(found.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)

@@ -16,6 +16,7 @@ from nvscope.errors import UnreadableInput, UsageError
 if TYPE_CHECKING:
     from dissectors.netvar import PortRules
     from nvscope.capture.source import SourceInfo
+    from nvscope.view.asked_time import AskedRange
 
 SourcesArgument = Annotated[
     list[str] | None,
@@ -45,6 +46,24 @@ FilterOption = Annotated[
         show_default=False,
     ),
 ]
+FromTimeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--from-time",
+        metavar="T",
+        help="Leave out all frames before T, as if the capture began there: 5s after its first frame, -2s before its "
+        "end, a local time such as 08:00:01.5, or 2026-01-31 08:00:01.5Z. Frame numbers count from there.",
+        show_default=False,
+    ),
+]
+ToTimeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--to-time", metavar="T", help="Leave out all frames behind T, written as for --from-time.", show_default=False
+    ),
+]
+
+NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-time leave."
 
 _DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*")
 _MAX_PORT = 65535
@@ -79,7 +98,8 @@ def _is_definition(path: str) -> bool:
         return False  # opening it as a capture will say what is wrong
     if not path.lower().endswith(_DEFINITION_SUFFIXES) and _DEFINITION.match(head) is None:
         return False
-    from nvscope.capture.capture_file import CaptureFile, NoCapture
+    from nvscope.capture.capture_file import CaptureFile
+    from nvscope.capture.formats import NoCapture
 
     try:
         CaptureFile(path)
@@ -107,6 +127,15 @@ def port_rules(options: Sequence[str] | None) -> PortRules | None:
             )
         ports[match[3]] += range(first, last + 1)
     return PortRules(tuple(ports["nvl"]), tuple(ports["data"]))
+
+
+def asked_range(from_time: str | None, to_time: str | None, *, utc: bool) -> AskedRange | None:
+    """Return what --from-time and --to-time say, None without any; UsageError where one cannot be understood."""
+    if from_time is None and to_time is None:
+        return None
+    from nvscope.view.asked_time import parse_range
+
+    return parse_range(from_time, to_time, utc=utc)
 
 
 def duration_ns(option: str, text: str) -> int:

@@ -12,11 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from dissectors.batch import Bool, LinkType, PacketBatch
-from nvscope.capture.can.candump_sink import CandumpSink
+from dissectors.batch import Bool, PacketBatch
+from nvscope.capture.formats import suffixes_that, written_as
 from nvscope.capture.open import open_sink
-from nvscope.capture.pcap import PcapSink
-from nvscope.capture.pcapng import PcapngSink
 from nvscope.capture.source import Sink
 from nvscope.errors import CaptureError, UsageError
 from nvscope.simulate.can.tables import ETHERNET
@@ -54,30 +52,30 @@ def simulate(
     return truth
 
 
-def open_capture(scenario: Scenario, path: str, name: str) -> PcapSink | PcapngSink | CandumpSink:
+def open_capture(scenario: Scenario, path: str, name: str) -> Sink:
     """Return a sink for the traffic of a scenario at ``path``; messages call it ``name``.
 
     Raises UsageError where the format cannot hold what is in the scenario.
     """
     suffix = Path(name).suffix.lower()
-    if scenario.has_network and scenario.channels and suffix != ".pcapng":
+    known = written_as(name)
+    if scenario.has_network and scenario.channels and not (known and known.mixes_links):
         raise UsageError(
             f"the scenario has frames of CAN and others, which a {suffix} file cannot hold side by side", where=name,
-            next_step="name the file .pcapng",
+            next_step=f"name the file {suffixes_that(lambda one: one.mixes_links)}",
         )  # fmt: skip
-    if len(scenario.channels) > 1 and suffix == ".pcap":
+    if known and len(scenario.channels) > 1 and not known.names_channels:
         raise UsageError(
-            f"the scenario has {len(scenario.channels)} CAN buses, which a .pcap file cannot tell apart", where=name,
-            next_step="name the file .pcapng or .log",
+            f"the scenario has {len(scenario.channels)} CAN buses, which a {suffix} file cannot tell apart", where=name,
+            next_step=f"name the file {suffixes_that(lambda one: one.names_channels)}",
         )  # fmt: skip
-    if scenario.has_network and suffix == ".log":
+    if known and scenario.has_network and known.only_can:
         raise UsageError(
-            "the scenario has no frames of CAN, and a candump log holds no others", where=name,
-            next_step="name the file .pcapng or .pcap",
+            f"the scenario has no frames of CAN, and a {known.name} log holds no others", where=name,
+            next_step=f"name the file {suffixes_that(lambda one: not one.only_can)}",
         )  # fmt: skip
-    link = LINKS[scenario.link] if scenario.has_network else LinkType.CAN_SOCKETCAN
     try:
-        return open_sink(path, int(link), channels_of(scenario) or None)
+        return open_sink(path, channels_of(scenario) or None)
     except (CaptureError, UsageError) as error:
         error.where = name
         raise

@@ -50,7 +50,7 @@ def test_what_we_built_from_a_log_is_what_tshark_sees(tmp_path: Path, suffix: st
     """A log written to a pcap file of link type 227 and read by tshark; and read again by us."""
     log = some_log(tmp_path)
     path = tmp_path / f"a.{suffix}"
-    with open_sink(str(path), LinkType.CAN_SOCKETCAN) as sink:
+    with open_sink(str(path)) as sink:
         for batch in open_source([str(log)]):
             sink.write(batch)
     frames = frames_of(open_source([str(log)]))

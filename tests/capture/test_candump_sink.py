@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -47,7 +48,7 @@ def batch_of(frames: list[Frame], names: tuple[str, ...] = NAMES) -> PacketBatch
 
 
 def write(path: Path, frames: list[Frame], cut: int = 0) -> None:
-    with open_sink(str(path), LinkType.CAN_SOCKETCAN, NAMES) as sink:
+    with open_sink(str(path), NAMES) as sink:
         for part in (frames[:cut], frames[cut:]):
             sink.write(batch_of(part))
 
@@ -117,10 +118,11 @@ def test_can_utils_read_what_was_written(tmp_path: Path) -> None:
 
 def test_what_a_log_cannot_hold(tmp_path: Path) -> None:
     path = str(tmp_path / "a.log")
-    with pytest.raises(UsageError, match="frames of CAN only"):
-        open_sink(path, LinkType.ETHERNET)
+    ethernet = replace(batch_of([Frame(0, "can0", 1, "", 0, b"")]), link=PacketBatch.link_column(LinkType.ETHERNET, 1))
+    with open_sink(path) as sink, pytest.raises(UsageError, match="frames of CAN only"):
+        sink.write(ethernet)
     good = Frame(0, "can0", 1, "", 2, b"ab")
-    with open_sink(path, LinkType.CAN_SOCKETCAN) as sink:
+    with open_sink(path) as sink:
         sink.write(batch_of([good]))
         for bad in (good._replace(length=4), good._replace(length=12), good._replace(identifier=0x800)):
             with pytest.raises(UsageError, match="frame 3 is no whole CAN frame"):
@@ -129,6 +131,6 @@ def test_what_a_log_cannot_hold(tmp_path: Path) -> None:
 
 def test_names_of_channels_are_one_word(tmp_path: Path) -> None:
     path = tmp_path / "a.log"
-    with open_sink(str(path), LinkType.CAN_SOCKETCAN, ["my bus", ""]) as sink:
+    with open_sink(str(path), ["my bus", ""]) as sink:
         sink.write(batch_of([Frame(0, "a", 1, "", 0, b""), Frame(0, "b", 1, "", 0, b"")], ("a", "b")))
     assert [line.split()[1] for line in path.read_text().splitlines()] == ["my_bus", "can1"]

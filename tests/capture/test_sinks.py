@@ -10,10 +10,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dissectors.batch import PAD_BYTES, PacketBatch
+from dissectors.batch import PAD_BYTES, LinkType, PacketBatch
 from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.pcap import PcapSink
-from nvscope.capture.pcapng import PcapngSink
+from nvscope.capture.pcapng.sink import PcapngSink
 from nvscope.capture.source import Sink
 from nvscope.errors import CaptureError, UsageError
 from tests.capture import build
@@ -47,11 +47,11 @@ def write(sink: Sink, packets: list[Packet], cut: int) -> None:
 @given(packets=build.packet_lists(), cut=st.integers(0, 40))
 def test_pcap_holds_what_was_written(tmp_path: Path, packets: list[Packet], cut: int) -> None:
     path = tmp_path / "a.pcap"
-    write(PcapSink(str(path), 1), packets, cut)
+    write(PcapSink(str(path)), packets, cut)
     content = read_pcap(path.read_bytes())
     assert content.cut is None
     assert content.packets == packets
-    write(PcapSink(str(path), 1, nanoseconds=False), packets, cut)
+    write(PcapSink(str(path), nanoseconds=False), packets, cut)
     in_microseconds = [packet._replace(ts_ns=packet.ts_ns // 1000 * 1000) for packet in packets]
     assert read_pcap(path.read_bytes()).packets == in_microseconds
 
@@ -74,7 +74,7 @@ def test_pcapng_holds_what_was_written_of_any_link_type(
 def test_what_the_formats_cannot_hold_becomes_the_nearest_they_can(tmp_path: Path, name: str) -> None:
     path = str(tmp_path / name)
     huge = bytes(262_145)
-    with open_sink(path, 1) as sink:
+    with open_sink(path) as sink:
         sink.write(batch_of([Packet(-5, 3, 1, b"old"), Packet(2**62 - 1, 2**40, 1, huge), Packet(7, 1, 1, b"x")]))
     first, second, third = build.packets_of(open_source([path]))
     assert first == Packet(0, 3, 1, b"old")
@@ -85,7 +85,7 @@ def test_what_the_formats_cannot_hold_becomes_the_nearest_they_can(tmp_path: Pat
 
 
 def test_pcap_is_for_one_link_type(tmp_path: Path) -> None:
-    with open_sink(str(tmp_path / "a.pcap"), 1) as sink:
+    with open_sink(str(tmp_path / "a.pcap")) as sink:
         sink.write(batch_of([Packet(0, 1, 1, b"x")]))
         for packets in ([Packet(0, 1, 113, b"x")], [Packet(0, 1, 1, b"x"), Packet(0, 1, 113, b"x")]):
             with pytest.raises(UsageError, match="link type"):
@@ -94,20 +94,20 @@ def test_pcap_is_for_one_link_type(tmp_path: Path) -> None:
 
 
 def test_headers_of_files_without_packets(tmp_path: Path) -> None:
-    open_sink(str(tmp_path / "a.pcap"), 113).close()
-    open_sink(str(tmp_path / "A.PCAPNG"), 113).close()
-    assert struct.unpack("=I16xI", (tmp_path / "a.pcap").read_bytes()) == (0xA1B23C4D, 113)
+    open_sink(str(tmp_path / "a.pcap")).close()
+    open_sink(str(tmp_path / "A.PCAPNG")).close()
+    assert struct.unpack("=I16xI", (tmp_path / "a.pcap").read_bytes()) == (0xA1B23C4D, LinkType.ETHERNET)
     assert build.packets_of(open_source([str(tmp_path / "a.pcap"), str(tmp_path / "A.PCAPNG")])) == []
 
 
 def test_what_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"'\.txt'"):
-        open_sink(str(tmp_path / "a.txt"), 1)
+        open_sink(str(tmp_path / "a.txt"))
     with pytest.raises(CaptureError, match="cannot be written") as caught:
-        open_sink(str(tmp_path / "missing" / "a.pcap"), 1)
+        open_sink(str(tmp_path / "missing" / "a.pcap"))
     assert caught.value.where == str(tmp_path / "missing" / "a.pcap")
 
 
 def test_a_full_disk_is_told() -> None:
     with pytest.raises(CaptureError, match="No space left"):
-        PcapSink("/dev/full", 1)
+        PcapSink("/dev/full").close()

@@ -14,13 +14,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
+from nvscope.capture.between import Between
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.reader import ReadingSizes
-from nvscope.capture.source import SourceInfo
+from nvscope.capture.source import Attachment, SourceInfo
+from nvscope.capture.time_span import TimeSpan
 from nvscope.capture.timeline import Timeline
 from tests.capture import build
 from tests.capture.reference import Packet
+from tests.capture.test_sinks import batch_of
 
 
 def plain_merge(tracks: Sequence[list[Packet]]) -> list[Packet]:
@@ -79,26 +82,43 @@ def test_equal_times_do_not_depend_on_the_order_of_the_arguments(tmp_path: Path)
     assert len(orders) == 1
 
 
-class _Track:
-    """A track of batches that notes which of them were asked for."""
+class FakeTrack:
+    """A track of batches, such as an interface, that notes in ``asked`` which of them were asked for."""
+
+    def __init__(self, path: str, batches: list[PacketBatch], asked: list[str] | None = None) -> None:
+        self.path = path
+        self.infos: list[SourceInfo] = []
+        self.channels: list[str] = []
+        self.attachments: list[Attachment] = []
+        self._batches = batches
+        self._asked = [] if asked is None else asked
+
+    def __iter__(self) -> Iterator[PacketBatch]:
+        return self.read(1, TimeSpan())
+
+    def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
+        for batch in self._batches:
+            self._asked.append(self.path)
+            yield batch
+
+    def between(self, start_ns: int | None, end_ns: int | None) -> Between:
+        raise NotImplementedError
+
+    def stop(self) -> None:
+        self._batches = []
+
+
+class FakeFile(FakeTrack):
+    """A track that can be asked when it begins."""
 
     size_bytes = None
     position_bytes = 0
 
-    def __init__(self, path: str, batches: list[PacketBatch], asked: list[str]) -> None:
-        self.path = path
-        self.infos: list[SourceInfo] = []
-        self.channels: list[str] = []
-        self._batches = batches
-        self._asked = asked
-
     def first_ts_ns(self) -> int | None:
-        return int(self._batches[0].ts_ns[0])
+        return int(self._batches[0].ts_ns[0]) if self._batches else None
 
-    def read(self, share: int) -> Iterator[PacketBatch]:
-        for batch in self._batches:
-            self._asked.append(self.path)
-            yield batch
+    def first_batches(self) -> Iterator[PacketBatch]:
+        return iter(self._batches[:1])
 
 
 def _batch(first: int, count: int) -> PacketBatch:
@@ -115,7 +135,7 @@ def _batch(first: int, count: int) -> PacketBatch:
 def test_files_that_do_not_overlap_pass_through_one_after_the_other() -> None:
     asked: list[str] = []
     batches = {name: [_batch(first, 10), _batch(first + 10, 10)] for name, first in (("late", 100), ("early", 0))}
-    timeline = Timeline([_Track(name, each, asked) for name, each in batches.items()])
+    timeline = Timeline([FakeFile(name, each, asked) for name, each in batches.items()])
     for batch, original in zip(timeline, batches["early"] + batches["late"], strict=True):
         assert batch.data is original.data
         assert np.array_equal(batch.ts_ns, original.ts_ns)
@@ -125,7 +145,7 @@ def test_files_that_do_not_overlap_pass_through_one_after_the_other() -> None:
 def test_no_more_than_a_batch_of_each_file_is_held() -> None:
     asked: list[str] = []
     tracks = [
-        _Track(name, [_batch(first, 10) for first in range(start, 1000, 10)], asked)
+        FakeFile(name, [_batch(first, 10) for first in range(start, 1000, 10)], asked)
         for name, start in (("a", 0), ("b", 5))
     ]
     seen = 0
@@ -172,7 +192,7 @@ def test_large_files_with_clocks_that_step_back(tmp_path: Path, seed: int) -> No
 def test_channels_of_one_name_are_one_channel_whichever_file_they_are_of() -> None:
     """The first file has two channels, the second only one, which is the second of the first file."""
     channel = np.array([1, 0, 1, 0, 1], np.uint16)
-    tracks = [_Track("a", [replace(_batch(0, 5), channel=channel)], []), _Track("b", [_batch(2, 2)], [])]
+    tracks = [FakeFile("a", [replace(_batch(0, 5), channel=channel)], []), FakeFile("b", [_batch(2, 2)], [])]
     tracks[0].channels, tracks[1].channels = ["can0", "can1"], ["can1"]
     timeline = Timeline(tracks)
     found = [
@@ -183,3 +203,62 @@ def test_channels_of_one_name_are_one_channel_whichever_file_they_are_of() -> No
     assert found == [
         (0, "can1"), (1, "can0"), (2, "can1"), (2, "can1"), (3, "can0"), (3, "can1"), (4, "can1"),
     ]  # fmt: skip
+
+
+def _at(number: int, rows: Sequence[tuple[int, int]], until_ns: int | None = None) -> PacketBatch:
+    """Packets of a track as (row, time)."""
+    packets = [Packet(ts_ns, 1000, 1, bytes((number, row))) for row, ts_ns in rows]
+    return replace(batch_of(packets), until_ns=until_ns)
+
+
+@settings(deadline=None)
+@given(data=st.data(), tracks=st.lists(_times, min_size=1, max_size=4))
+def test_time_that_passes_changes_no_order(data: st.DataObject, tracks: list[list[int]]) -> None:
+    """Whoever says up to when nothing comes, as often and wherever it is true, gets the same timeline."""
+    plain, telling = [], []
+    for number, times in enumerate(tracks):
+        cuts = sorted(data.draw(st.sets(st.integers(0, len(times)))) | {0, len(times)})
+        spans = [list(enumerate(times))[begin:end] for begin, end in itertools.pairwise(cuts)]
+        latest = list(itertools.accumulate(times, max))
+        batches = []
+        for begin, span in zip([0, *cuts[:-1]], [[], *spans], strict=True):
+            behind = begin + len(span)
+            # What comes behind counts as of the latest time so far: only before that nothing comes any more.
+            most = latest[behind] - 1 if behind < len(times) else 20
+            untils = data.draw(st.lists(st.integers(-1, most), max_size=2)) if most >= -1 else []
+            together = bool(span and untils and data.draw(st.booleans()))
+            if span:
+                batches.append(_at(number, span, untils.pop(0) if together else None))
+            batches += [PacketBatch.nothing(until_ns) for until_ns in untils]
+        plain.append(FakeFile(str(number), [_at(number, span) for span in spans]))
+        telling.append(FakeTrack(str(number), batches))
+    told = list(Timeline(telling))
+    assert build.packets_of(batch for batch in told if len(batch)) == build.packets_of(Timeline(plain))
+    passed = -2
+    latest_ns = [-2] * len(tracks)
+    for batch in told:
+        if batch.until_ns is not None and not len(batch):
+            assert batch.until_ns > passed
+            passed = batch.until_ns
+        for row in range(len(batch)):
+            number = batch.packet(row)[0]
+            latest_ns[number] = max(latest_ns[number], int(batch.ts_ns[row]))
+            assert latest_ns[number] > passed, "the timeline promised that nothing comes any more"
+
+
+def test_a_silent_track_holds_back_nobody() -> None:
+    """A bus says twice that nothing came; what the other one has goes out up to there before more is asked of it."""
+    asked: list[str] = []
+    quiet = FakeTrack("quiet", [PacketBatch.nothing(4), PacketBatch.nothing(20), _at(0, [(0, 25)])], asked)
+    busy = FakeTrack("busy", [_at(1, [(0, 3), (1, 10)]), _at(1, [(2, 15), (3, 30)])], asked)
+    seen = [(batch.ts_ns.tolist(), batch.until_ns, list(asked)) for batch in Timeline([quiet, busy])]
+    assert [(times, until_ns) for times, until_ns, _ in seen] == [
+        ([3], None), ([], 4), ([10], None), ([15], None), ([], 20), ([25], None), ([30], None),
+    ]  # fmt: skip
+    assert seen[0][2].count("quiet") == 1
+
+
+def test_tracks_that_are_all_silent_say_so_together() -> None:
+    told = {"a": (3, 9), "b": (5, 7)}
+    tracks = [FakeTrack(name, [PacketBatch.nothing(until_ns) for until_ns in untils]) for name, untils in told.items()]
+    assert [batch.until_ns for batch in Timeline(tracks)] == [3, 5, 7, 9]

@@ -105,7 +105,7 @@ def test_pcapng_is_read_like_tshark_does(tmp_path: Path, order: str) -> None:
 def test_a_cut_file_has_the_frames_that_tshark_sees(tmp_path: Path, suffix: str) -> None:
     packets = some_packets(3, 20)
     whole = tmp_path / f"whole.{suffix}"
-    with open_sink(str(whole), 1) as sink:
+    with open_sink(str(whole)) as sink:
         source = tmp_path / "source.pcap"
         source.write_bytes(build.pcap(packets))
         for batch in open_source([str(source)]):
@@ -164,7 +164,7 @@ def test_what_sinks_write_is_read_by_tshark_and_scapy(tmp_path: Path, name: str)
     packets = some_packets(6)
     source, path = tmp_path / "source.pcap", tmp_path / name
     source.write_bytes(build.pcap(packets))
-    with PcapSink(str(path), 1, nanoseconds=False) if name == "us.pcap" else open_sink(str(path), 1) as sink:
+    with PcapSink(str(path), nanoseconds=False) if name == "us.pcap" else open_sink(str(path)) as sink:
         for batch in open_source([str(source)], batch_packets=64):
             sink.write(batch)
     resolution = 1000 if name == "us.pcap" else 1

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from dissectors.batch import LinkType
 from nvscope.capture.open import open_source
 from nvscope.capture.pcap import PcapSink
 from nvscope.errors import ExitCode
@@ -102,7 +101,7 @@ def test_damaged_logs_are_answered(tmp_path: Path, seed: int) -> None:
 def test_damaged_captures_are_answered(tmp_path: Path, seed: int) -> None:
     chance = random.Random(seed)
     log, options = drawn_plant(seed, frames=30).write(tmp_path)
-    with PcapSink(str(tmp_path / "whole.pcap"), LinkType.CAN_SOCKETCAN) as sink:
+    with PcapSink(str(tmp_path / "whole.pcap")) as sink:
         for batch in open_source([log]):
             sink.write(batch)
     capture = tmp_path / "damaged.pcap"

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from dissectors.batch import LinkType
 from nvscope.capture.open import open_sink
 from tests.cli.test_vars import nvscope
 from tests.definition.lists import telegram
@@ -31,7 +30,7 @@ def plant(tmp_path: Path) -> list[str]:
         telegram(data, 2, subindex=0, counter=number, ts_ns=START_NS + number * 10 * MS, list_id=9)
         for number, data in enumerate(sent)
     ]
-    sink = open_sink(str(tmp_path / "eth.pcap"), LinkType.ETHERNET)
+    sink = open_sink(str(tmp_path / "eth.pcap"))
     sink.write(batch_of(frames))
     sink.close()
     lines = []

@@ -15,7 +15,7 @@ _GVL = Path(__file__).parents[2] / "captures" / "peers" / "counters.gvl"
 
 def written(path: Path, frames: Sequence[Frame]) -> str:
     """Write frames to a capture file, and return its name."""
-    with PcapSink(str(path / "in.pcap"), 1) as sink:
+    with PcapSink(str(path / "in.pcap")) as sink:
         sink.write(batch_of(frames))
     return "in.pcap"
 

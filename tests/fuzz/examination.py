@@ -152,7 +152,7 @@ def _check_content(info: SourceInfo, batches: Sequence[PacketBatch], expected: C
     assert (info.truncation.offset if info.truncation else None) == expected.cut
     assert bool(info.truncation and info.truncation.message.startswith("damaged")) == expected.damaged
     assert info.drops == expected.drops
-    assert info.comments == expected.comments
+    assert list(info.comments) == expected.comments
 
 
 def _rows(batches: Sequence[PacketBatch]) -> Iterator[tuple[int, int, int, bytes]]:

@@ -33,7 +33,7 @@ WRONG = (
 
 
 def written(scenario: Scenario, path: Path) -> Path:
-    sink = open_sink(str(path), int(LINKS[scenario.link]))
+    sink = open_sink(str(path))
     simulate(scenario, sink)
     sink.close()
     return path

@@ -1,7 +1,7 @@
 """candump logs (``candump -L``, python-can's ``.log``), read by columns.
 
 A wrong line is left out and told, and reading goes on behind it: the rest of a log that lost a sector is worth as much
-as its begin. How many there are, and what is wrong with the first one, is in ``info.truncation``.
+as its begin. How many there are, and what is wrong with the first one, is in ``progress.truncation``.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from dissectors.batch import I64, U8, PacketBatch
 from nvscope.capture.can.candump_columns import Prefix, Shape
 from nvscope.capture.can.candump_line import LineFault, is_silent, parse
 from nvscope.capture.can.frame import MAX_CHANNELS, CanFrame, FrameBatches, FrameRows
-from nvscope.capture.reader import Reader, ReadingSizes
-from nvscope.capture.source import SourceInfo, Truncation
+from nvscope.capture.content import Content
+from nvscope.capture.reader import ReadingSizes, WindowReader
+from nvscope.capture.source import Truncation
 from nvscope.capture.window import View
 
 MAX_LINE_BYTES = 64 << 10
@@ -80,13 +81,11 @@ def _too_long(line: int) -> str:
     return f"line {line}: more than {MAX_LINE_BYTES} characters"
 
 
-class CandumpReader(Reader):
+class CandumpReader(WindowReader):
     """Reads the lines of one candump log."""
 
-    def __init__(self, info: SourceInfo, sizes: ReadingSizes) -> None:
-        super().__init__(info, 0)
-        info.format = "candump"
-        self._sizes = sizes
+    def __init__(self, content: Content, sizes: ReadingSizes) -> None:
+        super().__init__(content, sizes)
         self._shapes: list[Shape] = []
         self._numbers: dict[bytes, int] = {}
         self._lines = 0
@@ -95,11 +94,11 @@ class CandumpReader(Reader):
         self._in_long_line = False
 
     def read(self, view: View) -> Iterator[PacketBatch]:
-        batches = FrameBatches(self._sizes.batch_packets)
+        batches = FrameBatches(self.sizes.batch_packets)
         here = view.start
         if not self.position and view.data[here : here + 3].tobytes() == _BYTE_ORDER_MARK:
             here += 3
-        stride = min(self._sizes.stride_bytes, _STRIDE_BYTES)
+        stride = min(self.sizes.stride_bytes, _STRIDE_BYTES)
         unended = False
         while here < view.stop:
             limit = min(here + stride, view.end)
@@ -132,13 +131,13 @@ class CandumpReader(Reader):
         self._tell()
 
     def _add(self, batches: FrameBatches, frames: FrameRows) -> Iterator[PacketBatch]:
-        self.info.frames += len(frames)
+        self.progress.frames += len(frames)
         yield from batches.add(frames)
 
     def _last_line(self, batches: FrameBatches, view: View, here: int) -> Iterator[PacketBatch]:
         if self._in_long_line:
             return
-        if self.input_failed:
+        if self.content.failure:
             # What is left of a line whose rest could not be decompressed may look like a whole one.
             self._lines += 1
             return
@@ -256,5 +255,5 @@ class CandumpReader(Reader):
         if self._wrong:
             at, what = self._first_fault
             more = "it is left out" if self._wrong == 1 else f"{self._wrong} such lines are left out"
-            self.left_out = f"{what}; {more}"
-            self.info.truncation = Truncation(at, self.left_out)
+            self.progress.left_out = f"{what}; {more}"
+            self.progress.truncation = Truncation(at, self.progress.left_out)

@@ -32,9 +32,10 @@ class CandumpSink(FileSink):
     in them become ``_``. Raises UsageError for what is no CAN frame, or none that a line could tell whole.
     """
 
-    def __init__(self, path: str, channels: Sequence[str] = ()) -> None:
-        super().__init__(path)
-        self._channels = channels
+    format_name = "candump"
+
+    def __init__(self, path: str, channels: Sequence[str] | None = None) -> None:
+        super().__init__(path, channels)
         self._frames = 0
 
     def write(self, batch: PacketBatch) -> None:
@@ -46,6 +47,10 @@ class CandumpSink(FileSink):
             self._frames += len(part)
 
     def _check(self, frames: CanBatch, rows: int) -> None:
+        if rows and not len(frames):
+            raise UsageError(
+                "a candump log holds frames of CAN only", where=self._path, next_step="write a .pcapng or .pcap file"
+            )
         good = np.zeros(rows, np.bool_)
         good[frames.row] = frames.fault == Fault.NONE
         if not good.all():
@@ -103,7 +108,8 @@ class CandumpSink(FileSink):
         return block
 
     def _name(self, channel: int) -> bytes:
-        name = self._channels[channel] if channel < len(self._channels) else ""
+        names = self._channels or ()
+        name = names[channel] if channel < len(names) else ""
         return ("_".join(name.split()) or f"can{channel}").encode("utf-8", "backslashreplace")
 
 

@@ -27,11 +27,11 @@ from nvscope.capture.byte_stream import ByteStream
 from nvscope.capture.can.blf_containers import BlfContainers
 from nvscope.capture.can.frame import MAX_CHANNEL_BYTES, MAX_CHANNELS, CanFrame, FrameBatches, FrameRows
 from nvscope.capture.can.message import MessageFault, described, frame_of
-from nvscope.capture.formats import Format
+from nvscope.capture.content import Content
+from nvscope.capture.formats import NoCapture, format_of
 from nvscope.capture.reader import Reader, ReadingSizes
-from nvscope.capture.source import SourceInfo, Truncation
+from nvscope.capture.source import Truncation
 from nvscope.capture.text_lines import MAX_LINE_BYTES, TextLines
-from nvscope.capture.window import View
 from nvscope.errors import UnreadableInput
 
 if TYPE_CHECKING:
@@ -43,32 +43,42 @@ MAX_SPOOLED_BYTES = 2 << 30
 _MAX_TAIL_BYTES = 4 << 20
 _CHUNK_FRAMES = 4096
 
+# The kinds of logs, as reports call them.
+_ASC, _BLF, _TRC, _CSV, _SQLITE, _MF4 = "asc", "blf", "trc", "csv", "sqlite", "mf4"
+
 # What a text reader is to be given first where it begins anew in the middle of a file, in place of a header.
-_RESUME_WITH = {Format.ASC: "internal events logged\n", Format.CSV: "header\n", Format.TRC: ""}
+_RESUME_WITH = {_ASC: "internal events logged\n", _CSV: "header\n", _TRC: ""}
 
 
 # What is wrong with a file is not always told in UTF-8.
 _DATABASE_FAULTS = (sqlite3.Error, UnicodeError, OverflowError)
 
 
-class NoMessages(Exception):
+class _NoMessages(Exception):
     """An SQLite file that is no log of python-can."""
 
 
-def check_readable(kind: Format, path: str, where: str) -> None:
-    """Raise NoMessages or UnreadableInput where a log can be known to be unreadable without reading it."""
-    if kind is Format.MF4 and importlib.util.find_spec("asammdf") is None:
+def _check_readable(kind: str, path: str, where: str) -> None:
+    """Raise NoCapture or UnreadableInput where a log can be known to be unreadable without reading it."""
+    if kind == _MF4 and importlib.util.find_spec("asammdf") is None:
         raise UnreadableInput(
             "an MDF 4 log, for which the package asammdf is missing",
             where=where,
             next_step='install it: pip install "python-can[mf4]"',
         )
-    if kind is Format.SQLITE and path:
-        _check_database(path, where)
+    if kind == _SQLITE and path:
+        try:
+            _check_database(path, where)
+        except _NoMessages:
+            raise NoCapture(
+                "an SQLite file without a table 'messages' as python-can writes it",
+                where=where,
+                next_step="a recording of a CODESYS DataLogger cannot be read yet",
+            ) from None
 
 
 def _check_database(path: str, where: str) -> None:
-    """Raise NoMessages or UnreadableInput for an SQLite file that is no log, or no whole one.
+    """Raise _NoMessages or UnreadableInput for an SQLite file that is no log, or no whole one.
 
     SQLite reads zeros for what is missing of the last page, and would show them as messages.
     """
@@ -88,7 +98,7 @@ def _check_database(path: str, where: str) -> None:
     except _DATABASE_FAULTS as error:
         raise UnreadableInput(f"an SQLite file that cannot be read: {described(error)}", where=where) from error
     if not found:
-        raise NoMessages
+        raise _NoMessages
 
 
 def _connect(path: str) -> sqlite3.Connection:
@@ -97,31 +107,29 @@ def _connect(path: str) -> sqlite3.Connection:
 
 
 class CanLogReader(Reader):
-    """Reads a log by python-can: from ``pieces``, or from ``path`` where the format needs a file on disk and it is one.
+    """Reads a log by python-can: in pieces, or from its file on disk where the format needs one and it is one."""
 
-    Views are not used.
-    """
-
-    def __init__(
-        self, info: SourceInfo, kind: Format, sizes: ReadingSizes, pieces: Iterator[bytes], path: str = ""
-    ) -> None:
-        super().__init__(info, 0)
-        info.format = kind.value
-        self._kind = kind
-        self._sizes = sizes
-        self._pieces = pieces
-        self._path = path
+    def __init__(self, content: Content, sizes: ReadingSizes) -> None:
+        super().__init__(content, sizes)
+        found = format_of(content.head)
+        assert found
+        self._kind = found.name
+        # SQLite and asammdf open files by themselves.
+        self._path = content.disk_path if self._kind in (_SQLITE, _MF4) else ""
+        self._pieces = iter(()) if self._path else content.pieces()
+        _check_readable(self._kind, self._path, content.path)
         self._numbers: dict[object, int] = {}
         self._place = ""
         self._wrong = 0
         self._first_fault = ""
         self._fault_at = 0
 
-    def read(self, view: View) -> Iterator[PacketBatch]:
-        batches = FrameBatches(self._sizes.batch_packets)
+    def batches(self) -> Iterator[PacketBatch]:
+        """Yield the messages of the log as SocketCAN frames."""
+        batches = FrameBatches(self.sizes.batch_packets)
         frames: list[CanFrame] = []
         channels: list[int] = []
-        chunk = min(_CHUNK_FRAMES, self._sizes.batch_packets)
+        chunk = min(_CHUNK_FRAMES, self.sizes.batch_packets)
         with _warnings(self._kind) as warned:
             for message in self._messages():
                 try:
@@ -139,16 +147,15 @@ class CanLogReader(Reader):
             yield from self._add(batches, frames, channels)
         if batches.rows:
             yield batches.take()
-        self.finished = True
         if self._path:
-            self.position = self.info.bytes
+            self.position = self.content.size_bytes or 0
         if self._wrong:
             more = "" if self._wrong == 1 else f"; {self._wrong} faults in all"
-            self.left_out = self._first_fault + more
-            self.info.truncation = Truncation(self._fault_at, self.left_out)
+            self.progress.left_out = self._first_fault + more
+            self.progress.truncation = Truncation(self._fault_at, self.progress.left_out)
 
     def _add(self, batches: FrameBatches, frames: list[CanFrame], channels: list[int]) -> Iterator[PacketBatch]:
-        self.info.frames += len(frames)
+        self.progress.frames += len(frames)
         yield from batches.add(FrameRows.of(frames, channels))
 
     def _fault(self, what: str, place: str | None = None) -> None:
@@ -174,18 +181,18 @@ class CanLogReader(Reader):
         return number
 
     def _messages(self) -> Iterator[can.Message]:
-        if self._kind is Format.SQLITE:
+        if self._kind == _SQLITE:
             with _on_disk(self._path, self._pieces) as path:
                 if not self._path:
                     try:
-                        _check_database(path, self.info.path)
-                    except NoMessages:
+                        _check_database(path, self.content.path)
+                    except _NoMessages:
                         raise self._unreadable("there is no table 'messages'") from None
                 yield from self._of_database(path)
-        elif self._kind is Format.MF4:
+        elif self._kind == _MF4:
             with _on_disk(self._path, self._pieces) as path:
                 yield from self._of_mdf(path)
-        elif self._kind is Format.BLF:
+        elif self._kind == _BLF:
             yield from self._of_blf()
         else:
             yield from self._of_text()
@@ -284,20 +291,20 @@ class CanLogReader(Reader):
 
     def _unreadable(self, what: str) -> UnreadableInput:
         return UnreadableInput(
-            f"a {self._kind.value} log that python-can cannot open: {what}",
-            where=self.info.path,
+            f"a {self._kind} log that python-can cannot open: {what}",
+            where=self.content.path,
             next_step="copy the file again",
         )
 
 
-def _text_reader(kind: Format, text: TextLines) -> Iterable[can.Message]:
+def _text_reader(kind: str, text: TextLines) -> Iterable[can.Message]:
     # Of a file, python-can's readers need the lines only.
     lines = cast("TextIO", text)
-    if kind is Format.CSV:
+    if kind == _CSV:
         from can.io.csv import CSVReader  # noqa: PLC0415
 
         return CSVReader(lines)
-    if kind is Format.TRC:
+    if kind == _TRC:
         from can.io.trc import TRCReader  # noqa: PLC0415
 
         return TRCReader(lines)
@@ -351,7 +358,7 @@ def _on_disk(path: str, pieces: Iterator[bytes]) -> Iterator[str]:
 
 
 @contextmanager
-def _warnings(kind: Format) -> Iterator[list[str]]:
+def _warnings(kind: str) -> Iterator[list[str]]:
     """Collect the lines that python-can leaves out with no more than a warning."""
     lines: list[str] = []
 
@@ -359,7 +366,7 @@ def _warnings(kind: Format) -> Iterator[list[str]]:
         def emit(self, record: logging.LogRecord) -> None:
             # A header without messages is parsed as one, too.
             line = str(record.args[0]) if record.args and isinstance(record.args, tuple) else ""
-            if kind is Format.TRC and record.levelno >= logging.WARNING and line and not line.startswith(";"):
+            if kind == _TRC and record.levelno >= logging.WARNING and line and not line.startswith(";"):
                 lines.append(line[:80])
 
     handler = Collector()

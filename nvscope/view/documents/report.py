@@ -6,7 +6,7 @@ what is absent is None. The same state gives the same document.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +63,7 @@ def report_document(
             "telegrams": capture.telegrams,
             "other_frames": capture.frames - capture.telegrams,
             **({"can_frames": capture.can_frames} if capture.can_frames else {}),
-            "drops": sum(info.drops for info in sources),
+            "drops": _sum(info.drops for info in sources),
             "start_ns": time_text(capture.start_ns),
             "end_ns": time_text(capture.end_ns),
         },
@@ -77,6 +77,12 @@ def report_document(
         "findings": [_finding(finding, keys, summary) for finding in findings],
     }
     return document | ({"buses": can_buses(summary.can, names)} if summary.can.buses else {})
+
+
+def _sum(counts: Iterable[int | None]) -> int | None:
+    """Return the sum of counts, None where one of them is not known."""
+    known = list(counts)
+    return None if None in known else sum(count for count in known if count is not None)
 
 
 def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Mapping[str, str]) -> dict[str, Any]:

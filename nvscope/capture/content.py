@@ -1,0 +1,134 @@
+"""What is in an open capture file, decompressed, as its reader wants it: a window, pieces, a file on disk."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import chain
+
+from nvscope.capture.compressed import COMPRESSIONS, Decompressed, compression_of
+from nvscope.capture.formats import READABLE, TEXT_HEAD_BYTES, NoCapture, either, is_enough
+from nvscope.capture.pieces import FilePieces, PipePieces, read_at
+from nvscope.capture.time_span import TimeSpan
+from nvscope.capture.window import CHUNK_BYTES, SMALL_FILE_BYTES, MappedWindow, StreamWindow, Window
+from nvscope.errors import UnreadableInput
+
+STDIN = "-"
+
+EXPECTED = f"{READABLE}, plain or compressed with {either(COMPRESSIONS)}"
+"""What a person may give as a capture file."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContentSizes:
+    """How much is in memory at a time: ``small_file_bytes`` and ``chunk_bytes`` are those of the windows."""
+
+    small_file_bytes: int = SMALL_FILE_BYTES
+    chunk_bytes: int = CHUNK_BYTES
+
+
+class Content:
+    """The content of a file that is open as ``descriptor``; ``path`` is what messages call it, "-" is stdin.
+
+    ``head`` are its first bytes, ``compression`` is how they were compressed, '' if not at all. A ``regular`` file can
+    be opened again. A reader takes either ``window()`` or ``pieces()``, or reads the file at ``disk_path`` by itself.
+    ``span`` is what is wanted of it: packets outside may be left out. Raises NoCapture where there is nothing in it.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        descriptor: int,
+        sizes: ContentSizes,
+        span: TimeSpan,
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.path = path
+        self.span = span
+        self._descriptor = descriptor
+        self._sizes = sizes
+        self._window: Window | None = None
+        self._decompressed: Decompressed | None = None
+        status = os.fstat(descriptor)
+        if stat.S_ISDIR(status.st_mode):
+            raise UnreadableInput("a directory, expected a file", where=path)
+        self.regular = stat.S_ISREG(status.st_mode) and (path != STDIN or not os.lseek(descriptor, 0, os.SEEK_CUR))
+        self.size_bytes = status.st_size if self.regular else None
+        self._input = FilePieces(descriptor, stopped) if self.regular else PipePieces(descriptor, stopped)
+        self._pieces = iter(self._input)
+        self._by_pieces = not self.regular
+        if self.regular:
+            self.head = read_at(descriptor, TEXT_HEAD_BYTES, 0)
+        else:
+            self.head = self._peek()
+        self.compression = compression_of(self.head)
+        if not self.head:
+            raise NoCapture(f"empty (0 bytes), expected {EXPECTED}", where=path)
+        if self.compression:
+            self._decompressed = Decompressed(self._pieces, self.compression)
+            self._pieces = iter(self._decompressed)
+            self._by_pieces = True
+            self.head = self._peek()
+            if not self.head:
+                what = self.failure or f"{self.compression} data with nothing in them"
+                raise NoCapture(f"{what}, expected {EXPECTED}", where=f"{path}, offset 0")
+
+    def _peek(self) -> bytes:
+        """Return as much from the begin of the pieces as tells what they are, if there is as much, and put it back."""
+        taken: list[bytes] = []
+        for piece in self._pieces:
+            taken.append(piece)
+            if is_enough(b"".join(taken)[:TEXT_HEAD_BYTES]):
+                break
+        self._pieces = chain(taken, self._pieces)
+        return b"".join(taken)[:TEXT_HEAD_BYTES]
+
+    @property
+    def failure(self) -> str:
+        """What ended the bytes before their end, '' while nothing has."""
+        return self._decompressed.failure if self._decompressed else ""
+
+    @property
+    def disk_path(self) -> str:
+        """The path of a file on disk that is this content, '' where it is compressed, or comes from a pipe."""
+        return self.path if self.regular and self.path != STDIN and not self.compression else ""
+
+    @property
+    def begin(self) -> str:
+        """Where the content begins, as messages tell it."""
+        return f"{self.path}, offset 0" + (f" of the {self.compression} data" if self.compression else "")
+
+    def pieces(self) -> Iterator[bytes]:
+        """Return the bytes in pieces, once; empty ones where the other side pauses."""
+        self._by_pieces = True
+        return self._pieces
+
+    def window(self) -> Window:
+        """Return a window over the bytes: a map of a regular file where it can be mapped, a buffer of all others."""
+        if self._window is None:
+            self._window = None if self._by_pieces else self._map()
+            self._window = self._window or StreamWindow(self.pieces(), chunk_bytes=self._sizes.chunk_bytes)
+        return self._window
+
+    def _map(self) -> Window | None:
+        assert self.size_bytes is not None
+        try:
+            return MappedWindow(self._descriptor, self.size_bytes, small_file_bytes=self._sizes.small_file_bytes)
+        except (OSError, ValueError):
+            # Empty, or of a kind that cannot be mapped: read like a stream.
+            return None
+
+    def position_bytes(self, reader_position: int) -> int:
+        """Return how many bytes of the file were read, where its reader is at a position of the content."""
+        return self._input.position if self._by_pieces else reader_position
+
+    def close(self) -> None:
+        """Close the file; also repeatedly."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+        if self._descriptor > 2:
+            os.close(self._descriptor)
+        self._descriptor = -1

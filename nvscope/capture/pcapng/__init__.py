@@ -1,0 +1,1 @@
+"""pcapng files: their blocks and interfaces, a reader, a sink."""

@@ -1,0 +1,84 @@
+"""Writes pcapng files."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+
+from dissectors.batch import U8, U32, PacketBatch
+from nvscope.capture.output import FileSink
+from nvscope.capture.pcapng.blocks import (
+    BYTE_ORDER_MAGIC,
+    ENHANCED_PACKET,
+    INTERFACE,
+    OPTION_END,
+    OPTION_INTERFACE_NAME,
+    OPTION_TIME_RESOLUTION,
+    PACKET_OVERHEAD,
+    SECTION,
+)
+from nvscope.capture.record_reader import MAX_PACKET_BYTES
+from nvscope.capture.spans import BATCH_BYTES, copy_spans, put_blocks, stretches
+
+
+class PcapngSink(FileSink):
+    """Writes packets of any link types to a pcapng file of one section in this machine's byte order, times in ns.
+
+    Every link type is an interface; with ``channels``, names by number that may grow, every channel of it is one, and
+    has its name. Packets are cut to ``MAX_PACKET_BYTES``, times before 1970 become 1970.
+    """
+
+    format_name = "pcapng"
+
+    def __init__(self, path: str, channels: Sequence[str] | None = None) -> None:
+        super().__init__(path, channels)
+        self._numbers: dict[int, int] = {}
+        self._output.write(struct.pack("=IIIHHqI", SECTION, 28, BYTE_ORDER_MAGIC, 1, 0, -1, 28))
+
+    def write(self, batch: PacketBatch) -> None:
+        if not len(batch):
+            return
+        key = batch.link.astype(np.int64)
+        if self._channels is not None:
+            key = key << 16 | batch.channels
+        seen, key = np.unique(key, return_inverse=True)
+        for known in seen.tolist():
+            if known not in self._numbers:
+                self._numbers[known] = len(self._numbers)
+                self._output.write(self._interface(known))
+        interface = np.array([self._numbers[known] for known in seen.tolist()], np.uint32)[key]
+        for rows in stretches(batch.captured, len(batch), BATCH_BYTES):
+            self._output.write(self._blocks(batch[rows], interface[rows]))
+
+    def _interface(self, key: int) -> bytes:
+        link, options = key, b""
+        if self._channels is not None:
+            link, channel = key >> 16, key & 0xFFFF
+            name = self._channels[channel].encode("utf-8", "replace") if channel < len(self._channels) else b""
+            if name:
+                options = struct.pack("=HH", OPTION_INTERFACE_NAME, len(name)) + name + bytes(-len(name) % 4)
+        options += struct.pack("=HHB3xHH", OPTION_TIME_RESOLUTION, 1, 9, OPTION_END, 0)
+        size = 20 + len(options)
+        return struct.pack("=IIHHI", INTERFACE, size, link, 0, MAX_PACKET_BYTES) + options + struct.pack("=I", size)
+
+    def _blocks(self, batch: PacketBatch, interface: U32) -> U8:
+        captured = np.minimum(batch.captured, MAX_PACKET_BYTES).astype(np.int64)
+        sizes = (captured + 3 & ~3) + PACKET_OVERHEAD
+        ends = np.cumsum(sizes)
+        begins = ends - sizes
+        units = np.maximum(batch.ts_ns, 0)
+        headers = np.empty((len(batch), 7), np.uint32)
+        headers[:, 0] = ENHANCED_PACKET
+        headers[:, 1] = sizes
+        headers[:, 2] = interface
+        headers[:, 3] = units >> 32
+        headers[:, 4] = units & 0xFFFFFFFF
+        headers[:, 5] = captured
+        headers[:, 6] = np.clip(batch.original, 0, 0xFFFFFFFF)
+        blocks = np.zeros(int(ends[-1]), np.uint8)
+        put_blocks(blocks, begins, headers)
+        put_blocks(blocks, ends - 4, np.ascontiguousarray(headers[:, 1:2]))
+        copy_spans(blocks, begins + 28, batch.data, batch.offset, captured)
+        return blocks

@@ -1,0 +1,110 @@
+"""What reading pcap and pcapng has in common: a lockstep walk over the records, their columns, batches, and faults."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dissectors.batch import I64, PacketBatch
+from nvscope.capture.batch_builder import BatchBuilder
+from nvscope.capture.content import Content
+from nvscope.capture.lockstep import Framing, LockstepWalker
+from nvscope.capture.reader import ReadingSizes, WindowReader
+from nvscope.capture.source import Truncation
+from nvscope.capture.window import View
+
+MAX_PACKET_BYTES = 262_144
+"""Captured bytes of a packet that are believed without a larger snap length; tcpdump's and Wireshark's own limit."""
+
+MAX_SNAP_BYTES = 16 << 20
+"""Captured bytes of a packet that are believed at all."""
+
+# The walk visits a stretch all over: small enough to stay in the cache, large enough for many lanes.
+_FIRST_STRIDE_BYTES = 64 << 10
+_SMALL_RECORD_BYTES = 768
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """The packets of some records, where in the view the records end, and why they end there if not by choice.
+
+    ``incomplete`` is a record that is not whole in the view, ``fault`` says what is wrong with a record that is.
+    """
+
+    packets: PacketBatch
+    after: int
+    fault: str = ""
+    incomplete: bool = False
+
+
+class RecordReader(WindowReader):
+    """A reader of a format whose records tell their length."""
+
+    framing: Framing
+
+    def __init__(self, content: Content, sizes: ReadingSizes, position: int = 0) -> None:
+        super().__init__(content, sizes, position)
+        self._record_bytes = 0.0
+
+    @abstractmethod
+    def _take(self, view: View, found: I64) -> Taken:
+        """Decode the records at ``found``, as a walk returns them; may change ``framing`` for what comes after."""
+
+    def read(self, view: View) -> Iterator[PacketBatch]:
+        sizes = self.sizes
+        columns = BatchBuilder(sizes.batch_packets)
+        here = view.start
+        framing = None
+        incomplete = False
+        stride = sizes.stride_bytes if self._record_bytes else min(_FIRST_STRIDE_BYTES, sizes.stride_bytes)
+        while here < view.stop and not self.finished and not incomplete:
+            if framing is not self.framing:
+                framing = self.framing
+                walker = LockstepWalker(
+                    view.data, view.end, framing, record_bytes=self._record_bytes, lanes=sizes.lanes
+                )
+            stop = min(here + stride, view.stop)
+            if self._record_bytes < _SMALL_RECORD_BYTES:
+                # Reading the stretch in order brings it into the cache at several times the speed of the walk's jumps.
+                view.data[here : min(stop, view.end)].max()
+            found = walker.walk(here, stop)
+            self._record_bytes = walker.record_bytes
+            if not len(found):
+                incomplete = True
+                break
+            taken = self._take(view, found)
+            here, incomplete = taken.after, taken.incomplete
+            self.position = view.origin + here
+            if taken.fault:
+                self._stop_at(self.position, f"damaged: {taken.fault}; nothing after it can be read")
+            self.progress.frames += len(taken.packets)
+            # After a section in the other byte order the walk begins small again: there may be many of them.
+            stride = min(2 * stride, sizes.stride_bytes) if framing is self.framing else min(4096, stride)
+            yield from columns.add(taken.packets)
+        if columns.rows:
+            yield columns.take(view.data)
+        if view.ends_file and not self.finished:
+            if incomplete:
+                self._stop_at(self.position, f"cut short: the last record has only {view.end - here} bytes left of it")
+            elif here >= view.end:
+                self.finished = True
+
+    def _judge_last(self, view: View, found: I64) -> tuple[I64, int, str, bool]:
+        """Return the whole records, where the last of them ends, what is wrong there, and whether it is a cut."""
+        framing, at = self.framing, int(found[-1])
+        field = view.data[at + framing.length_at : at + framing.length_at + 4]
+        length = int(field.view(framing.byte_order + "u4")[0])
+        if not framing.shortest <= length <= framing.longest:
+            fault = f"a record of {length} bytes, expected {framing.shortest} to {framing.longest}"
+            return found[:-1], at, fault, False
+        if length % framing.alignment:
+            return found[:-1], at, f"a record of {length} bytes, expected a multiple of {framing.alignment}", False
+        after = at + length + framing.length_adds
+        if after > view.end:
+            return found[:-1], at, "", True
+        return found, after, "", False
+
+    def _stop_at(self, position: int, message: str) -> None:
+        self.progress.truncation = Truncation(position, message)
+        self.finished = True
