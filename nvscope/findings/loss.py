@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from nvscope.findings.finding import Events, Facts, Finding, events_of
 from nvscope.tracker.counters import SCOPE_UNUSED, Scope
-from nvscope.tracker.sequence import Step
+from nvscope.tracker.steps import Step
 from nvscope.tracker.summary import ListSummary, StreamSummary
 from nvscope.units import count, count_of, duration, percent
 

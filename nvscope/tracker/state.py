@@ -35,7 +35,7 @@ from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.loss import Loss, NodeSteps
 from nvscope.tracker.recent import Recent
-from nvscope.tracker.sequence import Steps
+from nvscope.tracker.steps import Steps
 from nvscope.tracker.timing import BatchIntervals, Timing
 
 if TYPE_CHECKING:

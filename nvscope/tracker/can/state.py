@@ -22,7 +22,7 @@ from nvscope.tracker.can.load import CanLoad
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.loss import NodeSteps
-from nvscope.tracker.sequence import Step, Steps
+from nvscope.tracker.steps import Step, Steps
 
 
 class PdoColumns(KeyedColumns):
