@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nvscope import units
+from nvscope.findings.loss import COUNTER_ERRATIC
 from nvscope.report.content import Clock, Report, Row, findings_by_list, nanoseconds, node_names, status, worst
 from nvscope.tracker.counters import DIAGNOSIS
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Tone
@@ -33,7 +34,7 @@ def overview(report: Report) -> tuple[list[Measure], list[Row]]:
         {
             **entry,
             "worst": worst(by_list.get(entry["key"], ())),
-            "erratic": any(finding["code"] == "NV207" for finding in by_list.get(entry["key"], ())),
+            "erratic": any(finding["code"] == COUNTER_ERRATIC.code for finding in by_list.get(entry["key"], ())),
             "from": _first_of(entry["senders"], names),
             "to": _first_of(entry["readers"], names),
         }

@@ -31,6 +31,7 @@ from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.errors import ErrorEvents, Errors
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.loss import Loss, NodeSteps
@@ -41,17 +42,12 @@ from nvscope.tracker.timing import BatchIntervals, Timing
 if TYPE_CHECKING:
     from nvscope.tracker.variables.values import Values
 
-FAULT_CODES = {
-    Fault.SHORT: 101,
-    Fault.LENGTH: 102,
-    Fault.SERVICE: 103,
-    Fault.BYTE_SWAPPED: 105,
+_OF_FAULT = {
+    Fault.SHORT: EventKind.SHORT,
+    Fault.LENGTH: EventKind.LENGTH_MISMATCH,
+    Fault.SERVICE: EventKind.UNKNOWN_SERVICE,
+    Fault.BYTE_SWAPPED: EventKind.LENGTH_BYTE_SWAPPED,
 }
-RESERVED_FLAGS_CODE, ASCII_CODE, TRUNCATED_CODE = 104, 106, 107
-NO_ACKNOWLEDGEMENT_CODE, NEGATIVE_CODE, UNEXPECTED_CODE, BOOT_UP_CODE, REJECTED_CODE = 301, 302, 303, 304, 305
-SHAPE_CODE, CHECKSUM_CODE, FLAGS_CODE = 402, 403, 404
-PDO_LENGTH_CODE = 603
-CLOCK_STEP_CODE = 902
 
 _REJECTED = {
     Service.ODStateFree: DiagError.UDPSENDATA,
@@ -79,7 +75,7 @@ class ListColumns(KeyedColumns):
 class TrackerState:
     """What is on the wire; what is on CAN buses besides data is in ``can``.
 
-    ``events`` are the events that are findings as they stand, keyed by ``finding_key``. Frame numbers count from 1
+    ``events`` are the events that are findings as they stand, keyed by ``event_key``. Frame numbers count from 1
     across all that was observed. ``repeated`` counts telegrams that equal the one before them byte for byte.
     ``values`` are those of the variables, where their definition is known; ``chosen`` counts the telegrams chosen.
 
@@ -152,7 +148,7 @@ class TrackerState:
         if len(back):
             self.longest_step_back_ns = max(self.longest_step_back_ns, int((before[back] - time_ns[back]).max()))
             nobody = np.full(len(back), -1)
-            self._log(CLOCK_STEP_CODE, nobody, nobody, nobody, time_ns[back], back + first_frame)
+            self._log(EventKind.CLOCK_STEPPED_BACK, nobody, nobody, nobody, time_ns[back], back + first_frame)
         earliest, latest = int(time_ns.min()), int(time_ns.max())
         self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
         self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)
@@ -175,19 +171,19 @@ class TrackerState:
         kind, node, lists, subindex = ours.kind[variety], ours.node[variety], ours.list[variety], ours.subindex[variety]
         header, fault, truncated = theirs.header[variety], theirs.fault[variety], theirs.truncated[variety]
         reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= FrameKind.BOOT_UP_REQUEST)
-        masks = [(code, fault == kind_of_fault) for kind_of_fault, code in FAULT_CODES.items()]
-        masks.append((RESERVED_FLAGS_CODE, reserved))
-        masks.append((ASCII_CODE, header["identity"] == IDENTITY_ASCII))
-        masks.append((TRUNCATED_CODE, truncated))
-        for code, mask in masks:
+        masks = [(event, fault == kind_of_fault) for kind_of_fault, event in _OF_FAULT.items()]
+        masks.append((EventKind.RESERVED_FLAGS, reserved))
+        masks.append((EventKind.ASCII_IDENTITY, header["identity"] == IDENTITY_ASCII))
+        masks.append((EventKind.TRUNCATED, truncated))
+        for event, mask in masks:
             row = np.flatnonzero(mask)
             if len(row):
                 when, frame = told.packets.ts_ns[odd[row]], odd[row] + first_frame
-                self._log(code, lists[row], node[row], subindex[row], when, frame)
+                self._log(event, lists[row], node[row], subindex[row], when, frame)
         np.add.at(self.lists.truncated, lists[truncated & (lists >= 0)], 1)
 
-    def _log(self, code: int, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
-        self.events.record(*finding_key(code, lists, node, subindex), time_ns, frame)
+    def _log(self, event: EventKind, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
+        self.events.record(*event_key(event, lists, node, subindex), time_ns, frame)
 
     def _observe_rejected(self, told: Told) -> list[ErrorEvents]:
         """Book the telegrams that ICMP messages say were not delivered."""
@@ -199,7 +195,7 @@ class TrackerState:
         frame = datagram.row + told.first_frame
         known = datagram.captured_bytes >= HEADER.offset_of("items")
         subindex = np.where(known, quoted.header["subindex"].astype(np.int64), -1)
-        self._log(REJECTED_CODE, lists, node, subindex, quoted.ts_ns, frame)
+        self._log(EventKind.SEND_REJECTED, lists, node, subindex, quoted.ts_ns, frame)
         self.lists.resize(len(self.keys.lists))
         np.add.at(self.lists.send_rejected, lists, 1)
         for kind, error in _REJECTED.items():
@@ -230,12 +226,12 @@ class TrackerState:
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
         return intervals
 
-    def _log_rows(self, code: int, rows: DataRows, place: I64, first_frame: int) -> None:
+    def _log_rows(self, event: EventKind, rows: DataRows, place: I64, first_frame: int) -> None:
         """Note something of some rows, in the order of the capture."""
         if len(place):
             row = place[np.argsort(rows.packet[place])]
             lists, node, subindex = self.described(rows.stream[row])
-            self._log(code, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+            self._log(event, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
 
     def _observe_pdos(self, told: Told) -> None:
         """Take the data frames of CAN: they have a time, a length and variables, and nothing else to go by."""
@@ -247,7 +243,7 @@ class TrackerState:
         usual_ns = self.timing.columns.usual_ns
         self.can.observe_cycles(rows, intervals.usual, usual_ns, self.keys, told.pdos, first_frame)
         changed = self.consistency.changed_shapes(rows, rows.changes(), self.keys)
-        self._log_rows(PDO_LENGTH_CODE, rows, changed, first_frame)
+        self._log_rows(EventKind.PDO_LENGTH_CHANGED, rows, changed, first_frame)
         if self.values is not None:
             self.values.observe(told, rows)
 
@@ -277,30 +273,34 @@ class TrackerState:
         stream, time_ns, frame = answers.missing
         if len(stream):
             lists, sender, subindex = self.described(stream)
-            self._log(NO_ACKNOWLEDGEMENT_CODE, lists, sender, subindex, time_ns, frame)
+            self._log(EventKind.NO_ACKNOWLEDGEMENT, lists, sender, subindex, time_ns, frame)
             np.add.at(self.lists.missing_acknowledgements, lists, 1)
         negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)
-        for code, row, node in (
-            (NEGATIVE_CODE, negative, answers.negative_node),
-            (UNEXPECTED_CODE, answers.unexpected, acknowledgements.source[answers.unexpected]),
+        for event, row, node in (
+            (EventKind.NEGATIVE_ACKNOWLEDGEMENT, negative, answers.negative_node),
+            (EventKind.UNEXPECTED_ACKNOWLEDGEMENT, answers.unexpected, acknowledgements.source[answers.unexpected]),
         ):
             subindex = places.low[acknowledgements.place[row]].astype(np.int64)
             frame = acknowledgements.packet[row] + first_frame
-            self._log(code, acknowledgements.list[row], node, subindex, acknowledgements.time_ns[row], frame)
+            self._log(event, acknowledgements.list[row], node, subindex, acknowledgements.time_ns[row], frame)
         np.add.at(self.lists.negative_acknowledgements, acknowledgements.list[negative], 1)
         waits = answers.unanswered
         if len(waits):
             nobody = np.full(len(waits), -1)
             subindex = places.low[waits.place].astype(np.int64)
-            self._log(BOOT_UP_CODE, waits.list, nobody, subindex, waits.deadline_ns, waits.frame)
+            self._log(EventKind.BOOT_UP_UNANSWERED, waits.list, nobody, subindex, waits.deadline_ns, waits.frame)
             np.add.at(self.lists.bootup_unanswered, waits.list, 1)
         return answers.errors
 
     def _observe_consistency(self, rows: DataRows, first_frame: int) -> ErrorEvents:
         """Note changes of shape, checksum and flags."""
         changed, mismatch, strange = self.consistency.observe(rows, self.keys)
-        for code, place in ((SHAPE_CODE, changed), (CHECKSUM_CODE, mismatch), (FLAGS_CODE, strange)):
-            self._log_rows(code, rows, place, first_frame)
+        for event, place in (
+            (EventKind.SHAPE_CHANGED, changed),
+            (EventKind.CHECKSUM_CHANGED, mismatch),
+            (EventKind.FLAGS_INCONSISTENT, strange),
+        ):
+            self._log_rows(event, rows, place, first_frame)
         np.add.at(self.flows.counts.mismatches, self.keys.varieties.flow[rows.variety[mismatch]], 1)
         lists, node, _ = self.described(rows.stream[mismatch])
         frame = rows.packet[mismatch] + first_frame
@@ -313,12 +313,12 @@ class TrackerState:
         return self.keys.places.high[place].astype(np.int64), node, self.keys.places.low[place].astype(np.int64)
 
 
-def finding_key(code: int, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
-    """Return the key of ``TrackerState.events``: numbers of list and node, and SubIndex, -1 each for none."""
-    high = (np.uint64(code) << np.uint64(32)) | (lists + 1).astype(np.uint64)
+def event_key(event: EventKind, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
+    """Return the key of ``TrackerState.events``: kind, numbers of list and node, and SubIndex, -1 each for none."""
+    high = (np.uint64(event) << np.uint64(32)) | (lists + 1).astype(np.uint64)
     return high, ((node + 1).astype(np.uint64) << np.uint64(32)) | (subindex + 1).astype(np.uint64)
 
 
-def finding_parts(high: int, low: int) -> tuple[int, int, int, int]:
-    """Take a key of ``TrackerState.events`` apart: code, list, node, SubIndex, -1 each for none."""
+def event_parts(high: int, low: int) -> tuple[int, int, int, int]:
+    """Take a key of ``TrackerState.events`` apart: kind, list, node, SubIndex, -1 each for none."""
     return high >> 32, (high & 0xFFFFFFFF) - 1, (low >> 32) - 1, (low & 0xFFFFFFFF) - 1
