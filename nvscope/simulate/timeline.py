@@ -23,6 +23,8 @@ from dissectors.netvar import (
     PORT,
     Service,
 )
+from nvscope.findings.header import BIG_ENDIAN_HEADER, LENGTH_MISMATCH, SHORT_TELEGRAM, UNKNOWN_SERVICE
+from nvscope.findings.kind import FindingKind
 from nvscope.simulate.faults import Journey, Label, Variant, make_journey, seen_rows
 from nvscope.simulate.frames import LIMITED_BROADCAST, Frame, Host, IPAddress, Values, Wire, hardware_address, render
 from nvscope.simulate.noise import noise_key, uniform
@@ -66,8 +68,8 @@ class Role(IntEnum):
 class Template:
     """Frames that differ in the columns only, and what is true of all of them.
 
-    ``key`` is (port, Index) of the list, None where there is none. ``fault`` is the code of what is wrong with a
-    malformed telegram. ``index_end`` is where in an ICMP message the quoted Index ends, 0 if it is not quoted.
+    ``key`` is (port, Index) of the list, None where there is none. ``fault`` is what is wrong with a malformed
+    telegram. ``index_end`` is where in an ICMP message the quoted Index ends, 0 if it is not quoted.
     """
 
     frame: Frame
@@ -79,7 +81,7 @@ class Template:
     subindex: int = 0
     stream: int = -1
     items: int = 0
-    fault: str = ""
+    fault: FindingKind | None = None
     index_end: int = 0
     ascii_identity: bool = False
 
@@ -392,16 +394,16 @@ class _Draft:
             stream = schedule.streams[schedule.stream[row]]
             plan = schedule.writers[stream.writer].plan
             size = HEADER.size_bytes + stream.data_bytes
-            service, length, code = fault.service, size, ""
+            service, length, kind = fault.service, size, None
             match fault.kind:
                 case "short":
-                    length, code = fault.payload_bytes, "NV101"
+                    length, kind = fault.payload_bytes, SHORT_TELEGRAM
                 case "wrong_length":
-                    length, code = size + _EXCESS, "NV102"
+                    length, kind = size + _EXCESS, LENGTH_MISMATCH
                 case "byte_swapped_length":
-                    length, code = size % 256 * 256 + size // 256, "NV105"
+                    length, kind = size % 256 * 256 + size // 256, BIG_ENDIAN_HEADER
                 case "unknown_service":
-                    service, code = _UNKNOWN_SERVICE, "NV103"
+                    service, kind = _UNKNOWN_SERVICE, UNKNOWN_SERVICE
             header = HEADER.pack(
                 id=service, index=plan.index, subindex=stream.subindex, items=stream.items, length=length,
                 counter=int(schedule.counter[row]),
@@ -413,7 +415,7 @@ class _Draft:
             template = self._telegram_template(
                 stream.node, self._destination(stream.entry, stream.node), plan.port, payload,
                 Role.OTHER if fault.kind == "stub" else role, list_key=(plan.port, plan.index),
-                subindex=stream.subindex, fault=code,
+                subindex=stream.subindex, fault=kind,
             )  # fmt: skip
             self.add(template, np.array([self.journey.arrival_ns[row] + _MALFORMED_AFTER_NS], np.int64))
 
