@@ -16,9 +16,9 @@ import pytest
 
 from nvscope.capture.open import open_sink
 from nvscope.findings.catalogue import CATALOGUE
+from nvscope.simulate.frames import LINKS
 from nvscope.simulate.scenario import load_scenario
 from nvscope.simulate.simulator import open_capture, simulate
-from nvscope.simulate.timeline import LINKS
 from tests.packets import document_of, tracked
 from tests.plc.collected import Collected, reported, run
 from tests.plc.comparison import differences

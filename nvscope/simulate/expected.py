@@ -24,7 +24,7 @@ from nvscope.simulate.figures import seems_to_count_sends
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.observation import ListKey, Observation
 from nvscope.simulate.ordering import order_by
-from nvscope.simulate.timeline import Role
+from nvscope.simulate.template import Role
 
 UNUSED_TELEGRAMS = 8
 

@@ -21,7 +21,7 @@ from nvscope.findings.answers import (
 from nvscope.simulate.expected import ExpectedFindings
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.observation import ListKey, Observation
-from nvscope.simulate.timeline import Role
+from nvscope.simulate.template import Role
 
 TIMEOUT_NS = 1_000_000_000
 _NEVER = np.iinfo(np.int64).max

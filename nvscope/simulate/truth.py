@@ -42,7 +42,8 @@ from nvscope.simulate.replies import (
     unexpected_acknowledgements,
 )
 from nvscope.simulate.scenario import Scenario
-from nvscope.simulate.timeline import Role, Template, Timeline
+from nvscope.simulate.template import Role, Template
+from nvscope.simulate.timeline import Timeline
 
 SCHEMA = "nvscope.truth/1"
 _FIGURES = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
