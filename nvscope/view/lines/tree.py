@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dissectors import address
+from dissectors.headers import PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
 from dissectors.layout import Field, Layout
-from dissectors.link import PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
 from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS, Fault, Service
 from nvscope import units
 from nvscope.expression.columns import FieldType
