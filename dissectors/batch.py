@@ -54,6 +54,8 @@ class PacketBatch:
     From every row's offset at least ``PAD_BYTES`` bytes of ``data`` can be read, be they of the packet or not.
     ``link`` holds the link type of each row as uint16, usually one broadcast value. ``channel`` tells as uint16 on
     which of several buses or interfaces a packet was captured; None where all are of number 0.
+    ``until_ns``: time has passed up to here, behind the packets; a batch without packets says by it that nothing came
+    until then. None where only the packets tell.
     Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
     """
 
@@ -64,12 +66,15 @@ class PacketBatch:
     ts_ns: I64
     link: U16
     channel: U16 | None = None
+    until_ns: int | None = None
 
     def __len__(self) -> int:
         return len(self.offset)
 
     def __getitem__(self, rows: slice) -> PacketBatch:
-        """Return the packets of a slice, over the same buffer."""
+        """Return the packets of a slice, over the same buffer; ``until_ns`` is that of the whole batch alone."""
+        if len(range(*rows.indices(len(self)))) == len(self):
+            return self
         channel = None if self.channel is None else self.channel[rows]
         return PacketBatch(
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows],

@@ -48,6 +48,9 @@ class Batches:
     def __iter__(self) -> Iterator[PacketBatch]:
         return iter(self.batches)
 
+    def stop(self) -> None:
+        self.batches = ()
+
 
 def cut(whole: PacketBatch, packets: int) -> list[PacketBatch]:
     """Return a batch as several of so many packets."""
@@ -92,4 +95,4 @@ class Shown:
 def document_of(state: TrackerState) -> dict[str, Any]:
     """Return the report of a state as data, without sources."""
     summary = summarize(state)
-    return report_document(state, summary, judge(state, summary=summary), [])
+    return report_document(summary, judge(state, summary=summary), [])

@@ -133,7 +133,7 @@ def test_variables_are_fields() -> None:
     (some,), (all_of,) = part.values.streams.values(), whole.values.streams.values()
     sent = [entry["v"] for entry in json.loads((CAPTURES / "peers" / "sent-node-red.json").read_text())]
     wanted = [values for values in sent if values["stAxis"]["pos"] > 500 and values["bStart"]]
-    assert some.telegrams == part.state.chosen == len(wanted)
+    assert some.telegrams == part.state.capture.chosen == len(wanted)
     assert all_of.telegrams == len(sent)
     assert some.least[3] is not None
     assert some.least[3][0] > 500

@@ -19,6 +19,7 @@ CHECKS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("check", CHECKS)
 def test_house_rule(check: str) -> None:
     program, *arguments = CHECKS[check]

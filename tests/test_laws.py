@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from dissectors.batch import PacketBatch
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.tracker.counters import LIST_COUNTERS, DiagError
+from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import LINKS, generate, mutate
 from tests.packets import batch_of, document_of, tracked
@@ -22,7 +23,7 @@ def traffic(seed: int) -> list[Frame]:
 
 
 @given(st.integers(0, 10_000), st.randoms(use_true_random=False))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_any_cut_into_batches_gives_the_same_report(seed: int, choice: random.Random) -> None:
     whole = batch_of(traffic(seed))
     cuts = sorted(choice.sample(range(len(whole) + 1), min(len(whole), choice.choice([1, 3, 30]))))
@@ -31,7 +32,7 @@ def test_any_cut_into_batches_gives_the_same_report(seed: int, choice: random.Ra
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=8, deadline=None)
+@examples(8)
 def test_packets_one_by_one_give_the_same_report(seed: int) -> None:
     whole = batch_of(traffic(seed)[:150])
     pieces = [whole[row : row + 1] for row in range(len(whole))]
@@ -63,7 +64,7 @@ def test_any_bytes_are_accounted_for(frames: list[Frame]) -> None:
 
 
 @given(st.integers(0, 10_000), st.integers(0, 10_000))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_mutated_traffic_is_accounted_for(seed: int, mutation: int) -> None:
     frames = mutate(mutation, generate(seed, frames=150, link=None))
     capture = document_of(tracked([batch_of(frames)]))["capture"]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from dissectors import address
 from dissectors.can.frame import dissect_can
 from dissectors.netvar import PortRules
+from nvscope.analysis.snapshot import Snapshot, snapshot
 from nvscope.capture.capture_file import STDIN, CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.source import SourceInfo
@@ -26,13 +27,13 @@ from nvscope.engine.run import Observer, run
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
 from nvscope.findings.finding import Finding
-from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import Summary, summarize
+from nvscope.tracker.summary import Summary
 from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
     from nvscope.definition.layouts import Layouts
+    from nvscope.engine.session import Session
     from nvscope.tracker.variables.hops import Hops
     from nvscope.tracker.variables.values import Values
     from nvscope.view.chosen import Chosen
@@ -194,15 +195,15 @@ class Inquiry:
         if found.chosen is not None:
             summary, findings = found.chosen.summary(summary), found.chosen.findings
         document = report_document(
-            found.state, summary, findings, found.infos, self.project.definition, rows,
+            summary, findings, found.infos, self.project.definition, rows,
             node_names=self.project.node_names if names else {},
         )  # fmt: skip
         if found.chosen is not None:
-            document["filter"] = {"expression": found.chosen.expression, "telegrams": found.state.chosen}
+            document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}
         if found.hops is not None:
             from nvscope.view.documents.hops import hop_rows  # noqa: PLC0415
 
-            document["hops"] = hop_rows(found.hops, found.state.end_ns)
+            document["hops"] = hop_rows(found.hops, summary.end_ns)
             document["hops_of_other_types"] = found.hops.untyped
         return document
 
@@ -231,7 +232,6 @@ class Inquiry:
             from nvscope.tracker.variables.values import Values  # noqa: PLC0415
 
             taken = Values(self.layouts, wanted=values)
-        project, definition = self.project, self.project.definition
         source, reading = self.open(), self.reading(chosen)
         state = TrackerState(reading.timeout_ns, values=taken)
         observers: list[Observer] = [state]
@@ -243,12 +243,20 @@ class Inquiry:
             observers.append(hops)
         for _ in self.run(source, observers, chosen):
             pass
-        summary = summarize(
-            state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,
-            cob_ids={cob_id for _, cob_id in self.pdos.by_cob_id},
-        )  # fmt: skip
-        findings = judge(state, source.infos, summary=summary, limits=project.limits, definition=definition)
-        return Analysis(source.infos, state, summary, findings, taken, hops=hops)
+        found = snapshot(state, source, self.project, self.pdos)
+        return Analysis(found.infos, state, found.summary, found.findings, taken, hops=hops)
+
+    def session(self) -> Session[Snapshot]:
+        """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
+        from nvscope.engine.session import Session  # noqa: PLC0415
+
+        source, reading = self.open(), self.reading()
+        state = TrackerState(reading.timeout_ns)
+
+        def look() -> Snapshot:
+            return snapshot(state, source, self.project, self.pdos, overdue=True)
+
+        return Session(source, reading, [state], look)
 
     def _fields(self, verdicts: Verdicts | None) -> Mapping[str, TelegramField]:
         from nvscope.view.fields.vocabulary import vocabulary  # noqa: PLC0415

@@ -101,7 +101,7 @@ def report(
         text = face.render(document, colour=shown, width=width(), utc=utc, details=details)
     typer.echo(text, nl=not text.endswith("\n"), color=shown)
     tell_of_lists(inquiry)
-    if found.state.fragments:
-        typer.echo(f"nvscope: {found.state.fragments} IP fragments were counted but not put together.", err=True)
+    if fragments := found.state.capture.fragments:
+        typer.echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
     if tell_of_losses(found.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)

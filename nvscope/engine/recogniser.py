@@ -35,21 +35,27 @@ class Recogniser:
         self._start_ns = self._last_ns = 0
 
     def tell(self, packets: PacketBatch) -> Iterator[Told]:
-        """Yield what is to be told of the packets that follow those before, a limited number of them at a time."""
-        for start in range(0, len(packets), MAX_BATCH):
-            yield self._tell(packets[start : start + MAX_BATCH])
+        """Yield what is to be told of the packets that follow those before, a limited number of them at a time.
 
-    def _tell(self, packets: PacketBatch) -> Told:
-        if not self._frames:
+        Of a batch that says nothing at all, nothing is told; of one without packets, that time has passed.
+        """
+        starts = range(0, len(packets), MAX_BATCH) or (range(1) if packets.until_ns is not None else ())
+        for start in starts:
+            last = start + MAX_BATCH >= len(packets)
+            yield self._tell(packets[start : start + MAX_BATCH], packets.until_ns if last else None)
+
+    def _tell(self, packets: PacketBatch, until_ns: int | None) -> Told:
+        if not self._frames and len(packets):
             self._start_ns = self._last_ns = int(packets.ts_ns[0])
         batch = self._sorter.sort(packets)
         told = Told(
             batch, first_frame=self._frames + 1, start_ns=self._start_ns, before_ns=self._last_ns,
             pdos=self._reading.pdos, choose=self._reading.choose,
-            laid=None if self._keys is None else self._lay_out(batch, self._keys),
+            laid=None if self._keys is None else self._lay_out(batch, self._keys), until_ns=until_ns,
         )  # fmt: skip
-        self._frames += len(batch)
-        self._last_ns = int(batch.packets.ts_ns[-1])
+        if len(batch):
+            self._frames += len(batch)
+            self._last_ns = int(batch.packets.ts_ns[-1])
         return told
 
     def _lay_out(self, batch: SortedPackets, keys: Keys) -> Laid:

@@ -152,7 +152,7 @@ def _unexpected(facts: Facts, entry: ListSummary, node: int | None, subindex: in
 
 
 def _unanswered(facts: Facts, entry: ListSummary, node: int | None, subindex: int | None, events: Events) -> str:
-    asked = entry.counters["bootup_requests"]
+    asked = entry.counters["bootup_requests"] or 0
     timeout = duration(facts.summary.timeout_ns)
     return (
         f"{count(events.count)} of the list's {count_of(asked, 'boot-up request')} brought no data telegram "

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from nvscope.findings.finding import Finding
+from nvscope.findings.finding import Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count, count_of, duration, percent
 
 if TYPE_CHECKING:
@@ -45,7 +44,6 @@ CLOCK_STEP = FindingKind(
         "Steps of microseconds are queues and do no harm; larger ones are the clock.",
         "Synchronize the clock before recording; sort or merge files by time (`reordercap`, `mergecap`).",
     ),
-    from_event=EventKind.CLOCK_STEPPED_BACK,
     of_capture=True,
 )
 TRUNCATED_FILE = FindingKind(
@@ -140,8 +138,9 @@ CARRIER_LOST = FindingKind(
 def judge_capture(facts: Facts) -> Iterator[Finding]:
     """Yield what the capture lacks, each a finding about the whole of it."""
     yield from _drops(facts)
-    for _, _, _, events in facts.logged(CLOCK_STEP):
-        step = duration(facts.state.longest_step_back_ns)
+    steps_back = facts.state.capture.steps_back.rows
+    for events in (events_of(steps_back, row) for row in range(len(steps_back))):
+        step = duration(facts.state.capture.longest_step_back_ns)
         message = f"{count_of(events.count, 'frame')} with a time before that of the frame in front, by up to {step}."
         yield Finding(CLOCK_STEP, message, events.count, events.first_ns, events.last_ns, events.frames)
     yield from _truncated(facts)
@@ -156,7 +155,7 @@ def _whole(facts: Facts, kind: FindingKind, events: int, message: str) -> Findin
 def _drops(facts: Facts) -> Iterator[Finding]:
     drops = sum(source.drops for source in facts.sources)
     if drops:
-        seen = facts.state.frames
+        seen = facts.state.capture.frames
         share = percent(drops, drops + seen)
         yield _whole(facts, CAPTURE_DROPS, drops, f"The capture lost {count_of(drops, 'frame')} of its own ({share}).")
 
@@ -171,7 +170,7 @@ def _truncated(facts: Facts) -> Iterator[Finding]:
 def _unsupported(facts: Facts) -> Iterator[Finding]:
     from dissectors.batch import LinkType
 
-    unsupported = facts.state.unsupported
+    unsupported = facts.state.capture.unsupported
     if unsupported:
         frames = sum(unsupported.values())
         known = {link.value: link.name for link in LinkType}
@@ -182,8 +181,8 @@ def _unsupported(facts: Facts) -> Iterator[Finding]:
 
 def _mirrored(facts: Facts) -> Iterator[Finding]:
     """Compare the repeated telegrams with the others: of traffic that is mirrored twice, half are repeated."""
-    repeated = facts.state.repeated
-    others = facts.state.data_telegrams - repeated
+    repeated = facts.state.senders.repeated
+    others = facts.state.senders.data_telegrams - repeated
     if 100 * repeated > facts.limits.mirrored_percent * others:
         message = (
             f"{count(repeated)} of {count_of(others, 'telegram')} came again, byte for byte: "

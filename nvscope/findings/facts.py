@@ -22,20 +22,25 @@ from nvscope.findings.unusual_intervals import UnusualIntervals
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.event_kinds import EventKind
-from nvscope.tracker.state import TrackerState, event_parts
+from nvscope.tracker.lists import event_parts
+from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 
 AnyList = ListSummary | CanListSummary
 
+Place = tuple[int | None, int | None, int | None]
+"""List, node and SubIndex; None for what is not concerned."""
+
 Logged = tuple[int | None, int | None, int | None, Events]
-"""List, node, SubIndex and events; None for what these do not concern."""
+"""A place, and the events there."""
 
 
 @dataclass(frozen=True)
 class Facts:
     """What findings are judged from: the state, what follows from it, the sources, the limits, and the time.
 
-    ``definition`` is what should be on the wire, None where nobody says.
+    ``definition`` is what should be on the wire, None where nobody says. ``overdue``: waits whose deadline has passed
+    at that time count as if a frame had shown it.
     """
 
     state: TrackerState
@@ -44,11 +49,12 @@ class Facts:
     at_ns: int
     limits: Limits = field(default_factory=Limits)
     definition: Definition | None = None
+    overdue: bool = False
 
     @cached_property
     def frames_of_stream(self) -> dict[int, tuple[int, int]]:
         """The first and the last frame of each stream."""
-        columns = self.state.flows
+        columns = self.state.lists.flows
         frames: dict[int, tuple[int, int]] = {}
         for stream, first, last in zip(
             *(columns.column(name).tolist() for name in ("stream", "first_frame", "last_frame")), strict=True
@@ -83,17 +89,17 @@ class Facts:
     @cached_property
     def cycles(self) -> CycleSizes:
         """The cycles of the lists on UDP."""
-        return CycleSizes(self.state.cycles)
+        return CycleSizes(self.state.senders.cycles)
 
     @cached_property
     def can_cycles(self) -> CycleSizes:
         """The cycles of the lists on CAN."""
-        return CycleSizes(self.state.can.cycles)
+        return CycleSizes(self.state.senders.can_cycles)
 
     @cached_property
     def captured(self) -> set[str]:
         """The transports that were listened to: of what nobody captured, nothing is missed."""
-        frames, on_can = self.state.frames, self.state.can.frames
+        frames, on_can = self.state.capture.frames, self.state.buses.frames
         captured = set()
         if on_can or any(info.format in CAN_LOGS for info in self.sources):
             captured.add("can")
@@ -105,7 +111,7 @@ class Facts:
     @cached_property
     def shape_changes(self) -> set[tuple[int | None, int | None]]:
         """The lists and nodes of which telegrams changed their shape."""
-        return {(number, node) for number, node, _, _ in self._log.get(EventKind.SHAPE_CHANGED, ())}
+        return {(number, node) for number, node, _ in self._log.get(EventKind.SHAPE_CHANGED, {})}
 
     @cached_property
     def causes(self) -> dict[int, dict[Any, tuple[str, Any]]]:
@@ -132,20 +138,51 @@ class Facts:
         """Return the checksum with which all others of a list and SubIndex are compared."""
         places = self.state.keys.places
         place = places.find(np.array([list_number], np.uint64), np.array([subindex], np.uint64))[0]
-        return int(self.state.consistency.places.reference[place])
+        return int(self.state.lists.consistency.places.reference[place])
 
     def logged(self, kind: FindingKind) -> list[Logged]:
-        """Return what the tracker logged of the event that is this kind of finding, by place."""
+        """Return the events that are this kind of finding, by place: what the tracker logged, and what is overdue."""
         if kind.from_event is None:
             raise ValueError(f"{kind.code} is no event of the log")
-        return self._log.get(kind.from_event, [])
+        found = dict(self._log.get(kind.from_event, {}))
+        for place, events in self._overdue.get(kind.from_event, {}).items():
+            known = found.get(place)
+            found[place] = events if known is None else known.followed_by(events)
+        return [(*place, events) for place, events in found.items()]
 
     @cached_property
-    def _log(self) -> dict[int, list[Logged]]:
-        keys, rows = self.state.events.keys, self.state.events.rows
-        found = defaultdict(list)
+    def _log(self) -> dict[EventKind, dict[Place, Events]]:
+        keys, rows = self.state.lists.events.keys, self.state.lists.events.rows
+        found: dict[EventKind, dict[Place, Events]] = defaultdict(dict)
         for row, key in enumerate(zip(keys.high.tolist(), keys.low.tolist(), strict=True)):
-            kind, *parts = event_parts(*key)
-            place = [None if part < 0 else part for part in parts]
-            found[kind].append((place[0], place[1], place[2], events_of(rows, row)))
+            event, *parts = event_parts(*key)
+            found[EventKind(event)][_place(*parts)] = events_of(rows, row)
         return found
+
+    @cached_property
+    def _overdue(self) -> dict[EventKind, dict[Place, Events]]:
+        """What is overdue and was shown by no frame, by event and place."""
+        found: dict[EventKind, dict[Place, Events]] = {}
+        if not self.overdue:
+            return found
+        lists = self.state.lists
+        over = lists.acknowledgement.overdue(self.at_ns)
+        requests, nobody = over.requests, np.full(len(over.requests), -1)
+        asked = self.state.keys.places.low[requests.place].astype(np.int64)
+        for event, places, deadline_ns, frame in (
+            (EventKind.NO_ACKNOWLEDGEMENT, lists.described(over.stream), over.deadline_ns, over.frame),
+            (EventKind.BOOT_UP_UNANSWERED, (requests.list, nobody, asked), requests.deadline_ns, requests.frame),
+        ):
+            own = found.setdefault(event, {})
+            order = np.argsort(deadline_ns, kind="stable")
+            columns = (*places, deadline_ns, frame)
+            for *parts, time_ns, number in zip(*(column[order].tolist() for column in columns), strict=True):
+                place = _place(*parts)
+                one = Events(1, time_ns, time_ns, (number,))
+                own[place] = own[place].followed_by(one) if place in own else one
+        return found
+
+
+def _place(list_number: int, node: int, subindex: int) -> Place:
+    """Return a place as findings have it; in keys, -1 stands for none."""
+    return tuple(None if part < 0 else part for part in (list_number, node, subindex))  # type: ignore[return-value]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from nvscope.findings.kind import FindingKind
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 if TYPE_CHECKING:  # `explain` reads the rows beside the judges, and starts without what these judge from
     from nvscope.tracker.events import EventRows
@@ -45,6 +46,11 @@ class Events:
     first_ns: int
     last_ns: int
     frames: tuple[int, ...]
+
+    def followed_by(self, later: Events) -> Events:
+        """Return these events and others behind them."""
+        frames = (self.frames + later.frames)[:FRAMES_KEPT]
+        return Events(self.count + later.count, self.first_ns, later.last_ns, frames)
 
 
 def events_of(rows: EventRows, row: int) -> Events:

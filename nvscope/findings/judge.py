@@ -44,12 +44,13 @@ def judge(
 ) -> list[Finding]:
     """Return the findings on a state: worst first, then by code, list, node and SubIndex.
 
-    ``at_ns`` is the time to judge at, by default the latest time of the capture; ``definition`` is what should be on
-    the wire. A ``summary`` that is given is to know of its intervals too.
+    ``at_ns`` is the time to judge at: then what is overdue counts, too. By default it is the latest time that is known
+    to have passed, and what waits at the end stays open. ``definition`` is what should be on the wire. A ``summary``
+    that is given is to know of its intervals too.
     """
     summary = summary or summarize(state, intervals_ns=definition.cyclic_intervals_ns() if definition else {})
-    now = at_ns if at_ns is not None else summary.end_ns or 0
-    facts = Facts(state, summary, sources, now, limits or Limits(), definition)
+    now = summary.capture.at_ns if at_ns is None else at_ns
+    facts = Facts(state, summary, sources, now or 0, limits or Limits(), definition, overdue=at_ns is not None)
     found = [finding for judge_some in JUDGES for finding in judge_some(facts)]
     everything: list[ListSummary | CanListSummary] = [*summary.can.lists, *summary.lists]
     places = {entry.number: list_order((entry.port, entry.index)) for entry in everything}

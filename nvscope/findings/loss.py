@@ -131,13 +131,10 @@ COUNTER_ERRATIC = FindingKind(
     ),
 )
 
-_ERRATIC_FROM = 100
-_ERRATIC_FACTOR = 10
-
 
 def judge_loss(facts: Facts) -> Iterator[Finding]:
     """Yield what each stream's Counter tells, and by node what a Counter counts that is not one stream's."""
-    loss = facts.state.loss
+    loss = facts.state.senders.loss
     for entry, stream in facts.streams():
         if stream.counter_scope == SCOPE_UNUSED:
             yield _finding(COUNTER_UNUSED, entry, stream, _unused(facts, stream), _unused_sentence(stream))
@@ -148,7 +145,7 @@ def judge_loss(facts: Facts) -> Iterator[Finding]:
             if not rows.count[stream.stream]:
                 continue
             events = events_of(rows, stream.stream)
-            if step == Step.GAP and _is_erratic(stream):
+            if step == Step.GAP and stream.erratic:
                 yield _finding(COUNTER_ERRATIC, entry, stream, events, _erratic_sentence(stream))
             else:
                 yield _finding(kind, entry, stream, events, sentence(stream, events))
@@ -160,18 +157,6 @@ def _finding(kind: FindingKind, entry: ListSummary, stream: StreamSummary, event
         kind, message, events.count, events.first_ns, events.last_ns, events.frames,
         entry.number, stream.node, stream.subindex,
     )  # fmt: skip
-
-
-def _is_erratic(stream: StreamSummary) -> bool:
-    """Tell whether more counters are lost than there was time to send: then the sender does not count telegrams."""
-    lost, telegrams = stream.figures["lost"], stream.telegrams
-    if lost <= telegrams:
-        return False
-    median = stream.intervals.p50
-    if median is None or median <= 0:
-        return lost > _ERRATIC_FROM
-    absent_ns = max(0, stream.last_ns - stream.first_ns - telegrams * median)
-    return (lost - _ERRATIC_FROM) * median > _ERRATIC_FACTOR * absent_ns
 
 
 def _gaps(stream: StreamSummary, events: Events) -> str:
@@ -224,16 +209,15 @@ def _unused(facts: Facts, stream: StreamSummary) -> Events:
 
 def _scopes(facts: Facts) -> Iterator[Finding]:
     """Yield a finding for each node whose Counter does not count by stream."""
-    state = facts.state
+    nodes = facts.state.senders.loss.nodes
     of_node = defaultdict(list)
     for _, stream in facts.streams():
         of_node[stream.node].append(stream)
     for node, scope in facts.summary.scopes.items():
         if scope == Scope.STREAM:
             continue
-        steps = int(state.loss.nodes.steps[node])
         sends = scope == Scope.NODE_SEND
-        regular = int((state.loss.nodes.regular_send if sends else state.loss.nodes.regular_telegram)[node])
+        steps, regular = int(nodes.steps[node]), int((nodes.regular_send if sends else nodes.regular_telegram)[node])
         own = of_node[node]
         first = min(own, key=lambda stream: facts.frames_of_stream[stream.stream])
         what = "its sends" if sends else "all its telegrams"

@@ -30,7 +30,7 @@ class UnusualIntervals:
 
     def __init__(self, state: TrackerState) -> None:
         self._state = state
-        self._histograms = Histograms(state.timing)
+        self._histograms = Histograms(state.senders.timing)
 
     def beyond(self, stream: AnyStream, chosen: Choice, *, lossless: bool = False) -> tuple[Events, bool] | None:
         """Return the intervals of the chosen buckets, and whether they are at least so many; None where there are none.
@@ -39,7 +39,7 @@ class UnusualIntervals:
         0.8 % of a limit may count as kept. Of intervals near the usual one nobody knows when they were: they are as old
         and as young as the stream. Of the first ten of them, the frames are known.
         """
-        rows, histograms = self._state.timing.unusual.rows, self._histograms
+        rows, histograms = self._state.senders.timing.unusual.rows, self._histograms
         bucket, bits, row = histograms.unusual(stream.stream)
         wanted = chosen(*bucket_bounds(bucket))
         usual_bucket, usual_count = histograms.usual(stream.stream)
@@ -69,7 +69,7 @@ class UnusualIntervals:
             return 0  # nobody counts there
         if stream.scope == Scope.STREAM:
             return stream.figures["gaps"]
-        return int(self._state.loss.nodes.gaps[stream.node])
+        return int(self._state.senders.loss.nodes.gaps[stream.node])
 
     def p99_without_loss(self, stream: AnyStream) -> int | None:
         """Return the 99th percentile of the intervals that have no loss in them, None where all have."""

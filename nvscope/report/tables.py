@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from nvscope import units
-from nvscope.findings.loss import COUNTER_ERRATIC
 from nvscope.report.content import Clock, Report, Row, findings_by_list, nanoseconds, node_names, status, worst
 from nvscope.tracker.counters import DIAGNOSIS
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Tone
@@ -34,7 +33,6 @@ def overview(report: Report) -> tuple[list[Measure], list[Row]]:
         {
             **entry,
             "worst": worst(by_list.get(entry["key"], ())),
-            "erratic": any(finding["code"] == COUNTER_ERRATIC.code for finding in by_list.get(entry["key"], ())),
             "from": _first_of(entry["senders"], names),
             "to": _first_of(entry["readers"], names),
         }
@@ -96,11 +94,13 @@ def diagnosis_rows(diags: Sequence[Row], clock: Clock) -> list[list[Cell]]:
 
 def counter_parts(entry: Row) -> tuple[list[str], list[str]]:
     """Return the counters of a list that have counted, each with its number, and the names of those that have not."""
-    counters = entry["counters"].items()
-    return (
-        [f"{name}{NO_BREAK}{units.count(number)}" for name, number in counters if number],
-        [name for name, number in counters if not number],
-    )
+    counters = dict(entry["counters"])
+    # Where they are believed, what the counters claim is what was lost.
+    claimed, unknown = counters.pop("lost_claimed"), counters["lost"] is None and entry["transport"] == "udp"
+    told = [f"{name}{NO_BREAK}{units.count(number)}" for name, number in counters.items() if number]
+    if unknown:
+        told.insert(0, f"lost{NO_BREAK}? ({units.count(claimed)}{NO_BREAK}claimed)")
+    return told, [name for name, number in counters.items() if not number and not (unknown and name == "lost")]
 
 
 def _known(time_ns: int | None, told: Callable[[int], str], otherwise: str) -> Cell:
@@ -161,9 +161,11 @@ def _spread(durations_ns: Sequence[int]) -> Cell:
     return Cell(f"{units.duration(ordered[0])} … {units.duration(ordered[-1])}")
 
 
-def _lost(entry: Row) -> Cell:
-    """Return what was lost; nobody knows it of a sender that does not count."""
-    return Cell("?", Tone.FAINT) if entry["erratic"] else count_cell(entry["counters"]["lost"], Tone.ERROR)
+def _lost(row: Row) -> Cell:
+    """Return what was lost of a list or a stream; nobody knows it of a sender that does not count."""
+    if row["lost"] is None and row["lost_claimed"] is not None:
+        return Cell("?", Tone.FAINT)
+    return count_cell(row["lost"], Tone.ERROR)
 
 
 def _interval(entry: Row) -> Cell:
@@ -221,7 +223,7 @@ _OVERVIEW = (
     Measure(Column("median", right=True, importance=2), _median),
     Measure(Column("jitter", right=True, importance=4), _jitter),
     Measure(Column("sent", right=True, importance=10), lambda row: count_cell(row["diag"]["nSendCount"])),
-    Measure(Column("lost", right=True, importance=10), _lost),
+    Measure(Column("lost", right=True, importance=10), lambda entry: _lost(entry["counters"])),
     Measure(
         Column("no ack", right=True, importance=8),
         lambda row: count_cell(row["counters"]["missing_acknowledgements"], Tone.ERROR),
@@ -238,7 +240,7 @@ _STREAM = (
 _STREAMS = (
     *_STREAM,
     Measure(Column("telegrams", right=True), lambda row: count_cell(row["telegrams"])),
-    Measure(Column("lost", right=True), lambda row: count_cell(row["lost"], Tone.ERROR)),
+    Measure(Column("lost", right=True), _lost),
     Measure(Column("dup", right=True, importance=6), lambda row: count_cell(row["duplicates"], Tone.WARNING)),
     Measure(Column("overtaken", right=True, importance=5), lambda row: count_cell(row["overtaken"], Tone.WARNING)),
     Measure(Column("restarts", right=True, importance=4), lambda row: count_cell(row["restarts"], Tone.WARNING)),

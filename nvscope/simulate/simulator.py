@@ -122,10 +122,12 @@ def interleaved(first: PacketBatch, second: PacketBatch, is_second: Bool) -> Pac
     order = np.empty(len(is_second), np.int64)
     order[~is_second] = np.arange(len(first))
     order[is_second] = np.arange(len(first), len(first) + len(second))
-    names = ("captured", "original", "ts_ns", "link", "channels")
-    columns = (np.concatenate([getattr(first, name), getattr(second, name)])[order] for name in names)
     offset = np.concatenate([first.offset, second.offset + len(first.data)])[order]
-    return PacketBatch(np.concatenate([first.data, second.data]), offset, *columns)
+    captured, original, ts_ns, link, channel = (
+        np.concatenate([getattr(first, name), getattr(second, name)])[order]
+        for name in ("captured", "original", "ts_ns", "link", "channels")
+    )
+    return PacketBatch(np.concatenate([first.data, second.data]), offset, captured, original, ts_ns, link, channel)
 
 
 def packets(timeline: Timeline, link: int, batch_frames: int = BATCH_FRAMES) -> Iterator[PacketBatch]:

@@ -94,6 +94,19 @@ NO_WAITS = BootUpWaits(*(np.empty(0, np.int64) for _ in fields(BootUpWaits)))
 
 
 @dataclass(frozen=True, slots=True)
+class Overdue:
+    """Waits whose deadline has passed without a frame that shows it.
+
+    Of each data telegram that was not acknowledged its ``stream``, deadline and ``frame``; and the boot-up requests.
+    """
+
+    stream: I64
+    deadline_ns: I64
+    frame: I64
+    requests: BootUpWaits
+
+
+@dataclass(frozen=True, slots=True)
 class Answers:
     """What a batch showed about answers.
 
@@ -186,6 +199,23 @@ class Acknowledgement:
         errors.append(negative)
         errors.append(ErrorEvents(answered_error, False, unanswered.list, nobody, unanswered.deadline_ns, seen))
         return Answers(errors, missing, negative_node, unexpected, unanswered)
+
+    def overdue(self, at_ns: int) -> Overdue:
+        """Return the open waits whose deadline is before a time."""
+        waits = self.waits
+        stream = np.flatnonzero(waits.column("open"))
+        deadline = waits.since_ns[stream] + self.timeout_ns
+        late = deadline < at_ns
+        stream = stream[late]
+        requests = self.boot_up_waits
+        return Overdue(stream, deadline[late], waits.frame[stream], requests.take(requests.deadline_ns < at_ns))
+
+    def expire(self, at_ns: int) -> Overdue:
+        """Close the waits whose deadline is before a time that has passed, and return them."""
+        over = self.overdue(at_ns)
+        self.waits.open[over.stream] = False
+        self.boot_up_waits = self.boot_up_waits.take(self.boot_up_waits.deadline_ns >= at_ns)
+        return over
 
     def _missing(
         self, rows: DataRows, wanting: I64, acknowledgements: Messages, clock: Clock, keys: Keys, first_frame: int

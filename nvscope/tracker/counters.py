@@ -36,7 +36,8 @@ DIAGNOSIS = (
 """NetVarUDPDiagStruct (Network Functionality in CoDeSys V2.3, 3.4), in the order of its components."""
 
 LIST_COUNTERS = (
-    Counter("lost", "counters", "telegrams that the counters say were sent and that never came"),
+    Counter("lost", "counters", "telegrams that the counters say were sent and that never came; unknown where NV207"),
+    Counter("lost_claimed", "counters", "telegrams that the counters claim were sent and never came, believed or not"),
     Counter("gaps", "gaps", "places where telegrams are missing"),
     Counter("longest_gap", "counters", "most telegrams missing in one place"),
     Counter("duplicates", "telegrams", "telegrams that came again"),
@@ -55,7 +56,7 @@ LIST_COUNTERS = (
 FIGURES = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
 """The counters that depend on what a sender's Counter counts; kept once for each scope."""
 
-STREAM_FIGURES = ("lost", "duplicates", "overtaken", "restarts")
+STREAM_FIGURES = ("lost", "lost_claimed", "duplicates", "overtaken", "restarts")
 
 
 class DiagError(IntEnum):

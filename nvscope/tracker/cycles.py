@@ -183,8 +183,9 @@ class Cycles:
         counts = ~np.concatenate([columns.partial[run[closed]], partial[over]])
         over_pair, over_size, over_skew = over_pair[counts], over_size[counts], over_skew[counts]
         self.events.record(
-            over_pair.astype(np.uint64), over_size.astype(np.uint64), over_ns[counts], over_frame[counts]
+            over_ns[counts], over_frame[counts], over_pair.astype(np.uint64), over_size.astype(np.uint64)
         )
+        self.events.settle()
         np.maximum.at(columns.skew_ns, over_pair, over_skew)
         open_piece = np.flatnonzero(last_piece)
         columns.size[run], columns.begin_ns[run] = size[open_piece], begin_ns[open_piece]

@@ -41,61 +41,45 @@ class EventRows(KeyedColumns):
         room = np.flatnonzero(before < FRAMES_KEPT)
         if not len(room):
             return
-        row, start, stop, before = row[room], start[room], stop[room], before[room]
-        for event in range(FRAMES_KEPT):
-            fits = (start + event < stop) & (before + event < FRAMES_KEPT)
-            if not fits.any():
-                break
-            entry = start[fits] + event
-            self.frames[row[fits], before[fits] + event] = frame[entry if place is None else place[entry]]
-
-
-_FEW = 4096
-"""Fewer events than this are collected before they are sorted in."""
+        row, start, before = row[room], start[room], before[room]
+        length = np.minimum(stop[room] - start, FRAMES_KEPT - before)
+        within = np.arange(int(length.sum())) - np.repeat(np.cumsum(length) - length, length)
+        entry = np.repeat(start, length) + within
+        frames = frame[entry if place is None else place[entry]]
+        self.frames[np.repeat(row, length), np.repeat(before, length) + within] = frames
 
 
 class EventLog:
-    """Events by key (two 64-bit words), kept as counts, the first and last time, and the first ten frames.
+    """Events by key (two 64-bit words, or as many as said), kept as counts, first and last time, and first ten frames.
 
-    Few events at a time are the rule, and sorting in a few costs as much as sorting in thousands: they wait until there
-    are enough of them, or somebody looks.
+    Few events at a time are the rule, and sorting in a few costs as much as sorting in thousands: those of a batch wait
+    until its end (``settle``).
+
+    ``keys`` are the keys by row, ``rows`` what is known of each; of events that were not settled, they know nothing.
     """
 
-    def __init__(self) -> None:
-        self._keys = KeyTable()
-        self._rows = EventRows()
-        self._waiting: list[tuple[U64, U64, I64, I64]] = []
-        self._waiting_count = 0
+    def __init__(self, words: int = 2) -> None:
+        self.keys = KeyTable(words)
+        self.rows = EventRows()
+        self._waiting: list[tuple[I64, I64, tuple[U64, ...]]] = []
 
-    @property
-    def keys(self) -> KeyTable:
-        """The keys, by row."""
-        self._sort_in()
-        return self._keys
+    def record(self, time_ns: I64, frame: I64, *words: U64) -> None:
+        """Add one event a row; those of one key in the order in which they happened."""
+        if len(frame):
+            self._waiting.append((time_ns, frame, words))
 
-    @property
-    def rows(self) -> EventRows:
-        """What is known of each key."""
-        self._sort_in()
-        return self._rows
-
-    def record(self, high: U64, low: U64, time_ns: I64, frame: I64) -> None:
-        """Add one event a row, in the order in which they happened."""
-        if not len(high):
-            return
-        self._waiting.append((high, low, time_ns, frame))
-        self._waiting_count += len(high)
-        if self._waiting_count >= _FEW:
-            self._sort_in()
-
-    def _sort_in(self) -> None:
+    def settle(self) -> None:
+        """Sort in the events that were recorded since the last time."""
         if not self._waiting:
             return
-        high, low, time_ns, frame = (np.concatenate(column) for column in zip(*self._waiting, strict=True))
-        self._waiting, self._waiting_count = [], 0
-        number = self._keys.numbers(high, low)
-        order = stable_order(number, len(self._keys))
+        waiting, self._waiting = self._waiting, []
+        time_ns, frame, words = waiting[0]
+        if len(waiting) > 1:
+            time_ns, frame = (np.concatenate([part[place] for part in waiting]) for place in (0, 1))
+            words = tuple(map(np.concatenate, zip(*(part[2] for part in waiting), strict=True)))
+        number = self.keys.numbers(*words)
+        order = stable_order(number, len(self.keys))
         number = number[order]
         start, stop = runs_of(number)
-        self._rows.resize(len(self._keys))
-        self._rows.add(number[start], start, stop, time_ns[order], frame[order])
+        self.rows.resize(len(self.keys))
+        self.rows.add(number[start], start, stop, time_ns[order], frame[order])

@@ -9,7 +9,7 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.buckets import bucket_bounds
-from nvscope.tracker.timing import Timing, key_parts
+from nvscope.tracker.timing import UNUSUAL_STREAM_BIT, Timing, key_parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +53,11 @@ class Histograms:
     def __init__(self, timing: Timing) -> None:
         self._columns = timing.columns
         self._rows = timing.unusual.rows
-        stream = timing.unusual.keys.high.astype(np.int64)
-        self._order = np.argsort(stream, kind="stable")
-        self._stream = stream[self._order]
-        self._key = timing.unusual.keys.low.astype(np.int64)[self._order]
+        word = timing.unusual.keys.high.view(np.int64)
+        self._order = np.argsort(word)
+        word = word[self._order]
+        self._stream = word >> UNUSUAL_STREAM_BIT
+        self._key = word & ((1 << UNUSUAL_STREAM_BIT) - 1)
 
     def unusual(self, stream: int) -> tuple[I64, I64, I64]:
         """Return the unusual intervals of a stream: bucket, loss bits, and their rows in ``Timing.unusual``."""

@@ -241,6 +241,12 @@ class NodeSteps:
         together: Bool = self._word[row] & (1 << _TOGETHER_BIT) != 0
         return together
 
+    @property
+    def all_gaps(self) -> I64:
+        """How many gaps the nodes' counters have had up to each row."""
+        gaps: I64 = self._word >> _GAPS_BIT
+        return gaps
+
     def gaps(self, row: I64) -> I64:
         """Return how many gaps the nodes' counters have had up to some rows."""
         gaps: I64 = self._word[row] >> _GAPS_BIT
@@ -259,3 +265,11 @@ def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:
     bounds = np.searchsorted(place, np.append(rows.start, len(rows)))
     run = np.flatnonzero(bounds[1:] > bounds[:-1])
     return rows.run_stream[run], bounds[run], bounds[run + 1]
+
+
+def no_steps(count: int) -> tuple[Steps, NodeSteps]:
+    """Return the steps of frames that carry no counter, of their streams and nodes: each as if it were the next."""
+    step: U8 = np.full(count, Step.REGULAR, np.uint8)
+    nothing = np.zeros(0, np.uint16)
+    own = Steps(step, nothing, nothing, nothing.astype(np.uint64), np.empty(0, np.int64))
+    return own, NodeSteps(np.zeros(count, np.int64))

@@ -18,6 +18,7 @@ from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBOD
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, list_key
 from nvscope.tracker.can.summary import CanSummary, summarize_can
+from nvscope.tracker.capture import CaptureSummary
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.errors import LastError
@@ -25,6 +26,8 @@ from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
 from nvscope.tracker.state import TrackerState
 
 UNUSED_FROM_TELEGRAMS = 8
+_ERRATIC_FROM = 100
+_ERRATIC_FACTOR = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +48,24 @@ class StreamSummary:
     length: int
     checksum: int | None
 
+    @property
+    def erratic(self) -> bool:
+        """Whether more counters are lost than there was time to send: then the sender does not count telegrams."""
+        lost = self.figures["lost"]
+        if lost <= self.telegrams:
+            return False
+        median = self.intervals.p50
+        if median is None or median <= 0:
+            return lost > _ERRATIC_FROM
+        absent_ns = max(0, self.last_ns - self.first_ns - self.telegrams * median)
+        return (lost - _ERRATIC_FROM) * median > _ERRATIC_FACTOR * absent_ns
+
+    @property
+    def counters(self) -> dict[str, int | None]:
+        """What is told of its ``figures``: the number of telegrams lost is unknown where the counters are erratic."""
+        lost = self.figures["lost"]
+        return self.figures | {"lost": None if self.erratic else lost, "lost_claimed": lost}
+
 
 @dataclass(slots=True)
 class ListSummary:
@@ -56,7 +77,7 @@ class ListSummary:
     senders: list[int] = field(default_factory=list)
     readers: list[int] = field(default_factory=list)
     diagnosis: Diagnosis = field(default_factory=Diagnosis)
-    counters: dict[str, int] = field(default_factory=dict)
+    counters: dict[str, int | None] = field(default_factory=dict)
     nodes: list[tuple[int, Diagnosis]] = field(default_factory=list)
     streams: list[StreamSummary] = field(default_factory=list)
     sender_since: dict[int, tuple[int, int]] = field(default_factory=dict)
@@ -79,10 +100,19 @@ class Summary:
     addresses: list[str]
     address_order: list[tuple[bool, int]]
     scopes: dict[int, Scope]
-    start_ns: int | None
-    end_ns: int | None
+    capture: CaptureSummary = field(default_factory=CaptureSummary)
     timeout_ns: int = TIMEOUT_NS
     can: CanSummary = field(default_factory=CanSummary)
+
+    @property
+    def start_ns(self) -> int | None:
+        """The earliest time of a frame."""
+        return self.capture.start_ns
+
+    @property
+    def end_ns(self) -> int | None:
+        """The latest time of a frame."""
+        return self.capture.end_ns
 
 
 @dataclass(slots=True)
@@ -125,19 +155,20 @@ def summarize(
         for number, (port, index) in enumerate(zip(keys.lists.high.tolist(), keys.lists.low.tolist(), strict=True))
     ]
     _diagnose(state, lists, order, reading)
-    intervals = StreamIntervals(state.timing)
+    intervals = StreamIntervals(state.senders.timing)
     _add_streams(state, lists, scopes, order, intervals_ns, intervals)
     _count(state, lists)
     on_udp = sorted((entry for entry in lists if entry.port < ON_CAN), key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
     can = summarize_can(state, intervals, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
-    timeout_ns = state.acknowledgement.timeout_ns
-    return Summary(on_udp, addresses, order, scopes, state.start_ns, state.end_ns, timeout_ns, can)
+    timeout_ns = state.lists.acknowledgement.timeout_ns
+    capture = state.capture.summary(state.buses.frames)
+    return Summary(on_udp, addresses, order, scopes, capture, timeout_ns, can)
 
 
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     """Return, by node with streams, the scope in which most steps of its Counter are regular."""
-    keys, loss = state.keys, state.loss
+    keys, loss = state.keys, state.senders.loss
     places, nodes = keys.streams.high.tolist(), keys.streams.low.tolist()
     list_of_place = keys.places.high.tolist()
     steps, regular = loss.streams.column("steps").tolist(), loss.streams.column("regular").tolist()
@@ -195,7 +226,7 @@ def _diagnose(
     for entry, seen in zip(lists, traffic, strict=True):
         names = {(entry.port, entry.index), (None, entry.index)}
         seen.readers.update(node for node, wanted in reading.items() if not names.isdisjoint(wanted))
-    errors = state.errors
+    errors = state.lists.errors
     for member, (number, node) in enumerate(
         zip(errors.members.high.tolist(), errors.members.low.tolist(), strict=True)
     ):
@@ -226,7 +257,7 @@ def _diagnose(
 
 def _sum_up(state: TrackerState, lists: list[ListSummary]) -> list[_Traffic]:
     """Return the traffic of each list, and note in ``lists`` since when each sender sends it."""
-    columns = state.flows
+    columns = state.lists.flows
     names = ("kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns")
     table = [columns.column(name).tolist() for name in (*names, "first_frame", "first_ns")]
     traffic = [_Traffic() for _ in lists]
@@ -298,7 +329,7 @@ def _add_streams(
     intervals_ns: Mapping[ListKey, int],
     intervals: StreamIntervals,
 ) -> None:
-    keys, memory, loss = state.keys, state.memory.columns, state.loss.streams
+    keys, memory, loss = state.keys, state.memory.columns, state.senders.loss.streams
     telegrams = memory.column("telegrams").tolist()
     for stream, (place, node) in enumerate(zip(keys.streams.high.tolist(), keys.streams.low.tolist(), strict=True)):
         if node == NOBODY_KEY:
@@ -331,13 +362,13 @@ def _add_streams(
 
 
 def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
-    loss = state.loss.streams
+    loss = state.senders.loss.streams
     walk = min(scope, Scope.NODE_TELEGRAM)
     return {name: int(getattr(loss, name)[stream, scope if name == "duplicates" else walk]) for name in FIGURES}
 
 
 def _count(state: TrackerState, lists: list[ListSummary]) -> None:
-    columns = state.flows
+    columns = state.lists.flows
     malformed: dict[int, int] = defaultdict(int)
     requests: dict[int, int] = defaultdict(int)
     mismatches: dict[int, int] = defaultdict(int)
@@ -348,10 +379,13 @@ def _count(state: TrackerState, lists: list[ListSummary]) -> None:
         elif kind == FrameKind.BOOT_UP_REQUEST:
             requests[number] += count
         mismatches[number] += mismatched
-    table = state.lists
+    table = state.lists.columns
     for entry in lists:
         number, streams = entry.number, entry.streams
-        figures = {name: sum(stream.figures[name] for stream in streams) for name in FIGURES}
+        figures: dict[str, int | None] = {name: sum(stream.figures[name] for stream in streams) for name in FIGURES}
+        figures["lost_claimed"] = figures["lost"]
+        if any(stream.erratic for stream in streams):
+            figures["lost"] = None
         figures["longest_gap"] = max((stream.figures["longest_gap"] for stream in streams), default=0)
         entry.counters = figures | {
             "malformed": malformed[number],

@@ -29,10 +29,13 @@ LEARNED_INTERVALS = 8
 """So many intervals of a stream tell where its dense buckets lie."""
 
 DENSE_BUCKETS = BUCKETS_A_DOUBLING
+_FEW = 8  # of the rows, up to one in so many is few
 _BUCKET_OFFSET = 1 << 20
 _LIMB_BITS = 23
 _LIMB = (1 << _LIMB_BITS) - 1
 _LARGE_NS = 1 << (2 * _LIMB_BITS)
+
+UNUSUAL_STREAM_BIT = 32
 
 LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 """Bits of an unusual interval's key: there was a gap in it, by the stream's counters or by the node's."""
@@ -117,12 +120,13 @@ class BatchIntervals:
 class Timing:
     """The intervals of all streams.
 
-    ``unusual`` holds the intervals outside of the dense buckets, keyed by (stream, bucket << 2 | loss bits).
+    ``unusual`` holds the intervals outside of the dense buckets, keyed by one word: the stream from
+    ``UNUSUAL_STREAM_BIT`` on, below it ``key_of`` bucket and loss bits.
     """
 
     def __init__(self) -> None:
         self.columns = IntervalColumns()
-        self.unusual = EventLog()
+        self.unusual = EventLog(words=1)
         self.large_squares: dict[int, int] = {}
 
     def observe(self, rows: TimedRows, own: Steps, nodes: NodeSteps, streams: int, first_frame: int) -> BatchIntervals:
@@ -203,12 +207,9 @@ class Timing:
         flat[-1] -= len(place)
         if len(place):
             row = ends.rows(place)
-            # As they happened, so that new keys come in that order.
-            order = np.argsort(rows.packet[row])
-            row, place = row[order], place[order]
-            key = key_of(bucket[place], loss.bits(row))
-            when, frame = rows.time_ns[row], rows.packet[row] + first_frame
-            self.unusual.record(stream[place].astype(np.uint64), key.astype(np.uint64), when, frame)
+            key = stream[place] << UNUSUAL_STREAM_BIT | key_of(bucket[place], loss.bits(row))
+            self.unusual.record(rows.time_ns[row], rows.packet[row] + first_frame, key.view(np.uint64))
+            self.unusual.settle()
         return learned
 
     def _keep_usual(
@@ -285,11 +286,15 @@ class _Kept:
 
     def rows(self, place: I64) -> I64:
         """Return the rows that places are."""
+        if not len(self.absent):
+            return place
         rows: I64 = place + np.searchsorted(self._absent_place, place, "right")
         return rows
 
     def places(self, row: I64) -> I64:
         """Return the places of rows that are not absent."""
+        if not len(self.absent):
+            return row
         places: I64 = row - np.searchsorted(self.absent, row)
         return places
 
@@ -302,13 +307,22 @@ class _LossBefore:
 
     def bits(self, row: I64) -> I64:
         """Return the loss bits of rows."""
-        kept = self._kept
+        kept, gaps = self._kept, self._nodes.gaps
         place = kept.places(row)
-        run = np.searchsorted(kept.start, place, "right") - 1
-        begins = kept.start[run] == place
-        before = np.where(begins, self._gaps[run], self._nodes.gaps(kept.rows(np.maximum(place - 1, 0))))
+        if len(row) * _FEW > kept.stop[-1]:
+            # Of so many, all are looked at in order.
+            every = np.delete(self._nodes.all_gaps, kept.absent)
+            earlier = np.empty_like(every)
+            earlier[1:] = every[:-1]
+            earlier[kept.start] = self._gaps
+            now, before = every[place], earlier[place]
+        else:
+            run = np.searchsorted(kept.start, place, "right") - 1
+            begins = kept.start[run] == place
+            now = gaps(row)
+            before = np.where(begins, self._gaps[run], gaps(kept.rows(np.maximum(place - 1, 0))))
         of_stream = self._own.step[row] == Step.GAP
-        bits: I64 = of_stream * LOSS_OF_STREAM | (self._nodes.gaps(row) != before) * LOSS_OF_NODE
+        bits: I64 = of_stream * LOSS_OF_STREAM | (now != before) * LOSS_OF_NODE
         return bits
 
 

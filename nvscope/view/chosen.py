@@ -66,7 +66,7 @@ class Chosen:
 
 def _flows(state: TrackerState) -> Iterator[tuple[int, int, int, int, int]]:
     """Yield list, stream, source, destination and SubIndex of each flow with a chosen telegram; -1 for what is none."""
-    columns, places = state.flows, state.keys.places
+    columns, places = state.lists.flows, state.keys.places
     names = ("chosen", "list", "stream", "source", "destination", "place")
     for chosen, *ends, place in zip(*(columns.column(name).tolist() for name in names), strict=True):
         if chosen:

@@ -26,6 +26,7 @@ from nvscope.errors import UnreadableInput
 from tests.capture import build, can_logs
 from tests.capture.can_logs import Frame, frames_of, line_of, unpacked
 from tests.capture.reference import Packet
+from tests.laws import share_of
 
 _slow = settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], deadline=None)
 
@@ -150,7 +151,7 @@ def test_damaged_logs_are_read_as_line_by_line(tmp_path: Path, small_file_bytes:
     chance = random.Random(1)
     original = some_log(2, 120)
     alphabet = b"0123456789ABCDEFabcdef#R_.() \n\r\tgTt\0\xff-:"
-    for _ in range(700):
+    for _ in range(share_of(700)):
         raw = bytearray(original)
         for _ in range(chance.choice((1, 1, 3, 30))):
             at = chance.randrange(len(raw))

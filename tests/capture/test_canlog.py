@@ -14,7 +14,7 @@ from pathlib import Path
 
 import can
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from nvscope.capture.can.blf_containers import BlfContainers
@@ -24,10 +24,9 @@ from nvscope.capture.reader import ReadingSizes
 from nvscope.errors import UnreadableInput
 from tests.capture import can_logs
 from tests.capture.can_logs import Frame, frames_of, message_of
+from tests.laws import examples, share_of, some
 
-_slow = settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], deadline=None, max_examples=40
-)
+_slow = examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 FD_FORMATS = (".asc", ".blf", ".mf4")
 ALL_FORMATS = (".log", ".asc", ".blf", ".trc", ".csv", ".db", ".mf4")
 TEXTS = (".log", ".asc", ".trc", ".csv")
@@ -179,7 +178,7 @@ def test_cut_logs_give_a_prefix_and_never_a_traceback(
     cut = tmp_path / "cut"
     every = 1 if len(raw) < 3000 else len(raw) // 150
     capfd.readouterr()
-    for end in range(0, len(raw), every):
+    for end in some(range(0, len(raw), every)):
         cut.write_bytes(raw[:end])
         try:
             source = CaptureFile(str(cut))
@@ -202,7 +201,7 @@ def test_damaged_logs_never_raise(tmp_path: Path, suffix: str, capfd: pytest.Cap
     chance = random.Random(6)
     path = tmp_path / "damaged"
     read = 0
-    for _ in range(60 if suffix == ".mf4" else 300):
+    for _ in range(share_of(60 if suffix == ".mf4" else 300)):
         mutated = bytearray(raw)
         for _ in range(chance.choice((1, 3, 20))):
             at = chance.randrange(len(mutated))

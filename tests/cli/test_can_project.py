@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.program import run_text
 
 GVL = """<GVL><Declarations><![CDATA[VAR_GLOBAL {variables} END_VAR]]></Declarations>
 <NetvarSettings Protocol="{protocol}"><ListIdentifier>{identifier}</ListIdentifier><Interval>T#50ms</Interval>
@@ -30,9 +30,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def program(folder: Path, *words: str, code: int = 0) -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "nvscope", *words], cwd=folder, capture_output=True, check=False, text=True
-    )
+    done = run_text(*words, cwd=folder)
     assert done.returncode == code, done.stderr
     return done.stdout if not code else done.stderr
 

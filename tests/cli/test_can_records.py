@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import polars as pl
@@ -14,16 +12,15 @@ import nvscope
 from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS
 from tests.definition.lists import telegram
 from tests.export.given import written
+from tests.program import run
 
 LOG = "(0000000001.000000) can0 110#0102\n(0000000002.000000) can1 18FF0010#R2\n"
 CAN_NAMES = [field.name for field in DEFAULT_CAN_FIELDS]
 ALL_NAMES = list(dict.fromkeys([*(field.name for field in DEFAULT_FIELDS), *CAN_NAMES]))
 
 
-def program(*words: str, stdin: bytes | None = None) -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "nvscope", *words], input=stdin, capture_output=True, check=False, text=False
-    )
+def program(*words: str, stdin: bytes = b"") -> str:
+    done = run(*words, stdin=stdin)
     assert (done.returncode, done.stderr) == (0, b"")
     return done.stdout.decode()
 

@@ -19,6 +19,7 @@ import pytest
 
 from tests.definition.lists import telegram
 from tests.export.given import defined, written
+from tests.program import COMMAND, run_text
 
 CAPTURES = Path(__file__).parents[2] / "captures"
 PEERS = CAPTURES / "peers"
@@ -29,9 +30,8 @@ AXIS = GVL[:4]
 READERS = {"parquet": pl.read_parquet, "csv": pl.read_csv, "ndjson": pl.read_ndjson}
 
 
-def nvscope(*arguments: str, cwd: Path, **options: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "nvscope", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, cwd=cwd, **options)
+def nvscope(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return run_text(*arguments, cwd=cwd)
 
 
 def flattened(name: str, value: Any) -> dict[str, Any]:
@@ -236,7 +236,8 @@ def test_an_old_file_stays_where_the_new_one_cannot_be_finished(tmp_path: Path, 
     def small() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 
-    done = nvscope("export", CAPTURE, *AXIS, "-w", path.name, cwd=tmp_path, preexec_fn=small)
+    command = [*COMMAND, "export", CAPTURE, *AXIS, "-w", path.name]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, preexec_fn=small)
     assert done.returncode == 5, done.stderr
     assert "the output cannot be written" in done.stderr
     assert "Traceback" not in done.stderr

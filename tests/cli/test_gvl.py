@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.definition.test_lint import gvl
+from tests.program import run_text
 
 SENDER = gvl("\tbRun : BOOL;\n\tnState : INT;\n\trForce : REAL;\n\taPos : ARRAY [0..9] OF REAL;\n\tnCount : UDINT;")
 READER = gvl("\tbRun : BOOL;\n\tnState : INT;\n\taPos : ARRAY [0..9] OF REAL;\n\tnCount : UDINT;", Interval="T#0ms")
@@ -18,11 +17,7 @@ RENAMED = SENDER.replace("nCount", "nParts")
 
 
 def nvscope(*arguments: str, cwd: Path, columns: int = 80) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"COLUMNS": str(columns), "PYTHONUTF8": "1"}
-    return subprocess.run(
-        [sys.executable, "-m", "nvscope", "gvl", *arguments],
-        capture_output=True, text=True, check=False, cwd=cwd, env=environment, timeout=60, encoding="utf-8",
-    )  # fmt: skip
+    return run_text("gvl", *arguments, cwd=cwd, environment={"COLUMNS": str(columns)})
 
 
 @pytest.fixture

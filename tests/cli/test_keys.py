@@ -1,26 +1,19 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 from nvscope.expression.columns import FieldType
 from nvscope.view.fields.frame import EITHER_OF
 from nvscope.view.fields.vocabulary import vocabulary
+from tests.program import run_text
 
 FIELDS = vocabulary()
 
 
 def keys(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "nvscope", "keys", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "COLUMNS": "80"},
-    )
+    return run_text("keys", *arguments, environment={"COLUMNS": "80"})
 
 
 def test_every_field_is_listed_with_its_type() -> None:

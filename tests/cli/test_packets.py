@@ -14,13 +14,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.program import COMMAND, run
+
 CAPTURES = Path(__file__).parents[2] / "captures"
 PEERS, TRUNCATED = str(CAPTURES / "peers" / "peers.pcap"), str(CAPTURES / "truncated.pcap")
-PROGRAM = [sys.executable, "-m", "nvscope", "packets"]
+PROGRAM = [*COMMAND, "packets"]
 
 
-def packets(*arguments: str, stdin: bytes | None = None) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run([*PROGRAM, *arguments], input=stdin, capture_output=True, check=False)
+def packets(*arguments: str, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    return run("packets", *arguments, stdin=stdin)
 
 
 def at_a_terminal(width: int, *arguments: str, environment: Mapping[str, str] | None = None) -> str:

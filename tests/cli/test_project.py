@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.program import run_text
 
 PEERS = Path(__file__).parents[2] / "captures" / "peers"
 CAPTURE = str(PEERS / "peers.pcap")
@@ -40,11 +41,7 @@ def plant(tmp_path: Path) -> Path:
 
 
 def nvscope(cwd: Path, *arguments: str | Path, width: int = 100) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "nvscope", *map(str, arguments)]
-    environment = {**os.environ, "COLUMNS": str(width)}
-    return subprocess.run(
-        command, capture_output=True, text=True, check=False, timeout=60, cwd=cwd, env=environment, encoding="utf-8"
-    )
+    return run_text(*arguments, cwd=cwd, environment={"COLUMNS": str(width)})
 
 
 def report(cwd: Path, *arguments: str | Path) -> dict[str, Any]:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.program import run_text
 
 CAPTURES = Path(__file__).parent.parent.parent / "captures"
 CAPTURE = CAPTURES / "telegrams.pcap"
 
 
 def nvscope(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "nvscope", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=60, check=False)
+    return run_text(*arguments, cwd=cwd)
 
 
 @pytest.mark.parametrize("verb", ["report", "packets", "export", "vars"])

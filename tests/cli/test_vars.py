@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 from tests.definition.lists import telegram
 from tests.fuzz.originals import pcap_of
+from tests.program import run_text
 from tests.tracker.test_values import START_NS
 
 CAPTURES = Path(__file__).parents[2] / "captures"
@@ -18,9 +17,7 @@ AXIS = [str(PEERS / "axis.gvl"), str(PEERS / "axis_types.st")]
 
 
 def nvscope(*arguments: str, columns: int = 100) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "nvscope", *arguments]
-    environment = {**os.environ, "COLUMNS": str(columns)}
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, env=environment)
+    return run_text(*arguments, environment={"COLUMNS": str(columns)})
 
 
 def test_the_variables_of_a_list_by_name() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.definition.gvl_text import drafted, gvl_text
@@ -17,6 +17,7 @@ from nvscope.definition.infer import GUESS, SURE, Proposal, infer, least_first_b
 from nvscope.definition.load import load_definitions
 from nvscope.definition.packing import pack
 from tests.definition.realistic import realistic_list, telegrams_of
+from tests.laws import examples
 
 ROWS = 200
 TIMES_NS = np.arange(ROWS) * 50_000_000
@@ -45,7 +46,7 @@ def test_most_fields_of_usual_lists_are_found_and_sure_ones_nearly_always() -> N
     assert right[SURE] >= 0.98 * found[SURE]
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.binary(min_size=1, max_size=40), st.integers(1, 12), st.integers(1, 40), st.integers(0, 99))
 def test_whatever_is_proposed_fills_the_telegram(raw: bytes, rows: int, items: int, seed: int) -> None:
     choice = random.Random(seed)

@@ -7,12 +7,13 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from nvscope.definition.load import load_definitions
 from nvscope.errors import ConfigurationError
 from tests.definition.declared import SAMPLES, declared, shown
+from tests.laws import examples
 
 FILES = {path.name: path.read_bytes() for path in sorted(SAMPLES.iterdir())}
 PLACE = re.compile(r".+, line [1-9]\d*, column [1-9]\d*", re.DOTALL)
@@ -45,7 +46,7 @@ def mutated(data: bytes, choice: random.Random) -> bytes:
 
 
 @pytest.mark.parametrize("name", FILES)
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32))
 def test_mutated_files_are_definitions_or_errors_with_a_place(name: str, seed: int, tmp_path: Path) -> None:
     file = tmp_path / name
@@ -62,7 +63,7 @@ def test_mutated_files_are_definitions_or_errors_with_a_place(name: str, seed: i
         assert problem.next_step
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.binary(max_size=200))
 def test_any_bytes_are_a_definition_or_an_error_with_a_place(data: bytes, tmp_path: Path) -> None:
     file = tmp_path / "any"
@@ -127,7 +128,7 @@ def written(tokens: list[str], choice: random.Random) -> str:
     return text + choice.choice(blanks)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     drawn=st.lists(
         st.tuples(st.sampled_from(NAMES), type_tokens()), min_size=1, max_size=5, unique_by=lambda one: one[0]

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.definition.buses import BusSettings
@@ -14,6 +14,7 @@ from nvscope.definition.limits import Limits
 from nvscope.definition.project import MAX_DEFINITION_FILES, Project, document, find_project, read_project
 from nvscope.errors import ConfigurationError
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
+from tests.laws import examples
 
 PLANT = """
 definitions = ["plc/**/*.gvl", "types/*.st"]
@@ -310,7 +311,7 @@ PIECES = st.one_of(
 CHANGES = st.lists(st.tuples(st.integers(0, len(PLANT)), st.integers(0, 12), PIECES), min_size=1, max_size=6)
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(changes=CHANGES)
 def test_any_file_is_a_project_or_a_mistake_that_is_named(
     changes: list[tuple[int, int, bytes]], tmp_path_factory: pytest.TempPathFactory

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
@@ -29,6 +29,7 @@ from nvscope.export.values import paths_of
 from nvscope.view.rows.defined import LeftOut
 from tests.definition.lists import HERE, STATE, UNKNOWN, VARIABLES, list_of, telegram
 from tests.export.written import long, telegrams_of, wide
+from tests.laws import examples
 from tests.oracle.frame import Frame
 
 INT, LREAL, ULINT, TIME, DT = (SCALARS[name] for name in ("INT", "LREAL", "ULINT", "TIME", "DT"))
@@ -68,7 +69,7 @@ def equal(left: Any, right: Any) -> bool:
 TELEGRAMS = st.lists(st.tuples(st.integers(0, 40), st.binary(min_size=1, max_size=12)), min_size=1, max_size=30)
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
+@examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(VARIABLES, st.booleans(), TELEGRAMS, st.integers(1, 12))
 def test_both_forms_hold_every_value_in_the_order_of_the_capture(
     tmp_path: Path, types: list[Type], packed: bool, telegrams: list[tuple[int, bytes]], batch_frames: int
@@ -246,7 +247,7 @@ def known_of(entry: ListDefinition, frame: Frame) -> dict[str, Any]:
     }
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
+@examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(st.sampled_from([INT, LREAL, String(130), POINTER]), max_size=5), st.booleans(),
     st.lists(st.tuples(st.integers(0, 6), st.integers(0, 40), st.integers(0, 255)), min_size=1, max_size=20),

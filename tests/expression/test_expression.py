@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.errors import UsageError
@@ -15,10 +15,11 @@ from nvscope.expression.mistake import ExpressionError
 from nvscope.expression.pattern import Pattern, PatternError
 from tests.expression.random_expression import TESTS, Said
 from tests.expression.table import NAMES, Row, Table, rows
+from tests.laws import examples
 
 
 @given(TESTS, rows())
-@settings(max_examples=1500, deadline=None)
+@examples(1500)
 def test_the_mask_is_what_each_row_says(said: Said, some: list[Row]) -> None:
     assert Table(some, []).chosen(said.text) == [bool(said.meaning(row)) for row in some], said.text
 
@@ -393,13 +394,13 @@ PIECES = [
 
 
 @given(st.lists(st.sampled_from(PIECES), max_size=12), st.sampled_from(["", " "]))
-@settings(max_examples=3000, deadline=None)
+@examples(3000)
 def test_any_sequence_of_tokens_is_understood_or_a_usage_error(pieces: list[str], between: str) -> None:
     understood_or_refused(between.join(pieces))
 
 
 @given(TESTS, st.data())
-@settings(max_examples=500, deadline=None)
+@examples(500)
 def test_a_changed_expression_is_understood_or_a_usage_error(said: Said, data: st.DataObject) -> None:
     text = said.text
     for _ in range(data.draw(st.integers(1, 3))):
@@ -410,7 +411,7 @@ def test_a_changed_expression_is_understood_or_a_usage_error(said: Said, data: s
 
 
 @given(st.text(max_size=60))
-@settings(max_examples=300, deadline=None)
+@examples(300)
 def test_any_text_is_understood_or_a_usage_error(text: str) -> None:
     understood_or_refused(text)
 

@@ -5,12 +5,13 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.expression.byte_pattern import BytePattern
 from nvscope.expression.columns import BytesColumn
 from nvscope.expression.pattern import Pattern, PatternError
+from tests.laws import examples
 
 ATOMS = st.sampled_from(
     [
@@ -49,7 +50,7 @@ def _extended(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 @pytest.mark.filterwarnings("ignore:Possible:FutureWarning")  # what re says of its own later versions
 @given(st.recursive(ATOMS, _extended, max_leaves=6), st.text("abAB.1 é\n", max_size=8))
-@settings(max_examples=1500, deadline=None)
+@examples(1500)
 def test_finds_what_re_finds(pattern: str, text: str) -> None:
     # In re, a $ stands before a last line break too.
     theirs = re.compile(pattern.replace("$", r"\Z"), re.IGNORECASE | re.DOTALL)
@@ -57,7 +58,7 @@ def test_finds_what_re_finds(pattern: str, text: str) -> None:
 
 
 @given(st.text("ab()[]{}*+?|\\^$.,-:d0129é", max_size=20), st.text("ab1", max_size=5))
-@settings(max_examples=1500, deadline=None)
+@examples(1500)
 def test_any_text_is_a_pattern_or_an_error(pattern: str, text: str) -> None:
     try:
         Pattern(pattern).search(text)
@@ -104,7 +105,7 @@ def test_mistakes_say_where(pattern: str, what: str, position: int) -> None:
     ),
     st.lists(st.binary(max_size=6) | st.text("abAB.1 \n", max_size=8).map(str.encode), max_size=8),
 )
-@settings(max_examples=1000, deadline=None)
+@examples(1000)
 def test_finds_in_bytes_what_re_finds(pattern: str, parts: list[bytes]) -> None:
     theirs = re.compile(pattern.replace("$", r"\Z").encode(), re.IGNORECASE | re.DOTALL)
     assert found_in(pattern, parts) == [theirs.search(part) is not None for part in parts]

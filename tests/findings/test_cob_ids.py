@@ -34,7 +34,7 @@ def findings(lists: list[ListDefinition], frames: list[Frame], *codes: str) -> l
     if frames:
         observed(state, [batch(frames)], Reading(pdos=Pdos(definition).rules()), ["can0", "can1"])
     summary = summarize(state)
-    document = report_document(state, summary, judge(state, summary=summary, definition=definition), [], definition)
+    document = report_document(summary, judge(state, summary=summary, definition=definition), [], definition)
     return [finding for finding in document["findings"] if finding["code"] in codes]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.definition import causes
@@ -18,6 +18,7 @@ from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
 from tests.definition.lists import BOOL, HERE, INT, LINT, LREAL, REAL, TIME, UDINT, VARIABLES, list_of, telegram
+from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, observed
 
@@ -364,7 +365,7 @@ def definitions_and_traffic(draw: st.DrawFn) -> tuple[list[ListDefinition], Sent
 
 
 @given(definitions_and_traffic())
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_any_definitions_and_traffic_give_findings_that_hold_together(
     drawn: tuple[list[ListDefinition], Sent],
 ) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import accumulate
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.definition.limits import Limits
@@ -17,6 +17,7 @@ from nvscope.findings.judge import judge
 from nvscope.tracker.summary import Summary, summarize
 from nvscope.view.documents.report import report_document
 from tests.definition.lists import BOOL, list_of, telegram
+from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, tracked
 
@@ -52,7 +53,7 @@ def nominal(frames: list[Frame], definition: Definition) -> int | None:
     """Return the nominal interval that the report of the stream has."""
     state = tracked([batch_of(frames)])
     summary: Summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
-    document = report_document(state, summary, [], [], definition)
+    document = report_document(summary, [], [], definition)
     told: int | None = document["lists"][0]["streams"][0]["interval_ns"]["nominal"]
     return told
 
@@ -204,7 +205,7 @@ def test_limits_that_are_set() -> None:
     assert "NV504" not in judged(quiet, defined(50), Limits(stopped_percent=1_000_000))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     usual_ms=st.integers(5, 400),
     interval_ms=st.integers(2, 1000),

@@ -187,7 +187,7 @@ def _check_report(path: Path, rng: random.Random, batches: Sequence[PacketBatch]
     source = CaptureFile(str(path))
     state = tracked(source)
     summary = summarize(state)
-    document = report_document(state, summary, judge(state, source.infos, summary=summary), source.infos)
+    document = report_document(summary, judge(state, source.infos, summary=summary), source.infos)
     capture = document["capture"]
     frames = sum(len(batch) for batch in batches)
     assert capture["telegrams"] + capture["other_frames"] == capture["frames"] == frames

@@ -36,7 +36,7 @@ def matching(raw: bytes, folder: Path, rng: random.Random) -> dict[str, bytes]:
     from nvscope.tracker.summary import summarize  # noqa: PLC0415
     from nvscope.view.documents.report import report_document  # noqa: PLC0415
 
-    for entry in report_document(state, summarize(state), [], [])["lists"]:
+    for entry in report_document(summarize(state), [], [])["lists"]:
         for stream in entry["streams"]:
             if stream["items"] is not None:
                 shapes[entry["port"], entry["id"]].setdefault(stream["subindex"], (stream["items"], stream["length"]))

@@ -45,7 +45,10 @@ def compare_values(path: str, expected: Any, actual: Any) -> list[str]:
             if key in IGNORED or key.startswith("_"):
                 continue
             where = f"{path}.{key}"
-            if key not in actual:
+            if key == "lost" and expected.get("_lost_uncertain"):
+                if actual.get(key) not in (None, expected["lost_claimed"]):
+                    found.append(f"{where}: expected null or {expected['lost_claimed']}, got {actual.get(key)!r}")
+            elif key not in actual:
                 found.append(f"{where}: missing")
             elif key not in expected:
                 found.append(f"{where}: surplus")

@@ -801,6 +801,8 @@ def list_report(tracker: Tracker, key: ListKey, uncertain: list[list[Any]]) -> d
         key=lambda row: (node_order(row[0].node), row[0].subindex),
     )
     figures = [stream.figures_in(tracker.scope(at.node)) for at, stream in streams]
+    rows = [stream_report(tracker, at, stream, uncertain) for at, stream in streams]
+    lost = sum(figure.lost for figure in figures)
     return {
         "key": str(key),
         "transport": key.transport,
@@ -811,7 +813,9 @@ def list_report(tracker: Tracker, key: ListKey, uncertain: list[list[Any]]) -> d
         "readers": [str(node) for node in sorted(entry.readers, key=node_order)],
         "diag": diag(entry.sent, entry.deliveries, len(entry.acknowledgements), entry.errors),
         "counters": {
-            "lost": sum(figure.lost for figure in figures),
+            "lost": None if any(row["lost"] is None for row in rows) else lost,
+            "lost_claimed": lost,
+            "_lost_uncertain": any(row["_lost_uncertain"] for row in rows),
             "gaps": sum(len(figure.gaps) for figure in figures),
             "longest_gap": max((figure.longest_gap for figure in figures), default=0),
             "duplicates": sum(len(figure.duplicates) for figure in figures),
@@ -827,7 +831,7 @@ def list_report(tracker: Tracker, key: ListKey, uncertain: list[list[Any]]) -> d
             "send_rejected": entry.count(*SEND_ERRORS.values()),
         },
         "nodes": node_reports(entry),
-        "streams": [stream_report(tracker, at, stream, uncertain) for at, stream in streams],
+        "streams": rows,
     }
 
 
@@ -885,7 +889,9 @@ def stream_report(tracker: Tracker, at: StreamKey, stream: Stream, uncertain: li
         "subindex": at.subindex,
         "telegrams": stream.telegrams,
         "counter_scope": "unused" if stream.unused else scope,
-        "lost": figures.lost,
+        "lost": None if verdicts[0] else figures.lost,
+        "lost_claimed": figures.lost,
+        "_lost_uncertain": len(set(verdicts)) > 1,
         "duplicates": len(figures.duplicates),
         "overtaken": len(figures.overtaken),
         "restarts": len(figures.restarts),

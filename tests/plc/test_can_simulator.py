@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import subprocess
-import sys
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -28,6 +27,7 @@ from nvscope.simulate.timeline import make_timeline
 from tests.capture.can_logs import frames_of
 from tests.plc.collected import Collected, project_of
 from tests.plc.random_can_scenario import random_can_scenario
+from tests.program import run_text
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 AXIS = '[[can_list]]\nname = "axis"\ncob_id = 0x110\nbytes = [8, 8, 4]\ninterval = "10ms"\n'
@@ -242,8 +242,7 @@ def test_no_definition_packs_a_small_pdo_in_front_of_another() -> None:
 
 
 def nvscope(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "nvscope", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    return run_text(*arguments)
 
 
 def test_the_program_writes_a_log_its_truth_and_the_definitions(tmp_path: Path) -> None:

@@ -62,4 +62,5 @@ def test_every_finding_and_every_counter_occurs() -> None:
         counters |= {name for entry in (expect.counters or {}).values() for name in entry}
     judged = {code for code, kind in CATALOGUE.items() if kind.judged}
     assert codes == judged - NEEDS_A_DEFINITION - NEEDS_A_FILE
-    assert counters == {counter.name for counter in LIST_COUNTERS}
+    # What counters claim that are not believed, a scenario cannot say: it does not put it in.
+    assert counters == {counter.name for counter in LIST_COUNTERS} - {"lost_claimed"}

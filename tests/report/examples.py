@@ -12,7 +12,7 @@ MS = 1_000_000
 S = 1_000_000_000
 
 COUNTERS = (
-    "lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts", "malformed", "truncated",
+    "lost", "lost_claimed", "gaps", "longest_gap", "duplicates", "overtaken", "restarts", "malformed", "truncated",
     "missing_acknowledgements", "negative_acknowledgements", "checksum_mismatches", "bootup_requests",
     "bootup_unanswered", "send_rejected",
 )  # fmt: skip
@@ -44,7 +44,8 @@ def interval(count: int, *statistics_ns: int, nominal: int | None) -> dict[str, 
 def stream(address: str, subindex: int, telegrams: int, interval_ns: dict[str, Any], **facts: Any) -> dict[str, Any]:
     return {
         "node": address, "subindex": subindex, "telegrams": telegrams, "counter_scope": "stream", "lost": 0,
-        "duplicates": 0, "overtaken": 0, "restarts": 0, "interval_ns": interval_ns, "items": 12, "length": 68,
+        "lost_claimed": 0, "duplicates": 0, "overtaken": 0, "restarts": 0, "interval_ns": interval_ns, "items": 12,
+        "length": 68,
         "checksum": None, **facts,
     }  # fmt: skip
 
@@ -126,7 +127,8 @@ TROUBLED = report(
             diag=diag(nSendCount=4_305_600_123, tLastSend=at(43_199_950 * MS), nReceiveCount=4_305_712_345,
                       tLastReceive=at(43_199_951 * MS), nWriteCount=4_305_500_000, sLastError="NOACKNOWLEDGEMENT",
                       tLastError=at(43_100 * S), nErrorCount=112_222, nAcknowledges=65_536 + 41),
-            counters={"lost": 1_204, "gaps": 977, "longest_gap": 31, "duplicates": 3, "restarts": 2,
+            counters={"lost": 1_204, "lost_claimed": 1_204, "gaps": 977, "longest_gap": 31,
+                      "duplicates": 3, "restarts": 2,
                       "missing_acknowledgements": 112_181, "negative_acknowledgements": 41},
             nodes=[
                 node("192.168.1.10", "press", nSendCount=4_305_600_000, tLastSend=at(43_199_950 * MS),
@@ -140,12 +142,12 @@ TROUBLED = report(
             streams=[
                 stream("192.168.1.10", 0, 2_152_800_000, interval(2_152_799_999, 3_120_000, 20_000_122, 812_000_000,
                                                                   4_222_100, 20_003_000, 21_200_000, 24_100_000,
-                                                                  nominal=20_000_000), lost=602, restarts=2,
-                       length=276, items=64, checksum=0x2F),
+                                                                  nominal=20_000_000), lost=602, lost_claimed=602,
+                       restarts=2, length=276, items=64, checksum=0x2F),
                 stream("192.168.1.10", 1, 2_152_800_000, interval(2_152_799_999, 3_118_000, 20_000_122, 812_004_000,
                                                                   4_222_900, 20_003_000, 21_200_000, 24_300_000,
-                                                                  nominal=20_000_000), lost=602, duplicates=3,
-                       length=80, items=15, checksum=0x31),
+                                                                  nominal=20_000_000), lost=602, lost_claimed=602,
+                       duplicates=3, length=80, items=15, checksum=0x31),
                 stream("192.168.1.77", 0, 123, interval(122, 1_000_000_000, 58_536_585_366, 3_600_000_000_000,
                                                         12_000_000_000, 1_001_000_000, 61_000_000_000,
                                                         3_500_000_000_000, nominal=None), counter_scope="unused",

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType, PacketBatch
@@ -30,6 +30,7 @@ from tests.can_plant import CanPlant, drawn_plant
 from tests.capture import build
 from tests.capture.reference import Packet
 from tests.fuzz.program import run
+from tests.laws import examples
 from tests.packets import Batches, Shown
 
 SEEDS = st.integers(0, 100_000)
@@ -52,7 +53,7 @@ def cut(batch: PacketBatch, chance: random.Random) -> list[PacketBatch]:
     return [batch[start:stop] for start, stop in zip([0, *cuts], [*cuts, len(batch)], strict=True)]
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=SEEDS, tree=st.booleans())
 def test_any_cut_gives_the_same_lines_trees_and_records(seed: int, tree: bool) -> None:
     plant = drawn_plant(seed)
@@ -71,7 +72,7 @@ def test_any_cut_gives_the_same_lines_trees_and_records(seed: int, tree: bool) -
     assert len(shown[0][1]) == len(plant.lines)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=SEEDS)
 def test_varieties_are_what_each_frame_is_by_itself(seed: int) -> None:
     """Every frame is a row; list, part and data are those of the frame dissected alone by a sorter of its own."""
@@ -93,7 +94,7 @@ def test_varieties_are_what_each_frame_is_by_itself(seed: int) -> None:
         assert told.packets.data[at : at + size].tobytes() == own.payload(0)
 
 
-@settings(max_examples=12, deadline=None)
+@examples(12)
 @given(seed=SEEDS, expression=st.sampled_from(FILTERS))
 def test_a_filter_in_a_report_changes_no_figure(seed: int, expression: str) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.netvar import HEADER
@@ -34,6 +34,7 @@ from nvscope.view.lines.layers import layers
 from nvscope.view.lines.line import LineWriter, Moment
 from nvscope.view.lines.table import Tone, display_width
 from nvscope.view.rows.frames import TelegramRows
+from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import LINKS, data_frame, generate, mutate, telegram
 from tests.packets import Batches, Shown, batch_of
@@ -172,7 +173,7 @@ def test_times_are_told_as_by_tshark(moment: Moment, monkeypatch: pytest.MonkeyP
 
 
 @given(st.integers(0, 10_000), st.lists(st.integers(0, 150), max_size=8))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_any_cut_into_batches_gives_the_same_records(seed: int, cuts: list[int]) -> None:
     whole = batch_of(traffic(seed))
     edges = sorted({0, len(whole), *(min(cut, len(whole)) for cut in cuts)})
@@ -202,7 +203,7 @@ FRAMES = st.builds(
 
 
 @given(st.lists(FRAMES, max_size=30), st.sampled_from([None, 40, 80]))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_any_bytes_can_be_shown(frames: list[Frame], width: int | None) -> None:
     for face in faces(width):
         text = written(face, Batches([batch_of(frames)] if frames else []))
@@ -210,7 +211,7 @@ def test_any_bytes_can_be_shown(frames: list[Frame], width: int | None) -> None:
 
 
 @given(st.integers(0, 10_000), st.integers(40, 130))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_no_line_is_wider_than_the_terminal_and_colour_changes_no_character(seed: int, width: int) -> None:
     source = Batches([batch_of(traffic(seed))])
     for options in ({}, {"moment": "ud"}, {"trees": True}):
@@ -222,7 +223,7 @@ def test_no_line_is_wider_than_the_terminal_and_colour_changes_no_character(seed
 
 
 @given(st.integers(0, 10_000), st.sampled_from([*LINKS, None]))
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_layers_lie_one_behind_the_other_up_to_the_payload(seed: int, link: int | None) -> None:
     for rows in rows_of(generate(seed, frames=100, link=link)):
         for packet_row, payload in zip(rows.telegrams.datagram.row, rows.telegrams.datagram.payload, strict=True):

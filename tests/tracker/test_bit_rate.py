@@ -5,12 +5,13 @@ from __future__ import annotations
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import dissect_can
 from nvscope.tracker.can.bit_rate import USUAL_RATES, BackToBack
+from tests.laws import examples
 from tests.tracker.can_bus_traffic import bus_traffic
 from tests.tracker.test_can_state import START_NS, Frame, batch
 
@@ -36,7 +37,7 @@ def test_a_rate_is_found_through_the_jitter_of_a_computer(rate: int, jitter_ns: 
     assert found(bus_traffic(rate, 0.5, 6000, jitter_ns=jitter_ns)) == rate
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     st.sampled_from(USUAL_RATES), st.floats(0.02, 0.95), st.sampled_from([0, 1_000, 20_000, 100_000, 1_000_000]),
     st.sampled_from([1, 1_000, 10_000, 100_000, 1_000_000]), st.booleans(), st.integers(0, 50),
@@ -51,7 +52,7 @@ def test_a_rate_that_is_found_is_the_right_one(
     assert found(frames) in (rate, None)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.floats(1e-4, 2e-2), st.floats(0, 0.3), st.booleans(), st.integers(0, 50))
 def test_one_list_at_its_interval_is_no_bit_rate(cycle_s: float, jitter: float, random_data: bool, seed: int) -> None:
     """Frames of about 120 bits a millisecond are not 125 kbit/s, however regular they are."""

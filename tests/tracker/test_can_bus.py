@@ -8,7 +8,7 @@ from collections import defaultdict
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType
@@ -21,6 +21,7 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
 from tests.dissectors.test_can_bits import classic_bits
+from tests.laws import examples
 from tests.oracle.frame import Frame as Packet
 from tests.packets import batch_of, observed
 from tests.packets import cut as cut_into
@@ -36,7 +37,7 @@ def report(
     state, whole = TrackerState(), batch(frames)
     observed(state, cut_into(whole, cut))
     summary = summarize(state, buses=given)
-    return report_document(state, summary, judge(state, summary=summary, limits=limits), [])
+    return report_document(summary, judge(state, summary=summary, limits=limits), [])
 
 
 def at(rate: int, data: int | None = None, channel: str = "*") -> Buses:
@@ -77,7 +78,7 @@ def test_load_is_that_of_canbusload(seed: int) -> None:
     assert [one["bits"] for one in bus["identifiers"]] == sorted(by_word.values(), reverse=True)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(st.integers(0, 1000), st.sampled_from([1, 7, 64, 399]), st.booleans())
 def test_any_cut_gives_the_same_buses(seed: int, cut: int, given_: bool) -> None:
     """Whatever is sent, and however it is read; the shares of a bus are those of all that was sent on it."""

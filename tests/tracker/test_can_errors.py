@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.can.frame import dissect_can
@@ -15,6 +15,7 @@ from nvscope.findings.judge import judge
 from nvscope.tracker.can.errors import BusErrors, CanErrors
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
+from tests.laws import examples
 from tests.packets import observed
 from tests.tracker.test_can_state import START_NS, Frame, batch
 
@@ -68,7 +69,7 @@ def troubled(seed: int, count: int) -> list[Frame]:
     return frames
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 10_000), st.integers(1, 200), st.sampled_from([1, 3, 50, 200]))
 def test_errors_are_those_found_frame_by_frame_whatever_the_cut(seed: int, count: int, cut: int) -> None:
     frames = troubled(seed, count)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import random
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import dissect_can
 from dissectors.can.pdo import EXTENDED
 from nvscope.tracker.can.identifiers import CanIdentifiers
+from tests.laws import examples
 from tests.tracker.test_can_state import START_NS, Frame, batch
 
 WORDS = [0, 0x181, 0x7FF, 0x8000_0181, 0x9FFF_FFFF, 0x4000_0181, 0x2000_0004]
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 10_000), st.integers(1, 120), st.sampled_from([1, 5, 40, 120]))
 def test_identifiers_are_those_counted_frame_by_frame_whatever_the_cut(seed: int, count: int, cut: int) -> None:
     """On few channels and on many, in data frames, remote frames, and errors, which have no identifier."""

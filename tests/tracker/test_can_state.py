@@ -66,7 +66,7 @@ def report(frames: list[Frame], cut: int, definition: Definition | None = None) 
     whole = batch(frames)
     observed(state, cut_into(whole, cut), Reading(pdos=Pdos(definition).rules()), ["can0", "vcan1"])
     summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
-    return report_document(state, summary, judge(state, summary=summary, definition=definition), [], definition)
+    return report_document(summary, judge(state, summary=summary, definition=definition), [], definition)
 
 
 @pytest.mark.parametrize("seed", range(12))

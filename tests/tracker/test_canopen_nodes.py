@@ -6,11 +6,12 @@ import random
 from collections import defaultdict
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.can.frame import dissect_can
 from nvscope.tracker.can.canopen import CanOpen, CanOpenNode, Emergency
+from tests.laws import examples
 from tests.tracker.test_can_state import START_NS, Frame, batch
 
 MS = 1_000_000
@@ -57,7 +58,7 @@ def talk(seed: int, count: int) -> list[Frame]:
     return frames
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 10_000), st.integers(1, 200), st.sampled_from([1, 3, 50]))
 def test_nodes_are_those_found_frame_by_frame_whatever_the_cut(seed: int, count: int, cut: int) -> None:
     frames = talk(seed, count)

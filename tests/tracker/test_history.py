@@ -24,6 +24,7 @@ from nvscope.tracker.variables.moment import Moment
 from nvscope.tracker.variables.samples import Samples
 from nvscope.view.documents.history import at_document, change_row, change_summary
 from tests.definition.lists import INT, REAL, UDINT, VARIABLES, list_of, telegram
+from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.packets import Batches, batch_of, observed
 from tests.packets import cut as cut_into
@@ -192,7 +193,7 @@ def test_what_is_known_of_a_list_with_an_element_of_unknown_size() -> None:
     assert [(row["name"], row["missing"]) for row in rows] == [("v0", "later"), ("v1 …", "later")]
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(st.integers(1, 400), st.integers(1, 400), st.integers(0, 1000))
 def test_a_sample_does_not_depend_on_how_a_capture_is_cut(count: int, cut: int, seed: int) -> None:
     choice = random.Random(seed)

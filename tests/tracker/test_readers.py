@@ -35,7 +35,7 @@ def lists(**readers: Collection[tuple[int | None, int]]) -> dict[str, Any]:
     nodes = {"press": PRESS, "hmi": HMI, "robot": ROBOT, "panel": "fe80::9", "first": "0.0.0.1"}
     state = tracked([batch_of(FRAMES)])
     summary = summarize(state, readers={nodes[name]: wanted for name, wanted in readers.items()})
-    document = report_document(state, summary, judge(state, summary=summary), [])
+    document = report_document(summary, judge(state, summary=summary), [])
     return {entry["key"]: entry for entry in document["lists"]}
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.capture.open import open_source
@@ -21,6 +21,7 @@ from nvscope.view.fields.vocabulary import vocabulary
 from nvscope.view.rows.frames import TelegramRows
 from tests.definition.lists import telegram
 from tests.export.given import written
+from tests.laws import examples
 from tests.packets import Shown
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
@@ -215,7 +216,7 @@ def part(data: bytes | None, start: int, stop: int) -> bytes | None:
     return data[start:stop] if data is not None and len(data) >= stop else None
 
 
-@settings(max_examples=400, deadline=None)
+@examples(400)
 @given(st.integers(0, 9), st.integers(0, 10**9))
 def test_a_filter_chooses_the_frames_that_a_plain_one_does(seed: int, draw: int) -> None:
     captured = mixture(seed)

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors import address
@@ -16,6 +16,7 @@ from nvscope.errors import UsageError
 from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS, output_field
 from nvscope.view.rows.frames import TelegramRows
+from tests.laws import examples
 from tests.oracle.frame import Datagram, Frame, peel
 from tests.oracle.traffic import LINKS, generate, mutate
 from tests.packets import Batches, Shown, batch_of
@@ -80,7 +81,7 @@ def test_columns_have_the_shape_of_their_type(link: int) -> None:
 
 
 @given(st.integers(0, 10_000), st.sampled_from([*LINKS, None]), st.booleans())
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_values_are_what_the_bytes_say(seed: int, link: int | None, broken: bool) -> None:
     frames = generate(seed, frames=120, link=link)
     frames = mutate(seed, frames) if broken else frames
@@ -149,7 +150,7 @@ def test_ports_decided_by_hand() -> None:
 
 
 @given(st.integers(1, 90), st.lists(st.integers(0, 100), max_size=5))
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_a_limit_stops_reading(limit: int, cuts: list[int]) -> None:
     whole = batch_of(generate(3, frames=100))
     edges = [0, *sorted(cuts), 100]

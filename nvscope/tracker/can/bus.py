@@ -15,7 +15,7 @@ from nvscope.tracker.can.canopen import CanOpenNode
 from nvscope.tracker.can.errors import BusErrors
 from nvscope.tracker.can.identifiers import IdentifierColumns
 from nvscope.tracker.can.load import BEFORE_1970, rows_by_channel
-from nvscope.tracker.can.state import CanState
+from nvscope.tracker.can.state import BusState
 
 F64 = np.ndarray[tuple[int], np.dtype[np.float64]]
 
@@ -97,7 +97,7 @@ class CanBusSummary:
 
 
 def summarize_buses(
-    state: CanState, name: Callable[[int], str], buses: Buses | None = None, lists: Collection[int] = ()
+    state: BusState, name: Callable[[int], str], buses: Buses | None = None, lists: Collection[int] = ()
 ) -> list[CanBusSummary]:
     """Return the buses of a state by name; ``buses`` are the bit rates that are given, ``lists`` COB-IDs of lists.
 
@@ -123,7 +123,7 @@ def _percent(rate: BitRate, bits: I64, fast_bits: I64) -> F64:
 
 
 def _bus(
-    state: CanState,
+    state: BusState,
     number: int,
     channel: str,
     given: Buses,
@@ -156,7 +156,7 @@ def _bus(
     )  # fmt: skip
 
 
-def _rate(state: CanState, number: int, given: BusSettings) -> BitRate | None:
+def _rate(state: BusState, number: int, given: BusSettings) -> BitRate | None:
     if given.bit_rate is not None:
         return BitRate(given.bit_rate, given.data_bit_rate, True)
     found = state.load.back_to_back.rate(number)
@@ -169,7 +169,7 @@ def _duration_s(columns: IdentifierColumns, own: I64) -> float:
     return max(1.0, int(columns.last_ns[own].max() - columns.first_ns[own].min()) / _S_NS)
 
 
-def _identifiers(state: CanState, own: I64, rate: BitRate | None) -> list[IdentifierBits]:
+def _identifiers(state: BusState, own: I64, rate: BitRate | None) -> list[IdentifierBits]:
     keys, columns = state.load.identifiers.keys.low[own], state.load.identifiers.columns
     bits, fast = columns.bits[own], columns.fast_bits[own]
     part = _percent(rate, bits, fast) if rate else (bits + fast).astype(np.float64)

@@ -108,16 +108,18 @@ class CanErrors:
             number = self._channels.numbers(channel)
             self._columns.resize(len(self._channels))
             self._count(details, channel, number, batch.ts_ns[error], batch.row[error] + first_frame)
+            self.all.settle()
+            self.classes.settle()
         self._observe_bus_off(batch, details)
 
     def _count(self, details: ErrorDetails, channel: U64, number: I64, time_ns: I64, frame: I64) -> None:
         columns = self._columns
-        self.all.record(channel, np.zeros_like(channel), time_ns, frame)
+        self.all.record(time_ns, frame, channel, np.zeros_like(channel))
         for bit in CLASSES:
             own = np.flatnonzero(details.classes & np.uint16(bit.mask))
             if len(own):
                 mask = np.full(len(own), bit.mask, np.uint64)
-                self.classes.record(channel[own], mask, time_ns[own], frame[own])
+                self.classes.record(time_ns[own], frame[own], channel[own], mask)
         for place, bit in enumerate(CONTROLLER_BITS):
             own = np.flatnonzero(details.controller & np.uint8(bit.mask))
             np.add.at(columns.states[:, place], number[own], 1)

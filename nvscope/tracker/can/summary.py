@@ -97,10 +97,10 @@ def summarize_can(
     ``intervals`` are those measured, ``intervals_ns`` the nominal ones of lists, ``buses`` the bit rates that are
     given, ``cob_ids`` those that defined lists take: they are not CANopen's.
     """
-    if not state.can.frames:
+    if not state.buses.frames:
         return CanSummary()
     keys, memory = state.keys, state.memory.columns
-    remotes = state.can.remotes
+    remotes = state.buses.remotes
     asked = dict(
         zip(
             zip(remotes.keys.high.tolist(), remotes.keys.low.tolist(), strict=True),
@@ -135,4 +135,4 @@ def summarize_can(
         for port, index in [keys.list_key(number)]
     ]
     lists.sort(key=lambda entry: (entry.port, entry.index))
-    return CanSummary(lists, summarize_buses(state.can, keys.channel, buses, cob_ids))
+    return CanSummary(lists, summarize_buses(state.buses, keys.channel, buses, cob_ids))

@@ -65,6 +65,8 @@ class Moment:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        if not len(told):
+            return
         time_ns = told.packets.ts_ns
         if self.start_ns is None:
             self.start_ns = told.start_ns

@@ -15,7 +15,6 @@ from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
-from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 from nvscope.version import __version__
 from nvscope.view.documents.buses import can_buses
@@ -30,7 +29,6 @@ SCHEMA = "nvscope.report/1"
 
 
 def report_document(
-    state: TrackerState,
     summary: Summary,
     findings: Sequence[Finding],
     sources: Sequence[SourceInfo],
@@ -39,7 +37,7 @@ def report_document(
     *,
     node_names: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Return the document of a state, what was summarized and judged from it, and where it was read from.
+    """Return the document of what was summarized and judged, and where it was read from.
 
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by port and
     identifier of their list, each list has its own. ``node_names`` are by the text of the address.
@@ -51,6 +49,7 @@ def report_document(
     def valued(entry: ListSummary | CanListSummary) -> dict[str, Any]:
         return {} if values is None else {"values": values.get((entry.port, entry.index), [])}
 
+    capture = summary.capture
     document = {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
@@ -59,13 +58,13 @@ def report_document(
                 {"path": info.path, "format": info.format, "bytes": info.bytes, "frames": info.frames}
                 for info in sources
             ],
-            "frames": state.frames,
-            "telegrams": state.telegrams,
-            "other_frames": state.frames - state.telegrams,
-            **({"can_frames": state.can.frames} if state.can.frames else {}),
+            "frames": capture.frames,
+            "telegrams": capture.telegrams,
+            "other_frames": capture.frames - capture.telegrams,
+            **({"can_frames": capture.can_frames} if capture.can_frames else {}),
             "drops": sum(info.drops for info in sources),
-            "start_ns": time_text(state.start_ns),
-            "end_ns": time_text(state.end_ns),
+            "start_ns": time_text(capture.start_ns),
+            "end_ns": time_text(capture.end_ns),
         },
         "lists": [
             *(can_list(entry, names) | valued(entry) for entry in summary.can.lists),
@@ -100,12 +99,13 @@ def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Ma
 
 
 def _stream(stream: StreamSummary, summary: Summary) -> dict[str, Any]:
+    counters = stream.counters
     return {
         "node": summary.addresses[stream.node],
         "subindex": stream.subindex,
         "telegrams": stream.telegrams,
         "counter_scope": stream.counter_scope,
-        **{name: stream.figures[name] for name in STREAM_FIGURES},
+        **{name: counters[name] for name in STREAM_FIGURES},
         "interval_ns": interval_row(stream.intervals),
         "items": stream.items,
         "length": stream.length,

@@ -44,7 +44,7 @@ def variables_document(
     return {
         "schema": "nvscope.vars/1",
         "tool": {"name": "nvscope", "version": __version__},
-        "filter": filter_told(expression, state.chosen, state.choosable),
+        "filter": filter_told(expression, state.capture.chosen, state.capture.telegrams + state.buses.frames),
         "variables": [row for stream in streams for row in _listed(stream, stream.sequence[-1])],
         "earlier": [row for stream in streams for known in stream.sequence[:-1] for row in _listed(stream, known)],
     }
@@ -96,7 +96,7 @@ def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | No
     defined = np.array([key is not None and (keys is None or key in keys) for key in listed], np.bool_)
     count = values.unfitting.column("count")
     lists = keys_seen.places.high.astype(np.int64)[keys_seen.place_of(np.arange(len(count)))]
-    return int(count[defined[lists]].sum()), int(state.lists.truncated[: len(defined)][defined].sum())
+    return int(count[defined[lists]].sum()), int(state.lists.columns.truncated[: len(defined)][defined].sum())
 
 
 def _listed(stream: _Stream, known: StreamValues) -> list[dict[str, Any]]:

@@ -1,0 +1,45 @@
+"""Snapshot: what is known at a moment, as a frozen value that screens, reports and rules look at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from nvscope.capture.source import Source, SourceInfo
+from nvscope.definition.pdos import Pdos
+from nvscope.definition.project import Project
+from nvscope.findings.finding import Finding
+from nvscope.findings.judge import judge
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import Summary, summarize
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What follows from all that was observed up to ``at_ns``, what is wrong with it, and what its sources say.
+
+    ``at_ns`` is None where nothing was observed yet.
+    """
+
+    summary: Summary
+    findings: Sequence[Finding]
+    infos: Sequence[SourceInfo]
+    at_ns: int | None
+
+
+def snapshot(
+    state: TrackerState, source: Source, project: Project, pdos: Pdos | None = None, *, overdue: bool = False
+) -> Snapshot:
+    """Look at a state; nothing in it changes. ``overdue``: what nobody answered in time counts, frame or not."""
+    definition = project.definition
+    cob_ids = {cob_id for _, cob_id in (pdos or Pdos(definition)).by_cob_id}
+    summary = summarize(
+        state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,
+        cob_ids=cob_ids,
+    )  # fmt: skip
+    infos = tuple(source.infos)
+    at_ns = summary.capture.at_ns
+    findings = judge(
+        state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition
+    )
+    return Snapshot(summary, tuple(findings), infos, at_ns)

@@ -1,0 +1,115 @@
+"""Session: the loop in a thread of its own, looked at while it runs."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Generic, TypeVar
+
+from nvscope.capture.source import Source
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import Observer, run
+
+LEAST_BETWEEN_S = 0.1
+"""Looks are at least so far apart: what a person sees need not be newer."""
+
+Look = TypeVar("Look")
+
+
+class Session(Generic[Look]):
+    """A source that is told to observers in a thread.
+
+    ``look`` makes a frozen value of what the observers know. It is called in that thread between two batches, before
+    the first one and after the last, so that nobody sees a state that is half changed; it must not change anything.
+    Looks are made when somebody asks, at most ten a second.
+
+    A source that has nothing for a while has to say so (``PacketBatch.until_ns``), or looks get old.
+    """
+
+    def __init__(
+        self, source: Source, reading: Reading, observers: Sequence[Observer], look: Callable[[], Look]
+    ) -> None:
+        self._source, self._reading, self._observers, self._make = source, reading, observers, look
+        self._thread = threading.Thread(target=self._run, name="nvscope session", daemon=True)
+        self._changed = threading.Condition()
+        self._asked = 0
+        self._answered = 0
+        self._look: Look | None = None
+        self._looked_at_s = 0.0
+        self._stopping = False
+        self._ended = False
+        self._error: BaseException | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether the source has come to its end, or failed, or was stopped."""
+        return self._ended
+
+    def start(self) -> None:
+        """Begin to read the source."""
+        self._thread.start()
+
+    def snapshot(self, patience_s: float | None = None) -> Look:
+        """Return a look that is not older than the call, or a tenth of a second older.
+
+        Where the source says nothing, it returns the last one after ``patience_s`` (None: waits). Raises what the
+        source or an observer raised.
+        """
+        with self._changed:
+            self._asked += 1
+            mine = self._asked
+            self._changed.wait_for(lambda: self._answered >= mine or self._ended, patience_s)
+            return self._told()
+
+    def stop(self) -> Look:
+        """Stop the source, wait for the end of the loop, and return the last look. Raises as ``snapshot``."""
+        self._stopping = True
+        self._source.stop()
+        self._thread.join()
+        with self._changed:
+            return self._told()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait for the end of the source; return whether it has come."""
+        self._thread.join(timeout_s)
+        return self._ended
+
+    def _told(self) -> Look:
+        if self._error is not None:
+            raise self._error
+        assert self._look is not None
+        return self._look
+
+    def _run(self) -> None:
+        try:
+            self._answer()
+            for _ in run(self._source, self._reading, self._observers):
+                if self._asked > self._answered:
+                    self._answer(sparingly=True)
+                if self._stopping:
+                    break
+        except BaseException as error:  # told to whoever asks next
+            self._error = error
+        finally:
+            with self._changed:
+                self._ended = True
+                try:
+                    if self._error is None:
+                        self._look = self._make()
+                except BaseException as error:  # as above
+                    self._error = error
+                self._changed.notify_all()
+
+    def _answer(self, *, sparingly: bool = False) -> None:
+        """Make a look for all who have asked so far; where one is new enough, that one is the answer."""
+        asked = self._asked
+        now_s = time.monotonic()
+        if not sparingly or now_s - self._looked_at_s >= LEAST_BETWEEN_S:
+            look = self._make()
+            self._looked_at_s = time.monotonic()
+        else:
+            look = self._told()
+        with self._changed:
+            self._look, self._answered = look, asked
+            self._changed.notify_all()

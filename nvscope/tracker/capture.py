@@ -1,0 +1,104 @@
+"""CaptureState: how many frames there were, from when to when, and what the capture itself shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.varieties import NO_TELEGRAM
+from nvscope.engine.told import Told
+from nvscope.tracker.accumulator import SplitBy
+from nvscope.tracker.events import EventLog
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureSummary:
+    """What ``CaptureState`` has counted, and the CAN frames among the frames, as they were at a moment."""
+
+    frames: int = 0
+    telegrams: int = 0
+    can_frames: int = 0
+    chosen: int = 0
+    fragments: int = 0
+    start_ns: int | None = None
+    end_ns: int | None = None
+    until_ns: int | None = None
+
+    @property
+    def choosable(self) -> int:
+        """How many telegrams and CAN frames there are, of which a filter chooses."""
+        return self.telegrams + self.can_frames
+
+    @property
+    def at_ns(self) -> int | None:
+        """Up to when time has passed, as far as that is known; None where nothing came yet."""
+        known = [time_ns for time_ns in (self.end_ns, self.until_ns) if time_ns is not None]
+        return max(known, default=None)
+
+
+class CaptureState:
+    """All frames, telegrams or not.
+
+    ``telegrams`` are those of UDP; ``chosen`` counts the telegrams and CAN frames that a filter chooses. ``start_ns``
+    and ``end_ns`` are the earliest and the latest time of any frame, ``last_ns`` that of the last one; ``until_ns`` is
+    up to when a source says that time has passed, None where only frames tell. ``steps_back`` are the frames whose time
+    is before that of the frame in front, under one key. ``unsupported`` counts frames by link types that nothing reads.
+    """
+
+    SPLIT_BY: ClassVar = SplitBy.NOTHING
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.telegrams = 0
+        self.chosen = 0
+        self.fragments = 0
+        self.unsupported: dict[int, int] = {}
+        self.start_ns: int | None = None
+        self.end_ns: int | None = None
+        self.last_ns: int | None = None
+        self.until_ns: int | None = None
+        self.steps_back = EventLog()
+        self.longest_step_back_ns = 0
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        if told.until_ns is not None:
+            self.until_ns = told.until_ns if self.until_ns is None else max(self.until_ns, told.until_ns)
+        if not len(told):
+            return
+        self._observe_times(told)
+        self.frames += len(told)
+        self.telegrams += len(told) - int(told.count[NO_TELEGRAM]) - int(told.count[told.varieties.on_can].sum())
+        if told.chosen is not None:
+            self.chosen += int(np.count_nonzero(told.chosen))
+        batch = told.batch
+        self.fragments += batch.fragments
+        if batch.unsupported is not None:
+            links = batch.packets.link[batch.unsupported]
+            for link, count in zip(*np.unique(links, return_counts=True), strict=True):
+                self.unsupported[int(link)] = self.unsupported.get(int(link), 0) + int(count)
+
+    def summary(self, can_frames: int) -> CaptureSummary:
+        """Return what was counted so far."""
+        return CaptureSummary(
+            self.frames, self.telegrams, can_frames, self.chosen, self.fragments, self.start_ns, self.end_ns,
+            self.until_ns,
+        )  # fmt: skip
+
+    def _observe_times(self, told: Told) -> None:
+        time_ns = told.packets.ts_ns
+        before = np.empty_like(time_ns)
+        before[1:] = time_ns[:-1]
+        before[0] = time_ns[0] if self.last_ns is None else self.last_ns
+        back = np.flatnonzero(time_ns < before)
+        if len(back):
+            self.longest_step_back_ns = max(self.longest_step_back_ns, int((before[back] - time_ns[back]).max()))
+            one_key = np.zeros(len(back), np.uint64)
+            self.steps_back.record(time_ns[back], back + told.first_frame, one_key, one_key)
+            self.steps_back.settle()
+        earliest, latest = int(time_ns.min()), int(time_ns.max())
+        self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
+        self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)
+        self.last_ns = int(time_ns[-1])

@@ -1,0 +1,265 @@
+"""ListState: what the telegrams of each list show, whoever sends or reads it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U64
+from dissectors.netvar import (
+    CHECKSUM_INVALID,
+    HEADER,
+    IDENTITY_ASCII,
+    RESERVED_FLAGS,
+    Fault,
+    Service,
+)
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.keys import FrameKind, Keys
+from nvscope.engine.reading import TIMEOUT_NS
+from nvscope.engine.rows import DataRows
+from nvscope.engine.told import Told
+from nvscope.tracker.accumulator import SplitBy
+from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messages
+from nvscope.tracker.consistency import Consistency
+from nvscope.tracker.counters import DiagError
+from nvscope.tracker.errors import ErrorEvents, Errors
+from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.events import EventLog
+from nvscope.tracker.flows import Flows
+
+if TYPE_CHECKING:
+    from nvscope.tracker.variables.values import Values
+
+_OF_FAULT = {
+    Fault.SHORT: EventKind.SHORT,
+    Fault.LENGTH: EventKind.LENGTH_MISMATCH,
+    Fault.SERVICE: EventKind.UNKNOWN_SERVICE,
+    Fault.BYTE_SWAPPED: EventKind.LENGTH_BYTE_SWAPPED,
+}
+
+_REJECTED = {
+    Service.ODStateFree: DiagError.UDPSENDATA,
+    Service.ODAcknowledgement: DiagError.UDPSENDACKN,
+    Service.ODBootUpRequest: DiagError.UDPSENDBOOTUPREQUEST,
+}
+
+
+class ListColumns(KeyedColumns):
+    """One row a list: the counts that are no sums over flows."""
+
+    truncated: I64
+    missing_acknowledgements: I64
+    negative_acknowledgements: I64
+    bootup_unanswered: I64
+    send_rejected: I64
+    COLUMNS: ClassVar = {
+        name: (np.int64(0), 1)
+        for name in (
+            "truncated", "missing_acknowledgements", "negative_acknowledgements", "bootup_unanswered", "send_rejected",
+        )
+    }  # fmt: skip
+
+
+class ListState:
+    """All lists: their flows, what is wrong with headers, who did not answer, where senders disagree, and values.
+
+    ``events`` are the events that are findings as they stand, keyed by ``event_key``. ``values`` are those of the
+    variables, where their definition is known.
+    """
+
+    SPLIT_BY: ClassVar = SplitBy.LIST
+
+    def __init__(self, timeout_ns: int = TIMEOUT_NS, values: Values | None = None) -> None:
+        self.values = values
+        self.flows = Flows()
+        self.columns = ListColumns()
+        self.consistency = Consistency()
+        self.acknowledgement = Acknowledgement(timeout_ns)
+        self.errors = Errors()
+        self.events = EventLog()
+
+    @property
+    def keys(self) -> Keys:
+        """What the numbers of lists, nodes, places, streams and flows stand for."""
+        return self.flows.keys
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        errors: list[ErrorEvents] = []
+        if len(told):
+            self.flows.observe(told)
+            errors += self._observe_rejected(told)
+            self.columns.resize(len(self.keys.lists))
+            self._observe_headers(told)
+            errors += self._observe_data(told)
+        if told.until_ns is not None:
+            errors += self._expire(told)
+        self.errors.observe(errors, len(self.keys.lists))
+        self.events.settle()
+
+    def _observe_data(self, told: Told) -> list[ErrorEvents]:
+        rows = told.laid.data
+        errors = self._observe_answers(told, rows)
+        if len(rows):
+            errors.append(self._observe_consistency(rows, told.first_frame))
+            if self.values is not None:
+                self.values.observe(told, rows)
+        frames = told.laid.pdos
+        if len(frames):
+            changed = self.consistency.changed_shapes(frames, frames.changes(), self.keys)
+            self._log_rows(EventKind.PDO_LENGTH_CHANGED, frames, changed, told.first_frame)
+            if self.values is not None:
+                self.values.observe(told, frames)
+        return errors
+
+    def _observe_headers(self, told: Told) -> None:
+        """Note what is wrong with headers, and count truncated telegrams."""
+        ours, theirs, first_frame = self.keys.varieties, told.varieties, told.first_frame
+        if not ours.column("odd").any():
+            return
+        odd = np.flatnonzero(ours.odd[told.variety])
+        if not len(odd):
+            return
+        variety = told.variety[odd]
+        kind, node, lists, subindex = ours.kind[variety], ours.node[variety], ours.list[variety], ours.subindex[variety]
+        header, fault, truncated = theirs.header[variety], theirs.fault[variety], theirs.truncated[variety]
+        reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= FrameKind.BOOT_UP_REQUEST)
+        masks = [(event, fault == kind_of_fault) for kind_of_fault, event in _OF_FAULT.items()]
+        masks.append((EventKind.RESERVED_FLAGS, reserved))
+        masks.append((EventKind.ASCII_IDENTITY, header["identity"] == IDENTITY_ASCII))
+        masks.append((EventKind.TRUNCATED, truncated))
+        for event, mask in masks:
+            row = np.flatnonzero(mask)
+            if len(row):
+                when, frame = told.packets.ts_ns[odd[row]], odd[row] + first_frame
+                self._log(event, lists[row], node[row], subindex[row], when, frame)
+        np.add.at(self.columns.truncated, lists[truncated & (lists >= 0)], 1)
+
+    def _log(self, event: EventKind, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
+        self.events.record(time_ns, frame, *event_key(event, lists, node, subindex))
+
+    def _observe_rejected(self, told: Told) -> list[ErrorEvents]:
+        """Book the telegrams that ICMP messages say were not delivered."""
+        errors: list[ErrorEvents] = []
+        quoted, lists, node = told.laid.rejected
+        if not len(quoted):
+            return errors
+        datagram, service = quoted.datagram, quoted.header["id"]
+        frame = datagram.row + told.first_frame
+        known = datagram.captured_bytes >= HEADER.offset_of("items")
+        subindex = np.where(known, quoted.header["subindex"].astype(np.int64), -1)
+        self._log(EventKind.SEND_REJECTED, lists, node, subindex, quoted.ts_ns, frame)
+        self.columns.resize(len(self.keys.lists))
+        np.add.at(self.columns.send_rejected, lists, 1)
+        for kind, error in _REJECTED.items():
+            row = np.flatnonzero(service == kind)
+            errors.append(ErrorEvents(error, True, lists[row], node[row], quoted.ts_ns[row], frame[row]))
+        return errors
+
+    def _log_rows(self, event: EventKind, rows: DataRows, place: I64, first_frame: int) -> None:
+        """Note something of some rows, in the order of the capture."""
+        if len(place):
+            row = place[np.argsort(rows.packet[place])]
+            lists, node, subindex = self.described(rows.stream[row])
+            self._log(event, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+
+    def _messages(self, told: Told, kind: FrameKind) -> Messages:
+        """Pick the telegrams of one kind that is not DATA."""
+        varieties, flows = self.keys.varieties, self.keys.columns
+        mine = varieties.column("kind") == kind
+        row = np.flatnonzero(mine[told.variety]) if told.count[mine].any() else np.empty(0, np.int64)
+        number = np.flatnonzero(mine)
+        place, destination = varieties.place[number], flows.destination[varieties.flow[number]]
+        target = np.full(len(varieties), -1)
+        # Nobody's stream has the number of a broadcast's destination.
+        target[number] = self.keys.streams.find(place.astype(np.uint64), destination.view(np.uint64))
+        variety = told.variety[row]
+        flow = varieties.flow[variety]
+        return Messages(
+            row, told.packets.ts_ns[row], flows.list[flow], flows.place[flow], flows.source[flow],
+            flows.destination[flow], target[variety], told.varieties.header["flags"][variety],
+        )  # fmt: skip
+
+    def _observe_answers(self, told: Told, rows: DataRows) -> list[ErrorEvents]:
+        acknowledgements = self._messages(told, FrameKind.ACKNOWLEDGEMENT)
+        requests = self._messages(told, FrameKind.BOOT_UP_REQUEST)
+        time_ns, first_frame = told.packets.ts_ns, told.first_frame
+        answers = self.acknowledgement.observe(rows, acknowledgements, requests, time_ns, self.keys, first_frame)
+        places = self.keys.places
+        self._log_missing(*answers.missing)
+        negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)
+        for event, row, node in (
+            (EventKind.NEGATIVE_ACKNOWLEDGEMENT, negative, answers.negative_node),
+            (EventKind.UNEXPECTED_ACKNOWLEDGEMENT, answers.unexpected, acknowledgements.source[answers.unexpected]),
+        ):
+            subindex = places.low[acknowledgements.place[row]].astype(np.int64)
+            frame = acknowledgements.packet[row] + first_frame
+            self._log(event, acknowledgements.list[row], node, subindex, acknowledgements.time_ns[row], frame)
+        np.add.at(self.columns.negative_acknowledgements, acknowledgements.list[negative], 1)
+        self._log_unanswered(answers.unanswered)
+        return answers.errors
+
+    def _log_missing(self, stream: I64, time_ns: I64, frame: I64) -> None:
+        """Note data telegrams that were not acknowledged."""
+        if len(stream):
+            lists, sender, subindex = self.described(stream)
+            self._log(EventKind.NO_ACKNOWLEDGEMENT, lists, sender, subindex, time_ns, frame)
+            np.add.at(self.columns.missing_acknowledgements, lists, 1)
+
+    def _log_unanswered(self, waits: BootUpWaits) -> None:
+        """Note boot-up requests that brought nothing."""
+        if len(waits):
+            nobody = np.full(len(waits), -1)
+            subindex = self.keys.places.low[waits.place].astype(np.int64)
+            self._log(EventKind.BOOT_UP_UNANSWERED, waits.list, nobody, subindex, waits.deadline_ns, waits.frame)
+            np.add.at(self.columns.bootup_unanswered, waits.list, 1)
+
+    def _expire(self, told: Told) -> list[ErrorEvents]:
+        """End the waits whose deadline has passed without a frame that would have shown it."""
+        assert told.until_ns is not None
+        over = self.acknowledgement.expire(told.until_ns)
+        self._log_missing(over.stream, over.deadline_ns, over.frame)
+        self._log_unanswered(over.requests)
+        lists, sender, _ = self.described(over.stream)
+        requests, nobody = over.requests, np.full(len(over.requests), -1)
+        # No frame has shown it: the next one would have.
+        seen, seen_requests = (np.full(len(one), told.first_frame + len(told)) for one in (over.stream, requests))
+        return [
+            ErrorEvents(DiagError.NOACKNOWLEDGEMENT, False, lists, sender, over.deadline_ns, seen),
+            ErrorEvents(
+                DiagError.UDPANSWERBOOTUPREQUEST, False, requests.list, nobody, requests.deadline_ns, seen_requests
+            ),
+        ]
+
+    def _observe_consistency(self, rows: DataRows, first_frame: int) -> ErrorEvents:
+        """Note changes of shape, checksum and flags."""
+        changed, mismatch, strange = self.consistency.observe(rows, self.keys)
+        for event, place in (
+            (EventKind.SHAPE_CHANGED, changed),
+            (EventKind.CHECKSUM_CHANGED, mismatch),
+            (EventKind.FLAGS_INCONSISTENT, strange),
+        ):
+            self._log_rows(event, rows, place, first_frame)
+        np.add.at(self.flows.counts.mismatches, self.keys.varieties.flow[rows.variety[mismatch]], 1)
+        lists, node, _ = self.described(rows.stream[mismatch])
+        frame = rows.packet[mismatch] + first_frame
+        return ErrorEvents(DiagError.CHECKSUM, True, lists, node, rows.time_ns[mismatch], frame)
+
+    def described(self, stream: I64) -> tuple[I64, I64, I64]:
+        """Return the list number, node number and SubIndex of streams."""
+        place = self.keys.place_of(stream)
+        node = self.keys.node_of(stream)
+        return self.keys.places.high[place].astype(np.int64), node, self.keys.places.low[place].astype(np.int64)
+
+
+def event_key(event: EventKind, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
+    """Return the key of ``ListState.events``: kind, numbers of list and node, and SubIndex, -1 each for none."""
+    high = (np.uint64(event) << np.uint64(32)) | (lists + 1).astype(np.uint64)
+    return high, ((node + 1).astype(np.uint64) << np.uint64(32)) | (subindex + 1).astype(np.uint64)
+
+
+def event_parts(high: int, low: int) -> tuple[int, int, int, int]:
+    """Take a key of ``ListState.events`` apart: kind, list, node, SubIndex, -1 each for none."""
+    return high >> 32, (high & 0xFFFFFFFF) - 1, (low >> 32) - 1, (low & 0xFFFFFFFF) - 1

@@ -1,0 +1,59 @@
+"""SenderState: what follows from each sender's telegrams in turn: loss by its Counter, intervals, cycles."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from nvscope.engine.rows import DataRows
+from nvscope.engine.told import Told
+from nvscope.tracker.accumulator import SplitBy
+from nvscope.tracker.can.cycles import CanCycles
+from nvscope.tracker.cycles import Cycles
+from nvscope.tracker.loss import Loss, NodeSteps, no_steps
+from nvscope.tracker.recent import Recent
+from nvscope.tracker.steps import Steps
+from nvscope.tracker.timing import BatchIntervals, Timing
+
+
+class SenderState:
+    """The well-formed data telegrams of each sender, and the data frames of each CAN channel.
+
+    ``data_telegrams`` counts those on UDP, ``repeated`` those of them that equal the one before in their stream, byte
+    for byte.
+    """
+
+    SPLIT_BY: ClassVar = SplitBy.SENDER
+
+    def __init__(self) -> None:
+        self.data_telegrams = 0
+        self.repeated = 0
+        self.loss = Loss()
+        self.timing = Timing()
+        self.recent = Recent()
+        self.cycles = Cycles()
+        self.can_cycles = CanCycles()
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        rows, keys, first_frame = told.laid.data, told.keys, told.first_frame
+        if len(rows):
+            self.data_telegrams += len(rows)
+            self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
+            own, nodes = self.loss.observe(told, rows, keys, first_frame)
+            intervals = self._observe_intervals(told, rows, own, nodes)
+            self.cycles.observe(rows, rows.counter, intervals.usual, self.timing.columns.usual_ns, keys, first_frame)
+        frames = told.laid.pdos
+        if len(frames):
+            # They have a time, a length and variables, and nothing else to go by.
+            self.loss.streams.resize(len(keys.streams))
+            intervals = self._observe_intervals(told, frames, *no_steps(len(frames)))
+            usual_ns = self.timing.columns.usual_ns
+            self.can_cycles.observe_frames(frames, intervals.usual, usual_ns, keys, told.pdos, first_frame)
+
+    def _observe_intervals(self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps) -> BatchIntervals:
+        intervals = self.timing.observe(rows, own, nodes, len(told.keys.streams), told.first_frame)
+        if len(intervals.stream):
+            self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
+        return intervals

@@ -1,0 +1,39 @@
+"""How the tests are run: by all processors, what takes long first, and laws with some of their examples or with all.
+
+``python -m pytest`` runs everything in parallel. ``--full`` tries laws with all their examples, and with others each
+time. Files and tests that are named are run in one process.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from tests.laws import FULL_EXAMPLES
+
+QUICK_EXAMPLES = 30
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--full", action="store_true", help="try laws with all their examples and seeds, not with some")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "long: takes seconds in one piece, and is begun before what takes less")
+    # How long anything takes depends on who else works here, and is no law.
+    untimed = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    settings.register_profile("quick", untimed, max_examples=QUICK_EXAMPLES)
+    settings.register_profile("full", untimed, max_examples=FULL_EXAMPLES, derandomize=False, print_blob=True)
+    settings.load_profile("full" if config.getoption("full") else "quick")
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """Run single files here: whoever names them waits for no worker to start, and may stop in a debugger."""
+    named = [Path(argument.split("::")[0]) for argument in config.args]
+    return None if any(path.is_dir() for path in named) and not config.option.keyword else 0
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)

@@ -1,0 +1,117 @@
+"""The program as a process of its own, as a person or a script runs it: words in; exit code, stdout and stderr out.
+
+Each run is forked from a process that has imported the program and has run nothing (``tests.program_server``), so that
+it begins as clean as ``python -m nvscope``, without the time in which that imports what it needs. What the start of a
+program is about is tested with ``COMMAND``: imports, interrupts, terminals, limits, pipes that somebody closes, and
+that nothing depends on the order of a set, which is the same in all runs that one server forks.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+COMMAND = (sys.executable, "-m", "nvscope")
+
+_ROOT = Path(__file__).parents[1]
+_LONGEST_S = 60
+_ANSWER = struct.Struct("!i")
+
+
+def run(
+    *words: str | Path, cwd: Path | None = None, stdin: bytes = b"", environment: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[bytes]:
+    """Run ``nvscope`` with these words; ``environment`` is what is to differ from that of the tests."""
+    asked = [str(word) for word in words]
+    request = {"words": asked, "cwd": str(cwd or Path.cwd()), "environment": {**os.environ, **(environment or {})}}
+    if not hasattr(os, "fork"):
+        return subprocess.run(
+            [*COMMAND, *asked], input=stdin, capture_output=True, check=False, timeout=_LONGEST_S,
+            cwd=request["cwd"], env={**request["environment"], "PYTHONUTF8": "1"},
+        )  # fmt: skip
+    (their_in, our_in), (our_out, their_out), (our_err, their_err) = os.pipe(), os.pipe(), os.pipe()
+    # A pipe holds little: to serve one after the other would be to wait for each other.
+    with ThreadPoolExecutor(3) as pipes:
+        pipes.submit(_write, our_in, stdin)
+        out, err = pipes.submit(_read, our_out), pipes.submit(_read, our_err)
+        try:
+            code = _server().run(json.dumps(request), (their_in, their_out, their_err))
+        finally:
+            for end in (their_in, their_out, their_err):
+                os.close(end)
+        return subprocess.CompletedProcess([*COMMAND, *asked], code, out.result(), err.result())
+
+
+def run_text(
+    *words: str | Path, cwd: Path | None = None, environment: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run ``nvscope`` and return what it wrote as text, with the line ends of this system as line feeds."""
+    done = run(*words, cwd=cwd, environment=environment)
+    out, err = (wrote.decode("utf-8").replace(os.linesep, "\n") for wrote in (done.stdout, done.stderr))
+    return subprocess.CompletedProcess(done.args, done.returncode, out, err)
+
+
+def _write(pipe: int, content: bytes) -> None:
+    with open(pipe, "wb") as file:
+        try:
+            file.write(content)
+            file.flush()
+        except BrokenPipeError:  # the program needed no more of it
+            return
+
+
+def _read(pipe: int) -> bytes:
+    with open(pipe, "rb") as file:
+        return file.read()
+
+
+class _Server:
+    """The process that is forked for each run, and the channel to it."""
+
+    def __init__(self) -> None:
+        self._channel, theirs = socket.socketpair()
+        self._channel.settimeout(_LONGEST_S)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "tests.program_server", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True,
+                cwd=_ROOT, env={**os.environ, "PYTHONUTF8": "1"},
+            )  # fmt: skip
+        atexit.register(self.end)
+
+    def run(self, request: str, streams: tuple[int, int, int]) -> int:
+        """Have a request run with these streams; return its exit code."""
+        message = request.encode() + b"\n"
+        try:
+            sent = socket.send_fds(self._channel, [message], streams)
+            self._channel.sendall(message[sent:])
+            answer = self._channel.recv(_ANSWER.size, socket.MSG_WAITALL)
+            return int(_ANSWER.unpack(answer)[0])
+        except (OSError, struct.error):
+            # It takes too long, or the server broke off: whatever is run next must not find the answer to this.
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self.end()
+            _server.cache_clear()
+            raise
+
+    def end(self) -> None:
+        self._channel.close()
+        self._process.wait()
+        atexit.unregister(self.end)
+
+
+@cache
+def _server() -> _Server:
+    return _Server()
