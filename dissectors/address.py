@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
-from dissectors.link import IPV4_HIGH, IPV4_LOW
+from dissectors.headers import IPV4_HIGH, IPV4_LOW
 
 _HIGH, _LOW = int(IPV4_HIGH), int(IPV4_LOW)
 

@@ -12,113 +12,35 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, U64, Bool, LinkType, PacketBatch
-from dissectors.layout import Field, Layout, take_rows
-
-ETHERNET = Layout(
-    "eth",
-    (
-        Field("group", "u1", "First byte of the destination", "bit 0 set: broadcast or multicast", base="hex"),
-        Field("destination_rest", "V5", "Rest of the destination", "the other five bytes"),
-        Field("source", "V6", "Source", "hardware address of the sender"),
-        Field("type", ">u2", "EtherType", "protocol inside", base="hex"),
-    ),
+from dissectors.headers import (
+    AUTHENTICATION,
+    DESTINATION_OPTIONS,
+    ETHERNET,
+    EXTENSION,
+    FAMILIES_IPV6,
+    FRAGMENT,
+    HOP_BY_HOP,
+    ICMP_HEADER_BYTES,
+    IPV4,
+    IPV4_HIGH,
+    IPV4_LOW,
+    IPV6,
+    NULL,
+    PROTOCOL_ICMP,
+    PROTOCOL_ICMPV6,
+    PROTOCOL_UDP,
+    ROUTING,
+    SLL,
+    SLL2,
+    TYPE_IPV4,
+    TYPE_IPV6,
+    UDP,
+    UNREACHABLE_ICMP,
+    UNREACHABLE_ICMPV6,
+    VLAN,
+    VLAN_TYPES,
 )
-VLAN = Layout(
-    "vlan",
-    (
-        Field("tci", ">u2", "Tag control", "priority and VLAN number", base="hex"),
-        Field("type", ">u2", "EtherType", "protocol inside", base="hex"),
-    ),
-)
-SLL = Layout(
-    "sll",
-    (
-        Field("packet_type", ">u2", "Packet type", "1 broadcast, 2 multicast"),
-        Field("address", "V12", "Address", "hardware type, length and address of the sender"),
-        Field("type", ">u2", "Protocol", "protocol inside", base="hex"),
-    ),
-)
-SLL2 = Layout(
-    "sll2",
-    (
-        Field("type", ">u2", "Protocol", "protocol inside", base="hex"),
-        Field("interface", "V8", "Interface", "reserved, interface index, hardware type"),
-        Field("packet_type", "u1", "Packet type", "1 broadcast, 2 multicast"),
-        Field("address", "V9", "Address", "length and hardware address of the sender"),
-    ),
-)
-SLL2_INTERFACE = Layout(
-    "sll2.interface",
-    (
-        Field("reserved", ">u2", "Reserved", "zero"),
-        Field("index", ">u4", "Index", "number of the interface on the capturing host"),
-        Field("hardware", ">u2", "Hardware type", "ARPHRD number of the interface"),
-    ),
-)
-"""What is in the field ``interface`` of SLL2."""
-NULL = Layout("null", (Field("family", "<u4", "Family", "address family in the byte order of the capturing host"),))
-IPV4 = Layout(
-    "ip",
-    (
-        Field("version_ihl", "u1", "Version, header length", "header length in words of 4 bytes", base="hex"),
-        Field("tos", "u1", "Type of service", "priority", base="hex"),
-        Field("total_length", ">u2", "Total length", "header and data in bytes; 0 where hardware fills it in"),
-        Field("id", ">u2", "Identification", "number shared by the fragments of a datagram", base="hex"),
-        Field("fragment", ">u2", "Fragment", "flags and offset", base="hex"),
-        Field("ttl", "u1", "Time to live", "remaining hops"),
-        Field("protocol", "u1", "Protocol", "protocol inside"),
-        Field("checksum", ">u2", "Header checksum", "of the IP header", base="hex"),
-        Field("source", ">u4", "Source", "address of the sender"),
-        Field("destination", ">u4", "Destination", "address of the receiver"),
-    ),
-)
-IPV6 = Layout(
-    "ipv6",
-    (
-        Field("version", "u1", "Version", "upper four bits: 6", base="hex"),
-        Field("flow", "V3", "Flow label", "traffic class and flow label"),
-        Field("payload_length", ">u2", "Payload length", "bytes after this header"),
-        Field("next", "u1", "Next header", "protocol or extension inside"),
-        Field("hop_limit", "u1", "Hop limit", "remaining hops"),
-        Field("source_hi", ">u8", "Source", "upper half", base="hex"),
-        Field("source_lo", ">u8", "Source", "lower half", base="hex"),
-        Field("destination_hi", ">u8", "Destination", "upper half", base="hex"),
-        Field("destination_lo", ">u8", "Destination", "lower half", base="hex"),
-    ),
-)
-UDP = Layout(
-    "udp",
-    (
-        Field("source_port", ">u2", "Source port", "port of the sender"),
-        Field("destination_port", ">u2", "Destination port", "port of the receiver"),
-        Field("length", ">u2", "Length", "UDP header and payload in bytes"),
-        Field("checksum", ">u2", "Checksum", "of the datagram; 0 none", base="hex"),
-    ),
-)
-EXTENSION = Layout(
-    "ipv6.extension",
-    (
-        Field("next", "u1", "Next header", "protocol or extension inside"),
-        Field("length", "u1", "Length", "in units of 8 bytes less one (authentication: of 4 bytes less two)"),
-        Field("fragment", ">u2", "Fragment", "offset and more-fragments bit of a fragment header", base="hex"),
-    ),
-)
-
-TYPE_IPV4, TYPE_IPV6 = 0x0800, 0x86DD
-TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL = 0x000C, 0x000D, 0x000E
-"""Protocols of cooked frames (SLL, SLL2) that hold a SocketCAN frame: LINUX_SLL_P_CAN, _CANFD and _CANXL of libpcap."""
-
-VLAN_TYPES = (0x8100, 0x88A8, 0x9100)
-FAMILIES_IPV6 = (24, 28, 30)  # NetBSD and OpenBSD, FreeBSD, Darwin
-PROTOCOL_ICMP, PROTOCOL_UDP, PROTOCOL_ICMPV6 = 1, 17, 58
-HOP_BY_HOP, ROUTING, FRAGMENT, AUTHENTICATION, DESTINATION_OPTIONS = 0, 43, 44, 51, 60
-UNREACHABLE_ICMP, UNREACHABLE_ICMPV6 = 3, 1
-ICMP_HEADER_BYTES = 8
-IPV4_HIGH, IPV4_LOW = np.uint64(0xFFFF_FFFF_FFFF_FFFF), np.uint64(0xFFFF_FFFF_0000_0000)
-"""The halves of an address that holds an IPv4 one in its last 32 bits: a multicast range that IPv6 does not assign.
-
-Not ::ffff:a.b.c.d, so that an IPv6 packet with such an address stays apart from the IPv4 node.
-"""
+from dissectors.layout import take_rows
 
 MAX_VLAN_TAGS = 8
 MAX_EXTENSIONS = 16

@@ -12,8 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, Records
+from dissectors.headers import UDP
 from dissectors.layout import gather_bytes
-from dissectors.link import UDP, DatagramBatch
+from dissectors.link import DatagramBatch
 from dissectors.netvar import HEADER, TelegramBatch
 from dissectors.varieties import SortedPackets
 

@@ -16,20 +16,10 @@ from dissectors.batch import I32, I64, U8, U16, U64, Bool, LinkType, PacketBatch
 from dissectors.can.frame import FRAME, CanBatch, dissect_can
 from dissectors.can.frame import Fault as CanFault
 from dissectors.can.pdo import ON_CAN, PdoRules, is_pdo, words
+from dissectors.headers import ETHERNET, IPV4, PROTOCOL_ICMP, PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, UDP, VLAN_TYPES
 from dissectors.keys import KeyTable, first_rows
 from dissectors.layout import gather_bytes, take_rows
-from dissectors.link import (
-    ETHERNET,
-    IPV4,
-    NO_DATAGRAMS,
-    PROTOCOL_ICMP,
-    PROTOCOL_UDP,
-    TYPE_IPV4,
-    TYPE_IPV6,
-    UDP,
-    VLAN_TYPES,
-    DatagramBatch,
-)
+from dissectors.link import NO_DATAGRAMS, DatagramBatch
 from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, Fault, PortRules, TelegramBatch, dissect
 
 NO_TELEGRAM = 0

@@ -29,6 +29,11 @@ def cob_id(number: int, extended: bool = False) -> str:
     return f"{number:08X}h" if extended else f"{number:03X}h"
 
 
+def cob_id_range(first: int, last: int) -> str:
+    """Return ``181h``, or ``181h to 183h``."""
+    return cob_id(first) if first == last else f"{cob_id(first)} to {cob_id(last)}"
+
+
 def data_size(size_bytes: int) -> str:
     """Return ``512 B``, ``1.2 kB``, ``177.3 MB``: decimal multiples."""
     if size_bytes < 1_000:

@@ -1,7 +1,8 @@
 """A plant on CAN drawn at random: definitions, a candump log, and what every frame of it must say.
 
-Packing and values are computed here once more, by the rules of ``spec/netvar.md`` of the project, sections 2 and 3,
-with ``struct`` alone: nothing of the product is used but the words of a definition file.
+Packing and values are computed here once more, with ``struct`` alone: elements in the order of their declaration while
+they fit into the 8 bytes of a frame, none split, nothing padded, little-endian; the next frame has the next COB-ID.
+Nothing of the product is used but the words of a definition file.
 """
 
 from __future__ import annotations

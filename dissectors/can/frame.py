@@ -22,8 +22,8 @@ from enum import IntEnum
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, Bool, LinkType, PacketBatch, Records
+from dissectors.headers import SLL, SLL2, SLL2_INTERFACE, TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL
 from dissectors.layout import Bit, Field, Layout
-from dissectors.link import SLL, SLL2, SLL2_INTERFACE, TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL
 
 EXTENDED = Bit(31, "extended", "extended frame: an identifier of 29 bits")
 REMOTE = Bit(30, "remote", "remote frame: asks for data and holds none")

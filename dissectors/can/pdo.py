@@ -1,8 +1,8 @@
 """PDOs: network variables on CAN, frames that stand for the telegrams of lists.
 
 A frame has no header. Which list it belongs to, and as which part of it, follows from its identifier: the first frame
-of a list has the list's own, further ones those that follow (``spec/netvar.md`` of the project, section 3). Without a
-definition, every identifier is a list alone.
+of a list has the list's own, further ones those that follow (Network Functionality in CoDeSys V2.3, section 2.3).
+Without a definition, every identifier is a list alone.
 """
 
 from __future__ import annotations

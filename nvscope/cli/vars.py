@@ -166,7 +166,6 @@ def _check(
 
 
 def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
-    from nvscope import units
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
     from nvscope.view.documents.variables import left_out, variables_document
@@ -186,18 +185,30 @@ def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
     if unfitting:
         _tell_of_unfitting(unfitting)
     if truncated:
-        told = units.count_of(truncated, "telegram")
-        typer.echo(f"nvscope: {told} of defined lists not captured whole, not decoded (NV107).", err=True)
+        _tell_of_truncated(truncated)
     return found.infos
+
+
+def _tell_of_truncated(count: int) -> None:
+    from nvscope import units
+    from nvscope.findings.header import TRUNCATED_BY_CAPTURE
+
+    told = units.count_of(count, "telegram")
+    typer.echo(
+        f"nvscope: {told} of defined lists not captured whole, not decoded ({TRUNCATED_BY_CAPTURE.code}).", err=True
+    )
 
 
 def _tell_of_unfitting(count: int) -> None:
     from nvscope import units
+    from nvscope.findings.can import DLC_MISMATCH
+    from nvscope.findings.definition import DEFINITION_MISMATCH
 
     told = units.count_of(count, "telegram")
     typer.echo(
         f"nvscope: {told} of another shape than the definition has, not decoded; "
-        "`nvscope report` with the same definitions tells where they differ (NV405, on CAN NV603).",
+        "`nvscope report` with the same definitions tells where they differ "
+        f"({DEFINITION_MISMATCH.code}, on CAN {DLC_MISMATCH.code}).",
         err=True,
     )
 

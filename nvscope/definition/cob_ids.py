@@ -1,7 +1,7 @@
 """CobIds: which identifiers a list takes on CAN, which of them another list takes too, and which CANopen uses.
 
-A list takes one identifier for each frame, counted up from its own; no assumption on packing beyond the number of
-frames is needed (``spec/netvar.md`` of the project, section 3). Linting and reports both judge by this.
+A list takes one identifier for each frame, counted up from its own (Network Functionality in CoDeSys V2.3, section
+2.3); no assumption on packing beyond the number of frames is needed. Linting and reports both judge by this.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class CobIds:
     @property
     def text(self) -> str:
         """The COB-IDs as people write them: ``181h to 183h``."""
-        return cob_id_range(self.first, self.last)
+        return units.cob_id_range(self.first, self.last)
 
 
 def taken_by(entry: ListDefinition, telegrams: Sequence[TelegramLayout]) -> CobIds | None:
@@ -106,13 +106,8 @@ def canopen_ids(taken: CobIds) -> list[int]:
 
 def _use(service: Service, taken: CobIds) -> str:
     if not service.by_node:
-        return f"{service.name} ({cob_id_range(service.first, service.last)})"
+        return f"{service.name} ({units.cob_id_range(service.first, service.last)})"
     first, last = (
         cob_id - service.first + 1 for cob_id in (max(service.first, taken.first), min(service.last, taken.last))
     )
     return f"{service.name} of node {first}" if first == last else f"{service.name} of nodes {first} to {last}"
-
-
-def cob_id_range(first: int, last: int) -> str:
-    """Return COB-IDs as people write them: ``181h``, ``181h to 183h``."""
-    return units.cob_id(first) if first == last else f"{units.cob_id(first)} to {units.cob_id(last)}"

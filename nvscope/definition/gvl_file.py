@@ -1,6 +1,7 @@
 """The frame of a V3 ``.gvl`` file, around declarations and settings.
 
-Source: ``spec/netvar.md`` of the project, section 4.1.
+As "Link to file" of CODESYS V3 writes it: no prolog, no namespace, the declarations in one CDATA section, and behind
+them an element for each setting (``ListIdentifier``, ``Pack``, ``Interval`` …). No document describes it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Drafts of V3 ``.gvl`` files: declarations with what speaks for each, and the settings that were observed.
 
-Sources: ``spec/netvar.md`` of the project, sections 2 (packing) and 4.1 (the file).
+A draft is packed by ``nvscope.definition.packing``; where that does not give the telegrams on the wire, its head tells.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@
     unpacked  | a |   SubIndex 0      | b |   SubIndex 1      …
 
 Elements follow each other in the order of their declaration, without padding; none is split, so that one longer than
-256 bytes travels alone in a longer telegram. Source: ``spec/netvar.md`` of the project, section 2.
+256 bytes travels alone in a longer telegram. The limit is that of Network Functionality in CoDeSys V2.3 (section 2.3);
+that nothing is padded or split shows in telegrams of controllers.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Pdos: which COB-ID carries which part of which list on CAN.
 
-A list occupies the COB-IDs from its identifier on, one for each frame that it takes. How it is packed is described
-nowhere: the rule of UDP is assumed, with 8 bytes a frame (``spec/netvar.md`` of the project, section 3).
+A list occupies the COB-IDs from its identifier on, one for each frame that it takes, of 8 bytes at most (Network
+Functionality in CoDeSys V2.3, section 2.3). How it is packed is described nowhere: the rule of UDP is assumed.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from nvscope.definition.constants import INTEGERS, check_fits, evaluate
+from nvscope.definition.constants import INTEGERS, check_fits
 from nvscope.definition.model import (
     DEFAULT_PORT,
     MAX_ELEMENTS,
@@ -22,12 +22,12 @@ from nvscope.definition.model import (
     Union,
     Variable,
 )
+from nvscope.definition.named_constants import MOST_COMPARED, CallDepth, NamedConstants
 from nvscope.definition.scalars import ALIASES, LIBRARY_BLOCKS, SCALARS, find_scalar, unknown_raw
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import (
     ArrayType,
     EnumerationType,
-    Expression,
     FileSyntax,
     ListSyntax,
     Name,
@@ -46,9 +46,6 @@ MAX_NESTING = 100
 """Types within one another, across all files."""
 MAX_NAME_CHARACTERS = 20_000_000
 """Characters that the names of all elements of a list have together: ten times what a large list has."""
-_MOST_CALLS = 300
-_MOST_NAMESAKES = 100
-_MOST_COMPARED = 10_000
 _ELEMENTARY = (*SCALARS, *ALIASES, "STRING", "WSTRING")
 
 
@@ -77,34 +74,21 @@ class _Sized:
     characters: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class _Constant:
-    """A constant, or a value of an enumeration: ``before`` is what it counts on from where it has no expression."""
-
-    expression: Expression | None
-    name: Name
-    source: Source
-    scope: str
-    before: _Constant | None = None
-
-
 class _Names:
     """Everything that has a name in any of the files, resolved when it is first asked for."""
 
     def __init__(self, files: Sequence[FileSyntax]) -> None:
         self.types: dict[str, TypeDeclaration] = {}
         self._twins: list[tuple[TypeDeclaration, TypeDeclaration]] = []
-        self._constants: dict[str, list[_Constant]] = {}
         self._known: dict[str, _Sized] = {}
-        self._values: dict[int, int] = {}
-        self._calls = 0
+        self._depth = CallDepth()
+        self._constants = NamedConstants(self._depth)
         self._open_types: list[str] = []
-        self._open_constants: list[_Constant] = []
         for file in files:
             for declaration in file.types:
                 self._add_type(declaration)
             for entry in file.lists:
-                self._add_constants(entry)
+                self._constants.add_list(entry)
         for first, second in self._twins:
             self._check_twins(first, second)
 
@@ -145,23 +129,7 @@ class _Names:
             self._twins.append((first, declaration))
             return
         if isinstance(declaration.type, EnumerationType):
-            self._add_enumeration(declaration.type, declaration.name.text, declaration.source)
-
-    def _add_enumeration(self, syntax: EnumerationType, name: str, source: Source) -> None:
-        scope, before = name.upper(), None
-        for value_name, expression in syntax.values:
-            before = _Constant(expression, value_name, source, scope, before)
-            for key in (value_name.text.upper(), f"{scope}.{value_name.text.upper()}"):
-                self._constants.setdefault(key, []).append(before)
-
-    def _add_constants(self, entry: ListSyntax) -> None:
-        scope = entry.name.upper()
-        for block in entry.blocks:
-            for declaration in block.declarations if block.constant else ():
-                for name in declaration.names:
-                    constant = _Constant(declaration.initial, name, entry.source, scope)
-                    for key in (name.text.upper(), f"{scope}.{name.text.upper()}"):
-                        self._constants.setdefault(key, []).append(constant)
+            self._constants.add_enumeration(declaration.type, declaration.name.text, declaration.source)
 
     def _check_twins(self, first: TypeDeclaration, second: TypeDeclaration) -> None:
         """One type in two files is nothing bad as long as both say the same."""
@@ -185,11 +153,11 @@ class _Names:
             what = f"the type {chain[0]} contains itself: {' → '.join([*chain, chain[0]])}"
             raise source.error(what[:1_000], name.offset, "Use POINTER TO where the type refers to itself.")
         calls = 6 + 2 * (declaration.type.depth if declaration.type else 0)
-        self._descend(calls, source, name.offset)
+        self._depth.descend(calls, source, name.offset)
         self._open_types.append(key)
         sized = self._body(declaration)
         self._open_types.pop()
-        self._calls -= calls
+        self._depth.ascend(calls)
         self._known[key] = sized
         return sized
 
@@ -228,7 +196,7 @@ class _Names:
             raise source.error(f"unknown type {text[:60]!r}", syntax.name.offset, self._nearest_type(text))
         if syntax.low is None or syntax.high is None:
             return sized
-        low, high = (self._value(bound, source, scope) for bound in (syntax.low, syntax.high))
+        low, high = (self._constants.value(bound, source, scope) for bound in (syntax.low, syntax.high))
         base = sized.type
         if not isinstance(base, Scalar) or base.kind not in INTEGERS:
             raise source.error(f"{text} has no subranges", syntax.name.offset, "Only integers have subranges.")
@@ -249,14 +217,14 @@ class _Names:
         known = {name.upper(): name for name in _ELEMENTARY} | {
             key: declaration.name.text for key, declaration in self.types.items()
         }
-        near = difflib.get_close_matches(text.upper()[:60], list(known)[:_MOST_COMPARED], n=1, cutoff=0.5)
+        near = difflib.get_close_matches(text.upper()[:60], list(known)[:MOST_COMPARED], n=1, cutoff=0.5)
         hint = f"Perhaps {known[near[0]]}. " if near else ""
         return f"{hint}Also name the file that declares the type, such as a .TcDUT, a PLCopen XML export or ST text."
 
     def _string(self, syntax: StringType, source: Source, scope: str) -> String:
         if syntax.length is None:
             return String(wide=syntax.wide)
-        length = self._value(syntax.length, source, scope)
+        length = self._constants.value(syntax.length, source, scope)
         if not 1 <= length <= MAX_STRING_LENGTH:
             what = f"a string of {length} characters cannot be"
             raise source.error(what, syntax.length.offset, f"The length is 1 to {MAX_STRING_LENGTH}.")
@@ -266,7 +234,10 @@ class _Names:
         element = self._type(syntax.element, name, source, scope)
         bounds, parts = [], element.parts
         for low_syntax, high_syntax in syntax.bounds:
-            low, high = self._value(low_syntax, source, scope), self._value(high_syntax, source, scope)
+            low, high = (
+                self._constants.value(low_syntax, source, scope),
+                self._constants.value(high_syntax, source, scope),
+            )
             _check_order(low, high, source, low_syntax.offset)
             bounds.append((low, high))
             parts *= high - low + 1
@@ -317,62 +288,10 @@ class _Names:
         value = -1
         for value_name, expression in syntax.values:
             _check_new(value_name, seen, source)
-            value = value + 1 if expression is None else self._value(expression, source, name.upper())
+            value = value + 1 if expression is None else self._constants.value(expression, source, name.upper())
             values[value_name.text] = value
             check_fits(value, base, source, value_name.offset)
         return Enumeration(name, base, values)
-
-    def _value(self, expression: Expression, source: Source, scope: str) -> int:
-        calls = expression.depth + 5
-        self._descend(calls, source, expression.offset)
-        value = evaluate(expression, source, lambda name: self._value_of(name, source, scope))
-        self._calls -= calls
-        return value
-
-    def _value_of(self, name: Name, source: Source, scope: str) -> int:
-        upper = name.text.upper()
-        if upper in {"TRUE", "FALSE"}:
-            return int(upper == "TRUE")
-        found = self._constants.get(f"{scope}.{upper}") or self._constants.get(upper)
-        if not found and "." in upper:
-            # A namespace before the list does not matter.
-            found = self._constants.get(".".join(upper.split(".")[-2:]))
-        if not found:
-            near = difflib.get_close_matches(upper[:60], list(self._constants)[:_MOST_COMPARED], n=1)
-            hint = f"Perhaps {near[0]}. " if near else ""
-            next_step = f"{hint}Also name the file that declares it in a VAR_GLOBAL CONSTANT block or an enumeration."
-            raise source.error(f"unknown constant {name.text[:60]!r}", name.offset, next_step)
-        values = {self._constant(constant, name, source) for constant in found[:_MOST_NAMESAKES]}
-        if len(values) > 1:
-            places = " and ".join(str(found[i].source.position(found[i].name.offset)) for i in (0, 1))
-            what = f"the constant {name.text[:60]!r} has several values"
-            raise source.error(what, name.offset, f"Write the name of its list before it: {places}.")
-        return values.pop()
-
-    def _constant(self, constant: _Constant, name: Name, source: Source) -> int:
-        known = self._values.get(id(constant))
-        if known is not None:
-            return known
-        if any(constant is other for other in self._open_constants):
-            next_step = "Give one of the constants in the circle a number."
-            raise source.error(f"the constant {name.text[:60]!r} depends on itself", name.offset, next_step)
-        steps, start = 0, constant
-        while start.expression is None and start.before is not None:
-            steps, start = steps + 1, start.before
-        value = steps
-        if start.expression is not None:
-            self._open_constants.append(constant)
-            value += self._value(start.expression, start.source, start.scope)
-            self._open_constants.pop()
-        self._values[id(constant)] = value
-        return value
-
-    def _descend(self, calls: int, source: Source, offset: int) -> None:
-        """Count calls within one another, so that no file can exhaust the stack."""
-        self._calls += calls
-        if self._calls > _MOST_CALLS:
-            next_step = "Declare it with fewer types or constants that follow from one another."
-            raise source.error("the definition is nested too deeply here", offset, next_step)
 
 
 def _list_definitions(entry: ListSyntax, names: _Names, port: int) -> Iterator[ListDefinition]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from nvscope.findings.can import DLC_MISMATCH
+from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.list_key import list_key
 from nvscope.units import count, count_of
 from nvscope.view.escape import visible
@@ -40,8 +42,8 @@ def left_out(telegrams: DefinedTelegrams) -> list[str]:
     names = {telegrams.keys[place.number]: place.layout.list.name for place in reversed(telegrams.places)}
     told = []
     for key, reasons in list(known.items())[:_MOST_NAMED]:
-        code = "NV603" if isinstance(key[0], str) else "NV405"
-        told.append(f"{list_key(*key)} {visible(names.get(key, ''))}: {_counted(reasons, code)}.")
+        kind = DLC_MISMATCH if isinstance(key[0], str) else DEFINITION_MISMATCH
+        told.append(f"{list_key(*key)} {visible(names.get(key, ''))}: {_counted(reasons, kind.code)}.")
     if others := list(known.values())[_MOST_NAMED:]:
         total = {reason: sum(reasons.get(reason, 0) for reasons in others) for reason in LeftOut}
         summed = {reason: number for reason, number in total.items() if number}
@@ -55,7 +57,7 @@ def beyond_time(number: int) -> str:
     return f"{what} beyond 292 years or the year 2262, and null; the long form has the nanoseconds."
 
 
-def _counted(reasons: Mapping[LeftOut, int], code: str = "NV405, NV603") -> str:
+def _counted(reasons: Mapping[LeftOut, int], code: str = f"{DEFINITION_MISMATCH.code}, {DLC_MISMATCH.code}") -> str:
     """Return how many telegrams were left out, and why; ``code`` is the finding that tells of other shapes."""
     why = {reason: _REASONS[reason].format(code=code) for reason in reasons}
     if len(reasons) == 1:

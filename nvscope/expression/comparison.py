@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import U64, Bool
-from dissectors.link import IPV4_HIGH, IPV4_LOW
+from dissectors.headers import IPV4_HIGH, IPV4_LOW
 from nvscope.expression import spans
 from nvscope.expression.columns import AddressColumn, BytesColumn, Column, TextColumn
 from nvscope.expression.literals import Network, Value

@@ -3,21 +3,126 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from nvscope.findings.finding import Events, Facts, Finding
-from nvscope.tracker.summary import ListSummary
+from nvscope.findings.finding import Events, Finding
+from nvscope.findings.kind import FindingKind, Severity
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count, count_of, duration
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.summary import ListSummary
+
+NO_ACKNOWLEDGEMENT = FindingKind(
+    "NV301",
+    "no-acknowledgement",
+    Severity.ERROR,
+    meaning=(
+        "The sender asked for an acknowledgement, and none was seen before its next telegram or within the timeout. A "
+        "controller then counts NOACKNOWLEDGEMENT. One reader's answer would have been enough: none of them answered."
+    ),
+    causes=(
+        "no reader is running, or none reads this list from this port",
+        "the capture point does not see the answers: they are unicast to the sender, so a switch shows them only "
+        "where the sender's or the reader's port is mirrored",
+        "a firewall on the way back: answers go to the port of the list, not to the port a telegram came from",
+        "the sender sends more often than the reader's task runs, so the answer comes after the next telegram",
+        "a partner that cannot acknowledge, as most PC libraries",
+    ),
+    next_steps=(
+        "Read nErrorCount and nAcknowledges on the sender: if they are fine, only the capture point is wrong.",
+        "Check that a reader is in RUN, and has the list with the same identifier, port and acknowledgement.",
+        "Lengthen the sending interval beyond the readers' task cycles, or mirror the sender's port.",
+        "If no reader can acknowledge, switch acknowledgement off in the sender's list.",
+    ),
+    from_event=EventKind.NO_ACKNOWLEDGEMENT,
+)
+NEGATIVE_ACKNOWLEDGEMENT = FindingKind(
+    "NV302",
+    "negative-acknowledgement",
+    Severity.ERROR,
+    meaning=(
+        "A reader rejected a telegram: it answered with the flag for an invalid checksum. It did not take the values."
+    ),
+    causes=(
+        "the definition of the list differs between sender and reader: a variable added, removed, moved, of "
+        "another type or STRING length",
+        "only one of the projects was built and downloaded after a change",
+        "two senders with different definitions of one list (NV401, NV403)",
+    ),
+    next_steps=(
+        "Export the list on the sender's side (link to file), import it in the reader, build both, download both.",
+        "Compare the checksum signatures of the senders in this report.",
+    ),
+    from_event=EventKind.NEGATIVE_ACKNOWLEDGEMENT,
+)
+UNEXPECTED_ACKNOWLEDGEMENT = FindingKind(
+    "NV303",
+    "unexpected-acknowledgement",
+    Severity.NOTE,
+    meaning="An acknowledgement was seen to which no telegram belongs that asked for one within the timeout before it.",
+    causes=(
+        "the telegram itself is missing in the capture, while its answer is there",
+        "a reader so slow that it answers after the timeout",
+        "a reader that acknowledges whether it is asked or not",
+    ),
+    next_steps=(
+        "Check that the capture holds both directions of the conversation, and for gaps of the sender (NV201).",
+        "If answers are always late, compare the reader's task cycle with the timeout.",
+    ),
+    from_event=EventKind.UNEXPECTED_ACKNOWLEDGEMENT,
+)
+BOOT_UP_UNANSWERED = FindingKind(
+    "NV304",
+    "boot-up-unanswered",
+    Severity.ERROR,
+    meaning=(
+        "A reader that had just started asked for the current values, and no writer of the list sent them in time. It "
+        "works with its initial values until the next regular telegram, for a list sent on change perhaps for long."
+    ),
+    causes=(
+        "the writer's list does not have the option to answer boot-up requests",
+        "the writer is off, stopped, or starts later than the reader",
+        "the request does not reach the writer: other port, router, VLAN, firewall",
+    ),
+    next_steps=(
+        "Switch on the answer to boot-up requests in the writing list (V2.3: properties of the list).",
+        "If the writer starts after the reader, add a slow cyclic transmission to a list sent on change.",
+    ),
+    from_event=EventKind.BOOT_UP_UNANSWERED,
+)
+SEND_REJECTED = FindingKind(
+    "NV305",
+    "send-rejected",
+    Severity.ERROR,
+    meaning=(
+        "A device answered a telegram with ICMP 'destination unreachable'. This happens to unicast only: nobody "
+        "answers a broadcast like that, so lost broadcasts stay silent."
+    ),
+    causes=(
+        "port unreachable: the host is there, but nothing listens on that port; its program is stopped, or "
+        "configured for another port",
+        "host or network unreachable: a router knows no way, or the device is off",
+        "administratively prohibited: a firewall",
+    ),
+    next_steps=(
+        "Read the ICMP code in the frame: it says which of these it is, and its source says who noticed.",
+        "Start the reader, or correct the address or port in the sender's list.",
+    ),
+    from_event=EventKind.SEND_REJECTED,
+)
 
 
 def judge_answers(facts: Facts) -> Iterator[Finding]:
-    """Yield NV301 to NV305, by list, node and SubIndex."""
+    """Yield what went wrong with answers, by list, node and SubIndex."""
     lists = {entry.number: entry for entry in facts.summary.lists}
-    for code, sentence in _SENTENCES.items():
-        for list_number, node, subindex, events in facts.logged(code):
+    for kind, sentence in _SENTENCES.items():
+        for list_number, node, subindex, events in facts.logged(kind):
             assert list_number is not None
             message = sentence(facts, lists[list_number], node, subindex, events)
             yield Finding(
-                f"NV{code}", message, events.count, events.first_ns, events.last_ns, events.frames,
+                kind, message, events.count, events.first_ns, events.last_ns, events.frames,
                 list_number, node, subindex,
             )  # fmt: skip
 
@@ -62,4 +167,10 @@ def _rejected(facts: Facts, entry: ListSummary, node: int | None, subindex: int 
     )
 
 
-_SENTENCES = {301: _missing, 302: _negative, 303: _unexpected, 304: _unanswered, 305: _rejected}
+_SENTENCES = {
+    NO_ACKNOWLEDGEMENT: _missing,
+    NEGATIVE_ACKNOWLEDGEMENT: _negative,
+    UNEXPECTED_ACKNOWLEDGEMENT: _unexpected,
+    BOOT_UP_UNANSWERED: _unanswered,
+    SEND_REJECTED: _rejected,
+}

@@ -3,21 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from nvscope.definition.pdos import Pdo
-from nvscope.findings.finding import Facts, Finding, events_of
-from nvscope.tracker.can.summary import CanListSummary
-from nvscope.tracker.events import FRAMES_KEPT
-from nvscope.tracker.lists import PDO_LENGTH_CODE
+from nvscope.findings.finding import Finding, events_of
+from nvscope.findings.kind import FindingKind, Severity
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count, count_of, duration, percent
+
+if TYPE_CHECKING:
+    from nvscope.definition.pdos import Pdo
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.can.summary import CanListSummary
+
+DLC_MISMATCH = FindingKind(
+    "NV603",
+    "dlc-mismatch",
+    Severity.ERROR,
+    meaning=(
+        "A frame has fewer or more data bytes than the list's definition puts into this COB-ID, or, where nothing is "
+        "defined, than the frame before it."
+    ),
+    causes=(
+        "the definition differs between the sides",
+        "a different device sends with the same COB-ID",
+        "a protocol whose frames have no fixed length, where nothing is defined for the COB-ID",
+        "packing that differs from what is assumed here: the rule on CAN is an inference",
+    ),
+    next_steps=("Compare the bytes with the definition; look for a second sender of the COB-ID.",),
+    from_event=EventKind.PDO_LENGTH_CHANGED,
+)
+INCOMPLETE_CYCLE = FindingKind(
+    "NV604",
+    "incomplete-cycle",
+    Severity.WARNING,
+    meaning=(
+        "Not all COB-IDs of the list came in a cycle, within half of its interval of each other: readers hold "
+        "variables of different cycles. How many COB-IDs the list has follows from its definition; those that never "
+        "came are named."
+    ),
+    causes=(
+        "frames with a lower COB-ID kept the bus busy",
+        "a full transmit queue in the sender, or frames that the capture missed",
+        "transmission on change",
+        "a definition with more variables than the sender has, where a COB-ID never came",
+    ),
+    next_steps=(
+        "Look at the bus load (NV605) and at error frames (NV606); send less often, or with a lower COB-ID.",
+        "Where a COB-ID never came, compare the definition with that of the sender's project.",
+    ),
+)
 
 _MOST_NAMED = 4
 
 
 def judge_can(facts: Facts) -> Iterator[Finding]:
-    """Yield NV603 for each COB-ID with frames of another length, and NV604 for each list."""
+    """Yield a finding for each COB-ID with frames of another length, and for each list with incomplete cycles."""
     yield from _lengths(facts)
     for entry in facts.summary.can.lists:
         yield from _incomplete(facts, entry)
@@ -25,7 +65,7 @@ def judge_can(facts: Facts) -> Iterator[Finding]:
 
 def _lengths(facts: Facts) -> Iterator[Finding]:
     """Compare with the definition, or where there is none, each frame with the one before."""
-    changes = {(number, subindex): events for number, _, subindex, events in facts.logged(PDO_LENGTH_CODE)}
+    changes = {(number, subindex): events for number, _, subindex, events in facts.logged(DLC_MISMATCH)}
     unfitting = facts.state.values.unfitting if facts.state.values else None
     for entry, stream in facts.pdo_streams():
         pdo = None if stream.extended else facts.pdos.pdo_of(entry.port, stream.cob_id)
@@ -45,7 +85,7 @@ def _lengths(facts: Facts) -> Iterator[Finding]:
         else:
             continue
         yield Finding(
-            "NV603", message, events.count, events.first_ns, events.last_ns, events.frames,
+            DLC_MISMATCH, message, events.count, events.first_ns, events.last_ns, events.frames,
             entry.number, None, stream.subindex,
         )  # fmt: skip
 
@@ -58,27 +98,18 @@ def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
     if len(defined) < 2:
         return
     silent = _silent(entry, defined)
-    cycles = facts.state.senders.can_cycles
     if not all(stream.intervals.nominal for stream in entry.streams):
         return
-    pair = int(cycles.streams.pair[entry.streams[0].stream])
-    rows = np.flatnonzero(cycles.events.keys.high == pair)
-    sizes, log = cycles.events.keys.low.astype(np.int64), cycles.events.rows
-    torn = rows[sizes[rows] < len(defined)]
-    if not len(torn):
+    torn = facts.can_cycles.torn(entry.streams[0].stream, len(defined))
+    if torn is None:
         return
-    events, every = int(log.count[torn].sum()), int(log.count[rows].sum())
-    frames = np.unique(log.frames[torn])
-    skew = duration(int(cycles.columns.skew_ns[pair]))
+    events = torn.events
     never = f" Never seen: {silent}." if silent else ""
     message = (
-        f"{count(events)} of {count_of(every, 'cycle')} ({percent(events, every)}) came without all {len(defined)} "
-        f"frames; frames of one cycle are up to {skew} apart.{never}"
+        f"{count(events.count)} of {count_of(torn.cycles, 'cycle')} ({percent(events.count, torn.cycles)}) came "
+        f"without all {len(defined)} frames; frames of one cycle are up to {duration(torn.skew_ns)} apart.{never}"
     )
-    yield Finding(
-        "NV604", message, events, int(log.first_ns[torn].min()), int(log.last_ns[torn].max()),
-        tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), entry.number,
-    )  # fmt: skip
+    yield Finding(INCOMPLETE_CYCLE, message, events.count, events.first_ns, events.last_ns, events.frames, entry.number)
 
 
 def _silent(entry: CanListSummary, defined: Sequence[Pdo]) -> str:

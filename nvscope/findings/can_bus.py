@@ -3,21 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from dissectors.can.error import CLASSES, CONTROLLER_BITS
 from nvscope import units
-from nvscope.findings.finding import Facts, Finding
-from nvscope.tracker.can.bus import CanBusSummary, IdentifierBits
-from nvscope.tracker.can.errors import BusErrors
+from nvscope.findings.finding import Finding
+from nvscope.findings.kind import FindingKind, Severity
 
-_CLASSES = {bit.name: bit.label for bit in CLASSES}
-_STATES = {bit.name: bit.label for bit in CONTROLLER_BITS}
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.can.bus import CanBusSummary, IdentifierBits
+    from nvscope.tracker.can.errors import BusErrors
+
+BUS_LOAD = FindingKind(
+    "NV605",
+    "bus-load",
+    Severity.WARNING,
+    meaning=(
+        "The bus was busy for more than 70 % of a second (bus_load_percent in the table [limits] of nvscope.toml): "
+        "frames of low priority come late or not at all. The bits of each second, with the stuff bits that the frames "
+        "have, are held against the bit rate: that of --bitrate, or of the table [buses] of nvscope.toml, or one "
+        "found from frames that follow each other at once. Where none is known, nothing is said."
+    ),
+    causes=(
+        "too many lists with too short intervals for the bit rate",
+        "transmission on change of values that change in every cycle",
+        "a node that repeats a frame nobody acknowledges",
+    ),
+    next_steps=(
+        "Lengthen the intervals of the busiest lists first; pack variables; raise the bit rate if the cable allows.",
+    ),
+)
+ERROR_FRAMES = FindingKind(
+    "NV606",
+    "error-frames",
+    Severity.WARNING,
+    meaning=(
+        "Error frames were seen on the bus: nodes reject what others send, and frames are repeated. A controller "
+        "whose transmit errors go on leaves the bus (bus-off), and neither sends nor receives until it is restarted: "
+        "what is missing in the capture then may have been sent all the same."
+    ),
+    causes=(
+        "missing or surplus terminating resistors (two of 120 ohms, one at each end)",
+        "a node with another bit rate or sample point",
+        "a cable that is too long, a bad plug, missing ground reference",
+    ),
+    next_steps=(
+        "Measure the resistance between CAN_H and CAN_L with the power off: about 60 ohms.",
+        "Unplug the nodes one by one until the error frames stop.",
+        "Bus-off of the recording computer itself: check its bit rate and its plug first. Frames that nobody "
+        "acknowledges mean that no other node is awake.",
+    ),
+)
+
 _S_NS = 1_000_000_000
 _NAMED = 3
 
 
 def judge_buses(facts: Facts) -> Iterator[Finding]:
-    """Yield NV605 for each channel with seconds above the limit, if its bit rate is known, and NV606 with errors."""
+    """Yield a finding for each channel with seconds above the limit, if its bit rate is known, and with errors."""
     for bus in facts.summary.can.buses:
         yield from _load(facts, bus)
         if bus.errors is not None:
@@ -41,20 +84,24 @@ def _load(facts: Facts, bus: CanBusSummary) -> Iterator[Finding]:
         f"load {units.load(load.mean)} in the mean, {units.load(load.peak)} at the peak ({units.load(load.worst)} with "
         f"all stuff bits there can be). The largest shares: {busiest}."
     )
-    yield Finding("NV605", message, len(above), int(above[0]), int(above[-1]) + _S_NS)
+    yield Finding(BUS_LOAD, message, len(above), int(above[0]), int(above[-1]) + _S_NS)
 
 
 def _errors(facts: Facts, channel: str, errors: BusErrors) -> Finding:
-    classes = ", ".join(f"{_CLASSES[name]} ({units.count(times)})" for name, times in errors.classes.items())
+    from dissectors.can.error import CLASSES, CONTROLLER_BITS
+
+    classes_told = {bit.name: bit.label for bit in CLASSES}
+    states_told = {bit.name: bit.label for bit in CONTROLLER_BITS}
+    classes = ", ".join(f"{classes_told[name]} ({units.count(times)})" for name, times in errors.classes.items())
     parts = [f"Channel {channel}: error frames, by what they tell: {classes or 'nothing known'}."]
     if errors.bus_offs:
         parts.append(_bus_off(errors, facts.at_ns))
-    reached = [f"{_STATES[name]} ({units.count(times)})" for name, times in errors.states.items()]
+    reached = [f"{states_told[name]} ({units.count(times)})" for name, times in errors.states.items()]
     if reached:
         parts.append(f"The controller told: {', '.join(reached)}.")
     if errors.tx_errors is not None:
         parts.append(f"Its error counters went up to {errors.tx_errors} (transmit) and {errors.rx_errors} (receive).")
-    return Finding("NV606", " ".join(parts), errors.count, errors.first_ns, errors.last_ns, errors.frames)
+    return Finding(ERROR_FRAMES, " ".join(parts), errors.count, errors.first_ns, errors.last_ns, errors.frames)
 
 
 def _bus_off(errors: BusErrors, at_ns: int) -> str:

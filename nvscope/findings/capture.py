@@ -3,51 +3,180 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from dissectors.batch import LinkType
-from nvscope.findings.finding import Facts, Finding, events_of
+from nvscope.findings.finding import Finding, events_of
+from nvscope.findings.kind import FindingKind, Severity
 from nvscope.units import count, count_of, duration, percent
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+
+CAPTURE_DROPS = FindingKind(
+    "NV901",
+    "capture-drops",
+    Severity.WARNING,
+    meaning=(
+        "The recording says that frames were dropped while capturing. Gaps and missing acknowledgements in this report "
+        "may be gaps of the capture, not of the plant."
+    ),
+    causes=(
+        "a computer or disk too slow for the traffic",
+        "a mirror port that carries more than its own speed: drops in the switch are counted nowhere in the file",
+    ),
+    next_steps=(
+        "Record again with a capture filter (for instance `udp port 1202 or icmp`) and a larger buffer (`-B`).",
+        "Mirror fewer ports, or use a faster one.",
+    ),
+    of_capture=True,
+)
+CLOCK_STEP = FindingKind(
+    "NV902",
+    "clock-step",
+    Severity.WARNING,
+    meaning="The time stamps go back. Intervals, timeouts and the order of events around that moment are not reliable.",
+    causes=(
+        "the clock of the capturing computer was set (NTP, PTP, by hand) during the recording",
+        "files merged from computers whose clocks differ",
+        "several receive queues or interfaces, whose frames were written in a slightly wrong order",
+    ),
+    next_steps=(
+        "Steps of microseconds are queues and do no harm; larger ones are the clock.",
+        "Synchronize the clock before recording; sort or merge files by time (`reordercap`, `mergecap`).",
+    ),
+    of_capture=True,
+)
+TRUNCATED_FILE = FindingKind(
+    "NV903",
+    "truncated-file",
+    Severity.WARNING,
+    meaning="The file ends in the middle of a record, or holds some that cannot be read. What could be read was.",
+    causes=(
+        "a line of a text log that was edited, or torn by a full disk",
+        "the recording program was killed, or the disk was full",
+        "the file was copied while it was being written, or a transfer broke off",
+    ),
+    next_steps=("Copy the file again from where it was recorded; stop the recording first.",),
+    of_capture=True,
+)
+UNSUPPORTED_LINK_TYPE = FindingKind(
+    "NV904",
+    "unsupported-link-type",
+    Severity.WARNING,
+    meaning="Frames of a link layer were met that is not understood here. They are counted among the other frames.",
+    causes=(
+        "a capture on a special interface: USB, WLAN in monitor mode, a vendor's bus or probe",
+        "an encapsulated mirror, which wraps the frames",
+    ),
+    next_steps=(
+        "Record on an Ethernet interface, or convert the file to Ethernet frames (`editcap -T`, if they are).",
+    ),
+    of_capture=True,
+)
+MIRRORED_TWICE = FindingKind(
+    "NV905",
+    "mirrored-twice",
+    Severity.WARNING,
+    meaning=(
+        "Nearly every telegram (more than 80 %) is there twice. The mirror port shows each frame two times; figures "
+        "for loss are right, counts of telegrams are double."
+    ),
+    causes=(
+        "both directions, or both ports of a conversation, are mirrored: a frame is copied going in and going out",
+        "a capture on 'any', on a bridge and its members, or on a VLAN and its parent interface",
+    ),
+    next_steps=(
+        "Mirror one direction only (receive), or capture on one interface.",
+        "Or remove the copies from this file: `editcap -d` or `editcap -w 0.001`.",
+    ),
+    of_capture=True,
+)
+LIMIT_REACHED = FindingKind(
+    "NV906",
+    "limit-reached",
+    Severity.WARNING,
+    meaning=(
+        "There was more of something (streams, identifiers, connections) than is kept: memory is bounded, so that no "
+        "traffic can use it up. What came beyond the limit is left out of the figures; it is said of what, and how "
+        "much."
+    ),
+    causes=(
+        "a scan of ports or addresses, or traffic made to look like many senders",
+        "captures of many plants read as one",
+        "a plant larger than the limits were chosen for",
+    ),
+    next_steps=(
+        "Look at who the many are, with `nvscope packets`: senders that are no devices of the plant are one matter, "
+        "too many devices another.",
+        "Read a part at a time: fewer files, or captures with a capture filter for the port of interest.",
+    ),
+    of_capture=True,
+    judged=False,
+)
+CARRIER_LOST = FindingKind(
+    "NV907",
+    "carrier-lost",
+    Severity.NOTE,
+    meaning=(
+        "The interface that captures had no cable, or nobody at its other end, for a time. Nothing could be seen then: "
+        "silence and gaps of that time are those of the capture, not of the plant."
+    ),
+    causes=(
+        "the cable of the capturing computer was pulled or moved to another port",
+        "the switch was restarted, or its mirror port was switched off",
+        "a bad plug or cable",
+    ),
+    next_steps=(
+        "Compare the times with those of losses and of senders that stopped: what falls together needs no other cause.",
+        "If nobody was at the cable, read the log of the switch, and change cable and port.",
+    ),
+    of_capture=True,
+    judged=False,
+)
 
 
 def judge_capture(facts: Facts) -> Iterator[Finding]:
-    """Yield NV901 to NV905, each about the whole capture."""
+    """Yield what the capture lacks, each a finding about the whole of it."""
     yield from _drops(facts)
     steps_back = facts.state.capture.steps_back.rows
     for events in (events_of(steps_back, row) for row in range(len(steps_back))):
         step = duration(facts.state.capture.longest_step_back_ns)
         message = f"{count_of(events.count, 'frame')} with a time before that of the frame in front, by up to {step}."
-        yield Finding("NV902", message, events.count, events.first_ns, events.last_ns, events.frames)
+        yield Finding(CLOCK_STEP, message, events.count, events.first_ns, events.last_ns, events.frames)
     yield from _truncated(facts)
     yield from _unsupported(facts)
     yield from _mirrored(facts)
 
 
-def _whole(facts: Facts, code: str, events: int, message: str) -> Finding:
-    return Finding(code, message, events, facts.summary.start_ns, facts.summary.end_ns)
+def _whole(facts: Facts, kind: FindingKind, events: int, message: str) -> Finding:
+    return Finding(kind, message, events, facts.summary.start_ns, facts.summary.end_ns)
 
 
 def _drops(facts: Facts) -> Iterator[Finding]:
-    drops = sum(source.drops for source in facts.sources)
+    drops = sum(source.drops or 0 for source in facts.sources)
     if drops:
         seen = facts.state.capture.frames
         share = percent(drops, drops + seen)
-        yield _whole(facts, "NV901", drops, f"The capture lost {count_of(drops, 'frame')} of its own ({share}).")
+        yield _whole(facts, CAPTURE_DROPS, drops, f"The capture lost {count_of(drops, 'frame')} of its own ({share}).")
 
 
 def _truncated(facts: Facts) -> Iterator[Finding]:
     cut = [source for source in facts.sources if source.truncation]
     if cut:
         where = "; ".join(f"{source.path}: {source.truncation.message}" for source in cut if source.truncation)
-        yield _whole(facts, "NV903", len(cut), f"{count_of(len(cut), 'file')} could not be read whole: {where}.")
+        yield _whole(facts, TRUNCATED_FILE, len(cut), f"{count_of(len(cut), 'file')} could not be read whole: {where}.")
 
 
 def _unsupported(facts: Facts) -> Iterator[Finding]:
+    from dissectors.batch import LinkType
+
     unsupported = facts.state.capture.unsupported
     if unsupported:
         frames = sum(unsupported.values())
         known = {link.value: link.name for link in LinkType}
         links = ", ".join(f"{link} ({known[link]})" if link in known else str(link) for link in sorted(unsupported))
-        yield _whole(facts, "NV904", frames, f"{count_of(frames, 'frame')} of link type {links} were not looked into.")
+        message = f"{count_of(frames, 'frame')} of link type {links} were not looked into."
+        yield _whole(facts, UNSUPPORTED_LINK_TYPE, frames, message)
 
 
 def _mirrored(facts: Facts) -> Iterator[Finding]:
@@ -59,4 +188,4 @@ def _mirrored(facts: Facts) -> Iterator[Finding]:
             f"{count(repeated)} of {count_of(others, 'telegram')} came again, byte for byte: "
             "the capture seems to see each frame more than once."
         )
-        yield _whole(facts, "NV905", repeated, message)
+        yield _whole(facts, MIRRORED_TWICE, repeated, message)

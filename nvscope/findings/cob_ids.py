@@ -8,28 +8,67 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
+from typing import TYPE_CHECKING
 
-from dissectors.can.canopen import use_of
-from nvscope.definition.cob_ids import CobIds, canopen_ids, canopen_uses, cob_id_range, overlaps, taken_in
 from nvscope.findings.definition_names import file_name, together
-from nvscope.findings.finding import Facts, Finding
-from nvscope.list_key import ANY_CHANNEL
-from nvscope.tracker.can.bus import IdentifierBits
-from nvscope.tracker.events import FRAMES_KEPT
-from nvscope.units import count_of
+from nvscope.findings.finding import Finding
+from nvscope.findings.kind import FindingKind, Severity
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.units import cob_id_range, count_of
+
+if TYPE_CHECKING:
+    from nvscope.definition.cob_ids import CobIds
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.can.bus import IdentifierBits
+
+    _Seen = dict[str, dict[int, IdentifierBits]]
+
+COB_ID_OVERLAP = FindingKind(
+    "NV601",
+    "cob-id-overlap",
+    Severity.ERROR,
+    meaning=(
+        "Two lists use the same COB-ID: a list takes one COB-ID per 8 bytes (not packed: per variable), counted up "
+        "from its identifier, and it grew into the next list. This follows from the definitions; a report adds how "
+        "many frames of these COB-IDs were sent, by channel."
+    ),
+    causes=("list identifiers chosen without room for the COB-IDs that are assigned automatically",),
+    next_steps=("Choose identifiers at least as far apart as each list has telegrams; leave some room to grow.",),
+)
+CANOPEN_COLLISION = FindingKind(
+    "NV602",
+    "canopen-collision",
+    Severity.ERROR,
+    meaning=(
+        "A COB-ID of the list belongs to the predefined connection set of CANopen: NMT, SYNC, EMCY, PDO, SDO, "
+        "heartbeat or LSS. CANopen devices may take the telegrams for theirs, with any effect up to a stop. This "
+        "follows from the definitions; a report adds whether such frames were sent, and which CANopen devices were "
+        "there. On a bus without any, a list in the range of a PDO does no harm until one is added."
+    ),
+    causes=(
+        "a list identifier within a range of CANopen on a bus with CANopen devices",
+        "a list that grew into such a range",
+    ),
+    next_steps=(
+        "Choose an identifier that no device of this bus uses, and check the whole range of the list.",
+        "A PDO of the node that is named may be switched off, or have another COB-ID: look at its configuration.",
+    ),
+)
 
 _OF_A_DEVICE = ("heartbeat", "EMCY", "SDO answer")
 """Services whose frames only a CANopen device sends, with its node-ID in the COB-ID."""
 
-_Seen = dict[str, dict[int, IdentifierBits]]
-
 
 def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
-    """Yield NV601 for each list that others overlap, and NV602 for each within CANopen's set; none without definition.
+    """Yield a finding for each list that others overlap, and each within CANopen's set; none without definition.
 
     Of two lists that overlap, the finding is one of that which is defined first.
     """
-    lists = taken_in(facts.definition) if facts.definition else []
+    if facts.definition is None:
+        return
+    from nvscope.definition.cob_ids import canopen_ids, canopen_uses, overlaps, taken_in
+
+    lists = taken_in(facts.definition)
     if not lists:
         return
     seen: _Seen = {
@@ -41,13 +80,13 @@ def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
         by_list.setdefault(id(one), (one, []))[1].append(other)
     for one, others in by_list.values():
         shared = sorted({cob_id for other in others for cob_id in one.shared(other)})
-        yield from _findings(facts, seen, "NV601", one, shared, _overlap(one, others, shared))
+        yield from _findings(facts, seen, COB_ID_OVERLAP, one, shared, _overlap(one, others, shared))
     mine = {cob_id for taken in lists for cob_id in range(taken.first, taken.last + 1)}
     for taken in {_identity(taken): taken for taken in reversed(lists)}.values():
         uses = canopen_uses(taken)
         if uses:
             message = f"{_name(taken)} takes {taken.text}, which CANopen uses for {uses}."
-            yield from _findings(facts, seen, "NV602", taken, canopen_ids(taken), message, mine)
+            yield from _findings(facts, seen, CANOPEN_COLLISION, taken, canopen_ids(taken), message, mine)
 
 
 def _identity(taken: CobIds) -> tuple[str, int, int]:
@@ -64,13 +103,15 @@ def _overlap(one: CobIds, others: Sequence[CobIds], shared: Sequence[int]) -> st
 def _findings(
     facts: Facts,
     seen: _Seen,
-    code: str,
+    kind: FindingKind,
     taken: CobIds,
     cob_ids: Sequence[int],
     message: str,
     mine: set[int] | None = None,
 ) -> Iterator[Finding]:
     """Yield a finding on COB-IDs for each channel on which they were seen, or one; with ``mine``, on CANopen's."""
+    from nvscope.list_key import ANY_CHANNEL
+
     numbers = {(entry.port, entry.index): entry.number for entry in facts.summary.can.lists}
     somewhere = False
     for channel, identifiers in sorted(seen.items()):
@@ -86,17 +127,19 @@ def _findings(
         if mine is not None:
             told += _company(identifiers, hit, mine)
         yield Finding(
-            code, told, sent, min(entry.first_ns for entry in hit), max(entry.last_ns for entry in hit),
+            kind, told, sent, min(entry.first_ns for entry in hit), max(entry.last_ns for entry in hit),
             tuple(sorted(entry.first_frame for entry in hit)[:FRAMES_KEPT]),
             numbers.get((channel, taken.first)),
         )  # fmt: skip
     if not somewhere:
         none = " No such frame was seen." if facts.summary.can.buses else ""
-        yield Finding(code, message + none, 1, None, None)
+        yield Finding(kind, message + none, 1, None, None)
 
 
 def _company(identifiers: dict[int, IdentifierBits], hit: Sequence[IdentifierBits], mine: set[int]) -> str:
     """Return which CANopen devices there are beside the lists, and which of them have the identifiers that collide."""
+    from dissectors.can.canopen import use_of
+
     uses = (use_of(cob_id) for cob_id in identifiers.keys() - mine)
     devices = {node for service, node in uses if service in _OF_A_DEVICE}
     if not devices:

@@ -3,28 +3,107 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from nvscope.findings.finding import Events, Facts, Finding
-from nvscope.tracker.events import FRAMES_KEPT
-from nvscope.tracker.summary import ListSummary
+from nvscope.findings.finding import Events, Finding
+from nvscope.findings.kind import FindingKind, Severity
+from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.units import count, count_of
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.summary import ListSummary
+
+SEVERAL_SENDERS = FindingKind(
+    "NV401",
+    "several-senders",
+    Severity.ERROR,
+    meaning=(
+        "More than one node sends this list. Readers take whatever comes, so the values alternate between the senders."
+    ),
+    causes=(
+        "one list identifier used for two lists",
+        "a copied project, a spare controller, or a test program on a PC that still runs",
+        "a list with both 'read' and 'write' switched on (V2.3)",
+        "a redundant pair of controllers, where it may be intended",
+    ),
+    next_steps=(
+        "Find each sender by its address; give one of the lists another identifier, or stop one sender.",
+        "If both shall send, let them use two lists and choose in the reader's program.",
+    ),
+)
+SHAPE_CHANGED = FindingKind(
+    "NV402",
+    "shape-changed",
+    Severity.ERROR,
+    meaning=(
+        "Items or Length of a telegram differ from the telegram before it with the same list and SubIndex. At least "
+        "one of the two does not fit the readers' definition; what they make of it is undefined."
+    ),
+    causes=(
+        "two senders with different definitions of the list",
+        "a download in between that changed the list",
+        "a PC library that sends STRINGs at their actual length",
+    ),
+    next_steps=(
+        "See whether the shape changes with the sender (NV401), once (a download) or all the time (STRINGs).",
+        "Give all sides the same definition; fill up STRINGs to their declared length + 1.",
+    ),
+    from_event=EventKind.SHAPE_CHANGED,
+)
+CHECKSUM_CHANGED = FindingKind(
+    "NV403",
+    "checksum-changed",
+    Severity.ERROR,
+    meaning=(
+        "The Checksum of a telegram differs from the one known for this list and SubIndex. It is a signature of the "
+        "definition, not of the values: readers that check it reject the telegram."
+    ),
+    causes=(
+        "two senders with different definitions of the list",
+        "the sender was downloaded with a changed definition during the capture",
+        "home-made sender code that computes a checksum of the data",
+    ),
+    next_steps=(
+        "Find who differs, and since when: the frames say so.",
+        "Export the definition from the writing project, import it everywhere, build and download all.",
+    ),
+    from_event=EventKind.CHECKSUM_CHANGED,
+)
+CHECKSUM_FLAG = FindingKind(
+    "NV404",
+    "checksum-flag",
+    Severity.WARNING,
+    meaning=(
+        "Checksum is not 0 although Flags says that there is none, or Flags changes just as Counter wraps: the "
+        "last header bytes do not hold what their names say."
+    ),
+    causes=(
+        "a sender that writes a 32-bit counter over bytes 16 to 19: its carry lands in Flags and Checksum",
+        "header bytes that the sender does not clear",
+    ),
+    next_steps=(
+        "If Flags changed at the wrap of Counter, have the sender write a 16-bit counter: as it is, it will "
+        "ask for acknowledgements and checksums by accident.",
+        "Otherwise clear both bytes in the sender.",
+    ),
+    from_event=EventKind.FLAGS_INCONSISTENT,
+)
 
 
 def judge_consistency(facts: Facts) -> Iterator[Finding]:
-    """Yield NV401 by list, NV402 to NV404 by list, sender and SubIndex."""
+    """Yield several senders by list, all else by list, sender and SubIndex."""
     lists = {entry.number: entry for entry in facts.summary.lists}
     for entry in facts.summary.lists:
         if len(entry.senders) > 1:
             yield _several_senders(facts, entry)
-    for code, sentence in _SENTENCES.items():
-        for list_number, node, subindex, events in facts.logged(code):
+    for kind, sentence in _SENTENCES.items():
+        for list_number, node, subindex, events in facts.logged(kind):
             assert list_number is not None
             assert subindex is not None
             message = sentence(facts, lists[list_number], subindex, events)
             yield Finding(
-                f"NV{code}", message, events.count, events.first_ns, events.last_ns, events.frames,
+                kind, message, events.count, events.first_ns, events.last_ns, events.frames,
                 list_number, node, subindex,
             )  # fmt: skip
 
@@ -35,7 +114,7 @@ def _several_senders(facts: Facts, entry: ListSummary) -> Finding:
     names = [facts.address(node) for node in entry.senders]
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     return Finding(
-        "NV401", f"{count(len(names))} nodes send this list: {shown}.", len(further),
+        SEVERAL_SENDERS, f"{count(len(names))} nodes send this list: {shown}.", len(further),
         further[0][1], further[-1][1], tuple(frame for frame, _ in further[:FRAMES_KEPT]), entry.number,
     )  # fmt: skip
 
@@ -53,9 +132,7 @@ def _shape(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> s
 
 
 def _checksum(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
-    places = facts.state.keys.places
-    place = int(places.find(np.array([entry.number], np.uint64), np.array([subindex], np.uint64))[0])
-    reference = int(facts.state.lists.consistency.places.reference[place])
+    reference = facts.reference_checksum(entry.number, subindex)
     return (
         f"{count_of(events.count, 'telegram')} with another checksum than 16#{reference:02X}, the first one seen: "
         "the definitions of the list differ."
@@ -71,4 +148,4 @@ def _flags(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> s
 
 _MOST_SENDERS = 4
 
-_SENTENCES = {402: _shape, 403: _checksum, 404: _flags}
+_SENTENCES = {SHAPE_CHANGED: _shape, CHECKSUM_CHANGED: _checksum, CHECKSUM_FLAG: _flags}

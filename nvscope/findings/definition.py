@@ -6,34 +6,86 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from nvscope.capture.formats import CAN_LOGS
 from nvscope.findings.definition_names import file_name, together
-from nvscope.findings.finding import Facts, Finding, events_of
-from nvscope.findings.misfits import judge_misfits, shapes_of
-from nvscope.findings.several_definitions import judge_several
-from nvscope.list_key import ListKey, Port, list_key
-from nvscope.tracker.summary import ListSummary, StreamSummary
+from nvscope.findings.finding import Finding, events_of
+from nvscope.findings.kind import FindingKind, Severity
 
 if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.model import ListDefinition
+    from nvscope.findings.facts import Facts
+    from nvscope.findings.misfits import Mismatch
+    from nvscope.list_key import ListKey, Port
+    from nvscope.tracker.summary import ListSummary, StreamSummary
 
     Shape = frozenset[tuple[int, tuple[int, int]]]
 
+DEFINITION_MISMATCH = FindingKind(
+    "NV405",
+    "definition-mismatch",
+    Severity.ERROR,
+    meaning=(
+        "The telegrams do not fit the definition file: the first variable that does not fit is named, with the shift. "
+        "Or several files define the list, and do not agree: it is said which of them fit, since when, and where they "
+        "differ."
+    ),
+    causes=(
+        "the file is not the one of the running project: another version, or not exported after the last change",
+        "types (structures, enumerations) that differ between the projects, or a STRING of another length",
+        "packing switched on on one side only",
+        "a download while the capture ran: one file fits the telegrams before it, another those behind it",
+        "a safety protocol that uses an ordinary list identifier: its payload is not a list of variables",
+    ),
+    next_steps=(
+        "Export the definition again from the project that runs in the sender, types included.",
+        "A shift by the size of one variable shows which one is missing or new.",
+    ),
+)
+UNKNOWN_LIST = FindingKind(
+    "NV406",
+    "unknown-list",
+    Severity.NOTE,
+    meaning=(
+        "Definitions were given, and none of them is for this list. Its telegrams are counted, its values not shown."
+    ),
+    causes=(
+        "a list of another project on the same network",
+        "an identifier or port that differs from the definition",
+    ),
+    next_steps=("Add the file that defines it: `--gvl`, or definitions in nvscope.toml.",),
+)
+SILENT_LIST = FindingKind(
+    "NV407",
+    "silent-list",
+    Severity.WARNING,
+    meaning="A list is defined, but not one telegram of it was seen.",
+    causes=(
+        "the sender is stopped, or the task to which its list belongs does not run",
+        "a list sent on change or on an event, of which nothing changed",
+        "identifier or port differ from the definition",
+        "the capture point: other VLAN, behind a router, or unicast that is not mirrored",
+    ),
+    next_steps=(
+        "Look for a list under another identifier or port in this report.",
+        "Check in the sender that the task of the list runs; change a variable by hand and look again.",
+    ),
+)
+
 
 def judge_definition(facts: Facts) -> Iterator[Finding]:
-    """Yield NV405 for each stream or sender, NV406 for each list seen, NV407 for each defined; none without definition.
+    """Yield mismatches by stream or sender, and lists that are unknown or silent; nothing where nothing is defined.
 
     A list of which only name and interval are known is missed where it is silent, but is no definition of what is sent.
     """
     defined = facts.defined
+    if not defined:
+        return
     described = {key: known for key, known in defined.items() if known.variables}
     seen: dict[ListKey, ListSummary] = {(entry.port, entry.index): entry for entry in facts.summary.lists}
     on_can = {id(facts.definition_of(entry)) for entry in facts.summary.can.lists}
-    captured = _captured(facts)
     silent = [
         key
         for key, known in defined.items()
-        if key not in seen and id(known) not in on_can and ("can" if known.on_can else "udp") in captured
+        if key not in seen and id(known) not in on_can and ("can" if known.on_can else "udp") in facts.captured
     ]
     alike = _alike(facts, silent, [entry for key, entry in seen.items() if key not in described])
     for key, entry in seen.items():
@@ -45,33 +97,30 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
         yield _silent(facts, key, alike.get(key, ()))
 
 
-def _captured(facts: Facts) -> set[str]:
-    """Return the transports that were listened to: of what nobody captured, nothing is missed."""
-    frames, on_can = facts.state.capture.frames, facts.state.buses.frames
-    captured = set()
-    if on_can or any(info.format in CAN_LOGS for info in facts.sources):
-        captured.add("can")
-    empty = any(info.format not in CAN_LOGS and not info.frames for info in facts.sources)
-    if frames > on_can or empty or not captured:
-        captured.add("udp")
-    return captured
-
-
 def _mismatches(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
     values = facts.state.values
     candidates = values.layouts.candidates_of(entry.port, entry.index) if values else ()
     if values is None or not candidates:
         return
-    for streams in _senders(entry).values():
+    from nvscope.findings.misfits import tell_misfits
+    from nvscope.findings.several_definitions import tell_several
+
+    for node, streams in _senders(entry).items():
+        told: Iterator[Mismatch]
         if len(candidates) > 1:
-            yield from judge_several(facts, entry, streams, candidates)
-            continue
-        misfits = [
-            (stream, events_of(values.unfitting, stream.stream))
-            for stream in streams
-            if stream.stream < len(values.unfitting) and values.unfitting.count[stream.stream]
-        ]
-        yield from judge_misfits(facts, entry, streams, misfits, candidates)
+            told = tell_several(facts, entry, streams, candidates)
+        else:
+            misfits = [
+                (stream, events_of(values.unfitting, stream.stream))
+                for stream in streams
+                if stream.stream < len(values.unfitting) and values.unfitting.count[stream.stream]
+            ]
+            told = tell_misfits(facts, entry, streams, misfits, candidates)
+        for message, events, subindex, hint in told:
+            yield Finding(
+                DEFINITION_MISMATCH, message, events.count, events.first_ns, events.last_ns, events.frames,
+                entry.number, node, subindex, hint,
+            )  # fmt: skip
 
 
 def _senders(entry: ListSummary) -> dict[int, list[StreamSummary]]:
@@ -83,6 +132,8 @@ def _senders(entry: ListSummary) -> dict[int, list[StreamSummary]]:
 
 def _alike(facts: Facts, silent: Sequence[ListKey], unknown: Sequence[ListSummary]) -> dict[ListKey, list[ListKey]]:
     """Return for silent lists which unknown ones have their shape: Items and Length of every SubIndex, and no other."""
+    from nvscope.findings.misfits import shapes_of
+
     sent: dict[Shape, list[ListKey]] = defaultdict(list)
     for entry in unknown:
         for shape in {frozenset(shapes_of(streams).items()) for streams in _senders(entry).values()}:
@@ -115,10 +166,12 @@ def _unknown(
         hint = "Add the file that defines it: definitions in nvscope.toml, or `--gvl`."
     frame = facts.frames_of_stream[first.stream][0]
     last_ns = max(stream.last_ns for stream in entry.streams)
-    return Finding("NV406", message, 1, first.first_ns, last_ns, (frame,), entry.number, hint=hint)
+    return Finding(UNKNOWN_LIST, message, 1, first.first_ns, last_ns, (frame,), entry.number, hint=hint)
 
 
 def _silent(facts: Facts, key: ListKey, alike: Sequence[ListKey]) -> Finding:
+    from nvscope.list_key import list_key
+
     known = facts.defined[key]
     name = f"{known.name} ({list_key(*key)})" if known.name else list_key(*key)
     message = f"List {name} is defined, but not one {'frame' if known.on_can else 'telegram'} of it was seen."
@@ -127,7 +180,7 @@ def _silent(facts: Facts, key: ListKey, alike: Sequence[ListKey]) -> Finding:
         lists = together([_place(other, key[0]) for other in alike])
         verb, have = ("is", "has") if len(alike) == 1 else ("are", "have")
         hint = f"{_capital(lists)} {verb} sent, {have} exactly this shape and no definition: {_question(alike, key)}"
-    return Finding("NV407", message, 1, facts.summary.start_ns, facts.summary.end_ns, hint=hint)
+    return Finding(SILENT_LIST, message, 1, facts.summary.start_ns, facts.summary.end_ns, hint=hint)
 
 
 def _place(key: ListKey, port: Port) -> str:

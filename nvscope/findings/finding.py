@@ -1,39 +1,26 @@
-"""Finding: one thing that is wrong, or worth knowing, with its figures; and the facts that findings are judged from."""
+"""Finding: one thing that is wrong, or worth knowing, with its figures; and the events that it is made of."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
+from nvscope.findings.kind import FindingKind
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 
-from nvscope.capture.source import SourceInfo
-from nvscope.definition.limits import Limits
-from nvscope.definition.model import Definition, ListDefinition
-from nvscope.definition.pdos import Pdos
-from nvscope.list_key import ListKey, told_of
-from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
-from nvscope.tracker.events import FRAMES_KEPT, EventRows
-from nvscope.tracker.lists import BOOT_UP_CODE, NO_ACKNOWLEDGEMENT_CODE, SHAPE_CODE, finding_parts
-from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
-
-AnyList = ListSummary | CanListSummary
-AnyStream = StreamSummary | CanStreamSummary
+if TYPE_CHECKING:  # `explain` reads the rows beside the judges, and starts without what these judge from
+    from nvscope.tracker.events import EventRows
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A finding of the catalogue in one place; what it does not concern is None.
+    """A finding of one kind in one place; what it does not concern is None.
 
     ``list_number`` is a number of the state, ``node`` one of the summary. ``frames`` are the first ten of its events
     (of those whose frames are known), times those of its first and last.
     """
 
-    code: str
+    kind: FindingKind
     message: str
     count: int
     first_ns: int | None
@@ -44,6 +31,11 @@ class Finding:
     subindex: int | None = None
     hint: str = ""
     """What to check next, where the catalogue's first step does not fit the case."""
+
+    @property
+    def code(self) -> str:
+        """The code of its kind, as reports have it: ``NV201``."""
+        return self.kind.code
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,121 +51,6 @@ class Events:
         """Return these events and others behind them."""
         frames = (self.frames + later.frames)[:FRAMES_KEPT]
         return Events(self.count + later.count, self.first_ns, later.last_ns, frames)
-
-
-@dataclass(frozen=True)
-class Facts:
-    """What findings are judged from: the state, what follows from it, the sources, the limits, and the time.
-
-    ``definition`` is what should be on the wire, None where nobody says. ``overdue``: waits whose deadline has passed
-    at that time count as if a frame had shown it.
-    """
-
-    state: TrackerState
-    summary: Summary
-    sources: Sequence[SourceInfo]
-    at_ns: int
-    limits: Limits = field(default_factory=Limits)
-    definition: Definition | None = None
-    overdue: bool = False
-
-    @cached_property
-    def frames_of_stream(self) -> dict[int, tuple[int, int]]:
-        """The first and the last frame of each stream."""
-        columns = self.state.lists.flows
-        frames: dict[int, tuple[int, int]] = {}
-        for stream, first, last in zip(
-            *(columns.column(name).tolist() for name in ("stream", "first_frame", "last_frame")), strict=True
-        ):
-            known = frames.get(stream, (first, last))
-            frames[stream] = min(first, known[0]), max(last, known[1])
-        return frames
-
-    @cached_property
-    def defined(self) -> dict[ListKey, ListDefinition]:
-        """The defined lists."""
-        return self.definition.by_key() if self.definition else {}
-
-    @cached_property
-    def pdos(self) -> Pdos:
-        """The frames of the lists that are defined on CAN."""
-        return Pdos(self.definition or Definition())
-
-    @cached_property
-    def streams_of_place(self) -> dict[tuple[int, int], list[StreamSummary]]:
-        """The streams of each list and SubIndex."""
-        places = defaultdict(list)
-        for entry, stream in self.streams():
-            places[entry.number, stream.subindex].append(stream)
-        return places
-
-    @cached_property
-    def _events_by_code(self) -> dict[int, list[int]]:
-        log, rows = self.state.lists.events, defaultdict(list)
-        for row, high in enumerate(log.keys.high.tolist()):
-            rows[finding_parts(high, 0)[0]].append(row)
-        return rows
-
-    @cached_property
-    def shape_changes(self) -> set[tuple[int | None, int | None]]:
-        """The lists and nodes of which telegrams changed their shape (NV402)."""
-        return {(number, node) for number, node, _, _ in self.logged(SHAPE_CODE)}
-
-    @cached_property
-    def causes(self) -> dict[int, dict[Any, tuple[str, Any]]]:
-        """What was found out of why telegrams of a list do not fit, by list, for ``nvscope.findings.misfits``."""
-        return {}
-
-    def address(self, node: int) -> str:
-        """Return the text of a node's address."""
-        return self.summary.addresses[node]
-
-    def streams(self) -> list[tuple[ListSummary, StreamSummary]]:
-        """Return all streams on UDP with their lists."""
-        return [(entry, stream) for entry in self.summary.lists for stream in entry.streams]
-
-    def pdo_streams(self) -> list[tuple[CanListSummary, CanStreamSummary]]:
-        """Return all streams on CAN with their lists."""
-        return [(entry, stream) for entry in self.summary.can.lists for stream in entry.streams]
-
-    def definition_of(self, entry: AnyList) -> ListDefinition | None:
-        """Return the definition of a list that was seen, None where there is none."""
-        return told_of(self.defined, (entry.port, entry.index))
-
-    def logged(self, code: int) -> list[tuple[int | None, int | None, int | None, Events]]:
-        """Return the events of ``ListState.events`` with a code: list, node, SubIndex and events."""
-        log = self.state.lists.events
-        found: dict[tuple[int | None, ...], Events] = {}
-        for row in self._events_by_code.get(code, ()):
-            parts = finding_parts(int(log.keys.high[row]), int(log.keys.low[row]))[1:]
-            found[tuple(None if part < 0 else part for part in parts)] = events_of(log.rows, row)
-        for place, events in self._overdue.get(code, {}).items():
-            known = found.get(place)
-            found[place] = events if known is None else known.followed_by(events)
-        return [(*place, events) for place, events in found.items()]  # type: ignore[misc]  # three parts
-
-    @cached_property
-    def _overdue(self) -> dict[int, dict[tuple[int | None, ...], Events]]:
-        """What is overdue and was shown by no frame, by code and place."""
-        found: dict[int, dict[tuple[int | None, ...], Events]] = {}
-        if not self.overdue:
-            return found
-        lists = self.state.lists
-        over = lists.acknowledgement.overdue(self.at_ns)
-        requests, nobody = over.requests, np.full(len(over.requests), -1)
-        asked = self.state.keys.places.low[requests.place].astype(np.int64)
-        for code, places, deadline_ns, frame in (
-            (NO_ACKNOWLEDGEMENT_CODE, lists.described(over.stream), over.deadline_ns, over.frame),
-            (BOOT_UP_CODE, (requests.list, nobody, asked), requests.deadline_ns, requests.frame),
-        ):
-            own = found.setdefault(code, {})
-            order = np.argsort(deadline_ns, kind="stable")
-            columns = (*places, deadline_ns, frame)
-            for *parts, time_ns, number in zip(*(column[order].tolist() for column in columns), strict=True):
-                place = tuple(None if part < 0 else part for part in parts)
-                event = Events(1, time_ns, time_ns, (number,))
-                own[place] = own[place].followed_by(event) if place in own else event
-        return found
 
 
 def events_of(rows: EventRows, row: int) -> Events:

@@ -11,11 +11,11 @@ from nvscope.findings.answers import judge_answers
 from nvscope.findings.can import judge_can
 from nvscope.findings.can_bus import judge_buses
 from nvscope.findings.capture import judge_capture
-from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.cob_ids import judge_cob_ids
 from nvscope.findings.consistency import judge_consistency
 from nvscope.findings.definition import judge_definition
-from nvscope.findings.finding import Facts, Finding
+from nvscope.findings.facts import Facts
+from nvscope.findings.finding import Finding
 from nvscope.findings.header import judge_headers
 from nvscope.findings.loss import judge_loss
 from nvscope.findings.timing import judge_timing
@@ -59,6 +59,6 @@ def judge(
         place: tuple[Any, ...] = () if finding.list_number is None else places[finding.list_number]
         node = () if finding.node is None else summary.address_order[finding.node]
         subindex = -1 if finding.subindex is None else finding.subindex
-        return -CATALOGUE[finding.code].severity, finding.code, place, node, subindex
+        return -finding.kind.severity, finding.code, place, node, subindex
 
     return sorted(found, key=order)

@@ -4,37 +4,157 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from nvscope.findings.finding import Events, Facts, Finding, events_of
+from nvscope.findings.finding import Events, Finding, events_of
+from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.counters import SCOPE_UNUSED, Scope
-from nvscope.tracker.sequence import Step
-from nvscope.tracker.summary import ListSummary, StreamSummary
+from nvscope.tracker.steps import Step
 from nvscope.units import count, count_of, duration, percent
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.summary import ListSummary, StreamSummary
+
+TELEGRAM_GAP = FindingKind(
+    "NV201",
+    "telegram-gap",
+    Severity.ERROR,
+    meaning=(
+        "The sender's Counter skips values: it sent telegrams that this capture does not hold. Whether the readers "
+        "got them depends on where they were lost: before the capture point, or only in the capture itself."
+    ),
+    causes=(
+        "the capturing computer or the mirror port dropped frames",
+        "the network dropped them: overload, storm control of broadcasts, wireless links, a bad cable or plug, "
+        "a duplex mismatch",
+        "the sender counts telegrams that it could not send",
+        "home-made sender code with a counter of its own kind (see NV206 and NV207)",
+    ),
+    next_steps=(
+        "First rule out the capture: drops in the capture (NV901), gaps of all senders at the same moments, a "
+        "mirror port slower than what it mirrors.",
+        "Then read the error counters of the switch ports along the way (CRC, discards, storm control).",
+        "Capture at the sender and at the reader at the same time: the hop between a good and a bad capture is it.",
+    ),
+)
+DUPLICATE_TELEGRAM = FindingKind(
+    "NV202",
+    "duplicate-telegram",
+    Severity.WARNING,
+    meaning=(
+        "A telegram was seen that had been seen before: the same Counter with the same bytes, or one that is long "
+        "past. Readers write the same values twice, which is harmless unless an old one comes late."
+    ),
+    causes=(
+        "the mirror port shows frames twice: on their way in and out, or for both ports of a conversation",
+        "a capture on several interfaces of the same computer",
+        "a loop, or redundant paths (ring, PRP) whose duplicates are not removed",
+        "a sender that repeats telegrams",
+    ),
+    next_steps=(
+        "If nearly all telegrams are doubled (NV905), correct the mirroring: one direction is enough.",
+        "If only some are, and a few ms apart, look for a second path through the network.",
+    ),
+)
+OVERTAKEN_TELEGRAM = FindingKind(
+    "NV203",
+    "overtaken-telegram",
+    Severity.WARNING,
+    meaning=(
+        "A telegram came after one that was sent later. A reader that writes what comes shows the older values "
+        "until the next telegram: values jump back for one interval."
+    ),
+    causes=(
+        "two paths of different speed: link aggregation that spreads packets, rings, wireless repeats",
+        "a network adapter with several receive queues, which hands packets over in a slightly wrong order",
+        "captures of several computers merged although their clocks differ",
+    ),
+    next_steps=(
+        "Check whether the time stamps go back as well (NV902): then it is the capture, not the network.",
+        "Otherwise find the second path: link aggregation should keep one sender's telegrams on one link.",
+    ),
+)
+SENDER_RESTART = FindingKind(
+    "NV204",
+    "sender-restart",
+    Severity.WARNING,
+    meaning=(
+        "The sender's Counter began anew or jumped back: its program was started again, or it was a different sender."
+    ),
+    causes=(
+        "power cycle, reset or download of the controller",
+        "an exception or a watchdog that stopped the program, which was then started again",
+        "a PC program that starts counting with each run, or with each connection",
+        "two devices with the same IP address, or a spare controller that took over",
+    ),
+    next_steps=(
+        "Compare the time with the controller's log; if restarts repeat, look for watchdogs and the power supply.",
+        "If the Counter jumps to and fro, compare the MAC addresses of these telegrams: two means two devices.",
+    ),
+)
+COUNTER_UNUSED = FindingKind(
+    "NV205",
+    "counter-unused",
+    Severity.NOTE,
+    meaning="All telegrams of this stream carry the same Counter, so nothing can be said about their loss from it.",
+    causes=("a PC library or a gateway that does not count; controllers do not check it when they receive",),
+    next_steps=("Judge loss by the intervals: NV501 shows where a telegram of a cyclic list was missing.",),
+)
+COUNTER_SCOPE = FindingKind(
+    "NV206",
+    "counter-scope",
+    Severity.NOTE,
+    meaning=(
+        "This sender counts all its telegrams, or all its sends, with one Counter, where a controller counts each "
+        "SubIndex of each list. That is understood, and its loss is exact in sum; but a loss is booked on the "
+        "stream of the next telegram seen, so single streams may show a little more or less, even less than none."
+    ),
+    causes=("a PC library or a gateway; controllers do not check the Counter when they receive",),
+    next_steps=("Nothing has to be done. Judge the loss of this sender over all its lists together.",),
+)
+COUNTER_ERRATIC = FindingKind(
+    "NV207",
+    "counter-erratic",
+    Severity.WARNING,
+    meaning=(
+        "The Counter jumps far more than the missing time allows: telegrams arrive as often as ever while it claims "
+        "that many were lost. This sender does not count telegrams, so its loss figures mean nothing."
+    ),
+    causes=(
+        "a sender that writes its Counter byte-swapped, so that it jumps by 256 from some value on",
+        "a Counter that is random, a time, or shared with telegrams that do not pass the capture point",
+    ),
+    next_steps=(
+        "Print the counters with `nvscope packets -T fields -e ip.src -e nv.index -e nv.counter`: how do they run?",
+        "Judge the loss of this sender by its intervals (NV501), or have its counter corrected.",
+    ),
+)
 
 
 def judge_loss(facts: Facts) -> Iterator[Finding]:
-    """Yield NV201 to NV205 and NV207 for each stream, NV206 for each node."""
+    """Yield what each stream's Counter tells, and by node what a Counter counts that is not one stream's."""
     loss = facts.state.senders.loss
     for entry, stream in facts.streams():
         if stream.counter_scope == SCOPE_UNUSED:
-            yield _finding("NV205", entry, stream, _unused(facts, stream), _unused_sentence(stream))
+            yield _finding(COUNTER_UNUSED, entry, stream, _unused(facts, stream), _unused_sentence(stream))
         if not loss.streams.counting[stream.stream]:
             continue
-        for step, code, sentence in _STEPS:
+        for step, kind, sentence in _STEPS:
             rows = loss.events_of(step, stream.scope)
             if not rows.count[stream.stream]:
                 continue
             events = events_of(rows, stream.stream)
             if step == Step.GAP and stream.erratic:
-                yield _finding("NV207", entry, stream, events, _erratic_sentence(stream))
+                yield _finding(COUNTER_ERRATIC, entry, stream, events, _erratic_sentence(stream))
             else:
-                yield _finding(code, entry, stream, events, sentence(stream, events))
+                yield _finding(kind, entry, stream, events, sentence(stream, events))
     yield from _scopes(facts)
 
 
-def _finding(code: str, entry: ListSummary, stream: StreamSummary, events: Events, message: str) -> Finding:
+def _finding(kind: FindingKind, entry: ListSummary, stream: StreamSummary, events: Events, message: str) -> Finding:
     return Finding(
-        code, message, events.count, events.first_ns, events.last_ns, events.frames,
+        kind, message, events.count, events.first_ns, events.last_ns, events.frames,
         entry.number, stream.node, stream.subindex,
     )  # fmt: skip
 
@@ -64,10 +184,10 @@ def _restarts(stream: StreamSummary, events: Events) -> str:
 
 
 _STEPS = (
-    (Step.GAP, "NV201", _gaps),
-    (Step.LATE, "NV202", _duplicates),
-    (Step.OVERTAKEN, "NV203", _overtaken),
-    (Step.RESTART, "NV204", _restarts),
+    (Step.GAP, TELEGRAM_GAP, _gaps),
+    (Step.LATE, DUPLICATE_TELEGRAM, _duplicates),
+    (Step.OVERTAKEN, OVERTAKEN_TELEGRAM, _overtaken),
+    (Step.RESTART, SENDER_RESTART, _restarts),
 )
 
 
@@ -88,7 +208,7 @@ def _unused(facts: Facts, stream: StreamSummary) -> Events:
 
 
 def _scopes(facts: Facts) -> Iterator[Finding]:
-    """Yield NV206 for the nodes whose Counter does not count by stream."""
+    """Yield a finding for each node whose Counter does not count by stream."""
     nodes = facts.state.senders.loss.nodes
     of_node = defaultdict(list)
     for _, stream in facts.streams():
@@ -104,4 +224,4 @@ def _scopes(facts: Facts) -> Iterator[Finding]:
         message = f"One Counter for {what}: {count(regular)} of {count(steps)} steps fit ({percent(regular, steps)})."
         last_ns = max(stream.last_ns for stream in own)
         frame = facts.frames_of_stream[first.stream][0]
-        yield Finding("NV206", message, 1, first.first_ns, last_ns, (frame,), node=node)
+        yield Finding(COUNTER_SCOPE, message, 1, first.first_ns, last_ns, (frame,), node=node)

@@ -1,19 +1,20 @@
-"""NV405 of telegrams that no definition of their list fits: in which way, and after which change one would."""
+"""Telegrams that no definition of their list fits: in which way, and after which change one would."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope.findings.definition_names import names_of_definitions
-from nvscope.findings.finding import Events, Facts, Finding
-from nvscope.tracker.events import FRAMES_KEPT
-from nvscope.tracker.summary import ListSummary, StreamSummary
+from nvscope.findings.finding import Events
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count, count_of
 
 if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.causes import Cause
     from nvscope.definition.packing import TelegramLayout
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.summary import ListSummary, StreamSummary
 
     Telegrams = tuple[TelegramLayout, ...]
     Misfits = Sequence[tuple[StreamSummary, Events]]
@@ -22,16 +23,25 @@ if TYPE_CHECKING:  # a report without definitions starts without what reads them
 _MOST_SHAPES = 20
 
 
+class Mismatch(NamedTuple):
+    """What of one sender's list does not agree with its definitions, in words; ``subindex`` is None for all of it."""
+
+    message: str
+    events: Events
+    subindex: int | None
+    hint: str = ""
+
+
 def shapes_of(streams: Sequence[StreamSummary]) -> dict[int, tuple[int, int]]:
     """Return Items and Length by SubIndex, as the last telegrams of a sender have them."""
     return {stream.subindex: (stream.items, stream.length) for stream in streams}
 
 
-def judge_misfits(
+def tell_misfits(
     facts: Facts, entry: ListSummary, streams: Sequence[StreamSummary], misfits: Misfits,
     candidates: Sequence[Telegrams],
-) -> Iterator[Finding]:  # fmt: skip
-    """Yield NV405 for a sender's streams with misfits; one for all of them where one cause explains every SubIndex.
+) -> Iterator[Mismatch]:  # fmt: skip
+    """Yield what a sender's streams with misfits have; all of them at once where one cause explains every SubIndex.
 
     ``streams`` are all those of the sender and list, ``candidates`` the telegrams of each definition of the list.
     """
@@ -40,17 +50,16 @@ def judge_misfits(
     named = dict(zip(names_of_definitions([layouts[0].list for layouts in candidates]), candidates, strict=True))
     name, cause = _cause(facts, entry, streams, named)
     if cause and cause.complete and len(misfits) > 1 and not any(_fits(stream, named[name]) for stream, _ in misfits):
-        yield _all_at_once(entry, misfits, named[name], cause)
+        yield _all_at_once(misfits, named[name], cause)
         return
     for number, (stream, events) in enumerate(misfits):
         told = _shift(stream, next(iter(named.values()))) if len(named) == 1 else _shifts(stream, named)
         message = f"{count_of(events.count, 'telegram')} of {count(stream.telegrams)}: {told}"
         first = cause if number == 0 else None
-        yield Finding(
-            "NV405", f"{message} {first.sentence}" if first else message, events.count, events.first_ns,
-            events.last_ns, events.frames, entry.number, stream.node, stream.subindex,
-            hint=first.next_step if first else "",
-        )  # fmt: skip
+        if first:
+            yield Mismatch(f"{message} {first.sentence}", events, stream.subindex, first.next_step)
+        else:
+            yield Mismatch(message, events, stream.subindex)
 
 
 def all_of(misfits: Sequence[Events]) -> Events:
@@ -64,7 +73,7 @@ def all_of(misfits: Sequence[Events]) -> Events:
     )
 
 
-def _all_at_once(entry: ListSummary, misfits: Misfits, layouts: Telegrams, cause: Cause) -> Finding:
+def _all_at_once(misfits: Misfits, layouts: Telegrams, cause: Cause) -> Mismatch:
     events, first = all_of([events for _, events in misfits]), misfits[0][0]
     telegrams = sum(stream.telegrams for stream, _ in misfits)
     shift = _shift(first, layouts)
@@ -74,10 +83,7 @@ def _all_at_once(entry: ListSummary, misfits: Misfits, layouts: Telegrams, cause
         f"{count_of(events.count, 'telegram')} of {count(telegrams)}, in {count(len(misfits))} SubIndexes: "
         f"{shift} {cause.sentence}"
     )
-    return Finding(
-        "NV405", message, events.count, events.first_ns, events.last_ns, events.frames, entry.number, first.node,
-        hint=cause.next_step,
-    )  # fmt: skip
+    return Mismatch(message, events, None, cause.next_step)
 
 
 def _cause(
@@ -89,7 +95,7 @@ def _cause(
     cause; of a list that is sent in many shapes, that of the first ones is looked for.
     """
     # Not before it is needed: a report without definitions does without them.
-    from nvscope.definition.causes import likely_cause  # noqa: PLC0415
+    from nvscope.definition.causes import likely_cause
 
     shapes = shapes_of(streams)
     varying = any((entry.number, stream.node) in facts.shape_changes for stream in streams)

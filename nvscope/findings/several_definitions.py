@@ -1,4 +1,4 @@
-"""NV405 of lists that several files define, such as the sender's and the reader's: which of them is right."""
+"""Lists that several files define, such as the sender's and the reader's: which of them is right."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from itertools import permutations
 from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope.findings.definition_names import how_to_compare, names_of_definitions, together
-from nvscope.findings.finding import Events, Facts, Finding, events_of
-from nvscope.findings.misfits import all_of, judge_misfits
-from nvscope.tracker.summary import ListSummary, StreamSummary
+from nvscope.findings.finding import Events, events_of
+from nvscope.findings.misfits import Mismatch, all_of, tell_misfits
 from nvscope.units import iec_time
 
 if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.byte_map import Run
     from nvscope.definition.model import ListDefinition
     from nvscope.definition.packing import TelegramLayout
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.summary import ListSummary, StreamSummary
     from nvscope.tracker.variables.values import Shape, Values
 
     Telegrams = tuple[TelegramLayout, ...]
@@ -24,10 +25,10 @@ _MOST_TOLD = 3
 _MOST_PAIRED = 8
 
 
-def judge_several(
+def tell_several(
     facts: Facts, entry: ListSummary, streams: Sequence[StreamSummary], candidates: Sequence[Telegrams]
-) -> Iterator[Finding]:
-    """Yield NV405 for one sender of a list with several definitions.
+) -> Iterator[Mismatch]:
+    """Yield what does not agree for one sender of a list with several definitions.
 
     Where some fit every telegram, it is said which others do not, and whether those that fit mean the same. Else one of
     them may fit up to some time, and another from then on. What is left fits none.
@@ -35,14 +36,14 @@ def judge_several(
     values = facts.state.values
     if values is None:
         return
-    judged = _Sender(facts, entry, streams, candidates, values)
+    judged = _Sender(facts, streams, candidates, values)
     if judged.right:
         yield from judged.verdict()
     elif change := judged.change():
         yield change
     else:
         told = [candidates[place] for place in sorted({judged.best, *range(len(candidates))[: _MOST_TOLD - 1]})]
-        yield from judge_misfits(facts, entry, streams, judged.misfits(judged.best), told)
+        yield from tell_misfits(facts, entry, streams, judged.misfits(judged.best), told)
 
 
 class _Divergence(NamedTuple):
@@ -56,10 +57,9 @@ class _Sender:
     """One sender of a list, and which definitions fit what it sends; definitions by their place in ``candidates``."""
 
     def __init__(
-        self, facts: Facts, entry: ListSummary, streams: Sequence[StreamSummary], candidates: Sequence[Telegrams],
-        values: Values,
-    ) -> None:  # fmt: skip
-        self.facts, self.entry, self.streams, self.candidates = facts, entry, streams, candidates
+        self, facts: Facts, streams: Sequence[StreamSummary], candidates: Sequence[Telegrams], values: Values
+    ) -> None:
+        self.facts, self.streams, self.candidates = facts, streams, candidates
         self._values = values
         self._fitted = {stream.stream: _fitted(values, stream.stream) for stream in streams}
         self.names = names_of_definitions([layouts[0].list for layouts in candidates])
@@ -94,7 +94,7 @@ class _Sender:
             return None
         return layouts[stream.subindex].items, layouts[stream.subindex].length
 
-    def verdict(self) -> Iterator[Finding]:
+    def verdict(self) -> Iterator[Mismatch]:
         """Yield, where a definition fits all telegrams, that others do not, or mean something else."""
         first, *others = self.right
         sent = sorted(stream.subindex for stream in self.streams)
@@ -119,9 +119,9 @@ class _Sender:
         else:
             return
         stream, events = about
-        yield self._finding(message, events, stream.subindex, hint)
+        yield Mismatch(message, events, stream.subindex, hint)
 
-    def change(self) -> Finding | None:
+    def change(self) -> Mismatch | None:
         """Return that one definition fits up to some time, and another from then on; None where it is not so."""
         fits = {
             place: {stream.stream: events for stream, events in told}
@@ -143,7 +143,7 @@ class _Sender:
             hint = f"{shown}; from then on, readers need {self.names[new]}."
             misfits = self.misfits(old)
             subindex = misfits[0][0].subindex if len(misfits) == 1 else None
-            return self._finding(message, all_of([events for _, events in misfits]), subindex, hint)
+            return Mismatch(message, all_of([events for _, events in misfits]), subindex, hint)
         return None
 
     def _moment(self, old: dict[int, Events], new: dict[int, Events]) -> tuple[int, Events] | None:
@@ -207,7 +207,7 @@ class _Sender:
     def _divergence(self, a: int, b: int, subindexes: Iterable[int]) -> _Divergence | None:
         """Return where definition B first says something else than A; other names for the same are none."""
         # Not before it is needed: a report without definitions does without them.
-        from nvscope.definition.byte_map import Relation, names_of, runs_of  # noqa: PLC0415
+        from nvscope.definition.byte_map import Relation, names_of, runs_of
 
         names = names_of(self._list(a)), names_of(self._list(b))
         for subindex in subindexes:
@@ -221,12 +221,6 @@ class _Sender:
 
     def _list(self, place: int) -> ListDefinition:
         return self.candidates[place][0].list
-
-    def _finding(self, message: str, events: Events, subindex: int | None, hint: str) -> Finding:
-        return Finding(
-            "NV405", message, events.count, events.first_ns, events.last_ns, events.frames,
-            self.entry.number, self.streams[0].node, subindex, hint,
-        )  # fmt: skip
 
 
 def _fitted(values: Values, stream: int) -> dict[Shape | None, Events]:

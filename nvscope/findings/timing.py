@@ -3,40 +3,128 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from dissectors.batch import I64, Bool
-from nvscope.findings.finding import AnyList, AnyStream, Facts, Finding
-from nvscope.tracker.buckets import bucket_bounds
-from nvscope.tracker.can.summary import CanStreamSummary
-from nvscope.tracker.counters import Scope
-from nvscope.tracker.events import FRAMES_KEPT
-from nvscope.tracker.histograms import Histograms
-from nvscope.tracker.summary import StreamSummary
-from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
+from nvscope.findings.finding import Finding
+from nvscope.findings.kind import FindingKind, Severity
+from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.units import count, count_of, duration, percent
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import AnyList, Facts
+    from nvscope.findings.unusual_intervals import AnyStream, Choice
+
+LATE = FindingKind(
+    "NV501",
+    "late",
+    Severity.WARNING,
+    meaning=(
+        "A telegram came much later than the interval promises (by default more than 2.5 times the nominal "
+        "interval), and the Counter shows no loss in between: it was sent late, or held up."
+    ),
+    causes=(
+        "where all of them are late: another interval in the sender than in the definition, or a slower task cycle",
+        "the task that sends was late: overload, a task of higher priority, a download, file access",
+        "a PC sender whose operating system let it wait",
+        "a burst of other traffic, or a wireless link",
+    ),
+    next_steps=(
+        "Compare with the maximum cycle time and jitter of the task in the controller's task monitor.",
+        "See whether other senders were late at the same moment: then it is the network, or the capture.",
+    ),
+)
+JITTER = FindingKind(
+    "NV502",
+    "jitter",
+    Severity.WARNING,
+    meaning=(
+        "The intervals scatter widely: the slowest percent is later than usual by more than half an interval "
+        "(by default)."
+    ),
+    causes=(
+        "an interval that is no multiple of the task cycle: 50 ms in a task of 20 ms is sent after 40 or 60 ms",
+        "task load, or a PC as the sender",
+        "a capture with coarse time stamps, such as a USB adapter's or a virtual machine's",
+    ),
+    next_steps=(
+        "Choose the interval as a multiple of the task cycle.",
+        "If all senders jitter alike, suspect the time stamps of the capture.",
+    ),
+)
+BURST = FindingKind(
+    "NV503",
+    "burst",
+    Severity.NOTE,
+    meaning=(
+        "Telegrams of one stream followed each other far too quickly: below a tenth of the interval, or below the "
+        "minimum gap. Receivers that take a limited number of telegrams per task cycle then lose some."
+    ),
+    causes=(
+        "transmission on change without a minimum gap, on a value that changes in every cycle",
+        "an event variable that stays TRUE",
+        "a sender or switch that catches up after a pause",
+    ),
+    next_steps=(
+        "Set a minimum gap, or reset the event variable after one cycle.",
+        "Check how many telegrams the receiver takes per cycle (one vendor states 20).",
+    ),
+)
+STOPPED = FindingKind(
+    "NV504",
+    "stopped",
+    Severity.ERROR,
+    meaning=(
+        "The sender of a cyclic list fell silent while the capture went on (by default for more than 10 intervals). "
+        "Readers keep the last values and do not notice by themselves."
+    ),
+    causes=(
+        "the controller was stopped, or its program by an exception",
+        "power, cable, or switch port lost",
+        "a download or a debugger that holds the program at a breakpoint",
+    ),
+    next_steps=(
+        "See whether all lists of this node stopped together (controller, cable) or only this one (task).",
+        "Put a counter into the list that the reader checks, so that the plant notices the next time.",
+    ),
+)
+TORN_CYCLE = FindingKind(
+    "NV505",
+    "torn-cycle",
+    Severity.WARNING,
+    meaning=(
+        "The list takes several telegrams, and in some cycles not all of them were there. A reader then works with "
+        "variables, or parts of an array or structure, of different cycles."
+    ),
+    causes=(
+        "loss of single telegrams (NV201)",
+        "more telegrams at once than the receiver or a switch takes (one vendor states 20 per task cycle)",
+        "transmission on change, which sends only the part that changed",
+    ),
+    next_steps=(
+        "Where values must belong together, put them into one telegram: at most 256 bytes, in one list.",
+        "Or send a sequence number in each part, and use the values only when all of them agree.",
+    ),
+)
 
 
 def judge_timing(facts: Facts) -> Iterator[Finding]:
-    """Yield NV501 to NV504 for each stream, and NV505 for each sender and list, sent at a nominal interval.
+    """Yield what is wrong with the times of each stream, and with the cycles of each sender and list.
 
-    A MinGap that is defined is enough for NV503.
+    They are judged where there is a nominal interval; a MinGap that is defined is enough for a burst.
     """
-    histograms = Histograms(facts.state.senders.timing)
     timed: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
     for entry, stream in timed:
-        yield from _burst(facts, histograms, entry, stream)
+        yield from _burst(facts, entry, stream)
         if not stream.intervals.nominal:
             continue
-        yield from _late(facts, histograms, entry, stream)
-        yield from _jitter(facts, histograms, entry, stream)
+        yield from _late(facts, entry, stream)
+        yield from _jitter(facts, entry, stream)
         yield from _stopped(facts, entry, stream)
     yield from _torn(facts)
 
 
-def _late(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
+def _late(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     longest_ns = (stream.intervals.nominal or 0) * facts.limits.late_percent // 100
     message = (
         f"longer than {duration(longest_ns)} without a loss; {_nominal(facts, entry, stream)}, "
@@ -44,14 +132,14 @@ def _late(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStrea
     )
     median_ns, hint = stream.intervals.p50 or 0, ""
     # Where many telegrams are missing, nobody knows how often the sender sends.
-    seldom_lost = _MOST_LOST * _gaps(facts, stream) <= stream.intervals.count
+    seldom_lost = _MOST_LOST * facts.intervals.gaps(stream) <= stream.intervals.count
     if median_ns > longest_ns and seldom_lost and _told(facts, entry, stream):
         message += f" {_other_setting(median_ns)}"
         hint = _COMPARE_INTERVAL
-    yield from _beyond(facts, histograms, entry, stream, "NV501", message, lambda low, _: low > longest_ns, hint)
+    yield from _beyond(facts, entry, stream, LATE, message, lambda low, _: low > longest_ns, hint)
 
 
-def _burst(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
+def _burst(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     """Compare with a share of the nominal interval or with the MinGap, whichever asks for more."""
     defined = facts.definition_of(entry)
     min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
@@ -72,7 +160,7 @@ def _burst(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStre
         message += f" {why}"
         hint = _COMPARE_INTERVAL
     choose = lambda low, high: (low >= 0) & (high < shortest_ns)  # noqa: E731
-    yield from _beyond(facts, histograms, entry, stream, "NV503", message, choose, hint)
+    yield from _beyond(facts, entry, stream, BURST, message, choose, hint)
 
 
 _MOST_LOST = 10
@@ -100,52 +188,20 @@ def _nominal(facts: Facts, entry: AnyList, stream: AnyStream) -> str:
 
 
 def _beyond(
-    facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStream, code: str, message: str,
-    chosen: Callable[[I64, I64], Bool], hint: str,
-) -> Iterator[Finding]:  # fmt: skip
-    """Yield a finding about the intervals of the buckets that are ``chosen`` by their bounds.
-
-    A bucket is chosen or not as a whole, so that intervals within 0.8 % of a limit may count as kept. Of intervals near
-    the usual one nobody knows when they were: they are as old and as young as the stream. Of the first ten of them, the
-    frames are known.
-    """
-    rows = facts.state.senders.timing.unusual.rows
-    bucket, bits, row = histograms.unusual(stream.stream)
-    wanted = chosen(*bucket_bounds(bucket))
-    usual_bucket, usual_count = histograms.usual(stream.stream)
-    usual = int(usual_count[chosen(*bucket_bounds(usual_bucket))].sum())
-    first_bucket, first_bits, first_frames = histograms.first_usual(stream.stream)
-    first = chosen(*bucket_bounds(first_bucket))
-    doubtful = 0
-    if code == "NV501":
-        lossy = (bits & _loss_bit(stream)) != 0
-        wanted &= ~lossy
-        first &= (first_bits & _loss_bit(stream)) == 0
-        # Near the usual interval it is not known which ones have a loss in them, but how many there are at most.
-        doubtful = min(usual, max(0, _gaps(facts, stream) - int(rows.count[row[lossy]].sum())))
-    row = row[wanted]
-    events = int(rows.count[row].sum()) + usual - doubtful
-    if not events:
+    facts: Facts, entry: AnyList, stream: AnyStream, kind: FindingKind, message: str, chosen: Choice, hint: str
+) -> Iterator[Finding]:
+    """Yield a finding about the intervals that are chosen; where they are late, without those that have a loss."""
+    found = facts.intervals.beyond(stream, chosen, lossless=kind is LATE)
+    if found is None:
         return
-    first_ns, last_ns = stream.first_ns, stream.last_ns
-    if not usual:
-        first_ns, last_ns = int(rows.first_ns[row].min()), int(rows.last_ns[row].max())
-    frames = np.union1d(rows.frames[row], first_frames[first])
+    events, at_least = found
     yield Finding(
-        code, f"{'At least ' if doubtful else ''}{count_of(events, 'interval')} {message}", events, first_ns, last_ns,
-        tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), entry.number, stream.node, stream.subindex, hint,
+        kind, f"{'At least ' if at_least else ''}{count_of(events.count, 'interval')} {message}", events.count,
+        events.first_ns, events.last_ns, events.frames, entry.number, stream.node, stream.subindex, hint,
     )  # fmt: skip
 
 
-def _gaps(facts: Facts, stream: AnyStream) -> int:
-    """Return in how many intervals of a stream, at most, telegrams were lost."""
-    if isinstance(stream, CanStreamSummary):
-        return 0  # nobody counts there
-    loss = facts.state.senders.loss
-    return stream.figures["gaps"] if stream.scope == Scope.STREAM else int(loss.nodes.gaps[stream.node])
-
-
-def _jitter(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
+def _jitter(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     intervals = stream.intervals
     if intervals.p99 is None or intervals.p50 is None or not intervals.nominal:
         return
@@ -157,18 +213,13 @@ def _jitter(facts: Facts, histograms: Histograms, entry: AnyList, stream: AnyStr
         f"{duration(intervals.p99)}, where half of them are at most {duration(intervals.p50)}."
     )
     hint = ""
-    lossless = histograms.without_loss(stream.stream, _loss_bit(stream)).percentile_ns(99)
+    lossless = facts.intervals.p99_without_loss(stream)
     rest = (lossless or intervals.p50) - intervals.p50
     if 100 * rest <= facts.limits.jitter_percent * intervals.nominal:
         message += f" It comes from loss: where no telegram is missing, jitter is {percent(rest, intervals.nominal)}."
-        hint = "Look after the loss (NV201); the sender keeps its interval."
+        hint = f"Look after the loss ({TELEGRAM_GAP.code}); the sender keeps its interval."
     place = (entry.number, stream.node, stream.subindex)
-    yield Finding("NV502", message, 1, stream.first_ns, stream.last_ns, (), *place, hint)
-
-
-def _loss_bit(stream: AnyStream) -> int:
-    counted_by_node = isinstance(stream, StreamSummary) and stream.scope != Scope.STREAM
-    return LOSS_OF_NODE if counted_by_node else LOSS_OF_STREAM
+    yield Finding(JITTER, message, 1, stream.first_ns, stream.last_ns, (), *place, hint)
 
 
 def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
@@ -178,37 +229,25 @@ def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Findin
         return
     message = f"Silent for the last {duration(silent_ns)}; {_nominal(facts, entry, stream)}."
     yield Finding(
-        "NV504", message, 1, stream.last_ns, stream.last_ns, facts.frames_of_stream[stream.stream][1:],
+        STOPPED, message, 1, stream.last_ns, stream.last_ns, facts.frames_of_stream[stream.stream][1:],
         entry.number, stream.node, stream.subindex,
     )  # fmt: skip
 
 
 def _torn(facts: Facts) -> Iterator[Finding]:
     """Compare the sizes of cycles with the number of SubIndexes, for packed lists over several of these."""
-    cycles = facts.state.senders.cycles
-    log, sizes = cycles.events.rows, cycles.events.keys.low.astype(np.int64)
-    rows_of_pair = defaultdict(list)
-    for row, pair in enumerate(cycles.events.keys.high.tolist()):
-        rows_of_pair[pair].append(row)
     streams = defaultdict(list)
     for entry, stream in facts.streams():
         streams[entry.number, stream.node].append(stream)
     for (number, node), own in streams.items():
         if len(own) < 2 or not all(s.intervals.nominal for s in own) or not any(s.items > 1 for s in own):
             continue
-        pair = int(cycles.streams.pair[own[0].stream])
-        rows = np.array(rows_of_pair[pair], np.int64)
-        torn = rows[sizes[rows] < len(own)]
-        if not len(torn):
+        torn = facts.cycles.torn(own[0].stream, len(own))
+        if torn is None:
             continue
-        events, every = int(log.count[torn].sum()), int(log.count[rows].sum())
-        frames = np.unique(log.frames[torn])
-        skew = duration(int(cycles.columns.skew_ns[pair]))
+        events = torn.events
         message = (
-            f"{count(events)} of {count_of(every, 'cycle')} ({percent(events, every)}) came without all "
-            f"{len(own)} SubIndexes; telegrams of one cycle are up to {skew} apart."
+            f"{count(events.count)} of {count_of(torn.cycles, 'cycle')} ({percent(events.count, torn.cycles)}) came "
+            f"without all {len(own)} SubIndexes; telegrams of one cycle are up to {duration(torn.skew_ns)} apart."
         )
-        yield Finding(
-            "NV505", message, events, int(log.first_ns[torn].min()), int(log.last_ns[torn].max()),
-            tuple(frames[frames > 0][:FRAMES_KEPT].tolist()), number, node,
-        )  # fmt: skip
+        yield Finding(TORN_CYCLE, message, events.count, events.first_ns, events.last_ns, events.frames, number, node)

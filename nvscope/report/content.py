@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from nvscope import units
-from nvscope.findings.catalogue import Severity
+from nvscope.findings.capture import UNSUPPORTED_LINK_TYPE
+from nvscope.findings.kind import Severity
 from nvscope.view.lines.table import Cell, Tone
 
 Report = Mapping[str, Any]
@@ -195,7 +196,7 @@ def advice(report: Report) -> tuple[str, ...]:
         "Was the right interface recorded, without a capture filter that leaves them out? Any port is recognized, "
         "not only 1202.",
         "Were the frames cut (snap length)? At least the first 12 bytes of the UDP payload are needed.",
-        "Are they encapsulated or fragmented? Findings NV904 and the other frames tell.",
+        f"Are they encapsulated or fragmented? Findings {UNSUPPORTED_LINK_TYPE.code} and the other frames tell.",
     )
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from nvscope.errors import UsageError
-from nvscope.findings.catalogue import CATALOGUE, FindingKind
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.findings.kind import FindingKind
 from nvscope.report.ansi import paint
 from nvscope.report.content import status
 from nvscope.view.escape import visible
@@ -25,10 +26,8 @@ def render(code: str, *, colour: bool = False, width: int = 80) -> str:
 
 
 def overview(*, colour: bool = False, width: int = 80) -> str:
-    """Return a table of all kinds of findings."""
-    rows = [[status(kind.severity), Cell(kind.code, Tone.STRONG), Cell(kind.name)] for kind in CATALOGUE.values()]
-    table = align([Column("severity"), Column("code"), Column("name", shortest=8)], rows, max(width, _MIN_WIDTH))
-    return paint(table, colour=colour)
+    """Return a table of all kinds of findings, and one of those that no report has so far."""
+    return paint(_overview(max(width, _MIN_WIDTH)), colour=colour)
 
 
 def find(code: str) -> FindingKind:
@@ -38,6 +37,21 @@ def find(code: str) -> FindingKind:
         if wanted in {kind.code.lower(), kind.code[2:], kind.name}:
             return kind
     raise UsageError(f"no finding is called {visible(code)!s}", next_step=_nearest(wanted))
+
+
+def _overview(width: int) -> Iterator[Line]:
+    kinds = CATALOGUE.values()
+    yield from _table([kind for kind in kinds if kind.judged], width)
+    unjudged = [kind for kind in kinds if not kind.judged]
+    if unjudged:
+        yield []
+        yield [Cell("Nothing judges these yet", Tone.STRONG)]
+        yield from _table(unjudged, width)
+
+
+def _table(kinds: Sequence[FindingKind], width: int) -> list[Line]:
+    rows = [[status(kind.severity), Cell(kind.code, Tone.STRONG), Cell(kind.name)] for kind in kinds]
+    return align([Column("severity"), Column("code"), Column("name", shortest=8)], rows, width)
 
 
 def _nearest(wanted: str) -> str:
@@ -54,6 +68,9 @@ def _nearest(wanted: str) -> str:
 def _lines(kind: FindingKind, width: int) -> Iterator[Line]:
     yield [Cell(f"{kind.code} {kind.name}", Tone.STRONG), Cell("  "), status(kind.severity)]
     yield []
+    if not kind.judged:
+        yield from wrap([Cell("Nothing judges it yet: no report has this finding.", Tone.NOTE)], width)
+        yield []
     yield from wrap([Cell(kind.meaning)], width)
     yield []
     yield [Cell("Usual causes", Tone.STRONG)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from nvscope import units
-from nvscope.findings.catalogue import Severity
+from nvscope.findings.kind import Severity
 from nvscope.report import buses, content, hops, tables
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible_document

@@ -13,12 +13,18 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.netvar import CHECKSUM_PRESENT, RESERVED_FLAGS
+from nvscope.findings import header
+from nvscope.findings.capture import CLOCK_STEP, MIRRORED_TWICE
+from nvscope.findings.consistency import CHECKSUM_FLAG, SHAPE_CHANGED
+from nvscope.findings.kind import FindingKind
+from nvscope.findings.loss import COUNTER_ERRATIC, COUNTER_SCOPE, SENDER_RESTART, TELEGRAM_GAP
+from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.simulate.faults import Label
 from nvscope.simulate.figures import seems_to_count_sends
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.observation import ListKey, Observation
 from nvscope.simulate.ordering import order_by
-from nvscope.simulate.timeline import Role
+from nvscope.simulate.template import Role
 
 UNUSED_TELEGRAMS = 8
 
@@ -44,19 +50,21 @@ class ExpectedFindings:
     def __init__(self) -> None:
         self._counts: Counter[tuple[str, AnyKey | None, IPAddress | None, int | None]] = Counter()
 
-    def add(self, code: str, key: AnyKey | None, node: IPAddress | None, subindex: int | None, count: int = 1) -> None:
+    def add(
+        self, kind: FindingKind, key: AnyKey | None, node: IPAddress | None, subindex: int | None, count: int = 1
+    ) -> None:
         """Expect a finding ``count`` times more; none if it is 0."""
         if count:
-            self._counts[code, key, node, subindex] += int(count)
+            self._counts[kind.code, key, node, subindex] += int(count)
 
-    def add_uncounted(self, code: str, key: ListKey, node: IPAddress, subindex: int) -> None:
+    def add_uncounted(self, kind: FindingKind, key: ListKey, node: IPAddress, subindex: int) -> None:
         """Expect a finding of which the scenario does not tell how often."""
-        self._counts[code, key, node, subindex] += 0
+        self._counts[kind.code, key, node, subindex] += 0
 
-    def add_rows(self, code: str, key: ListKey | None, seen: Observation, rows: I64) -> None:
+    def add_rows(self, kind: FindingKind, key: ListKey | None, seen: Observation, rows: I64) -> None:
         """Expect a finding for each of the rows, at its sender."""
         for template, count in seen.by_template(rows):
-            self.add(code, key, template.source, template.subindex, count)
+            self.add(kind, key, template.source, template.subindex, count)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the findings as values for JSON, by code, list, node and SubIndex."""
@@ -91,14 +99,14 @@ def expect_single(seen: Observation, key: ListKey, rows: I64, found: ExpectedFin
     timeline = seen.timeline
     judged = rows[seen.judged[rows]]
     data = judged[seen.data[judged]]
-    found.add_rows("NV104", key, seen, data[(timeline.flags[data] & RESERVED_FLAGS) != 0])
-    found.add_rows("NV107", key, seen, rows[seen.truncated[rows]])
-    found.add_rows("NV402", key, seen, _shape_changes(seen, data))
-    found.add_rows("NV404", key, seen, _flag_faults(seen, data))
-    for code in ("NV101", "NV102", "NV103", "NV105"):
-        found.add_rows(code, key, seen, seen.where(judged, lambda entry, code=code: entry.fault == code))  # type: ignore[misc]
+    found.add_rows(header.RESERVED_FLAGS, key, seen, data[(timeline.flags[data] & RESERVED_FLAGS) != 0])
+    found.add_rows(header.TRUNCATED_BY_CAPTURE, key, seen, rows[seen.truncated[rows]])
+    found.add_rows(SHAPE_CHANGED, key, seen, _shape_changes(seen, data))
+    found.add_rows(CHECKSUM_FLAG, key, seen, _flag_faults(seen, data))
+    for kind in (header.SHORT_TELEGRAM, header.LENGTH_MISMATCH, header.UNKNOWN_SERVICE, header.BIG_ENDIAN_HEADER):
+        found.add_rows(kind, key, seen, seen.where(judged, lambda entry, kind=kind: entry.fault is kind))  # type: ignore[misc]
     telegrams = rows[seen.telegram[rows]]
-    found.add_rows("NV106", key, seen, seen.where(telegrams, lambda entry: entry.ascii_identity))
+    found.add_rows(header.ASCII_IDENTITY, key, seen, seen.where(telegrams, lambda entry: entry.ascii_identity))
 
 
 def expect_swapped(seen: Observation, key: ListKey, stream: int, found: ExpectedFindings) -> None:
@@ -109,9 +117,9 @@ def expect_swapped(seen: Observation, key: ListKey, stream: int, found: Expected
     if setup.byte_swapped and setup.counter == "stream" and numbers.min() < 127:
         where = (key, seen.addresses[entry.node], entry.subindex)
         if numbers.max() > 128:
-            found.add_uncounted("NV207", *where)
+            found.add_uncounted(COUNTER_ERRATIC, *where)
         if (numbers == 256).any():
-            found.add_uncounted("NV204", *where)
+            found.add_uncounted(SENDER_RESTART, *where)
 
 
 def checksum_mismatches(seen: Observation, rows: I64) -> I64:
@@ -151,10 +159,10 @@ def expect_intervals(
     Late ones that are ``excused`` count for nothing.
     """
     late = 2 * intervals > 5 * nominal_ns
-    found.add("NV501", *where, int((late if excused is None else late[~excused]).sum()))
-    found.add("NV502", *where, 2 * (_percentile(intervals, 99) - _percentile(intervals, 50)) > nominal_ns)
-    found.add("NV503", *where, int(((10 * intervals < nominal_ns) & (intervals >= 0)).sum()))
-    found.add("NV504", *where, silent_ns > 10 * nominal_ns)
+    found.add(LATE, *where, int((late if excused is None else late[~excused]).sum()))
+    found.add(JITTER, *where, 2 * (_percentile(intervals, 99) - _percentile(intervals, 50)) > nominal_ns)
+    found.add(BURST, *where, int(((10 * intervals < nominal_ns) & (intervals >= 0)).sum()))
+    found.add(STOPPED, *where, silent_ns > 10 * nominal_ns)
 
 
 def expect_torn(seen: Observation, key: ListKey, streams: list[int], found: ExpectedFindings) -> None:
@@ -174,11 +182,11 @@ def expect_torn(seen: Observation, key: ListKey, streams: list[int], found: Expe
             continue
         present = np.concatenate([np.unique(timeline.ordinal[some]) for some in rows])
         _, telegrams = np.unique(present, return_counts=True)
-        found.add("NV505", key, seen.addresses[writer.node], None, int((telegrams[:-1] < len(own)).sum()))
+        found.add(TORN_CYCLE, key, seen.addresses[writer.node], None, int((telegrams[:-1] < len(own)).sum()))
 
 
-def gap_code(seen: Observation, stream: int, lost: int) -> str:
-    """Return the code for the gaps of a stream: NV207 where there was no time for as much loss as its counters tell.
+def kind_of_gaps(seen: Observation, stream: int, lost: int) -> FindingKind:
+    """Return what the gaps of a stream are: an erratic counter where there was no time for as much loss as it tells.
 
     A node that counts across lists can bring that about: the loss of a fast list is booked on a slow one.
     """
@@ -188,7 +196,7 @@ def gap_code(seen: Observation, stream: int, lost: int) -> str:
     median = _percentile(intervals, 50) if len(intervals) else 0
     absent = max(0, int(times[-1] - times[0]) - len(rows) * median) if median > 0 else 0
     erratic = lost > len(rows) and (lost - 100) * max(median, 1) > 10 * absent
-    return "NV207" if erratic else "NV201"
+    return COUNTER_ERRATIC if erratic else TELEGRAM_GAP
 
 
 def _timed(seen: Observation, stream: int) -> I64:
@@ -213,21 +221,21 @@ def nominal_of(intervals: I64) -> int | None:
 
 def expect_clock(ts_ns: I64, found: ExpectedFindings) -> None:
     """Expect a finding for each time that is before the one in front of it."""
-    found.add("NV902", None, None, None, int((np.diff(ts_ns) < 0).sum()))
+    found.add(CLOCK_STEP, None, None, None, int((np.diff(ts_ns) < 0).sum()))
 
 
 def expect_capture(seen: Observation, found: ExpectedFindings) -> None:
     """Expect what concerns the whole capture, or a node in all its lists."""
     expect_clock(seen.timeline.ts_ns, found)
     data, repeated = int(seen.data.sum()), int(seen.repeated.sum())
-    found.add("NV905", None, None, None, repeated if 10 * repeated > 8 * (data - repeated) else 0)
+    found.add(MIRRORED_TWICE, None, None, None, repeated if 10 * repeated > 8 * (data - repeated) else 0)
     for template, count in seen.by_template(np.flatnonzero(seen.truncated & (seen.role == Role.PARAMETER))):
-        found.add("NV107", None, template.source, None, count)
+        found.add(header.TRUNCATED_BY_CAPTURE, None, template.source, None, count)
     for node, address in enumerate(seen.addresses):
         numbers = seen.streams_of_node(node)
         scopes = {seen.streams[number].scope for number in numbers}
-        found.add("NV206", None, address, None, bool(scopes & {"node-telegram", "node-send"}))
-        found.add("NV206", None, address, None, bool(numbers) and seems_to_count_sends(seen, node))
+        found.add(COUNTER_SCOPE, None, address, None, bool(scopes & {"node-telegram", "node-send"}))
+        found.add(COUNTER_SCOPE, None, address, None, bool(numbers) and seems_to_count_sends(seen, node))
 
 
 def _subindexes(seen: Observation, rows: I64) -> I64:

@@ -22,6 +22,14 @@ from dissectors.netvar import HEADER
 from nvscope.simulate.noise import noise
 
 IPAddress = ipaddress.IPv4Address | ipaddress.IPv6Address
+LINKS = {
+    "ethernet": LinkType.ETHERNET,
+    "sll": LinkType.LINUX_SLL,
+    "sll2": LinkType.LINUX_SLL2,
+    "raw": LinkType.RAW,
+    "null": LinkType.NULL,
+    "loop": LinkType.LOOP,
+}
 LIMITED_BROADCAST = ipaddress.IPv4Address("255.255.255.255")
 _IPV4, _IPV6, _ARP, _VLAN = 0x0800, 0x86DD, 0x0806, 0x8100
 _ICMP, _TCP, _UDP, _ICMPV6 = 1, 6, 17, 58

@@ -17,7 +17,8 @@ from nvscope.simulate.faults import Label
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.scenario import Scenario
-from nvscope.simulate.timeline import Role, Template, Timeline
+from nvscope.simulate.template import Role, Template
+from nvscope.simulate.timeline import Timeline
 
 LEAST_BYTES = 12
 ListKey = tuple[int, int]

@@ -12,10 +12,16 @@ import numpy as np
 
 from dissectors.batch import I64
 from dissectors.netvar import CHECKSUM_INVALID
+from nvscope.findings.answers import (
+    BOOT_UP_UNANSWERED,
+    NEGATIVE_ACKNOWLEDGEMENT,
+    NO_ACKNOWLEDGEMENT,
+    UNEXPECTED_ACKNOWLEDGEMENT,
+)
 from nvscope.simulate.expected import ExpectedFindings
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.observation import ListKey, Observation
-from nvscope.simulate.timeline import Role
+from nvscope.simulate.template import Role
 
 TIMEOUT_NS = 1_000_000_000
 _NEVER = np.iinfo(np.int64).max
@@ -49,7 +55,7 @@ def missing_acknowledgements(
         over = (following != _NEVER) | (seen.latest_after[own + 1] > deadline)
         count = int((seen.wants[own] & ~answered & over).sum())
         missing[sender] += count
-        found.add("NV301", key, sender, entry.subindex, count)
+        found.add(NO_ACKNOWLEDGEMENT, key, sender, entry.subindex, count)
     return missing
 
 
@@ -67,7 +73,7 @@ def negative_acknowledgements(
             before = seen.where(data[data < row], lambda entry, reply=reply: entry.subindex == reply.subindex)  # type: ignore[misc]
             node = seen.templates[seen.timeline.template[before[-1]]].source if len(before) else None
         blamed[node] += 1
-        found.add("NV302", key, node, reply.subindex)
+        found.add(NEGATIVE_ACKNOWLEDGEMENT, key, node, reply.subindex)
     return blamed
 
 
@@ -89,7 +95,7 @@ def unexpected_acknowledgements(seen: Observation, key: ListKey, rows: I64, foun
         before = np.searchsorted(wanted, own) - 1
         age_ns = ts_ns[own] - np.append(ts_ns[wanted], 0)[before]
         count = int(((before < 0) | (age_ns > TIMEOUT_NS)).sum())
-        found.add("NV303", key, reply.source, reply.subindex, count)
+        found.add(UNEXPECTED_ACKNOWLEDGEMENT, key, reply.source, reply.subindex, count)
         total += count
     return total
 
@@ -112,7 +118,7 @@ def unanswered_requests(seen: Observation, key: ListKey, requests: I64, rows: I6
         answered = place < len(answers) and ts_ns[answers[place]] <= deadline
         if not answered and seen.latest_after[row + 1] > deadline:
             unanswered += 1
-            found.add("NV304", key, None, request.subindex)
+            found.add(BOOT_UP_UNANSWERED, key, None, request.subindex)
     return unanswered
 
 

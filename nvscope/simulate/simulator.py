@@ -19,10 +19,10 @@ from nvscope.capture.source import Sink
 from nvscope.errors import CaptureError, UsageError
 from nvscope.simulate.can.tables import ETHERNET
 from nvscope.simulate.can.timeline import CanTimeline, make_can_timeline
-from nvscope.simulate.frames import render
+from nvscope.simulate.frames import LINKS, render
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.scenario import Scenario
-from nvscope.simulate.timeline import LINKS, Timeline, make_timeline
+from nvscope.simulate.timeline import Timeline, make_timeline
 from nvscope.simulate.truth import make_truth
 
 BATCH_FRAMES = 32_768

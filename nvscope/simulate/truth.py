@@ -13,6 +13,9 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.netvar import CHECKSUM_PRESENT
+from nvscope.findings.answers import SEND_REJECTED
+from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS
+from nvscope.findings.loss import COUNTER_UNUSED, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART
 from nvscope.simulate.can.timeline import CanTimeline
 from nvscope.simulate.can.truth import can_buses, can_lists
 from nvscope.simulate.expected import (
@@ -25,7 +28,7 @@ from nvscope.simulate.expected import (
     expect_swapped,
     expect_timing,
     expect_torn,
-    gap_code,
+    kind_of_gaps,
     list_name,
 )
 from nvscope.simulate.faults import Label
@@ -39,12 +42,13 @@ from nvscope.simulate.replies import (
     unexpected_acknowledgements,
 )
 from nvscope.simulate.scenario import Scenario
-from nvscope.simulate.timeline import Role, Template, Timeline
+from nvscope.simulate.template import Role, Template
+from nvscope.simulate.timeline import Timeline
 
 SCHEMA = "nvscope.truth/1"
 _FIGURES = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
 _STREAM_FIGURES = ("lost", "duplicates", "overtaken", "restarts")
-_FIGURE_CODES = {"duplicates": "NV202", "overtaken": "NV203", "restarts": "NV204"}
+_FIGURE_KINDS = {"duplicates": DUPLICATE_TELEGRAM, "overtaken": OVERTAKEN_TELEGRAM, "restarts": SENDER_RESTART}
 
 
 def make_truth(scenario: Scenario, timeline: Timeline | None, can: CanTimeline | None = None) -> dict[str, Any]:
@@ -121,7 +125,7 @@ class _Telling:
             errors[template.source] += count
         for template, count in seen.by_template(rejected):
             errors[template.destination] += count
-            found.add("NV305", key, template.destination, template.subindex, count)
+            found.add(SEND_REJECTED, key, template.destination, template.subindex, count)
         errors[None] += unanswered
         written = seen.data.copy()
         written[mismatches] = False
@@ -131,8 +135,8 @@ class _Telling:
         stream_rows = [self._stream_truth(key, number) for number in streams]
         expect_single(seen, key, rows, found)
         expect_torn(seen, key, streams, found)
-        found.add_rows("NV403", key, seen, mismatches)
-        found.add("NV401", key, None, None, max(len(senders) - 1, 0))
+        found.add_rows(CHECKSUM_CHANGED, key, seen, mismatches)
+        found.add(SEVERAL_SENDERS, key, None, None, max(len(senders) - 1, 0))
         return {
             "key": list_name(key),
             "transport": "udp",
@@ -230,13 +234,13 @@ class _Telling:
         if scope == "unused" and len(rows) < UNUSED_TELEGRAMS:
             scope = "node-send" if seems_to_count_sends(seen, entry.node) else "stream"
         elif scope == "unused":
-            self.found.add("NV205", key, address, entry.subindex)
+            self.found.add(COUNTER_UNUSED, key, address, entry.subindex)
         figures: dict[str, int | None] = dict.fromkeys(_STREAM_FIGURES)
         if self.recognisable[entry.node]:
             figures = {name: int(getattr(self.figures, name)[number]) for name in _STREAM_FIGURES}
-            codes = {"gaps": gap_code(seen, number, int(self.figures.lost[number]))} | _FIGURE_CODES
-            for name, code in codes.items():
-                self.found.add(code, key, address, entry.subindex, int(getattr(self.figures, name)[number]))
+            kinds = {"gaps": kind_of_gaps(seen, number, int(self.figures.lost[number]))} | _FIGURE_KINDS
+            for name, kind in kinds.items():
+                self.found.add(kind, key, address, entry.subindex, int(getattr(self.figures, name)[number]))
         else:
             scope = None
             expect_swapped(seen, key, number, self.found)

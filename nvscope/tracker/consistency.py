@@ -11,7 +11,7 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import runs_of, stable_order
-from nvscope.tracker.sequence import EARLY_WRAPS
+from nvscope.tracker.steps import EARLY_WRAPS
 
 
 class PlaceColumns(KeyedColumns):

@@ -10,8 +10,7 @@ from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
-
-FRAMES_KEPT = 10
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 
 class EventRows(KeyedColumns):

@@ -25,22 +25,19 @@ from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messag
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.counters import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows
 
 if TYPE_CHECKING:
     from nvscope.tracker.variables.values import Values
 
-FAULT_CODES = {
-    Fault.SHORT: 101,
-    Fault.LENGTH: 102,
-    Fault.SERVICE: 103,
-    Fault.BYTE_SWAPPED: 105,
+_OF_FAULT = {
+    Fault.SHORT: EventKind.SHORT,
+    Fault.LENGTH: EventKind.LENGTH_MISMATCH,
+    Fault.SERVICE: EventKind.UNKNOWN_SERVICE,
+    Fault.BYTE_SWAPPED: EventKind.LENGTH_BYTE_SWAPPED,
 }
-RESERVED_FLAGS_CODE, ASCII_CODE, TRUNCATED_CODE = 104, 106, 107
-NO_ACKNOWLEDGEMENT_CODE, NEGATIVE_CODE, UNEXPECTED_CODE, BOOT_UP_CODE, REJECTED_CODE = 301, 302, 303, 304, 305
-SHAPE_CODE, CHECKSUM_CODE, FLAGS_CODE = 402, 403, 404
-PDO_LENGTH_CODE = 603
 
 _REJECTED = {
     Service.ODStateFree: DiagError.UDPSENDATA,
@@ -68,7 +65,7 @@ class ListColumns(KeyedColumns):
 class ListState:
     """All lists: their flows, what is wrong with headers, who did not answer, where senders disagree, and values.
 
-    ``events`` are the events that are findings as they stand, keyed by ``finding_key``. ``values`` are those of the
+    ``events`` are the events that are findings as they stand, keyed by ``event_key``. ``values`` are those of the
     variables, where their definition is known.
     """
 
@@ -112,7 +109,7 @@ class ListState:
         frames = told.laid.pdos
         if len(frames):
             changed = self.consistency.changed_shapes(frames, frames.changes(), self.keys)
-            self._log_rows(PDO_LENGTH_CODE, frames, changed, told.first_frame)
+            self._log_rows(EventKind.PDO_LENGTH_CHANGED, frames, changed, told.first_frame)
             if self.values is not None:
                 self.values.observe(told, frames)
         return errors
@@ -129,19 +126,19 @@ class ListState:
         kind, node, lists, subindex = ours.kind[variety], ours.node[variety], ours.list[variety], ours.subindex[variety]
         header, fault, truncated = theirs.header[variety], theirs.fault[variety], theirs.truncated[variety]
         reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= FrameKind.BOOT_UP_REQUEST)
-        masks = [(code, fault == kind_of_fault) for kind_of_fault, code in FAULT_CODES.items()]
-        masks.append((RESERVED_FLAGS_CODE, reserved))
-        masks.append((ASCII_CODE, header["identity"] == IDENTITY_ASCII))
-        masks.append((TRUNCATED_CODE, truncated))
-        for code, mask in masks:
+        masks = [(event, fault == kind_of_fault) for kind_of_fault, event in _OF_FAULT.items()]
+        masks.append((EventKind.RESERVED_FLAGS, reserved))
+        masks.append((EventKind.ASCII_IDENTITY, header["identity"] == IDENTITY_ASCII))
+        masks.append((EventKind.TRUNCATED, truncated))
+        for event, mask in masks:
             row = np.flatnonzero(mask)
             if len(row):
                 when, frame = told.packets.ts_ns[odd[row]], odd[row] + first_frame
-                self._log(code, lists[row], node[row], subindex[row], when, frame)
+                self._log(event, lists[row], node[row], subindex[row], when, frame)
         np.add.at(self.columns.truncated, lists[truncated & (lists >= 0)], 1)
 
-    def _log(self, code: int, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
-        self.events.record(time_ns, frame, *finding_key(code, lists, node, subindex))
+    def _log(self, event: EventKind, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
+        self.events.record(time_ns, frame, *event_key(event, lists, node, subindex))
 
     def _observe_rejected(self, told: Told) -> list[ErrorEvents]:
         """Book the telegrams that ICMP messages say were not delivered."""
@@ -153,7 +150,7 @@ class ListState:
         frame = datagram.row + told.first_frame
         known = datagram.captured_bytes >= HEADER.offset_of("items")
         subindex = np.where(known, quoted.header["subindex"].astype(np.int64), -1)
-        self._log(REJECTED_CODE, lists, node, subindex, quoted.ts_ns, frame)
+        self._log(EventKind.SEND_REJECTED, lists, node, subindex, quoted.ts_ns, frame)
         self.columns.resize(len(self.keys.lists))
         np.add.at(self.columns.send_rejected, lists, 1)
         for kind, error in _REJECTED.items():
@@ -161,12 +158,12 @@ class ListState:
             errors.append(ErrorEvents(error, True, lists[row], node[row], quoted.ts_ns[row], frame[row]))
         return errors
 
-    def _log_rows(self, code: int, rows: DataRows, place: I64, first_frame: int) -> None:
+    def _log_rows(self, event: EventKind, rows: DataRows, place: I64, first_frame: int) -> None:
         """Note something of some rows, in the order of the capture."""
         if len(place):
             row = place[np.argsort(rows.packet[place])]
             lists, node, subindex = self.described(rows.stream[row])
-            self._log(code, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+            self._log(event, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
 
     def _messages(self, told: Told, kind: FrameKind) -> Messages:
         """Pick the telegrams of one kind that is not DATA."""
@@ -193,13 +190,13 @@ class ListState:
         places = self.keys.places
         self._log_missing(*answers.missing)
         negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)
-        for code, row, node in (
-            (NEGATIVE_CODE, negative, answers.negative_node),
-            (UNEXPECTED_CODE, answers.unexpected, acknowledgements.source[answers.unexpected]),
+        for event, row, node in (
+            (EventKind.NEGATIVE_ACKNOWLEDGEMENT, negative, answers.negative_node),
+            (EventKind.UNEXPECTED_ACKNOWLEDGEMENT, answers.unexpected, acknowledgements.source[answers.unexpected]),
         ):
             subindex = places.low[acknowledgements.place[row]].astype(np.int64)
             frame = acknowledgements.packet[row] + first_frame
-            self._log(code, acknowledgements.list[row], node, subindex, acknowledgements.time_ns[row], frame)
+            self._log(event, acknowledgements.list[row], node, subindex, acknowledgements.time_ns[row], frame)
         np.add.at(self.columns.negative_acknowledgements, acknowledgements.list[negative], 1)
         self._log_unanswered(answers.unanswered)
         return answers.errors
@@ -208,7 +205,7 @@ class ListState:
         """Note data telegrams that were not acknowledged."""
         if len(stream):
             lists, sender, subindex = self.described(stream)
-            self._log(NO_ACKNOWLEDGEMENT_CODE, lists, sender, subindex, time_ns, frame)
+            self._log(EventKind.NO_ACKNOWLEDGEMENT, lists, sender, subindex, time_ns, frame)
             np.add.at(self.columns.missing_acknowledgements, lists, 1)
 
     def _log_unanswered(self, waits: BootUpWaits) -> None:
@@ -216,7 +213,7 @@ class ListState:
         if len(waits):
             nobody = np.full(len(waits), -1)
             subindex = self.keys.places.low[waits.place].astype(np.int64)
-            self._log(BOOT_UP_CODE, waits.list, nobody, subindex, waits.deadline_ns, waits.frame)
+            self._log(EventKind.BOOT_UP_UNANSWERED, waits.list, nobody, subindex, waits.deadline_ns, waits.frame)
             np.add.at(self.columns.bootup_unanswered, waits.list, 1)
 
     def _expire(self, told: Told) -> list[ErrorEvents]:
@@ -239,8 +236,12 @@ class ListState:
     def _observe_consistency(self, rows: DataRows, first_frame: int) -> ErrorEvents:
         """Note changes of shape, checksum and flags."""
         changed, mismatch, strange = self.consistency.observe(rows, self.keys)
-        for code, place in ((SHAPE_CODE, changed), (CHECKSUM_CODE, mismatch), (FLAGS_CODE, strange)):
-            self._log_rows(code, rows, place, first_frame)
+        for event, place in (
+            (EventKind.SHAPE_CHANGED, changed),
+            (EventKind.CHECKSUM_CHANGED, mismatch),
+            (EventKind.FLAGS_INCONSISTENT, strange),
+        ):
+            self._log_rows(event, rows, place, first_frame)
         np.add.at(self.flows.counts.mismatches, self.keys.varieties.flow[rows.variety[mismatch]], 1)
         lists, node, _ = self.described(rows.stream[mismatch])
         frame = rows.packet[mismatch] + first_frame
@@ -253,12 +254,12 @@ class ListState:
         return self.keys.places.high[place].astype(np.int64), node, self.keys.places.low[place].astype(np.int64)
 
 
-def finding_key(code: int, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
-    """Return the key of ``ListState.events``: numbers of list and node, and SubIndex, -1 each for none."""
-    high = (np.uint64(code) << np.uint64(32)) | (lists + 1).astype(np.uint64)
+def event_key(event: EventKind, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
+    """Return the key of ``ListState.events``: kind, numbers of list and node, and SubIndex, -1 each for none."""
+    high = (np.uint64(event) << np.uint64(32)) | (lists + 1).astype(np.uint64)
     return high, ((node + 1).astype(np.uint64) << np.uint64(32)) | (subindex + 1).astype(np.uint64)
 
 
-def finding_parts(high: int, low: int) -> tuple[int, int, int, int]:
-    """Take a key of ``ListState.events`` apart: code, list, node, SubIndex, -1 each for none."""
+def event_parts(high: int, low: int) -> tuple[int, int, int, int]:
+    """Take a key of ``ListState.events`` apart: kind, list, node, SubIndex, -1 each for none."""
     return high >> 32, (high & 0xFFFFFFFF) - 1, (low >> 32) - 1, (low & 0xFFFFFFFF) - 1

@@ -19,7 +19,8 @@ from nvscope.engine.runs import order_by, runs_of_lengths
 from nvscope.engine.told import Told
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.events import EventRows
-from nvscope.tracker.sequence import Step, Steps, walk
+from nvscope.tracker.sequence import walk
+from nvscope.tracker.steps import Step, Steps
 
 _LOGGED = (
     *((step, scope) for step in (Step.GAP, Step.OVERTAKEN, Step.RESTART) for scope in list(Scope)[:2]),

@@ -13,7 +13,7 @@ from nvscope.tracker.can.cycles import CanCycles
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.loss import Loss, NodeSteps, no_steps
 from nvscope.tracker.recent import Recent
-from nvscope.tracker.sequence import Steps
+from nvscope.tracker.steps import Steps
 from nvscope.tracker.timing import BatchIntervals, Timing
 
 

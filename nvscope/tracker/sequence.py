@@ -1,110 +1,24 @@
-"""Steps of counters: what each telegram's Counter says about those before it (loss, overtaking, restarts).
+"""Steps of many sequences of counters at once.
 
-``walk_one`` is the rule, one counter after the other. ``walk`` is the same rule for many sequences at once: it takes
-each counter's predecessor for the sequence's current one, and where telegrams came late finds the current one as a
-running maximum. Both give the same steps, a law of the tests.
+``walk`` follows the rule of ``nvscope.tracker.steps.walk_one``: it takes each counter's predecessor for the sequence's
+current one, and where telegrams came late finds the current one as a running maximum. Both give the same steps, a law
+of the tests.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import IntEnum
-
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U64, Bool
+from nvscope.tracker.steps import EARLY_WRAPS, LATE_FROM, WINDOW, Step, Steps, walk_one
 
-WINDOW = 64
-"""A skipped counter counts as missing while it is at most this far behind: one bit each of a 64-bit word."""
-
-LATE_FROM = 65536 - WINDOW
-EARLY_WRAPS = (255, 65534)
-"""Counters after which some senders go on with 0."""
-
-_MASK = (1 << 64) - 1
 _FAR = WINDOW + 1
 _MAX_ROUNDS = 24
 _EPOCH_BITS = np.int64(34)
 _FEW = 64  # of late counters, up to one in so many is few
 _MOST_IN_A_ROW = 16
 _PIECE = 256
-
-
-class Step(IntEnum):
-    """What a telegram does to a sequence of counters."""
-
-    NONE = 0  # the first of its sequence: no step
-    REGULAR = 1
-    SAME = 2  # the current counter again: a duplicate, or nothing, or regular, as the scope has it
-    OVERTAKEN = 3
-    LATE = 4  # a counter that was there before
-    RESTART = 5
-    GAP = 6
-
-
-# Plain integers: the loop below takes a third of the time with them.
-_NONE, _REGULAR, _SAME, _OVERTAKEN, _LATE, _RESTART, _GAP = (int(step) for step in Step)
-_MOVING = (_REGULAR, _GAP, _RESTART)
-_GAP_TO_RESTART, _RESTART_TO_LATE = np.uint8(_GAP - _RESTART), np.uint8(_RESTART - _LATE)
-
-
-@dataclass(slots=True)
-class Steps:
-    """The steps of some sequences laid end to end.
-
-    ``step`` uint8 (``Step``) and ``distance`` uint16 (counter less current counter, mod 65536) have one entry a
-    telegram; a GAP of distance d has lost d − 1. ``current`` uint16 and ``missing`` uint64 have one entry a sequence,
-    after its last step; bit i of ``missing`` stands for the counter i + 1 behind the current one. ``irregular`` are the
-    places whose step is not REGULAR, rising.
-    """
-
-    step: U8
-    distance: U16
-    current: U16
-    missing: U64
-    irregular: I64
-
-
-def walk_one(counters: list[int], current: int | None, missing: int) -> tuple[list[int], list[int], int, int]:
-    """Walk one sequence; return its steps, distances, and the current counter and missing word after them.
-
-    ``current`` is None where the sequence begins with these counters, of which there must be at least one.
-    """
-    steps: list[int] = []
-    distances: list[int] = []
-    for counter in counters:
-        if current is None:
-            current = counter
-            steps.append(_NONE)
-            distances.append(0)
-            continue
-        distance = (counter - current) & 0xFFFF
-        behind = 65536 - distance
-        if distance == 1 or (counter == 0 and current in EARLY_WRAPS):
-            step = _REGULAR
-            missing = missing << distance & _MASK if distance <= WINDOW else 0
-        elif distance == 0:
-            step = _SAME
-        elif behind <= WINDOW and missing >> (behind - 1) & 1:
-            step = _OVERTAKEN
-            missing &= ~(1 << (behind - 1))
-        elif counter <= 1 and current < 65534:
-            step = _RESTART
-        elif distance < 32768:
-            step = _GAP
-            missing = (missing << distance | ((1 << (distance - 1)) - 1)) & _MASK if distance <= WINDOW else _MASK
-        elif distance >= LATE_FROM:
-            step = _LATE
-        else:
-            step = _RESTART
-        if step == _RESTART:
-            missing = 0
-        if step in _MOVING:
-            current = counter
-        steps.append(step)
-        distances.append(distance)
-    assert current is not None
-    return steps, distances, current, missing
+_GAP_TO_RESTART, _RESTART_TO_LATE = np.uint8(Step.GAP - Step.RESTART), np.uint8(Step.RESTART - Step.LATE)
 
 
 def walk(counter: U16, start: I64, current: U16, missing: U64, fresh: Bool) -> Steps:
@@ -164,7 +78,7 @@ class _Walk:
         step = np.full(len(self.counter), Step.REGULAR, np.uint8)
         distance, counter = self.distance[irregular], self.counter[irregular]
         # GAP, RESTART and LATE are counted down: assigning by masks is slow where many are set.
-        kind = np.uint8(_GAP) - (distance >= 32768).view(np.uint8) * _GAP_TO_RESTART
+        kind = np.uint8(Step.GAP) - (distance >= 32768).view(np.uint8) * _GAP_TO_RESTART
         kind -= (distance >= LATE_FROM).view(np.uint8) * _RESTART_TO_LATE
         kind[distance == 0] = Step.SAME
         lowest = np.flatnonzero(counter <= 1)
@@ -424,5 +338,5 @@ def _shifted_left(word: U64, by: I64) -> U64:
 
 def _ones(count: I64) -> U64:
     """Return words with their lowest ``count`` bits set, 0 to 64."""
-    full = np.uint64(_MASK)
+    full = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
     return np.where(count > 0, full >> np.clip(WINDOW - count, 0, WINDOW - 1).astype(np.uint64), np.uint64(0))

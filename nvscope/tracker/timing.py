@@ -19,9 +19,10 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of
-from nvscope.tracker.events import FRAMES_KEPT, EventLog
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.tracker.events import EventLog
 from nvscope.tracker.loss import NodeSteps
-from nvscope.tracker.sequence import Step, Steps
+from nvscope.tracker.steps import Step, Steps
 from nvscope.units import divide
 
 LEARNED_INTERVALS = 8

@@ -16,8 +16,6 @@ from nvscope.tracker.summary import ListSummary, Summary
 from nvscope.view.display_filter import DisplayFilter
 
 _Place = tuple[int, int | None, int | None]
-_OF_CAPTURE = "NV9"
-"""Findings on the capture itself, which concern everything."""
 
 
 class Chosen:
@@ -46,7 +44,7 @@ class Chosen:
             return self._filter.chooses_finding(number)
         if finding.list_number is not None:
             return (finding.list_number, finding.node, finding.subindex) in self._places
-        return finding.node in self._senders or finding.code.startswith(_OF_CAPTURE)
+        return finding.node in self._senders or finding.kind.of_capture
 
     def summary(self, whole: Summary) -> Summary:
         """Return a summary with the lists, streams and nodes that are to be shown."""

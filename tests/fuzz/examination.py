@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dissectors.batch import PAD_BYTES, LinkType, PacketBatch
-from dissectors.link import MAX_VLAN_TAGS, VLAN_TYPES
+from dissectors.headers import VLAN_TYPES
+from dissectors.link import MAX_VLAN_TAGS
 from dissectors.netvar import PortRules
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.reader import ReadingSizes

@@ -1,7 +1,7 @@
 """The rules of diagnosis on CAN, one line of a candump log after the other, in plain integers.
 
-Written to be read beside the rules (``spec/diagnosis.md``, sections 5 to 7, ``spec/netvar.md``, section 3), not to be
-fast. It knows nothing of the simulator: lines of a log and the lists of definitions are all that goes in.
+Written to be read, not to be fast. It knows nothing of the simulator: lines of a log and the lists of definitions are
+all that goes in.
 """
 
 from __future__ import annotations

@@ -14,9 +14,10 @@ from typing import Any
 import pytest
 
 from nvscope.capture.open import open_sink
+from nvscope.simulate.frames import LINKS
 from nvscope.simulate.scenario import Scenario, load_scenario, read_scenario
 from nvscope.simulate.simulator import packets, simulate
-from nvscope.simulate.timeline import LINKS, make_timeline
+from nvscope.simulate.timeline import make_timeline
 from tests.plc.collected import Collected, run
 from tests.plc.random_scenario import random_scenario
 

@@ -11,7 +11,7 @@ from nvscope.report import explain
 from nvscope.view.lines.table import display_width
 
 
-@pytest.mark.parametrize("code", ["NV206", "NV301", "NV905"])
+@pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905"])
 def test_golden(code: str, golden: Callable[[str, str], None]) -> None:
     golden(f"explain-{code}.txt", explain.render(code))
 
@@ -56,5 +56,16 @@ def test_a_hostile_code_does_not_reach_the_terminal_raw() -> None:
 
 
 def test_every_kind_is_in_the_overview() -> None:
-    rows = [line.split() for line in explain.overview(width=60).splitlines()[1:]]
-    assert [(code, name) for _, _, code, name in rows] == [(kind.code, kind.name) for kind in CATALOGUE.values()]
+    told = [line.split() for line in explain.overview(width=60).splitlines()]
+    beginning = ["severity", "code", "name"]
+    assert told[0] == beginning
+    judged, unjudged = told[1 : told.index([])], told[told.index([]) + 1 :]
+    assert unjudged[:2] == [["Nothing", "judges", "these", "yet"], beginning]
+    for rows, wanted in (judged, True), (unjudged[2:], False):
+        kinds = [kind for kind in CATALOGUE.values() if kind.judged is wanted]
+        assert [(code, name) for _, _, code, name in rows] == [(kind.code, kind.name) for kind in kinds]
+
+
+@pytest.mark.parametrize("code", CATALOGUE)
+def test_it_is_said_what_nothing_judges(code: str) -> None:
+    assert ("Nothing judges it yet" in explain.render(code)) is not CATALOGUE[code].judged

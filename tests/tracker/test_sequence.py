@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.tracker.sequence import Step, walk, walk_one
+from nvscope.tracker.sequence import walk
+from nvscope.tracker.steps import Step, walk_one
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,9 @@ from dissectors.batch import I64
 from dissectors.can.canopen import PREDEFINED
 from dissectors.can.error import CLASSES
 from dissectors.can.frame import EXTENDED
+from nvscope.findings.can import DLC_MISMATCH, INCOMPLETE_CYCLE
+from nvscope.findings.can_bus import ERROR_FRAMES
+from nvscope.findings.cob_ids import CANOPEN_COLLISION
 from nvscope.simulate.can.tables import CanList
 from nvscope.simulate.can.timeline import CanFrames, CanTimeline, frames_bits
 from nvscope.simulate.expected import CanKey, ExpectedFindings, expect_intervals, nominal_of
@@ -69,7 +72,7 @@ def can_lists(
         if plan is not None:
             _expect_cycles(scenario, frames, key, plan, found)
             taken = sum(len(rows) for _, identity, rows in streams if _is_of_canopen(identity.identifier))
-            found.add("NV602", key, None, None, taken)
+            found.add(CANOPEN_COLLISION, key, None, None, taken)
         last = str(frames.ts_ns[rows[-1]])
         yield {
             "key": str(key),
@@ -105,7 +108,7 @@ def can_buses(scenario: Scenario, timeline: CanTimeline, found: ExpectedFindings
             continue
         nominal, fast = frames_bits(own)
         errors = own.identifier[own.error]
-        found.add("NV606", None, None, None, len(errors))
+        found.add(ERROR_FRAMES, None, None, None, len(errors))
         classes = {bit.name: int(np.count_nonzero(errors & np.uint32(bit.mask))) for bit in CLASSES}
         yield {
             "channel": channel,
@@ -156,7 +159,7 @@ def _stream(
         wrong = int((length[1:] != length[:-1]).sum())
     else:
         wrong = int((length != plan.data_bytes[place.subindex]).sum())
-    found.add("NV603", key, None, place.subindex, wrong)
+    found.add(DLC_MISMATCH, key, None, place.subindex, wrong)
     if nominal_ns is not None and len(intervals):
         where = (key, None, place.subindex)
         expect_intervals(where, intervals, nominal_ns, end_ns - int(times[-1]), found)
@@ -189,7 +192,7 @@ def _expect_cycles(scenario: Scenario, frames: CanFrames, key: CanKey, plan: Can
             _, telegrams = np.unique(own.sending, return_counts=True)
             # One that is seen from its middle on may have begun before the capture.
             begins = 1 if len(own) and own.identifier[0] != plan.cob_id else 0
-            found.add("NV604", key, None, None, int((telegrams[begins:-1] < len(plan.data_bytes)).sum()))
+            found.add(INCOMPLETE_CYCLE, key, None, None, int((telegrams[begins:-1] < len(plan.data_bytes)).sum()))
 
 
 def _designed(scenario: Scenario, timeline: CanTimeline, key: CanKey, plan: CanList | None) -> dict[str, int] | None:

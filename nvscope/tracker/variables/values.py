@@ -26,7 +26,8 @@ from nvscope.definition.packing import TelegramLayout
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
-from nvscope.tracker.events import FRAMES_KEPT, EventRows
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.tracker.events import EventRows
 
 Table = npt.NDArray[Any]
 

@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from nvscope.capture.source import SourceInfo
-from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.can.summary import CanListSummary
@@ -121,9 +120,9 @@ def _stream(stream: StreamSummary, summary: Summary) -> dict[str, Any]:
 
 
 def _finding(finding: Finding, keys: dict[int, str], summary: Summary) -> dict[str, Any]:
-    kind = CATALOGUE[finding.code]
+    kind = finding.kind
     return {
-        "code": finding.code,
+        "code": kind.code,
         "name": kind.name,
         "severity": kind.severity.word,
         "list": None if finding.list_number is None else keys[finding.list_number],

@@ -12,8 +12,8 @@ from types import MappingProxyType
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from dissectors.headers import IPV4_HIGH, IPV4_LOW, UDP
 from dissectors.layout import Bit, Field
-from dissectors.link import IPV4_HIGH, IPV4_LOW, UDP
 from dissectors.netvar import HEADER, KNOWN_SERVICE, LEAST_CAPTURED_BYTES, Fault
 from nvscope.errors import UsageError
 from nvscope.expression.columns import (

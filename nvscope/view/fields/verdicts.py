@@ -19,7 +19,6 @@ from dissectors.can.pdo import EXTENDED
 from dissectors.netvar import KNOWN_SERVICE
 from nvscope.engine.keys import IS_PARAMETER
 from nvscope.expression.columns import Column, FieldType, TextColumn
-from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, list_key, told_of
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, Counter
@@ -266,8 +265,8 @@ def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
 
     return [
         entry("code", _TEXT, "such as NV201; shown by the telegrams of its first ten events", column(_code)),
-        entry("name", _TEXT, "such as telegram-gap", column(lambda finding: CATALOGUE[finding.code].name)),
-        entry("severity", _TEXT, "error, warning or note", column(lambda one: CATALOGUE[one.code].severity.word)),
+        entry("name", _TEXT, "such as telegram-gap", column(lambda finding: finding.kind.name)),
+        entry("severity", _TEXT, "error, warning or note", column(lambda one: one.kind.severity.word)),
         entry("count", _SIGNED, "how many events it has", count),
         entry("message", _TEXT, "its sentence", column(lambda finding: finding.message)),
     ]

@@ -9,6 +9,7 @@ from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import EXTENDED_MASK, FRAME, STANDARD_MASK, CanBatch, Fault
 from dissectors.layout import Field
 from nvscope import units
+from nvscope.findings.can import DLC_MISMATCH
 from nvscope.view.escape import visible
 from nvscope.view.lines.can_words import Meanings, flags_of, identifier_text
 from nvscope.view.lines.hexdump import dump
@@ -97,7 +98,9 @@ class CanTree:
                 yield from variable_entries(fitting.layout, data, at)
                 return
             told = units.count_of(pdo.layout.layout.size_bytes, "byte")
-            why = f"not of the {told} that its definition has (NV603)" if fitting is None else "not captured whole"
+            why = "not captured whole"
+            if fitting is None:
+                why = f"not of the {told} that its definition has ({DLC_MISMATCH.code})"
             yield Entry([Cell("Variables", Tone.STRONG), Cell(f"  {visible(pdo.list.name)}: {why}", Tone.WARNING)])
         missing = length - len(data) if frame.fault[0] in (Fault.NONE, Fault.TRUNCATED, Fault.TOO_LONG) else 0
         facts = [Cell(size)]

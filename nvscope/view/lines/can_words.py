@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from dissectors.can.canopen import describe
 from dissectors.can.error import describe_error
 from dissectors.can.frame import FD_LENGTHS, MAX_DATA_BYTES, CanBatch, Fault
+from nvscope.findings.can import DLC_MISMATCH
 from nvscope.units import count_of
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Tone
@@ -78,7 +79,7 @@ class Meanings:
             return ""
         if self._pdos.fitting(channel, identifier, size_bytes) is not None:
             return ""
-        return f": not of {count_of(pdo.layout.layout.size_bytes, 'byte')} (NV603)"
+        return f": not of {count_of(pdo.layout.layout.size_bytes, 'byte')} ({DLC_MISMATCH.code})"
 
     def _list_name(self, channel: str, identifier: int) -> str:
         key = channel, identifier

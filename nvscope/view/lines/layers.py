@@ -11,19 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import LinkType
+from dissectors.headers import ETHERNET, IPV4, IPV6, NULL, SLL, SLL2, UDP, VLAN, VLAN_TYPES
 from dissectors.layout import Layout
-from dissectors.link import (
-    ETHERNET,
-    IPV4,
-    IPV6,
-    MAX_VLAN_TAGS,
-    NULL,
-    SLL,
-    SLL2,
-    UDP,
-    VLAN,
-    VLAN_TYPES,
-)
+from dissectors.link import MAX_VLAN_TAGS
 
 _LINK_LAYOUTS: dict[int, Layout] = {
     LinkType.ETHERNET: ETHERNET,

@@ -11,7 +11,7 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import Bool
-from dissectors.link import IPV4_HIGH
+from dissectors.headers import IPV4_HIGH
 from dissectors.netvar import HEADER, PORT, Service
 from nvscope.view.escape import visible
 from nvscope.view.fields.frame import FIELDS

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dissectors import address
+from dissectors.headers import PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
 from dissectors.layout import Field, Layout
-from dissectors.link import PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
 from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS, Fault, Service
 from nvscope import units
 from nvscope.expression.columns import FieldType
+from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.view.escape import visible
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments, words
@@ -225,7 +226,9 @@ class Trees:
             layout = None
         title = Cell("Variables", Tone.STRONG)
         if layout is None or len(data) < layout.layout.size_bytes:
-            why = "cut short by the capture" if layout else "not of the shape that its definition has (NV405)"
+            why = "cut short by the capture"
+            if not layout:
+                why = f"not of the shape that its definition has ({DEFINITION_MISMATCH.code})"
             return [
                 Entry([title, Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)]),
                 *self._bytes("Data", [Cell(f"  {units.count_of(len(data), 'byte')}")], data, data_at),

@@ -1,0 +1,118 @@
+"""Named constants: those of constant blocks and the values of enumerations, evaluated when they are first asked for."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+
+from nvscope.definition.constants import evaluate
+from nvscope.definition.source import Source
+from nvscope.definition.syntax import EnumerationType, Expression, ListSyntax, Name
+
+MOST_COMPARED = 10_000
+"""So many names are looked through for one that was perhaps meant."""
+_MOST_CALLS = 300
+_MOST_NAMESAKES = 100
+
+
+class CallDepth:
+    """How deep calls lie within one another, types and constants together, so that no file can exhaust the stack."""
+
+    def __init__(self) -> None:
+        self._calls = 0
+
+    def descend(self, calls: int, source: Source, offset: int) -> None:
+        """Count calls; ConfigurationError, with position, where they are too many."""
+        self._calls += calls
+        if self._calls > _MOST_CALLS:
+            next_step = "Declare it with fewer types or constants that follow from one another."
+            raise source.error("the definition is nested too deeply here", offset, next_step)
+
+    def ascend(self, calls: int) -> None:
+        """Take back what was counted."""
+        self._calls -= calls
+
+
+@dataclass(frozen=True, slots=True)
+class _Constant:
+    """A constant, or a value of an enumeration: ``before`` is what it counts on from where it has no expression."""
+
+    expression: Expression | None
+    name: Name
+    source: Source
+    scope: str
+    before: _Constant | None = None
+
+
+class NamedConstants:
+    """The constants of all files. A name may be that of several: then it takes that of its list or enumeration."""
+
+    def __init__(self, depth: CallDepth) -> None:
+        self._depth = depth
+        self._named: dict[str, list[_Constant]] = {}
+        self._values: dict[int, int] = {}
+        self._open: list[_Constant] = []
+
+    def add_enumeration(self, syntax: EnumerationType, name: str, source: Source) -> None:
+        """Add the values of an enumeration."""
+        scope, before = name.upper(), None
+        for value_name, expression in syntax.values:
+            before = _Constant(expression, value_name, source, scope, before)
+            for key in (value_name.text.upper(), f"{scope}.{value_name.text.upper()}"):
+                self._named.setdefault(key, []).append(before)
+
+    def add_list(self, entry: ListSyntax) -> None:
+        """Add what the constant blocks of a list declare."""
+        scope = entry.name.upper()
+        for block in entry.blocks:
+            for declaration in block.declarations if block.constant else ():
+                for name in declaration.names:
+                    constant = _Constant(declaration.initial, name, entry.source, scope)
+                    for key in (name.text.upper(), f"{scope}.{name.text.upper()}"):
+                        self._named.setdefault(key, []).append(constant)
+
+    def value(self, expression: Expression, source: Source, scope: str) -> int:
+        """Return the value of an expression; ``scope`` is where names are sought first, in capitals."""
+        calls = expression.depth + 5
+        self._depth.descend(calls, source, expression.offset)
+        value = evaluate(expression, source, lambda name: self._value_of(name, source, scope))
+        self._depth.ascend(calls)
+        return value
+
+    def _value_of(self, name: Name, source: Source, scope: str) -> int:
+        upper = name.text.upper()
+        if upper in {"TRUE", "FALSE"}:
+            return int(upper == "TRUE")
+        found = self._named.get(f"{scope}.{upper}") or self._named.get(upper)
+        if not found and "." in upper:
+            # A namespace before the list does not matter.
+            found = self._named.get(".".join(upper.split(".")[-2:]))
+        if not found:
+            near = difflib.get_close_matches(upper[:60], list(self._named)[:MOST_COMPARED], n=1)
+            hint = f"Perhaps {near[0]}. " if near else ""
+            next_step = f"{hint}Also name the file that declares it in a VAR_GLOBAL CONSTANT block or an enumeration."
+            raise source.error(f"unknown constant {name.text[:60]!r}", name.offset, next_step)
+        values = {self._constant(constant, name, source) for constant in found[:_MOST_NAMESAKES]}
+        if len(values) > 1:
+            places = " and ".join(str(found[i].source.position(found[i].name.offset)) for i in (0, 1))
+            what = f"the constant {name.text[:60]!r} has several values"
+            raise source.error(what, name.offset, f"Write the name of its list before it: {places}.")
+        return values.pop()
+
+    def _constant(self, constant: _Constant, name: Name, source: Source) -> int:
+        known = self._values.get(id(constant))
+        if known is not None:
+            return known
+        if any(constant is other for other in self._open):
+            next_step = "Give one of the constants in the circle a number."
+            raise source.error(f"the constant {name.text[:60]!r} depends on itself", name.offset, next_step)
+        steps, start = 0, constant
+        while start.expression is None and start.before is not None:
+            steps, start = steps + 1, start.before
+        value = steps
+        if start.expression is not None:
+            self._open.append(constant)
+            value += self.value(start.expression, start.source, start.scope)
+            self._open.pop()
+        self._values[id(constant)] = value
+        return value

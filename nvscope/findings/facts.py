@@ -1,0 +1,188 @@
+"""Facts: what findings are judged from, looked up once for all judges."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from nvscope.capture.formats import CAN_LOGS
+from nvscope.capture.source import SourceInfo
+from nvscope.definition.limits import Limits
+from nvscope.definition.model import Definition, ListDefinition
+from nvscope.definition.pdos import Pdos
+from nvscope.findings.finding import Events, events_of
+from nvscope.findings.kind import FindingKind
+from nvscope.findings.torn_cycles import CycleSizes
+from nvscope.findings.unusual_intervals import UnusualIntervals
+from nvscope.list_key import ListKey, told_of
+from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
+from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.lists import event_parts
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
+
+AnyList = ListSummary | CanListSummary
+
+Place = tuple[int | None, int | None, int | None]
+"""List, node and SubIndex; None for what is not concerned."""
+
+Logged = tuple[int | None, int | None, int | None, Events]
+"""A place, and the events there."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What findings are judged from: the state, what follows from it, the sources, the limits, and the time.
+
+    ``definition`` is what should be on the wire, None where nobody says. ``overdue``: waits whose deadline has passed
+    at that time count as if a frame had shown it.
+    """
+
+    state: TrackerState
+    summary: Summary
+    sources: Sequence[SourceInfo]
+    at_ns: int
+    limits: Limits = field(default_factory=Limits)
+    definition: Definition | None = None
+    overdue: bool = False
+
+    @cached_property
+    def frames_of_stream(self) -> dict[int, tuple[int, int]]:
+        """The first and the last frame of each stream."""
+        columns = self.state.lists.flows
+        frames: dict[int, tuple[int, int]] = {}
+        for stream, first, last in zip(
+            *(columns.column(name).tolist() for name in ("stream", "first_frame", "last_frame")), strict=True
+        ):
+            known = frames.get(stream, (first, last))
+            frames[stream] = min(first, known[0]), max(last, known[1])
+        return frames
+
+    @cached_property
+    def defined(self) -> dict[ListKey, ListDefinition]:
+        """The defined lists."""
+        return self.definition.by_key() if self.definition else {}
+
+    @cached_property
+    def pdos(self) -> Pdos:
+        """The frames of the lists that are defined on CAN."""
+        return Pdos(self.definition or Definition())
+
+    @cached_property
+    def streams_of_place(self) -> dict[tuple[int, int], list[StreamSummary]]:
+        """The streams of each list and SubIndex."""
+        places = defaultdict(list)
+        for entry, stream in self.streams():
+            places[entry.number, stream.subindex].append(stream)
+        return places
+
+    @cached_property
+    def intervals(self) -> UnusualIntervals:
+        """The intervals of all streams."""
+        return UnusualIntervals(self.state)
+
+    @cached_property
+    def cycles(self) -> CycleSizes:
+        """The cycles of the lists on UDP."""
+        return CycleSizes(self.state.senders.cycles)
+
+    @cached_property
+    def can_cycles(self) -> CycleSizes:
+        """The cycles of the lists on CAN."""
+        return CycleSizes(self.state.senders.can_cycles)
+
+    @cached_property
+    def captured(self) -> set[str]:
+        """The transports that were listened to: of what nobody captured, nothing is missed."""
+        frames, on_can = self.state.capture.frames, self.state.buses.frames
+        captured = set()
+        if on_can or any(info.format in CAN_LOGS for info in self.sources):
+            captured.add("can")
+        empty = any(info.format not in CAN_LOGS and not info.frames for info in self.sources)
+        if frames > on_can or empty or not captured:
+            captured.add("udp")
+        return captured
+
+    @cached_property
+    def shape_changes(self) -> set[tuple[int | None, int | None]]:
+        """The lists and nodes of which telegrams changed their shape."""
+        return {(number, node) for number, node, _ in self._log.get(EventKind.SHAPE_CHANGED, {})}
+
+    @cached_property
+    def causes(self) -> dict[int, dict[Any, tuple[str, Any]]]:
+        """What was found out of why telegrams of a list do not fit, by list, for ``nvscope.findings.misfits``."""
+        return {}
+
+    def address(self, node: int) -> str:
+        """Return the text of a node's address."""
+        return self.summary.addresses[node]
+
+    def streams(self) -> list[tuple[ListSummary, StreamSummary]]:
+        """Return all streams on UDP with their lists."""
+        return [(entry, stream) for entry in self.summary.lists for stream in entry.streams]
+
+    def pdo_streams(self) -> list[tuple[CanListSummary, CanStreamSummary]]:
+        """Return all streams on CAN with their lists."""
+        return [(entry, stream) for entry in self.summary.can.lists for stream in entry.streams]
+
+    def definition_of(self, entry: AnyList) -> ListDefinition | None:
+        """Return the definition of a list that was seen, None where there is none."""
+        return told_of(self.defined, (entry.port, entry.index))
+
+    def reference_checksum(self, list_number: int, subindex: int) -> int:
+        """Return the checksum with which all others of a list and SubIndex are compared."""
+        places = self.state.keys.places
+        place = places.find(np.array([list_number], np.uint64), np.array([subindex], np.uint64))[0]
+        return int(self.state.lists.consistency.places.reference[place])
+
+    def logged(self, kind: FindingKind) -> list[Logged]:
+        """Return the events that are this kind of finding, by place: what the tracker logged, and what is overdue."""
+        if kind.from_event is None:
+            raise ValueError(f"{kind.code} is no event of the log")
+        found = dict(self._log.get(kind.from_event, {}))
+        for place, events in self._overdue.get(kind.from_event, {}).items():
+            known = found.get(place)
+            found[place] = events if known is None else known.followed_by(events)
+        return [(*place, events) for place, events in found.items()]
+
+    @cached_property
+    def _log(self) -> dict[EventKind, dict[Place, Events]]:
+        keys, rows = self.state.lists.events.keys, self.state.lists.events.rows
+        found: dict[EventKind, dict[Place, Events]] = defaultdict(dict)
+        for row, key in enumerate(zip(keys.high.tolist(), keys.low.tolist(), strict=True)):
+            event, *parts = event_parts(*key)
+            found[EventKind(event)][_place(*parts)] = events_of(rows, row)
+        return found
+
+    @cached_property
+    def _overdue(self) -> dict[EventKind, dict[Place, Events]]:
+        """What is overdue and was shown by no frame, by event and place."""
+        found: dict[EventKind, dict[Place, Events]] = {}
+        if not self.overdue:
+            return found
+        lists = self.state.lists
+        over = lists.acknowledgement.overdue(self.at_ns)
+        requests, nobody = over.requests, np.full(len(over.requests), -1)
+        asked = self.state.keys.places.low[requests.place].astype(np.int64)
+        for event, places, deadline_ns, frame in (
+            (EventKind.NO_ACKNOWLEDGEMENT, lists.described(over.stream), over.deadline_ns, over.frame),
+            (EventKind.BOOT_UP_UNANSWERED, (requests.list, nobody, asked), requests.deadline_ns, requests.frame),
+        ):
+            own = found.setdefault(event, {})
+            order = np.argsort(deadline_ns, kind="stable")
+            columns = (*places, deadline_ns, frame)
+            for *parts, time_ns, number in zip(*(column[order].tolist() for column in columns), strict=True):
+                place = _place(*parts)
+                one = Events(1, time_ns, time_ns, (number,))
+                own[place] = own[place].followed_by(one) if place in own else one
+        return found
+
+
+def _place(list_number: int, node: int, subindex: int) -> Place:
+    """Return a place as findings have it; in keys, -1 stands for none."""
+    return tuple(None if part < 0 else part for part in (list_number, node, subindex))  # type: ignore[return-value]

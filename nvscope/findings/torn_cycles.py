@@ -1,0 +1,49 @@
+"""Torn cycles: those of a sender's list in which fewer telegrams or frames came than the list has."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from nvscope.findings.finding import Events
+from nvscope.tracker.cycles import Cycles
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+
+
+@dataclass(frozen=True, slots=True)
+class TornCycles:
+    """The torn cycles of one sender and list, of how many there were, and how far apart the parts of one are."""
+
+    events: Events
+    cycles: int
+    skew_ns: int
+
+
+class CycleSizes:
+    """A look at the log of cycles, with those of one sender and list found by any stream of theirs."""
+
+    def __init__(self, cycles: Cycles) -> None:
+        self._cycles = cycles
+        self._sizes = cycles.events.keys.low.astype(np.int64)
+        self._rows_of_pair: dict[int, list[int]] = defaultdict(list)
+        for row, pair in enumerate(cycles.events.keys.high.tolist()):
+            self._rows_of_pair[pair].append(row)
+
+    def torn(self, stream: int, parts: int) -> TornCycles | None:
+        """Return the cycles with fewer than ``parts`` telegrams or frames, None where there are none."""
+        pair = int(self._cycles.streams.pair[stream])
+        rows = np.array(self._rows_of_pair.get(pair, ()), np.int64)
+        torn = rows[self._sizes[rows] < parts]
+        if not len(torn):
+            return None
+        log = self._cycles.events.rows
+        frames = np.unique(log.frames[torn])
+        events = Events(
+            int(log.count[torn].sum()),
+            int(log.first_ns[torn].min()),
+            int(log.last_ns[torn].max()),
+            tuple(frames[frames > 0][:FRAMES_KEPT].tolist()),
+        )
+        return TornCycles(events, int(log.count[rows].sum()), int(self._cycles.columns.skew_ns[pair]))

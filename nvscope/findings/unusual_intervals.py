@@ -1,0 +1,81 @@
+"""Unusual intervals: those of a stream that are longer or shorter than somebody allows, and what loss explains of them.
+
+An interval that has a loss in it is long because of the loss: the sender kept its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from nvscope.findings.finding import Events
+from nvscope.tracker.buckets import bucket_bounds
+from nvscope.tracker.can.summary import CanStreamSummary
+from nvscope.tracker.counters import Scope
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.tracker.histograms import Histograms
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import StreamSummary
+from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
+
+AnyStream = StreamSummary | CanStreamSummary
+Choice = Callable[[I64, I64], Bool]
+"""Says of buckets, by their least and greatest intervals in ns, which are looked for."""
+
+
+class UnusualIntervals:
+    """A look at the intervals of all streams of a state."""
+
+    def __init__(self, state: TrackerState) -> None:
+        self._state = state
+        self._histograms = Histograms(state.senders.timing)
+
+    def beyond(self, stream: AnyStream, chosen: Choice, *, lossless: bool = False) -> tuple[Events, bool] | None:
+        """Return the intervals of the chosen buckets, and whether they are at least so many; None where there are none.
+
+        With ``lossless``, only those without a loss. A bucket is chosen or not as a whole, so that intervals within
+        0.8 % of a limit may count as kept. Of intervals near the usual one nobody knows when they were: they are as old
+        and as young as the stream. Of the first ten of them, the frames are known.
+        """
+        rows, histograms = self._state.senders.timing.unusual.rows, self._histograms
+        bucket, bits, row = histograms.unusual(stream.stream)
+        wanted = chosen(*bucket_bounds(bucket))
+        usual_bucket, usual_count = histograms.usual(stream.stream)
+        usual = int(usual_count[chosen(*bucket_bounds(usual_bucket))].sum())
+        first_bucket, first_bits, first_frames = histograms.first_usual(stream.stream)
+        first = chosen(*bucket_bounds(first_bucket))
+        doubtful = 0
+        if lossless:
+            lossy = (bits & _loss_bit(stream)) != 0
+            wanted &= ~lossy
+            first &= (first_bits & _loss_bit(stream)) == 0
+            # Near the usual interval it is not known which ones have a loss in them, but how many there are at most.
+            doubtful = min(usual, max(0, self.gaps(stream) - int(rows.count[row[lossy]].sum())))
+        row = row[wanted]
+        count = int(rows.count[row].sum()) + usual - doubtful
+        if not count:
+            return None
+        first_ns, last_ns = stream.first_ns, stream.last_ns
+        if not usual:
+            first_ns, last_ns = int(rows.first_ns[row].min()), int(rows.last_ns[row].max())
+        frames = np.union1d(rows.frames[row], first_frames[first])
+        return Events(count, first_ns, last_ns, tuple(frames[frames > 0][:FRAMES_KEPT].tolist())), doubtful > 0
+
+    def gaps(self, stream: AnyStream) -> int:
+        """Return in how many intervals of a stream, at most, telegrams were lost."""
+        if isinstance(stream, CanStreamSummary):
+            return 0  # nobody counts there
+        if stream.scope == Scope.STREAM:
+            return stream.figures["gaps"]
+        return int(self._state.senders.loss.nodes.gaps[stream.node])
+
+    def p99_without_loss(self, stream: AnyStream) -> int | None:
+        """Return the 99th percentile of the intervals that have no loss in them, None where all have."""
+        return self._histograms.without_loss(stream.stream, _loss_bit(stream)).percentile_ns(99)
+
+
+def _loss_bit(stream: AnyStream) -> int:
+    counted_by_node = isinstance(stream, StreamSummary) and stream.scope != Scope.STREAM
+    return LOSS_OF_NODE if counted_by_node else LOSS_OF_STREAM

@@ -1,0 +1,86 @@
+"""Strangers: frames of a scenario that are no telegram of a list, or a malformed one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dissectors.netvar import HEADER, PORT, Service
+from nvscope.findings.header import BIG_ENDIAN_HEADER, LENGTH_MISMATCH, SHORT_TELEGRAM, UNKNOWN_SERVICE
+from nvscope.simulate.draft import Draft
+from nvscope.simulate.faults import seen_rows
+from nvscope.simulate.frames import Values
+from nvscope.simulate.noise import noise_key, uniform
+from nvscope.simulate.scenario import Malformed
+from nvscope.simulate.template import Role, Template
+
+_MALFORMED_AFTER_NS = 30_000
+_UNKNOWN_SERVICE = 77
+_EXCESS = 4
+
+
+def add_malformed(draft: Draft, fault: Malformed, place: str) -> None:
+    """Add telegrams that are wrong in one way, each just behind a good one."""
+    schedule = draft.schedule
+    rows = seen_rows(draft.scenario, schedule, draft.journey, fault, place)
+    draft.check_room(len(rows))
+    for row in rows.tolist():
+        stream = schedule.streams[schedule.stream[row]]
+        plan = schedule.writers[stream.writer].plan
+        size = HEADER.size_bytes + stream.data_bytes
+        service, length, wrong = fault.service, size, None
+        match fault.kind:
+            case "short":
+                length, wrong = fault.payload_bytes, SHORT_TELEGRAM
+            case "wrong_length":
+                length, wrong = size + _EXCESS, LENGTH_MISMATCH
+            case "byte_swapped_length":
+                length, wrong = size % 256 * 256 + size // 256, BIG_ENDIAN_HEADER
+            case "unknown_service":
+                service, wrong = _UNKNOWN_SERVICE, UNKNOWN_SERVICE
+        header = HEADER.pack(
+            id=service, index=plan.index, subindex=stream.subindex, items=stream.items, length=length,
+            counter=int(schedule.counter[row]),
+        ).tobytes()  # fmt: skip
+        payload = header + bytes(stream.data_bytes)
+        if fault.kind in {"short", "stub"}:
+            payload = header[: fault.payload_bytes if fault.kind == "short" else 8]
+        role = Role.MALFORMED_DATA if service == Service.ODStateFree else Role.MALFORMED
+        template = draft.telegram_template(
+            stream.node, draft.destination(stream.entry, stream.node), plan.port, payload,
+            Role.OTHER if fault.kind == "stub" else role, list_key=(plan.port, plan.index),
+            subindex=stream.subindex, fault=wrong,
+        )  # fmt: skip
+        draft.add(template, np.array([draft.journey.arrival_ns[row] + _MALFORMED_AFTER_NS], np.int64))
+
+
+def add_traffic(draft: Draft) -> None:
+    """Add frames that are no telegrams, or none of a list."""
+    for position, traffic in enumerate(draft.scenario.traffic):
+        numbers = draft.scenario.node_numbers
+        source, target = numbers[traffic.node], draft.hosts[numbers[traffic.to]].address
+        host = draft.hosts[source]
+        end_ns = draft.scenario.duration_ns
+        end_ns = end_ns if traffic.until_ns is None else min(end_ns, traffic.until_ns)
+        at = np.arange(traffic.from_ns, max(end_ns, traffic.from_ns), traffic.interval_ns, dtype=np.int64)
+        key = noise_key(draft.scenario.seed, "traffic", position)
+        at += uniform(key, np.arange(len(at)), traffic.jitter_ns + 1)
+        match traffic.kind:
+            case "arp":
+                frame = draft.wire.arp(host, target)
+            case "dns":
+                frame = draft.wire.dns(host, target)
+            case "tcp":
+                frame = draft.wire.tcp(host, target)
+            case "ping":
+                frame = draft.wire.ping(host, target)
+            case "udp":
+                frame = draft.wire.udp(host, target, (PORT, PORT), b"\x00\x2d\x53\x34 something else")
+            case _:
+                payload = HEADER.pack(
+                    id=Service.ODReadRequest, index=0x1000, items=1, length=HEADER.size_bytes
+                ).tobytes()
+                template = draft.telegram_template(source, target, PORT, payload, Role.PARAMETER, Values.CONSTANT)
+                ordinal = np.arange(len(at))
+                draft.add(template, at, ordinal=ordinal, counter=(ordinal & 0xFFFF).astype(np.uint16))
+                continue
+        draft.add(draft.new_template(Template(frame, Role.OTHER, host.address, target, False)), at)
