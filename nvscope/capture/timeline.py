@@ -100,6 +100,7 @@ class Timeline:
 
     def __init__(self, tracks: Sequence[Track], *, batch_packets: int = 32_768, batch_bytes: int = BATCH_BYTES) -> None:
         self._tracks = tracks
+        self._files = [track if isinstance(track, FileSource) else None for track in tracks]
         self.channels: list[str] = []
         self._numbers: dict[str, int] = {}
         self._batch_packets = batch_packets
@@ -118,23 +119,23 @@ class Timeline:
     @property
     def size_bytes(self) -> int | None:
         """The bytes of all tracks, or None where one does not know how many it has."""
-        sizes = [track.size_bytes if isinstance(track, FileSource) else None for track in self._tracks]
+        sizes = [None if file is None else file.size_bytes for file in self._files]
         return None if None in sizes else sum(size for size in sizes if size is not None)
 
     @property
     def position_bytes(self) -> int:
-        return sum(track.position_bytes for track in self._tracks if isinstance(track, FileSource))
+        return sum(file.position_bytes for file in self._files if file is not None)
 
     def first_ts_ns(self) -> int | None:
         """Return the time of the first packet of all, or None where there is none."""
-        firsts = (track.first_ts_ns() for track in self._tracks if isinstance(track, FileSource))
+        firsts = (file.first_ts_ns() for file in self._files if file is not None)
         return min((first_ns for first_ns in firsts if first_ns is not None), default=None)
 
     def first_batches(self) -> Iterator[PacketBatch]:
         """Yield what each file begins with, if anything; it is read again later."""
-        for track in self._tracks:
-            if isinstance(track, FileSource):
-                yield from track.first_batches()
+        for file in self._files:
+            if file is not None:
+                yield from file.first_batches()
 
     def between(self, start_ns: int | None, end_ns: int | None) -> Between:
         """Return the packets whose time lies between two, both included, None for no bound."""
@@ -162,8 +163,8 @@ class Timeline:
 
     def _read(self, share: int, span: TimeSpan) -> Generator[PacketBatch, None, None]:
         waiting: list[_Rank] = []
-        for number, track in enumerate(self._tracks):
-            first_ns = track.first_ts_ns() if isinstance(track, FileSource) else _NEVER_NS
+        for number, (track, file) in enumerate(zip(self._tracks, self._files, strict=True)):
+            first_ns = _NEVER_NS if file is None else file.first_ts_ns()
             if first_ns is not None:
                 waiting.append((first_ns, track.path, number))
             else:

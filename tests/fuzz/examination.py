@@ -114,7 +114,8 @@ def examine(raw: bytes, folder: Path, rng: random.Random) -> Examined:
             compression = rng.choice(list(COMPRESSIONS.values()))
             path.write_bytes(compression(raw))
             again = CaptureFile(str(path))
-            _check_content(again.info, list(_bounded(again, len(raw))), expected)
+            found = list(_bounded(again, len(raw)))
+            _check_content(again.info, found, expected)
             path.write_bytes(raw)
         return _check_report(path, rng, batches)
 
