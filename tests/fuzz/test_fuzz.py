@@ -216,7 +216,7 @@ def test_small_files_with_large_content_take_little_memory(tmp_path: Path, suffi
         "import sys\n"
         "from nvscope.capture.capture_file import CaptureFile\n"
         "from tests.packets import tracked\n"
-        "print(tracked(CaptureFile(sys.argv[1])).frames)\n"
+        "print(tracked(CaptureFile(sys.argv[1])).capture.frames)\n"
         "print(next(line for line in open('/proc/self/status') if line.startswith('VmHWM')).split()[1])\n"
     )
     command = [sys.executable, "-c", program, str(_written(tmp_path / "capture", raw))]
