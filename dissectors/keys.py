@@ -36,6 +36,11 @@ class KeyTable:
         return self._count
 
     @property
+    def words(self) -> tuple[U64, ...]:
+        """The words of the keys, by number."""
+        return tuple(word[: self._count] for word in self._words)
+
+    @property
     def high(self) -> U64:
         """First words of the keys, by number."""
         return self._words[0, : self._count]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
+
+from dissectors.batch import I64
 
 
 class KeyedColumns:
@@ -38,6 +40,17 @@ class KeyedColumns:
             grown = np.full((room, width) if width > 1 else room, initial)
             grown[: len(old)] = old
             setattr(self, name, grown)
+
+    def put(self, row: I64, other: Self, other_row: I64) -> None:
+        """Make rows of this table, which is long enough, those of another one."""
+        for name in self.COLUMNS:
+            getattr(self, name)[row] = getattr(other, name)[other_row]
+
+    def take(self, other: Self, row: I64) -> None:
+        """Make rows of this table what they are in another one of the same keys; it may be shorter."""
+        row = row[row < len(other)]
+        self.resize(len(other))
+        self.put(row, other, row)
 
     def column(self, name: str) -> Any:
         """Return one column, cut to the rows in use."""

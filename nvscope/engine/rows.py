@@ -12,7 +12,7 @@ from dissectors.layout import gather_bytes
 from dissectors.varieties import SortedPackets
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import COUNTER_SHIFT, FrameKind, Keys
-from nvscope.engine.runs import order_by, runs_of_lengths
+from nvscope.engine.runs import order_by, runs_of_lengths, spans
 
 _COMPARE_ROWS = 8192
 
@@ -64,6 +64,22 @@ class DataRows:
         starts = np.searchsorted(self.start, changed)
         inside: Bool = self.start[np.minimum(starts, len(self.start) - 1)] != changed
         return changed[inside]
+
+    def of(self, own: Bool) -> DataRows:
+        """Return the rows of some streams; ``own`` is a mask over streams."""
+        run = np.flatnonzero(own[self.run_stream])
+        if len(run) == len(self.run_stream):
+            return self
+        length = self.stop[run] - self.start[run]
+        row, stop = spans(self.start[run], length), np.cumsum(length)
+        wants = np.zeros(len(self), np.bool_)
+        wants[self.wanting] = True
+        repeated = None if self.repeated is None else self.repeated[row]
+        return DataRows(
+            self.packet[row], self.stream[row], stop - length, stop, self.run_stream[run], self.signature_before[run],
+            self.fresh[run], self.variety[row], self.counter[row], self.time_ns[row], np.flatnonzero(wants[row]),
+            repeated if repeated is not None and repeated.any() else None,
+        )  # fmt: skip
 
 
 def _no_rows() -> DataRows:

@@ -62,6 +62,14 @@ class Told:
     def __len__(self) -> int:
         return len(self.batch)
 
+    def part(self, batch: SortedPackets, laid: Laid) -> Told:
+        """Return what is told of a part of the batch, of which the filter chooses as it does of the whole."""
+        chosen = self.chosen
+        return Told(
+            batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
+            choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
+        )  # fmt: skip
+
     @property
     def packets(self) -> PacketBatch:
         return self.batch.packets

@@ -13,6 +13,7 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.netvar import CHECKSUM_INVALID
+from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.reading import TIMEOUT_NS
@@ -200,6 +201,13 @@ class Acknowledgement:
         errors.append(negative)
         errors.append(ErrorEvents(answered_error, False, unanswered.list, nobody, unanswered.deadline_ns, seen))
         return Answers(errors, missing, negative_node, unexpected, unanswered)
+
+    def take(self, part: Acknowledgement, share: Share) -> None:
+        """Take over the waits of a part for its share of the lists."""
+        self.waits.take(part.waits, share.streams)
+        self.places.take(part.places, share.places)
+        waits = self.boot_up_waits.followed_by(part.boot_up_waits)
+        self.boot_up_waits = waits.take(np.argsort(waits.frame))
 
     def overdue(self, at_ns: int) -> Overdue:
         """Return the open waits whose deadline is before a time."""

@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.varieties import NO_TELEGRAM
+from nvscope.engine.dealing import SplitBy
 from nvscope.engine.told import Told
-from nvscope.tracker.accumulator import SplitBy
 from nvscope.tracker.events import EventLog
 
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool
+from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Keys
 from nvscope.engine.rows import DataRows
@@ -47,6 +48,13 @@ class Consistency:
             self._mismatches(rows, keys),
             _odd_flags(rows, changes, keys),
         )
+
+    def take(self, part: Consistency, share: Share) -> None:
+        """Take over what a part has found of its share of the lists."""
+        self.places.take(part.places, share.places)
+        self._counted_streams = max(self._counted_streams, part._counted_streams)
+        counted = share.keys.streams.high[: self._counted_streams].astype(np.int64)
+        self.places.streams[: len(self.places)] = np.bincount(counted, minlength=len(self.places))
 
     def changed_shapes(self, rows: DataRows, changes: I64, keys: Keys) -> I64:
         """Return the rows whose shape changed, as ``observe`` does; ``changes`` are those of ``rows``."""

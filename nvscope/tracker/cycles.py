@@ -12,6 +12,7 @@ import numpy as np
 
 from dissectors.batch import I64, U16, Bool
 from dissectors.keys import KeyTable
+from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
@@ -109,6 +110,18 @@ class Cycles:
         half_ns = (interval_ns // 2)[rows.stream[row]]
         counter = None if counter is None else counter[row]
         self._cut(pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
+
+    def take(self, part: Cycles, share: Share) -> None:
+        """Take over the cycles of a part's share of the senders."""
+        number = self.pairs.numbers(*part.pairs.words)
+        self.columns.resize(len(self.pairs))
+        self.columns.put(number, part.columns, np.arange(len(number)))
+        self.streams.take(part.streams, share.streams)
+        stream = share.streams[share.streams < len(part.streams)]
+        known = stream[part.streams.pair[stream] >= 0]
+        self.streams.pair[known] = number[part.streams.pair[known]]
+        pair, size = part.events.keys.words
+        self.events.take(part.events, number[pair.astype(np.int64)].astype(np.uint64), size)
 
     def _number(self, rows: DataRows, keys: Keys, first_frame: int, several: Bool | None) -> None:
         """Number the pairs of new streams, and note from when on a pair has several."""

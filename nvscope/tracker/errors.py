@@ -9,6 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.keys import KeyTable
+from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.counters import ERROR_ORDER, DiagError
 
@@ -66,6 +67,13 @@ class Errors:
         member = self.members.numbers(number[blamed].astype(np.uint64), node[blamed].astype(np.uint64))
         self.of_member.resize(len(self.members))
         _book(self.of_member, member, time_ns[blamed], own[blamed], frame[blamed], error[blamed])
+
+    def take(self, part: Errors, share: Share) -> None:
+        """Take over the errors of a part's share of the lists."""
+        self.of_list.take(part.of_list, share.lists)
+        member = self.members.numbers(*part.members.words)
+        self.of_member.resize(len(self.members))
+        self.of_member.put(member, part.of_member, np.arange(len(member)))
 
 
 def _book(table: LastError, number: I64, time_ns: I64, own: I64, frame: I64, error: I64) -> None:

@@ -83,3 +83,12 @@ class EventLog:
         start, stop = runs_of(number)
         self.rows.resize(len(self.keys))
         self.rows.add(number[start], start, stop, time_ns[order], frame[order])
+
+    def take(self, part: EventLog, *words: U64) -> None:
+        """Take over the events of a log that has none of this one's keys.
+
+        ``words`` are its keys as this one has them, by default the same.
+        """
+        number = self.keys.numbers(*(words or part.keys.words))
+        self.rows.resize(len(self.keys))
+        self.rows.put(number, part.rows, np.arange(len(part.keys)))

@@ -15,12 +15,12 @@ from dissectors.netvar import (
     Fault,
     Service,
 )
+from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import FrameKind, Keys
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
-from nvscope.tracker.accumulator import SplitBy
 from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messages
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.counters import DiagError
@@ -98,6 +98,18 @@ class ListState:
             errors += self._expire(told)
         self.errors.observe(errors, len(self.keys.lists))
         self.events.settle()
+
+    def take(self, part: ListState, share: Share) -> None:
+        """Take over what a part has counted of its share of the lists."""
+        self.flows.keys = share.keys
+        self.flows.counts.take(part.flows.counts, share.flows)
+        self.columns.take(part.columns, share.lists)
+        self.consistency.take(part.consistency, share)
+        self.acknowledgement.take(part.acknowledgement, share)
+        self.errors.take(part.errors, share)
+        self.events.take(part.events)
+        if self.values is not None and part.values is not None:
+            self.values.take(part.values, share)
 
     def _observe_data(self, told: Told) -> list[ErrorEvents]:
         rows = told.laid.data

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U64, Bool
+from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
@@ -117,6 +118,13 @@ class Loss:
         again = again[~nodes.together(again)]
         self._book_duplicates(rows, nodes.step, nodes.irregular, again, Scope.NODE_SEND, frame)
         return own, nodes
+
+    def take(self, part: Loss, share: Share) -> None:
+        """Take over the sequences of a part's share of the senders."""
+        self.streams.take(part.streams, share.streams)
+        self.nodes.take(part.nodes, share.nodes)
+        for key, log in self._events.items():
+            log.take(part._events[key], share.streams)
 
     def _walk_streams(self, rows: DataRows, counter: U16) -> Steps:
         streams, run = self.streams, rows.run_stream

@@ -70,6 +70,14 @@ class Recent:
                 self._counted = self._count()
                 self._waiting, self._waiting_s, self._waiting_count = [], [], 0
 
+    def take(self, part: Recent) -> None:
+        """Take over what a part has kept of other streams."""
+        self._waiting += part._waiting
+        self._waiting_s += part._waiting_s
+        self._waiting_count += part._waiting_count
+        self._latest_s = max(self._latest_s, part._latest_s)
+        self._counted = _Counted(*map(np.concatenate, zip(self._counted, part._counted, strict=True)))
+
     def percentiles(self, percents: tuple[int, ...]) -> StreamPercentiles:
         """Return what the last minute tells of each stream that ended an interval in it."""
         counted = self._count()

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
-from nvscope.tracker.accumulator import SplitBy
 from nvscope.tracker.can.cycles import CanCycles
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.loss import Loss, NodeSteps, no_steps
@@ -57,3 +57,13 @@ class SenderState:
         if len(intervals.stream):
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
         return intervals
+
+    def take(self, part: SenderState, share: Share) -> None:
+        """Take over what a part has counted of its share of the senders."""
+        self.data_telegrams += part.data_telegrams
+        self.repeated += part.repeated
+        self.loss.take(part.loss, share)
+        self.timing.take(part.timing, share)
+        self.recent.take(part.recent)
+        self.cycles.take(part.cycles, share)
+        self.can_cycles.take(part.can_cycles, share)

@@ -17,6 +17,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -161,6 +162,12 @@ class Timing:
         self._add(interval, stream, ends.start, ends.run)
         usual[ends.rows(self._sort_in(rows, ends, interval, stream, loss, first_frame))] = False
         return BatchIntervals(usual, stream, time_ns, interval)
+
+    def take(self, part: Timing, share: Share) -> None:
+        """Take over the intervals of a part's share of the senders."""
+        self.columns.take(part.columns, share.streams)
+        self.unusual.take(part.unusual)
+        self.large_squares |= part.large_squares
 
     def _add(self, interval: I64, stream: I64, start: I64, run: I64) -> None:
         columns = self.columns

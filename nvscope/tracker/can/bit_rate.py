@@ -18,6 +18,7 @@ import numpy as np
 from dissectors.batch import I64, U16
 from dissectors.can.bits import HEAD_BITS, HEAD_BITS_EXTENDED, TAIL_BITS
 from dissectors.can.frame import MAX_DATA_BYTES, CanBatch
+from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 
@@ -136,6 +137,11 @@ class BackToBack:
             row = np.flatnonzero(mine)
             row = row[stable_order(channel[row].astype(np.int64), len(here))]
         self._observe(frames, bits, row)
+
+    def take(self, part: BackToBack, share: Share) -> None:
+        """Take over the distances of a part's share of the channels."""
+        channel = np.arange(len(part._columns))
+        self._columns.take(part._columns, channel[share.is_own(channel)])
 
     def _observe(self, frames: CanBatch, bits: U16, row: I64) -> None:
         columns = self._columns

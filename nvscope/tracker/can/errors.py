@@ -112,6 +112,15 @@ class CanErrors:
             self.classes.settle()
         self._observe_bus_off(batch, details)
 
+    def take(self, part: CanErrors) -> None:
+        """Take over the error frames of other channels."""
+        self.count += part.count
+        self.classes.take(part.classes)
+        self.all.take(part.all)
+        number = self._channels.numbers(*part._channels.words)
+        self._columns.resize(len(self._channels))
+        self._columns.put(number, part._columns, np.arange(len(number)))
+
     def _count(self, details: ErrorDetails, channel: U64, number: I64, time_ns: I64, frame: I64) -> None:
         columns = self._columns
         self.all.record(time_ns, frame, channel, np.zeros_like(channel))

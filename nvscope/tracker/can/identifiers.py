@@ -64,6 +64,12 @@ class CanIdentifiers:
             add_sums(columns.fast_bits, number, bits.fast, rows)
         columns.last_ns[number] = frames.ts_ns  # of equal numbers, the last one stays
 
+    def take(self, part: CanIdentifiers) -> None:
+        """Take over the identifiers of other channels."""
+        number = self.keys.numbers(*part.keys.words)
+        self.columns.resize(len(self.keys))
+        self.columns.put(number, part.columns, np.arange(len(number)))
+
     def _numbers(self, frames: CanBatch) -> I64:
         """Return the rows of frames, adding those that are new, as they come."""
         channels = min(int(frames.channel.max()) + 1, _DENSE_CHANNELS)

@@ -10,6 +10,7 @@ from dissectors.batch import I64
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
+from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import add_sums, runs_of
 from nvscope.tracker.can.bit_rate import BackToBack
@@ -66,6 +67,14 @@ class CanLoad:
             add_sums(columns.worst_fast_bits, number, worst.fast, rows)
         self.identifiers.observe(frames, exact, first_frame)
         self.back_to_back.observe(frames, exact.nominal)
+
+    def take(self, part: CanLoad, share: Share) -> None:
+        """Take over the bits of a part's share of the channels."""
+        number = self.keys.numbers(*part.keys.words)
+        self.columns.resize(len(self.keys))
+        self.columns.put(number, part.columns, np.arange(len(number)))
+        self.identifiers.take(part.identifiers)
+        self.back_to_back.take(part.back_to_back, share)
 
     def _numbers(self, frames: CanBatch) -> I64:
         """Return the row of each frame's channel and second."""

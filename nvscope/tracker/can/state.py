@@ -12,8 +12,8 @@ import numpy as np
 
 from dissectors.can.frame import CanBatch
 from dissectors.can.pdo import words
+from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.told import Told
-from nvscope.tracker.accumulator import SplitBy
 from nvscope.tracker.can.canopen import CanOpen
 from nvscope.tracker.can.errors import CanErrors
 from nvscope.tracker.can.load import CanLoad
@@ -62,3 +62,12 @@ class BusState:
         if len(asking):
             channel, number = frames.channel[asking].astype(np.uint64), words(frames)[asking]
             self.remotes.record(frames.ts_ns[asking], frames.row[asking] + first_frame, channel, number)
+
+    def take(self, part: BusState, share: Share) -> None:
+        """Take over what a part has counted of its share of the channels."""
+        self.frames += part.frames
+        self.load.take(part.load, share)
+        self.errors.take(part.errors)
+        self.canopen.take(part.canopen)
+        self.faults.take(part.faults)
+        self.remotes.take(part.remotes)

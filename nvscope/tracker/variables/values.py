@@ -23,6 +23,7 @@ from dissectors.netvar import HEADER
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Elementary, ScalarKind, String, scalar_of
 from nvscope.definition.packing import TelegramLayout
+from nvscope.engine.dealing import Share
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
@@ -218,6 +219,14 @@ class Values:
                 others = own[misfits]
                 bounds = np.array([0]), np.array([len(others)])
                 self.unfitting.add(np.array([stream]), *bounds, rows.time_ns, rows.packet + first_frame, others)
+
+    def take(self, part: Values, share: Share) -> None:
+        """Take over the values of a part's share of the lists."""
+        self.streams |= part.streams
+        self._sequences |= part._sequences
+        self._layouts |= part._layouts
+        self._fitted |= part._fitted
+        self.unfitting.take(part.unfitting, share.streams)
 
     def _layouts_of(self, stream: int, key: ListKey, subindex: int, sent: I64) -> Mapping[Shape, TelegramLayout]:
         """Return the layouts that telegrams of a stream can have; ``sent`` are the shapes that come next, as numbers.

@@ -1,0 +1,64 @@
+"""PartedState: the same state as ``TrackerState``, counted in parts that know nothing of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import ClassVar, TypeAlias
+
+from nvscope.engine.dealing import Share, SplitBy, deal
+from nvscope.engine.reading import TIMEOUT_NS
+from nvscope.engine.rows import StreamMemory
+from nvscope.engine.told import Told
+from nvscope.tracker.can.state import BusState
+from nvscope.tracker.capture import CaptureState
+from nvscope.tracker.lists import ListState
+from nvscope.tracker.senders import SenderState
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.variables.values import Values
+
+_Part: TypeAlias = ListState | SenderState | BusState
+
+
+class PartedState:
+    """What is on the wire, counted in ``parts`` parts by each key that it may be split by.
+
+    ``values`` makes the values of a part, where they are wanted. ``join`` gives the state that folding all at once
+    gives; it uses the parts up.
+    """
+
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self, parts: int, timeout_ns: int = TIMEOUT_NS, values: Callable[[], Values] | None = None) -> None:
+        self._count = parts
+        self._timeout_ns = timeout_ns
+        self._values = values
+        self._memory = StreamMemory()
+        self._capture = CaptureState()
+        self._lists = [ListState(timeout_ns, values() if values else None) for _ in range(parts)]
+        self._senders = [SenderState() for _ in range(parts)]
+        self._buses = [BusState() for _ in range(parts)]
+        self._shares: dict[SplitBy, list[Share]] = {}
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far, and deal it out."""
+        self._memory = told.laid.memory
+        self._capture.observe(told)
+        parted: tuple[Sequence[_Part], ...] = (self._lists, self._senders, self._buses)
+        for parts in parted:
+            by = parts[0].SPLIT_BY
+            self._shares[by] = []
+            for part, (share, own) in zip(parts, deal(told, by, self._count), strict=True):
+                self._shares[by].append(share)
+                part.observe(own)
+
+    def join(self) -> TrackerState:
+        """Return the parts as one state."""
+        state = TrackerState(self._timeout_ns, values=self._values() if self._values else None)
+        state.memory, state.capture = self._memory, self._capture
+        for part, share in zip(self._lists, self._shares.get(SplitBy.LIST, ()), strict=False):
+            state.lists.take(part, share)
+        for senders, share in zip(self._senders, self._shares.get(SplitBy.SENDER, ()), strict=False):
+            state.senders.take(senders, share)
+        for buses, share in zip(self._buses, self._shares.get(SplitBy.BUS, ()), strict=False):
+            state.buses.take(buses, share)
+        return state

@@ -1,0 +1,126 @@
+"""Law 8: the state folded in parts, split by the accumulators' keys, and joined is the state folded at once."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dissectors.batch import PacketBatch
+from nvscope.definition.layouts import Layouts
+from nvscope.definition.model import Definition
+from nvscope.definition.pdos import Pdos
+from nvscope.engine.dealing import SplitBy, deal
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import run
+from nvscope.tracker.parted import PartedState
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.variables.values import Values
+from nvscope.view.documents.variables import variables_document
+from tests.definition.lists import INT, LREAL, list_of
+from tests.engine.test_observers import LAYOUTS, batches_of, reading_of
+from tests.laws import examples
+from tests.packets import Batches, cut, document_of
+from tests.tracker.test_can_state import batch
+
+
+def at_once_and_joined(
+    batches: Sequence[PacketBatch], parts: int, reading: Reading, layouts: Layouts = LAYOUTS
+) -> tuple[TrackerState, TrackerState]:
+    """Return a state that was folded at once, and one that was folded in parts, of the same batches."""
+    whole, parted = TrackerState(values=Values(layouts)), PartedState(parts, values=lambda: Values(layouts))
+    for _ in run(Batches(batches, [f"can{number}" for number in range(9)]), reading, [whole, parted]):
+        pass
+    return whole, parted.join()
+
+
+def shown(state: TrackerState) -> tuple[Any, ...]:
+    """Return all that a state says."""
+    assert state.values is not None
+    recent = state.senders.recent.percentiles((50, 99))
+    of_streams = [column.tolist() for column in (recent.stream, recent.count, recent.least_ns, recent.most_ns)]
+    percentiles = {percent: column.tolist() for percent, column in recent.at_ns.items()}
+    return document_of(state), variables_document(state, state.values), of_streams, percentiles
+
+
+@given(st.integers(0, 10_000), st.integers(1, 5), st.sampled_from([None, "nv.index == 7", "frame.number % 3 != 0"]))
+@examples(60)
+def test_parts_joined_are_the_state_folded_at_once(seed: int, parts: int, expression: str | None) -> None:
+    chance = random.Random(seed)
+    whole, joined = at_once_and_joined(batches_of(seed, chance), parts, reading_of(expression))
+    assert shown(joined) == shown(whole)
+
+
+@given(st.integers(0, 10_000), st.integers(2, 5))
+@examples(30)
+def test_a_joined_state_goes_on_as_if_it_had_been_one(seed: int, parts: int) -> None:
+    batches = batches_of(seed, random.Random(seed))
+    begun, rest = batches[: len(batches) // 2], batches[len(batches) // 2 :]
+    whole, parted = TrackerState(values=Values(LAYOUTS)), PartedState(parts, values=lambda: Values(LAYOUTS))
+    joined: TrackerState | None = None
+    for number, told in enumerate(run(Batches([*begun, *rest]), reading_of(None), [whole])):
+        if number < len(begun):
+            parted.observe(told)
+            continue
+        joined = joined or parted.join()
+        joined.observe(told)
+    assert shown(joined or parted.join()) == shown(whole)
+
+
+CAN_DEFINITION = Definition((replace(list_of([LREAL, INT, INT], list_id=0x181), protocol="CAN"),))
+CAN_LAYOUTS = Layouts(CAN_DEFINITION)
+CAN_FRAMES = (
+    *((word, size) for word in (0x181, 0x182, 0x8000_0181) for size in (8, 8, 4)),
+    *((word, 8) for word in (0x81, 0x2000_0040, 0x2000_0100, 0x2000_0204)),
+    (0, 2), (0x701, 1), (0x4000_0181, 0), (0x7FF, 8),
+)  # fmt: skip
+
+
+def can_batches(chance: random.Random, channels: int) -> list[PacketBatch]:
+    """Return frames of lists, heartbeats, commands, emergencies, requests and errors on several channels, cut."""
+    time_ns, frames = 1_700_000_000_000_000_000, []
+    for _ in range(chance.choice([30, 400])):
+        time_ns += chance.choice([220_000, 1_000_000, 50_000_000])
+        word, size = chance.choice(CAN_FRAMES)
+        frames.append((time_ns, chance.randrange(channels), word, chance.randbytes(size)))
+    return cut(batch(frames), chance.choice([7, 64, 400]))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 4), st.integers(1, 5))
+@examples(40)
+def test_channels_joined_are_the_state_folded_at_once(seed: int, parts: int, channels: int) -> None:
+    reading = Reading(pdos=Pdos(CAN_DEFINITION).rules())
+    batches = can_batches(random.Random(seed), channels)
+    whole, joined = at_once_and_joined(batches, parts, reading, CAN_LAYOUTS)
+    assert shown(joined) == shown(whole)
+
+
+@given(st.integers(0, 10_000), st.integers(2, 5), st.sampled_from([SplitBy.LIST, SplitBy.SENDER]))
+@examples(30)
+def test_every_telegram_is_dealt_to_one_part(seed: int, parts: int, by: SplitBy) -> None:
+    batches = batches_of(seed, random.Random(seed))
+    for told in run(Batches(batches), reading_of(None), [TrackerState()]):
+        dealt = [own for _, own in deal(told, by, parts)]
+        assert sum(own.count for own in dealt).tolist() == told.count.tolist()
+        for name in ("data", "pdos"):
+            packets = [packet for own in dealt for packet in getattr(own.laid, name).packet.tolist()]
+            assert sorted(packets) == sorted(getattr(told.laid, name).packet.tolist())
+
+
+@pytest.mark.parametrize("by", [SplitBy.LIST, SplitBy.SENDER, SplitBy.BUS])
+def test_telegrams_are_dealt_to_several_parts(by: SplitBy) -> None:
+    busy = set()
+    for seed in range(20):
+        chance = random.Random(seed)
+        for told in run(
+            Batches([*batches_of(seed, chance), *can_batches(chance, 3)]), reading_of(None), [TrackerState()]
+        ):
+            for share, own in deal(told, by, 3):
+                if own.can is not None if by is SplitBy.BUS else len(own.laid.data) or len(own.laid.pdos):
+                    busy.add(share.part)
+    assert busy == {0, 1, 2}
