@@ -18,6 +18,7 @@ from nvscope.definition.pdos import Pdos
 from nvscope.engine.dealing import SplitBy, deal
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
+from nvscope.findings.judge import judge
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
@@ -26,6 +27,7 @@ from tests.definition.lists import INT, LREAL, list_of
 from tests.engine.test_observers import LAYOUTS, batches_of, reading_of
 from tests.laws import examples
 from tests.packets import Batches, cut, document_of
+from tests.tracker.can_bus_traffic import bus_traffic
 from tests.tracker.test_can_state import batch
 
 
@@ -45,7 +47,9 @@ def shown(state: TrackerState) -> tuple[Any, ...]:
     recent = state.senders.recent.percentiles((50, 99))
     of_streams = [column.tolist() for column in (recent.stream, recent.count, recent.least_ns, recent.most_ns)]
     percentiles = {percent: column.tolist() for percent, column in recent.at_ns.items()}
-    return document_of(state), variables_document(state, state.values), of_streams, percentiles
+    end_ns = state.capture.end_ns
+    overdue = judge(state, at_ns=None if end_ns is None else end_ns + 10_000_000_000)
+    return document_of(state), overdue, variables_document(state, state.values), of_streams, percentiles
 
 
 @given(st.integers(0, 10_000), st.integers(1, 5), st.sampled_from([None, "nv.index == 7", "frame.number % 3 != 0"]))
@@ -97,6 +101,15 @@ def test_channels_joined_are_the_state_folded_at_once(seed: int, parts: int, cha
     reading = Reading(pdos=Pdos(CAN_DEFINITION).rules())
     batches = can_batches(random.Random(seed), channels)
     whole, joined = at_once_and_joined(batches, parts, reading, CAN_LAYOUTS)
+    assert shown(joined) == shown(whole)
+
+
+@pytest.mark.parametrize("parts", [2, 3])
+def test_bit_rates_are_found_of_each_channel(parts: int) -> None:
+    rates = [125_000, 500_000, 1_000_000]
+    frames = [frame for channel, rate in enumerate(rates) for frame in bus_traffic(rate, 0.8, 600, channel=channel)]
+    whole, joined = at_once_and_joined(cut(batch(sorted(frames)), 500), parts, reading_of(None))
+    assert [bus["bit_rate"]["nominal"] for bus in shown(whole)[0]["buses"]] == rates
     assert shown(joined) == shown(whole)
 
 

@@ -90,7 +90,6 @@ class CanErrors:
     """The error frames of all channels. ``classes`` are events by (channel, class bit), ``all`` by (channel, 0)."""
 
     def __init__(self) -> None:
-        self.count = 0
         self.classes = EventLog()
         self.all = EventLog()
         self._channels = KeyTable(1)
@@ -103,7 +102,6 @@ class CanErrors:
             return
         details = error_details(batch)
         if len(error):
-            self.count += len(error)
             channel = batch.channel[error].astype(np.uint64)
             number = self._channels.numbers(channel)
             self._columns.resize(len(self._channels))
@@ -114,7 +112,6 @@ class CanErrors:
 
     def take(self, part: CanErrors) -> None:
         """Take over the error frames of other channels."""
-        self.count += part.count
         self.classes.take(part.classes)
         self.all.take(part.all)
         number = self._channels.numbers(*part._channels.words)
