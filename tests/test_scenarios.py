@@ -19,8 +19,8 @@ from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario import load_scenario
 from nvscope.simulate.simulator import open_capture, simulate
 from tests.packets import document_of, tracked
-from tests.plc.collected import Collected, reported, run
-from tests.plc.comparison import differences
+from tests.simulate.collected import Collected, reported, run
+from tests.simulate.comparison import differences
 
 CAPTURES = Path(__file__).parent.parent / "captures"
 SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))

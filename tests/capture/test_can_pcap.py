@@ -12,8 +12,9 @@ import pytest
 
 from dissectors.batch import LinkType
 from nvscope.capture.open import open_sink, open_source
-from tests.capture import build, can_logs
-from tests.capture.can_logs import Frame, frames_of, line_of
+from tests.capture import build
+from tests.capture.can import logs
+from tests.capture.can.logs import Frame, frames_of, line_of
 from tests.capture.reference import Packet
 
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
@@ -25,11 +26,11 @@ def some_log(tmp_path: Path, count: int = 200) -> Path:
     for n in range(count):
         kind = chance.choices(("", "f", "r", "e"), (12, 3, 1, 1))[0]
         extended = kind != "e" and chance.random() < 0.3
-        size = 8 if kind == "e" else chance.choice(can_logs.FD_LENGTHS if kind == "f" else range(9))
+        size = 8 if kind == "e" else chance.choice(logs.FD_LENGTHS if kind == "f" else range(9))
         lines.append(
             line_of(
                 Frame(
-                    (can_logs.BASE_US + 100 * n) * 1000,
+                    (logs.BASE_US + 100 * n) * 1000,
                     f"can{n % 2}",
                     chance.randrange(1, 1 << (29 if extended else 9)),
                     "x" * extended + kind,
@@ -86,7 +87,7 @@ def test_interfaces_of_a_pcapng_file_are_channels(tmp_path: Path) -> None:
         return build.interface("<", link, options=build.option("<", 2, name) + build.option("<", 0, b""))
 
     can_bytes = struct.pack(">IB3x", 0x181, 2) + b"\1\2"
-    time = can_logs.BASE_US
+    time = logs.BASE_US
     raw = (
         build.section("<")
         + named(b"eth0", 1)

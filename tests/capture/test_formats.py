@@ -18,9 +18,9 @@ from nvscope.capture.reader import Reader
 from nvscope.capture.source import Attachment, FileSource
 from nvscope.cli.main import app
 from nvscope.errors import UnreadableInput, UsageError
-from tests.capture import can_logs
-from tests.capture.can_logs import Frame
-from tests.capture.test_candump_sink import batch_of
+from tests.capture.can import logs
+from tests.capture.can.logs import Frame
+from tests.capture.can.test_candump_sink import batch_of
 
 WRITTEN = [known for known in FORMATS if known.sink]
 FRAME = Frame(10**18, "can0", 0x123, "", 3, b"abc")
@@ -68,7 +68,7 @@ def test_what_a_sink_writes_is_told_as_its_format_and_read_by_its_reader(known: 
             sink.flush()
             # What was flushed can be read by others, before the file is closed.
             channel = "can0" if known.names_channels else ""
-            assert can_logs.frames_of(open_source([path])) == [FRAME._replace(channel=channel)]
+            assert logs.frames_of(open_source([path])) == [FRAME._replace(channel=channel)]
         (info,) = open_source([path]).infos
         assert info.format == known.name
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from tests.cli.test_project import nvscope
-from tests.tracker.can_bus_traffic import bus_traffic
-from tests.tracker.test_can_state import START_NS, Frame
+from tests.tracker.can.bus_traffic import bus_traffic
+from tests.tracker.can.test_state import START_NS, Frame
 
 S = 1_000_000_000
 

@@ -14,7 +14,7 @@ from nvscope.tracker.variables.values import Values
 from nvscope.view.documents.variables import variables_document
 from tests.definition.lists import INT, REAL, UNKNOWN, list_of, telegram
 from tests.packets import batch_of, observed
-from tests.tracker.test_values import START_NS
+from tests.tracker.variables.test_values import START_NS
 
 POINTER, BIT = SCALARS["POINTER"], SCALARS["BIT"]
 

@@ -19,7 +19,7 @@ from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
 from tests.definition.lists import LREAL, list_of
 from tests.packets import observed
-from tests.tracker.test_can_state import START_NS, Frame, batch
+from tests.tracker.can.test_state import START_NS, Frame, batch
 
 
 def on_can(name: str, cob_id: int, frames: int) -> ListDefinition:

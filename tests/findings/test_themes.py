@@ -22,7 +22,7 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind
 from nvscope.simulate.scenario import load_scenario
 from nvscope.tracker.event_kinds import EventKind
-from tests.plc.collected import reported
+from tests.simulate.collected import reported
 
 ROOT = Path(__file__).parents[2]
 PEERS, SCENARIOS = ROOT / "captures" / "peers" / "peers.pcap", ROOT / "tests" / "scenarios"

@@ -12,7 +12,7 @@ from tests.capture import build
 from tests.capture.reference import Packet
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import generate
-from tests.plc.collected import run
+from tests.simulate.collected import run
 
 _ROOT = Path(__file__).parents[2]
 CAPTURES = _ROOT / "captures"

@@ -20,7 +20,7 @@ from nvscope.view.fields.frame import EITHER_OF, FIELDS, PROTOCOLS, expression_n
 from tests.laws import examples
 from tests.oracle.traffic import LINKS, generate, mutate
 from tests.packets import Shown
-from tests.view.test_fields import rows_of, values
+from tests.view.fields.test_frame import rows_of, values
 
 ROOT = Path(__file__).parents[2]
 CAPTURES = ROOT / "captures"

@@ -13,7 +13,7 @@ from tests.dissectors.test_varieties import traffic
 from tests.laws import some
 from tests.packets import Batches, batch_of
 from tests.packets import cut as cut_into
-from tests.view.test_fields import rows_of
+from tests.view.fields.test_frame import rows_of
 
 EXPRESSIONS = [
     "nv.index == 7",

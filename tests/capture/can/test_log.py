@@ -22,8 +22,8 @@ from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.reader import ReadingSizes
 from nvscope.errors import UnreadableInput
-from tests.capture import can_logs
-from tests.capture.can_logs import Frame, frames_of, message_of
+from tests.capture.can import logs
+from tests.capture.can.logs import Frame, frames_of, message_of
 from tests.laws import examples, share_of, some
 
 _slow = examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
@@ -80,7 +80,7 @@ def compared(ours: list[Frame], theirs: list[tuple[object, ...]], knows_fd: bool
 @given(data=st.data())
 def test_frames_are_those_that_python_can_reads(tmp_path: Path, suffix: str, data: st.DataObject) -> None:
     fd = suffix in (*FD_FORMATS, ".log")
-    frames = can_logs.frames(fd=fd, remote=suffix != ".trc", error=suffix != ".trc")
+    frames = logs.frames(fd=fd, remote=suffix != ".trc", error=suffix != ".trc")
     log = sorted(data.draw(st.lists(frames, min_size=1, max_size=30)))
     log = [frame._replace(raw_dlc=0) for frame in log]
     path = tmp_path / f"a{suffix}"
@@ -118,7 +118,7 @@ def test_compressed_piped_and_under_another_name(tmp_path: Path, suffix: str) ->
 def some_frames(seed: int, count: int) -> list[Frame]:
     chance = random.Random(seed)
     frames = []
-    now = can_logs.BASE_US
+    now = logs.BASE_US
     for _ in range(count):
         now += chance.randrange(1, 5000)
         extended = chance.random() < 0.2
@@ -217,14 +217,14 @@ def test_damaged_logs_never_raise(tmp_path: Path, suffix: str, capfd: pytest.Cap
 
 
 def test_an_error_frame_keeps_what_the_log_tells(tmp_path: Path) -> None:
-    frame = Frame(1000 * can_logs.BASE_US, "can0", 0x88, "e", 8, bytes(range(8)))
+    frame = Frame(1000 * logs.BASE_US, "can0", 0x88, "e", 8, bytes(range(8)))
     for suffix in (".blf", ".csv", ".db"):
         (found,) = frames_of(CaptureFile(str(written(tmp_path / f"a{suffix}", [frame]))))
         assert found[2:] == frame[2:]
 
 
 def test_data_of_more_than_8_bytes_are_fd_where_the_format_cannot_say_so(tmp_path: Path) -> None:
-    frame = Frame(1000 * can_logs.BASE_US, "can0", 0x88, "f", 12, bytes(range(12)))
+    frame = Frame(1000 * logs.BASE_US, "can0", 0x88, "f", 12, bytes(range(12)))
     (found,) = frames_of(CaptureFile(str(written(tmp_path / "a.csv", [frame]))))
     assert (found.flags, found.length, found.data) == ("f", 12, bytes(range(12)))
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from dissectors.batch import PAD_BYTES, LinkType, PacketBatch
 from nvscope.capture.open import open_sink, open_source
 from nvscope.errors import UsageError
-from tests.capture import can_logs
-from tests.capture.can_logs import Frame, frames_of, line_of, message_of
+from tests.capture.can import logs
+from tests.capture.can.logs import Frame, frames_of, line_of, message_of
 
 CAN_ERR_BUSERROR = 0x80
 NAMES = ("can0", "vcan12", "PCAN_USBBUS1")
@@ -54,7 +54,7 @@ def write(path: Path, frames: list[Frame], cut: int = 0) -> None:
 
 
 _slow = settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], deadline=None)
-_logs = st.lists(can_logs.frames(channels=NAMES), max_size=60)
+_logs = st.lists(logs.frames(channels=NAMES), max_size=60)
 
 
 @_slow

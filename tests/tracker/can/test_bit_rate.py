@@ -12,8 +12,8 @@ from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import dissect_can
 from nvscope.tracker.can.bit_rate import USUAL_RATES, BackToBack
 from tests.laws import examples
-from tests.tracker.can_bus_traffic import bus_traffic
-from tests.tracker.test_can_state import START_NS, Frame, batch
+from tests.tracker.can.bus_traffic import bus_traffic
+from tests.tracker.can.test_state import START_NS, Frame, batch
 
 
 def found(frames: list[Frame], cut: int = 1 << 17, channel: int = 0) -> int | None:

@@ -10,16 +10,16 @@ import pytest
 from nvscope.simulate.scenario import load_scenario, read_scenario
 from tests.laws import some
 from tests.oracle.reference import SEVERITIES, reference_report
-from tests.plc.collected import run
-from tests.plc.comparison import differences
-from tests.plc.random_scenario import random_scenario
+from tests.simulate.collected import run
+from tests.simulate.comparison import differences
+from tests.simulate.random_scenario import random_scenario
 
 SCENARIOS = [
     path
     for path in sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
     if not load_scenario(path).channels
 ]
-"""Those of CAN: tests/plc/test_can_truth.py."""
+"""Those of CAN: tests/simulate/can/test_truth.py."""
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=[path.stem for path in SCENARIOS])

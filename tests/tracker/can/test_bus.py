@@ -20,13 +20,13 @@ from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
-from tests.dissectors.test_can_bits import classic_bits
+from tests.dissectors.can.test_bits import classic_bits
 from tests.laws import examples
 from tests.oracle.frame import Frame as Packet
 from tests.packets import batch_of, observed
 from tests.packets import cut as cut_into
-from tests.tracker.can_bus_traffic import bus_traffic
-from tests.tracker.test_can_state import START_NS, Frame, batch, traffic
+from tests.tracker.can.bus_traffic import bus_traffic
+from tests.tracker.can.test_state import START_NS, Frame, batch, traffic
 
 S = 1_000_000_000
 

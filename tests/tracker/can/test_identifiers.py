@@ -12,7 +12,7 @@ from dissectors.can.frame import dissect_can
 from dissectors.can.pdo import EXTENDED
 from nvscope.tracker.can.identifiers import CanIdentifiers
 from tests.laws import examples
-from tests.tracker.test_can_state import START_NS, Frame, batch
+from tests.tracker.can.test_state import START_NS, Frame, batch
 
 WORDS = [0, 0x181, 0x7FF, 0x8000_0181, 0x9FFF_FFFF, 0x4000_0181, 0x2000_0004]
 

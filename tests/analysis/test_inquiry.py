@@ -14,7 +14,7 @@ from nvscope.definition.project import Project, read_project
 from nvscope.errors import UsageError
 from tests.packets import Shown
 
-CAPTURES = Path(__file__).parents[1] / "captures"
+CAPTURES = Path(__file__).parents[2] / "captures"
 PLANT, PEERS = str(CAPTURES / "plant.pcapng.gz"), str(CAPTURES / "peers" / "peers.pcap")
 AXIS = [str(CAPTURES / "peers" / name) for name in ("axis.gvl", "axis_types.st")]
 PRESS, BENCH, HMI = "192.168.1.10", "192.168.1.99", "192.168.1.20"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from tests.plc.random_scenario import Table, toml
+from tests.simulate.random_scenario import Table, toml
 
 TRAFFIC = ("heartbeat", "emergency", "nmt", "sync", "time", "sdo", "frame", "remote", "fd")
 ERRORS = ("tx-timeout", "lost-arbitration", "controller", "protocol", "bus-error", "no-acknowledgement", "counters")

@@ -17,7 +17,7 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from tests.laws import examples
 from tests.packets import observed
-from tests.tracker.test_can_state import START_NS, Frame, batch
+from tests.tracker.can.test_state import START_NS, Frame, batch
 
 S = 1_000_000_000
 BUS_OFF, RESTARTED, CONTROLLER, COUNTERS, PROTOCOL = (0x2000_0000 | bit for bit in (0x40, 0x100, 0x4, 0x200, 0x8))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dissectors.can.frame import dissect_can
 from nvscope.tracker.can.canopen import CanOpen, CanOpenNode, Emergency
 from tests.laws import examples
-from tests.tracker.test_can_state import START_NS, Frame, batch
+from tests.tracker.can.test_state import START_NS, Frame, batch
 
 MS = 1_000_000
 STATES = {0, 4, 5, 127}

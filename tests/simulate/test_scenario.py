@@ -11,7 +11,7 @@ import pytest
 from nvscope.errors import ConfigurationError
 from nvscope.simulate.scenario import Duplicate, ListPlan, Scenario, document, load_scenario, read_scenario
 from nvscope.simulate.simulator import simulate
-from tests.plc.collected import Collected
+from tests.simulate.collected import Collected
 
 PLANT = """
 duration = "10s"

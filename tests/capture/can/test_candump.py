@@ -23,8 +23,9 @@ from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
 from nvscope.capture.reader import ReadingSizes
 from nvscope.errors import UnreadableInput
-from tests.capture import build, can_logs
-from tests.capture.can_logs import Frame, frames_of, line_of, unpacked
+from tests.capture import build
+from tests.capture.can import logs
+from tests.capture.can.logs import Frame, frames_of, line_of, unpacked
 from tests.capture.reference import Packet
 from tests.laws import share_of
 
@@ -89,7 +90,7 @@ def test_lines(tmp_path: Path, line: str, expected: Frame, end: str) -> None:
 
 @_slow
 @given(
-    log=st.lists(can_logs.frames(channels=NAMES), max_size=120),
+    log=st.lists(logs.frames(channels=NAMES), max_size=120),
     repeats=st.sampled_from((1, 40)),
     decimals=st.sampled_from((6, 9)),
     end=st.sampled_from(("\n", "\r\n", " R\n", " T\r\n")),
@@ -127,12 +128,12 @@ def test_what_was_written_is_read_for_any_cut_of_the_work(
 def some_log(seed: int, count: int) -> bytes:
     chance = random.Random(seed)
     lines = []
-    now = can_logs.BASE_US
+    now = logs.BASE_US
     for _ in range(count):
         now += chance.randrange(1, 500)
         kind = chance.choices(("", "f", "r"), (17, 2, 1))[0]
         extended = chance.random() < 0.2
-        data = chance.randbytes(chance.choice(can_logs.FD_LENGTHS if kind == "f" else (8, 8, 8, 4, 2, 0)))
+        data = chance.randbytes(chance.choice(logs.FD_LENGTHS if kind == "f" else (8, 8, 8, 4, 2, 0)))
         frame = Frame(
             1000 * now,
             chance.choice(NAMES),
@@ -282,11 +283,11 @@ def test_a_log_from_a_pipe(tmp_path: Path) -> None:
 
 
 def test_a_log_and_an_ethernet_capture_are_one_timeline(tmp_path: Path) -> None:
-    ethernet = [Packet(can_logs.BASE_US * 1000 + 2000 * n, 60, 1, bytes(60)) for n in range(300)]
+    ethernet = [Packet(logs.BASE_US * 1000 + 2000 * n, 60, 1, bytes(60)) for n in range(300)]
     blocks = [build.enhanced("<", packet.ts_ns // 1000, packet.data) for packet in ethernet]
     named = build.interface("<", options=build.option("<", 2, b"eth0") + build.option("<", 0, b""))
     (tmp_path / "eth.pcapng").write_bytes(build.section("<") + named + b"".join(blocks))
-    lines = [f"({can_logs.BASE_US // 10**6}.{2 * n + 1:06d}) can{n % 2} 181#{n:04X}\n" for n in range(300)]
+    lines = [f"({logs.BASE_US // 10**6}.{2 * n + 1:06d}) can{n % 2} 181#{n:04X}\n" for n in range(300)]
     (tmp_path / "can.log").write_text("".join(lines))
     source = open_source([str(tmp_path / "eth.pcapng"), str(tmp_path / "can.log")], batch_packets=50)
     found = [

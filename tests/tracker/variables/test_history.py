@@ -28,7 +28,7 @@ from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.packets import Batches, batch_of, observed
 from tests.packets import cut as cut_into
-from tests.tracker.test_values import POINTER, START_NS, seen, telegrams_of
+from tests.tracker.variables.test_values import POINTER, START_NS, seen, telegrams_of
 
 
 def shaken(sent: list[tuple[Frame, int, list[bytes]]], seed: int) -> list[tuple[Frame, int, list[bytes]]]:

@@ -10,7 +10,7 @@ import pytest
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario import load_scenario
 from nvscope.tracker.counters import LIST_COUNTERS
-from tests.plc.collected import run
+from tests.simulate.collected import run
 
 SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
 TAME = [path for path in SCENARIOS if not load_scenario(path).wild]

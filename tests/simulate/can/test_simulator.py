@@ -24,12 +24,12 @@ from nvscope.simulate.can.timeline import frames_bits, make_can_timeline
 from nvscope.simulate.scenario import load_scenario, read_scenario
 from nvscope.simulate.simulator import channels_of, open_capture, simulate
 from nvscope.simulate.timeline import make_timeline
-from tests.capture.can_logs import frames_of
-from tests.plc.collected import Collected, project_of
-from tests.plc.random_can_scenario import random_can_scenario
+from tests.capture.can.logs import frames_of
 from tests.program import run_text
+from tests.simulate.can.random_scenario import random_can_scenario
+from tests.simulate.collected import Collected, project_of
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 AXIS = '[[can_list]]\nname = "axis"\ncob_id = 0x110\nbytes = [8, 8, 4]\ninterval = "10ms"\n'
 SECOND = 'duration = "1s"\n'
 

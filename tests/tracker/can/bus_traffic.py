@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 from functools import cache
 
-from tests.dissectors.test_can_bits import classic_bits
-from tests.tracker.test_can_state import START_NS, Frame
+from tests.dissectors.can.test_bits import classic_bits
+from tests.tracker.can.test_state import START_NS, Frame
 
 
 @cache

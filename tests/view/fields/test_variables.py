@@ -38,8 +38,8 @@ from nvscope.view.fields.variables import variable_fields
 from nvscope.view.fields.vocabulary import vocabulary
 from nvscope.view.rows.frames import TelegramRows
 from tests.definition.lists import BOOL, INT, REAL, STATE, TIME, VARIABLES, list_of, telegram
-from tests.tracker.test_values import START_NS, telegrams_of
-from tests.view.test_fields import rows_of
+from tests.tracker.variables.test_values import START_NS, telegrams_of
+from tests.view.fields.test_frame import rows_of
 
 
 def seen(field: TelegramField, rows: TelegramRows) -> list[Any]:

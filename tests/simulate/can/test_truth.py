@@ -14,11 +14,11 @@ from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario import Scenario, load_scenario, read_scenario
 from nvscope.simulate.simulator import open_capture, simulate
 from tests.oracle.can_reference import DefinedList, findings, read
-from tests.plc.collected import project_of, reported
-from tests.plc.comparison import compare, differences
-from tests.plc.random_can_scenario import random_can_scenario
+from tests.simulate.can.random_scenario import random_can_scenario
+from tests.simulate.collected import project_of, reported
+from tests.simulate.comparison import compare, differences
 
-SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("can-*.toml"))
+SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("can-*.toml"))
 FINDINGS = set(CATALOGUE) - {"NV601", "NV605"}
 ALONE = [path for path in SCENARIOS if not load_scenario(path).node]
 

@@ -18,8 +18,8 @@ from nvscope.simulate.frames import LINKS
 from nvscope.simulate.scenario import Scenario, load_scenario, read_scenario
 from nvscope.simulate.simulator import packets, simulate
 from nvscope.simulate.timeline import make_timeline
-from tests.plc.collected import Collected, run
-from tests.plc.random_scenario import random_scenario
+from tests.simulate.collected import Collected, run
+from tests.simulate.random_scenario import random_scenario
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 LINK_BYTES = {"ethernet": 14, "raw": 0, "null": 4, "loop": 4, "sll": 16, "sll2": 20}
