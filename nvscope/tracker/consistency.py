@@ -52,9 +52,9 @@ class Consistency:
     def take(self, part: Consistency, share: Share) -> None:
         """Take over what a part has found of its share of the lists."""
         self.places.take(part.places, share.places)
-        self._counted_streams = max(self._counted_streams, part._counted_streams)
-        counted = share.keys.streams.high[: self._counted_streams].astype(np.int64)
-        self.places.streams[: len(self.places)] = np.bincount(counted, minlength=len(self.places))
+        # How many streams a place has is counted anew, with the next batch.
+        self._counted_streams = 0
+        self.places.streams[:] = 0
 
     def changed_shapes(self, rows: DataRows, changes: I64, keys: Keys) -> I64:
         """Return the rows whose shape changed, as ``observe`` does; ``changes`` are those of ``rows``."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +20,8 @@ from nvscope.engine.dealing import SplitBy, deal
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.findings.judge import judge
+from nvscope.simulate.scenario import load_scenario
+from nvscope.simulate.simulator import channels_of, simulate
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
@@ -27,16 +30,26 @@ from tests.definition.lists import INT, LREAL, list_of
 from tests.engine.test_observers import LAYOUTS, batches_of, reading_of
 from tests.laws import examples
 from tests.packets import Batches, cut, document_of
-from tests.tracker.can_bus_traffic import bus_traffic
-from tests.tracker.test_can_state import batch
+from tests.simulate.collected import Collected, project_of
+from tests.tracker.can.bus_traffic import bus_traffic
+from tests.tracker.can.test_state import batch
+
+SCENARIOS = sorted((Path(__file__).parents[1] / "scenarios").glob("*.toml"))
+CHANNELS = [f"can{number}" for number in range(5)]
+CAN_DEFINITION = Definition((replace(list_of([LREAL, INT, INT], list_id=0x181), protocol="CAN"),))
+CAN_LAYOUTS = Layouts(CAN_DEFINITION)
 
 
 def at_once_and_joined(
-    batches: Sequence[PacketBatch], parts: int, reading: Reading, layouts: Layouts = LAYOUTS
+    batches: Sequence[PacketBatch],
+    parts: int,
+    reading: Reading,
+    layouts: Layouts = LAYOUTS,
+    channels: Sequence[str] = CHANNELS,
 ) -> tuple[TrackerState, TrackerState]:
     """Return a state that was folded at once, and one that was folded in parts, of the same batches."""
     whole, parted = TrackerState(values=Values(layouts)), PartedState(parts, values=lambda: Values(layouts))
-    for _ in run(Batches(batches, [f"can{number}" for number in range(9)]), reading, [whole, parted]):
+    for _ in run(Batches(batches, channels), reading, [whole, parted]):
         pass
     return whole, parted.join()
 
@@ -76,8 +89,6 @@ def test_a_joined_state_goes_on_as_if_it_had_been_one(seed: int, parts: int) -> 
     assert shown(joined or parted.join()) == shown(whole)
 
 
-CAN_DEFINITION = Definition((replace(list_of([LREAL, INT, INT], list_id=0x181), protocol="CAN"),))
-CAN_LAYOUTS = Layouts(CAN_DEFINITION)
 CAN_FRAMES = (
     *((word, size) for word in (0x181, 0x182, 0x8000_0181) for size in (8, 8, 4)),
     *((word, 8) for word in (0x81, 0x2000_0040, 0x2000_0100, 0x2000_0204)),
@@ -101,6 +112,16 @@ def test_channels_joined_are_the_state_folded_at_once(seed: int, parts: int, cha
     reading = Reading(pdos=Pdos(CAN_DEFINITION).rules())
     batches = can_batches(random.Random(seed), channels)
     whole, joined = at_once_and_joined(batches, parts, reading, CAN_LAYOUTS)
+    assert shown(joined) == shown(whole)
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_parts_of_scenarios_joined_are_the_state_folded_at_once(path: Path, tmp_path: Path) -> None:
+    scenario, sink = load_scenario(path), Collected()
+    simulate(scenario, sink)
+    definition = project_of(scenario, tmp_path).definition or Definition()
+    reading, layouts = Reading(pdos=Pdos(definition).rules()), Layouts(definition)
+    whole, joined = at_once_and_joined(sink.batches, 3, reading, layouts, channels_of(scenario))
     assert shown(joined) == shown(whole)
 
 
