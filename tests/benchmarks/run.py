@@ -33,6 +33,7 @@ LUA_DISSECTOR = HERE / "dissector.lua"
 LUA_FIELDS = ("nv.index", "nv.subindex", "nv.counter", "nv.flags")
 SCAPY_FRAMES = 20_000
 START_UP_TELEGRAMS = 495  # and one frame in a hundred of other traffic: 500 frames
+KINDS = ("cyclic", "events")  # as in generate.py, which needs numpy
 FAST_LIMIT = 1_000_000
 SAMPLE_SECONDS = 0.02
 MIB = 1 << 20
@@ -348,12 +349,13 @@ def print_start_up(file: Path, runs: int, core: int) -> None:
         print("nvscope is not installed")
 
 
-def generate(folder: Path, telegrams: int, seed: int) -> tuple[Path, dict[str, Any]]:
+def generate(folder: Path, telegrams: int, seed: int, kind: str) -> tuple[Path, dict[str, Any]]:
     """Have the capture written by a process of its own; return it with what it holds."""
     progress(f"generating {telegrams:,} telegrams")
     command = python(
-        str(HERE / "generate.py"), "--telegrams", str(telegrams), "--seed", str(seed), "--dir", str(folder)
-    )
+        str(HERE / "generate.py"), "--telegrams", str(telegrams), "--seed", str(seed), "--kind", kind, "--dir",
+        str(folder),
+    )  # fmt: skip
     path = Path(subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip())
     progress("")
     return path, json.loads(path.with_suffix(".json").read_text())
@@ -401,6 +403,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3, help="timed runs of each tool; the median is shown")
     parser.add_argument("--start-up-runs", type=int, default=11)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kind", choices=KINDS, default=KINDS[0], help="how the lists of the plant are sent")
     parser.add_argument("--dir", type=Path, default=Path(tempfile.gettempdir()) / "nvscope-benchmarks")
     parser.add_argument("--only", nargs="+", metavar="WORD", help="only tools whose name contains one of these words")
     parser.add_argument(
@@ -421,7 +424,7 @@ def main() -> None:
     print(f"Whole processes on core {core}, median of {arguments.runs} runs in turn after one warm-up, file in cache.")
     tables: list[tuple[dict[str, Any], list[Row]]] = []
     for size in sizes:
-        file, truth = generate(arguments.dir, size, arguments.seed)
+        file, truth = generate(arguments.dir, size, arguments.seed, arguments.kind)
         rows = compare(file, truth, chosen, runs=arguments.runs, core=core, fast=arguments.fast)
         if tables:
             borrow(rows, tables[-1][1], truth["telegrams"] / tables[-1][0]["telegrams"])
@@ -429,7 +432,7 @@ def main() -> None:
         tables.append((truth, rows))
     if len(tables) > 1:
         print_growth(tables)
-    file, _ = generate(arguments.dir, START_UP_TELEGRAMS, arguments.seed)
+    file, _ = generate(arguments.dir, START_UP_TELEGRAMS, arguments.seed, arguments.kind)
     print_start_up(file, arguments.start_up_runs, core)
 
 
