@@ -53,7 +53,6 @@ class Consistency:
         """Take over what a part has found of its share of the lists."""
         self.places.take(part.places, share.places)
         # How many streams a place has is counted anew, with the next batch.
-        self._counted_streams = 0
         self.places.streams[:] = 0
 
     def changed_shapes(self, rows: DataRows, changes: I64, keys: Keys) -> I64:

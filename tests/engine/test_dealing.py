@@ -54,15 +54,17 @@ def at_once_and_joined(
     return whole, parted.join()
 
 
-def shown(state: TrackerState) -> tuple[Any, ...]:
+def shown(state: TrackerState, definition: Definition | None = None) -> tuple[Any, ...]:
     """Return all that a state says."""
     assert state.values is not None
     recent = state.senders.recent.percentiles((50, 99))
     of_streams = [column.tolist() for column in (recent.stream, recent.count, recent.least_ns, recent.most_ns)]
     percentiles = {percent: column.tolist() for percent, column in recent.at_ns.items()}
     end_ns = state.capture.end_ns
-    overdue = judge(state, at_ns=None if end_ns is None else end_ns + 10_000_000_000)
-    return document_of(state), overdue, variables_document(state, state.values), of_streams, percentiles
+    overdue = judge(state, at_ns=None if end_ns is None else end_ns + 10_000_000_000, definition=definition)
+    faults = state.buses.faults
+    of_frames = sorted(zip(*faults.keys.words, faults.rows.column("count"), strict=True))
+    return document_of(state), overdue, of_frames, variables_document(state, state.values), of_streams, percentiles
 
 
 @given(st.integers(0, 10_000), st.integers(1, 5), st.sampled_from([None, "nv.index == 7", "frame.number % 3 != 0"]))
@@ -92,7 +94,7 @@ def test_a_joined_state_goes_on_as_if_it_had_been_one(seed: int, parts: int) -> 
 CAN_FRAMES = (
     *((word, size) for word in (0x181, 0x182, 0x8000_0181) for size in (8, 8, 4)),
     *((word, 8) for word in (0x81, 0x2000_0040, 0x2000_0100, 0x2000_0204)),
-    (0, 2), (0x701, 1), (0x4000_0181, 0), (0x7FF, 8),
+    (0, 2), (0x701, 1), (0x4000_0181, 0), (0x7FF, 8), (0x7FF, 12),
 )  # fmt: skip
 
 
@@ -100,7 +102,8 @@ def can_batches(chance: random.Random, channels: int) -> list[PacketBatch]:
     """Return frames of lists, heartbeats, commands, emergencies, requests and errors on several channels, cut."""
     time_ns, frames = 1_700_000_000_000_000_000, []
     for _ in range(chance.choice([30, 400])):
-        time_ns += chance.choice([220_000, 1_000_000, 50_000_000])
+        # Squares of intervals of some hours and more are kept apart.
+        time_ns += chance.choices([220_000, 1_000_000, 50_000_000, 10**14], [10, 10, 10, 1])[0]
         word, size = chance.choice(CAN_FRAMES)
         frames.append((time_ns, chance.randrange(channels), word, chance.randbytes(size)))
     return cut(batch(frames), chance.choice([7, 64, 400]))
@@ -122,7 +125,7 @@ def test_parts_of_scenarios_joined_are_the_state_folded_at_once(path: Path, tmp_
     definition = project_of(scenario, tmp_path).definition or Definition()
     reading, layouts = Reading(pdos=Pdos(definition).rules()), Layouts(definition)
     whole, joined = at_once_and_joined(sink.batches, 3, reading, layouts, channels_of(scenario))
-    assert shown(joined) == shown(whole)
+    assert shown(joined, definition) == shown(whole, definition)
 
 
 @pytest.mark.parametrize("parts", [2, 3])
