@@ -7,7 +7,6 @@ the first of each kind, and everything that is not of the plain shape. What come
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -125,10 +124,6 @@ class SortedPackets:
 
     def __len__(self) -> int:
         return len(self.variety)
-
-
-Choose = Callable[[SortedPackets], Bool]
-"""Tells which packets of a batch hold telegrams that are chosen, as a mask with an entry a packet."""
 
 
 class Varieties:

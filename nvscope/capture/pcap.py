@@ -83,7 +83,8 @@ class PcapReader(RecordReader):
     """Reads the records of one pcap file."""
 
     def __init__(self, content: Content, sizes: ReadingSizes) -> None:
-        super().__init__(content, sizes, FILE_HEADER_BYTES)
+        super().__init__(content, sizes)
+        self.position = FILE_HEADER_BYTES
         head = content.head
         byte_order, self._unit_ns = MAGICS[head[:4]]
         if len(head) < FILE_HEADER_BYTES:

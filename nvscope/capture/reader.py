@@ -51,10 +51,10 @@ class Reader(ABC):
 
     attachments: Sequence[Attachment] = ()
 
-    def __init__(self, content: Content, sizes: ReadingSizes, position: int = 0) -> None:
+    def __init__(self, content: Content, sizes: ReadingSizes) -> None:
         self.content = content
         self.sizes = sizes
-        self.position = position
+        self.position = 0
         self.progress = Progress()
         self.channels: list[str] = []
 

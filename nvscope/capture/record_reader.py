@@ -43,8 +43,8 @@ class RecordReader(WindowReader):
 
     framing: Framing
 
-    def __init__(self, content: Content, sizes: ReadingSizes, position: int = 0) -> None:
-        super().__init__(content, sizes, position)
+    def __init__(self, content: Content, sizes: ReadingSizes) -> None:
+        super().__init__(content, sizes)
         self._record_bytes = 0.0
 
     @abstractmethod

@@ -48,7 +48,7 @@ class Share:
 
     @cached_property
     def lists(self) -> I64:
-        """The lists whose telegrams are dealt to this part; split by sender, those of CAN only."""
+        """The lists that are dealt to this part, where it is split by list."""
         return np.flatnonzero(self._lists)
 
     @cached_property
@@ -76,20 +76,20 @@ class Share:
         """The same as a mask."""
         keys = self.keys
         every = np.arange(len(keys.streams))
-        return self._owns(keys.places.high[keys.place_of(every)].astype(np.int64), keys.node_of(every))
+        return self.owns(keys.places.high[keys.place_of(every)].astype(np.int64), keys.node_of(every))
 
     @cached_property
     def owns_varieties(self) -> Bool:
         """The varieties of telegrams that are dealt to this part, as a mask."""
         varieties = self.keys.varieties
-        return self._owns(varieties.column("list"), varieties.column("node"))
+        return self.owns(varieties.column("list"), varieties.column("node"))
 
     @cached_property
     def _lists(self) -> Bool:
-        lists = np.arange(len(self.keys.lists))
-        return self._owns(lists, np.full(len(lists), -1))
+        return self.is_own(np.arange(len(self.keys.lists)))
 
-    def _owns(self, lists: I64, node: I64) -> Bool:
+    def owns(self, lists: I64, node: I64) -> Bool:
+        """Tell which telegrams of lists (-1 for none), sent by nodes (-1 for nobody), are dealt to this part."""
         if self.by is SplitBy.LIST:
             return self.is_own(lists)
         ports = self.keys.lists.high.astype(np.int64)
@@ -108,10 +108,7 @@ def _telegrams(told: Told, share: Share) -> Told:
     laid, own = told.laid, share.owns_varieties
     begun, rejected = laid.begun, laid.rejected
     mine = own[told.variety[begun.packet]]
-    if share.by is SplitBy.LIST:
-        back = np.flatnonzero(share.is_own(rejected.list))
-    else:
-        back = np.flatnonzero(share.is_own(rejected.node))
+    back = np.flatnonzero(share.owns(rejected.list, rejected.node))
     others = replace(
         laid,
         begun=Begun(begun.flow[mine], begun.packet[mine]),

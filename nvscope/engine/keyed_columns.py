@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, U64
+from dissectors.keys import KeyTable
 
 
 class KeyedColumns:
@@ -41,16 +43,25 @@ class KeyedColumns:
             grown[: len(old)] = old
             setattr(self, name, grown)
 
-    def put(self, row: I64, other: Self, other_row: I64) -> None:
-        """Make rows of this table, which is long enough, those of another one."""
-        for name in self.COLUMNS:
-            getattr(self, name)[row] = getattr(other, name)[other_row]
-
     def take(self, other: Self, row: I64) -> None:
         """Make rows of this table what they are in another one of the same keys; it may be shorter."""
         row = row[row < len(other)]
         self.resize(len(other))
-        self.put(row, other, row)
+        self._put(row, other, row)
+
+    def take_keyed(self, keys: KeyTable, other: Self, words: Sequence[U64]) -> I64:
+        """Take over all rows of another table, whose keys are ``words``; return their rows here.
+
+        ``keys`` are those of this table, and none of them is one of the other's.
+        """
+        row = keys.numbers(*words)
+        self.resize(len(keys))
+        self._put(row, other, np.arange(len(row)))
+        return row
+
+    def _put(self, row: I64, other: Self, other_row: I64) -> None:
+        for name in self.COLUMNS:
+            getattr(self, name)[row] = getattr(other, name)[other_row]
 
     def column(self, name: str) -> Any:
         """Return one column, cut to the rows in use."""

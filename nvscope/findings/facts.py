@@ -22,7 +22,8 @@ from nvscope.findings.unusual_intervals import UnusualIntervals
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.event_kinds import EventKind
-from nvscope.tracker.lists import event_parts
+from nvscope.tracker.events import EventLog
+from nvscope.tracker.lists import event_key, event_parts
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 
@@ -152,37 +153,38 @@ class Facts:
 
     @cached_property
     def _log(self) -> dict[EventKind, dict[Place, Events]]:
-        keys, rows = self.state.lists.events.keys, self.state.lists.events.rows
-        found: dict[EventKind, dict[Place, Events]] = defaultdict(dict)
-        for row, key in enumerate(zip(keys.high.tolist(), keys.low.tolist(), strict=True)):
-            event, *parts = event_parts(*key)
-            found[EventKind(event)][_place(*parts)] = events_of(rows, row)
-        return found
+        """What the tracker logged, by event and place."""
+        return _by_place(self.state.lists.events)
 
     @cached_property
     def _overdue(self) -> dict[EventKind, dict[Place, Events]]:
         """What is overdue and was shown by no frame, by event and place."""
-        found: dict[EventKind, dict[Place, Events]] = {}
         if not self.overdue:
-            return found
-        lists = self.state.lists
+            return {}
+        lists, log = self.state.lists, EventLog()
         over = lists.acknowledgement.overdue(self.at_ns)
         requests, nobody = over.requests, np.full(len(over.requests), -1)
         asked = self.state.keys.places.low[requests.place].astype(np.int64)
-        for event, places, deadline_ns, frame in (
+        for event, place, deadline_ns, frame in (
             (EventKind.NO_ACKNOWLEDGEMENT, lists.described(over.stream), over.deadline_ns, over.frame),
             (EventKind.BOOT_UP_UNANSWERED, (requests.list, nobody, asked), requests.deadline_ns, requests.frame),
         ):
-            own = found.setdefault(event, {})
             order = np.argsort(deadline_ns, kind="stable")
-            columns = (*places, deadline_ns, frame)
-            for *parts, time_ns, number in zip(*(column[order].tolist() for column in columns), strict=True):
-                place = _place(*parts)
-                one = Events(1, time_ns, time_ns, (number,))
-                own[place] = own[place].followed_by(one) if place in own else one
-        return found
+            words = event_key(event, *(column[order] for column in place))
+            log.record(deadline_ns[order], frame[order], *words)
+        log.settle()
+        return _by_place(log)
 
 
-def _place(list_number: int, node: int, subindex: int) -> Place:
-    """Return a place as findings have it; in keys, -1 stands for none."""
-    return tuple(None if part < 0 else part for part in (list_number, node, subindex))  # type: ignore[return-value]
+def _by_place(log: EventLog) -> dict[EventKind, dict[Place, Events]]:
+    """Return the events of a log that is keyed by ``nvscope.tracker.lists.event_key``."""
+    found: dict[EventKind, dict[Place, Events]] = defaultdict(dict)
+    for row, key in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
+        event, number, node, subindex = event_parts(*key)
+        found[EventKind(event)][_known(number), _known(node), _known(subindex)] = events_of(log.rows, row)
+    return found
+
+
+def _known(number: int) -> int | None:
+    """Return a part of a key as findings have it; in keys, -1 stands for none."""
+    return None if number < 0 else number

@@ -27,11 +27,6 @@ class CaptureSummary:
     until_ns: int | None = None
 
     @property
-    def choosable(self) -> int:
-        """How many telegrams and CAN frames there are, of which a filter chooses."""
-        return self.telegrams + self.can_frames
-
-    @property
     def at_ns(self) -> int | None:
         """Up to when time has passed, as far as that is known; None where nothing came yet."""
         known = [time_ns for time_ns in (self.end_ns, self.until_ns) if time_ns is not None]

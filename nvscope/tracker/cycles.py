@@ -113,9 +113,7 @@ class Cycles:
 
     def take(self, part: Cycles, share: Share) -> None:
         """Take over the cycles of a part's share of the senders."""
-        number = self.pairs.numbers(*part.pairs.words)
-        self.columns.resize(len(self.pairs))
-        self.columns.put(number, part.columns, np.arange(len(number)))
+        number = self.columns.take_keyed(self.pairs, part.columns, part.pairs.words)
         self.streams.take(part.streams, share.streams)
         stream = share.streams[share.streams < len(part.streams)]
         known = stream[part.streams.pair[stream] >= 0]

@@ -71,9 +71,7 @@ class Errors:
     def take(self, part: Errors, share: Share) -> None:
         """Take over the errors of a part's share of the lists."""
         self.of_list.take(part.of_list, share.lists)
-        member = self.members.numbers(*part.members.words)
-        self.of_member.resize(len(self.members))
-        self.of_member.put(member, part.of_member, np.arange(len(member)))
+        self.of_member.take_keyed(self.members, part.of_member, part.members.words)
 
 
 def _book(table: LastError, number: I64, time_ns: I64, own: I64, frame: I64, error: I64) -> None:

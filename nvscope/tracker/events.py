@@ -89,6 +89,4 @@ class EventLog:
 
         ``words`` are its keys as this one has them, by default the same.
         """
-        number = self.keys.numbers(*(words or part.keys.words))
-        self.rows.resize(len(self.keys))
-        self.rows.put(number, part.rows, np.arange(len(part.keys)))
+        self.rows.take_keyed(self.keys, part.rows, words or part.keys.words)

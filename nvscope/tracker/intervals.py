@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from nvscope.tracker.histograms import Histograms, StreamPercentiles
-from nvscope.tracker.recent import Recent
 from nvscope.tracker.timing import Timing
 
 CYCLIC_SPREAD_PERCENT = 50
@@ -51,18 +50,6 @@ class StreamIntervals:
             return IntervalFigures(0, nominal=nominal)
         timing, known = self._timing, _figures(row, nominal)
         return replace(known, mean=timing.mean_ns(stream), deviation=timing.deviation_ns(stream))
-
-
-class RecentIntervals:
-    """The intervals of all streams over the last minute, from one look at them: mean and deviation are not kept."""
-
-    def __init__(self, recent: Recent) -> None:
-        self._rows = _rows(recent.percentiles(_PERCENTS))
-
-    def of(self, stream: int, nominal: int | None = None) -> IntervalFigures:
-        """Return those of a stream; ``nominal`` is what is told of one that should have an interval."""
-        row = self._rows.get(stream)
-        return IntervalFigures(0, nominal=nominal) if row is None else _figures(row, nominal)
 
 
 _PERCENTS = (5, 50, 95, 99)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import ClassVar, TypeAlias
+from collections.abc import Callable, Iterator, Sequence
+from typing import ClassVar, TypeVar
 
 from nvscope.engine.dealing import Share, SplitBy, deal
 from nvscope.engine.reading import TIMEOUT_NS
@@ -16,7 +16,7 @@ from nvscope.tracker.senders import SenderState
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
 
-_Part: TypeAlias = ListState | SenderState | BusState
+AnyPart = TypeVar("AnyPart", ListState, SenderState, BusState)
 
 
 class PartedState:
@@ -43,22 +43,29 @@ class PartedState:
         """Take a batch, which follows those observed so far, and deal it out."""
         self._memory = told.laid.memory
         self._capture.observe(told)
-        parted: tuple[Sequence[_Part], ...] = (self._lists, self._senders, self._buses)
-        for parts in parted:
-            by = parts[0].SPLIT_BY
-            self._shares[by] = []
-            for part, (share, own) in zip(parts, deal(told, by, self._count), strict=True):
-                self._shares[by].append(share)
-                part.observe(own)
+        self._deal(told, self._lists)
+        self._deal(told, self._senders)
+        self._deal(told, self._buses)
+
+    def _deal(self, told: Told, parts: Sequence[AnyPart]) -> None:
+        by = parts[0].SPLIT_BY
+        self._shares[by] = []
+        for part, (share, own) in zip(parts, deal(told, by, self._count), strict=True):
+            self._shares[by].append(share)
+            part.observe(own)
 
     def join(self) -> TrackerState:
         """Return the parts as one state."""
         state = TrackerState(self._timeout_ns, values=self._values() if self._values else None)
         state.memory, state.capture = self._memory, self._capture
-        for part, share in zip(self._lists, self._shares.get(SplitBy.LIST, ()), strict=False):
+        for part, share in self._dealt(self._lists):
             state.lists.take(part, share)
-        for senders, share in zip(self._senders, self._shares.get(SplitBy.SENDER, ()), strict=False):
+        for senders, share in self._dealt(self._senders):
             state.senders.take(senders, share)
-        for buses, share in zip(self._buses, self._shares.get(SplitBy.BUS, ()), strict=False):
+        for buses, share in self._dealt(self._buses):
             state.buses.take(buses, share)
         return state
+
+    def _dealt(self, parts: Sequence[AnyPart]) -> Iterator[tuple[AnyPart, Share]]:
+        """Return parts with their shares; before the first batch, nothing is theirs."""
+        return zip(parts, self._shares.get(parts[0].SPLIT_BY, ()), strict=False)

@@ -131,10 +131,9 @@ class CanOpen:
 
     def take(self, part: CanOpen) -> None:
         """Take over the nodes of other channels."""
-        number = self._numbers(*(word.astype(np.uint32) for word in part._nodes.words))
-        self._columns.put(number, part._columns, np.arange(len(number)))
+        self._columns.take_keyed(self._nodes, part._columns, part._nodes.words)
 
-    def _numbers(self, channel: U16 | U32, node: U32 | U8) -> I64:
+    def _numbers(self, channel: U16, node: U32 | U8) -> I64:
         number = self._nodes.numbers(channel.astype(np.uint64), node.astype(np.uint64))
         self._columns.resize(len(self._nodes))
         return number

@@ -114,9 +114,7 @@ class CanErrors:
         """Take over the error frames of other channels."""
         self.classes.take(part.classes)
         self.all.take(part.all)
-        number = self._channels.numbers(*part._channels.words)
-        self._columns.resize(len(self._channels))
-        self._columns.put(number, part._columns, np.arange(len(number)))
+        self._columns.take_keyed(self._channels, part._columns, part._channels.words)
 
     def _count(self, details: ErrorDetails, channel: U64, number: I64, time_ns: I64, frame: I64) -> None:
         columns = self._columns

@@ -66,9 +66,7 @@ class CanIdentifiers:
 
     def take(self, part: CanIdentifiers) -> None:
         """Take over the identifiers of other channels."""
-        number = self.keys.numbers(*part.keys.words)
-        self.columns.resize(len(self.keys))
-        self.columns.put(number, part.columns, np.arange(len(number)))
+        self.columns.take_keyed(self.keys, part.columns, part.keys.words)
 
     def _numbers(self, frames: CanBatch) -> I64:
         """Return the rows of frames, adding those that are new, as they come."""

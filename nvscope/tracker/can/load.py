@@ -70,9 +70,7 @@ class CanLoad:
 
     def take(self, part: CanLoad, share: Share) -> None:
         """Take over the bits of a part's share of the channels."""
-        number = self.keys.numbers(*part.keys.words)
-        self.columns.resize(len(self.keys))
-        self.columns.put(number, part.columns, np.arange(len(number)))
+        self.columns.take_keyed(self.keys, part.columns, part.keys.words)
         self.identifiers.take(part.identifiers)
         self.back_to_back.take(part.back_to_back, share)
 
