@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dissectors.layout import Field, Layout
+from dissectors.layout import Bit, Field, Layout
 
 ETHERNET = Layout(
     "eth",
@@ -87,6 +87,27 @@ UDP = Layout(
         Field("checksum", ">u2", "Checksum", "of the datagram; 0 none", base="hex"),
     ),
 )
+TCP = Layout(
+    "tcp",
+    (
+        Field("source_port", ">u2", "Source port", "port of the sender"),
+        Field("destination_port", ">u2", "Destination port", "port of the receiver"),
+        Field("sequence", ">u4", "Sequence number", "of the first byte of data; of SYN the one before"),
+        Field("acknowledgement", ">u4", "Acknowledgement number", "of the next byte that the sender waits for"),
+        Field("offset", "u1", "Data offset", "upper four bits: header length in words of 4 bytes", base="hex"),
+        Field(
+            "flags", "u1", "Flags", "control bits", base="hex",
+            bits=(
+                Bit(0, "fin", "no more data"), Bit(1, "syn", "begins a connection"), Bit(2, "rst", "breaks it off"),
+                Bit(3, "psh", "push"), Bit(4, "ack", "the acknowledgement number holds"), Bit(5, "urg", "urgent"),
+            ),
+        ),
+        Field("window", ">u2", "Window", "bytes that the sender takes"),
+        Field("checksum", ">u2", "Checksum", "of the segment", base="hex"),
+        Field("urgent", ">u2", "Urgent pointer", "end of urgent data"),
+    ),
+)  # fmt: skip
+"""RFC 9293, section 3.1, without options."""
 EXTENSION = Layout(
     "ipv6.extension",
     (
@@ -102,7 +123,7 @@ TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL = 0x000C, 0x000D, 0x000E
 
 VLAN_TYPES = (0x8100, 0x88A8, 0x9100)
 FAMILIES_IPV6 = (24, 28, 30)  # NetBSD and OpenBSD, FreeBSD, Darwin
-PROTOCOL_ICMP, PROTOCOL_UDP, PROTOCOL_ICMPV6 = 1, 17, 58
+PROTOCOL_ICMP, PROTOCOL_TCP, PROTOCOL_UDP, PROTOCOL_ICMPV6 = 1, 6, 17, 58
 HOP_BY_HOP, ROUTING, FRAGMENT, AUTHENTICATION, DESTINATION_OPTIONS = 0, 43, 44, 51, 60
 UNREACHABLE_ICMP, UNREACHABLE_ICMPV6 = 3, 1
 ICMP_HEADER_BYTES = 8

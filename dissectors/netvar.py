@@ -18,8 +18,10 @@ from enum import IntEnum
 import numpy as np
 
 from dissectors.batch import I64, U8, U32, Bool, PacketBatch, Records
+from dissectors.claims import NO_CLAIMS, Claims
 from dissectors.layout import Bit, Field, Layout, take_rows
-from dissectors.link import DatagramBatch, Peeled, peel
+from dissectors.link import Peeled, peel
+from dissectors.transport import DatagramBatch
 
 PORT = 1202
 IDENTITY = 0x33532D00  # b"\x00-S3" read as a little-endian number
@@ -74,6 +76,12 @@ HEADER = Layout(
 KNOWN_SERVICE = np.isin(np.arange(102), [service.value for service in Service])
 """Mask over ID, whose last entry stands for everything above."""
 
+LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
+IS_PARAMETER = KNOWN_SERVICE.copy()
+"""Mask over ID, as ``KNOWN_SERVICE``: the services of the Parameter Manager, whose Index is not that of a list."""
+
+IS_PARAMETER[list(LIST_SERVICES)] = False
+
 LEAST_CAPTURED_BYTES = HEADER.offset_of("items")
 """A payload is told to be a telegram, and of which list, from its first 12 bytes."""
 
@@ -111,6 +119,11 @@ class TelegramBatch:
 
     def __len__(self) -> int:
         return len(self.fault)
+
+    @property
+    def row(self) -> I64:
+        """The rows of the packets."""
+        return self.datagram.row
 
     @property
     def truncated(self) -> Bool:
@@ -159,14 +172,16 @@ class PortRules:
         return (by_identity | chosen) & ~excluded
 
 
-def dissect(packets: PacketBatch, ports: PortRules | None = None, rows: I64 | None = None) -> Dissection:
+def dissect(
+    packets: PacketBatch, ports: PortRules | None = None, rows: I64 | None = None, claims: Claims = NO_CLAIMS
+) -> Dissection:
     """Find and read every telegram of a packet batch: on any port, by its identity, unless ``ports`` has it otherwise.
 
-    Where ``rows`` (rising) are given, only these packets are looked at. Total: wrong bytes are telegrams with a fault,
-    or no telegrams; nothing raises.
+    Where ``rows`` (rising) are given, only these packets are looked at; ``claims`` are as for ``peel``. Total: wrong
+    bytes are telegrams with a fault, or no telegrams; nothing raises.
     """
     packets = packets.with_margin()
-    peeled = peel(packets, rows)
+    peeled = peel(packets, rows, claims)
     telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES, ports)
     return Dissection(telegrams, _telegrams(packets, peeled.quoted, LEAST_QUOTED_BYTES, ports), peeled)
 

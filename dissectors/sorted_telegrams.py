@@ -14,23 +14,21 @@ import numpy as np
 from dissectors.batch import I64, U8, U16, Records
 from dissectors.headers import UDP
 from dissectors.layout import gather_bytes
-from dissectors.link import DatagramBatch
 from dissectors.netvar import HEADER, TelegramBatch
-from dissectors.varieties import SortedPackets
+from dissectors.sorter import SortedPackets
+from dissectors.transport import DatagramBatch
 
 
 class SortedTelegrams(TelegramBatch):
-    """The telegrams in some packets, ``rows``, of which each must hold one; the same as ``dissect`` gives of them.
-
-    Of CAN frames, the header is that of their variety.
-    """
+    """The telegrams in some packets, ``rows``, of which each must hold one; the same as ``dissect`` gives of them."""
 
     def __init__(self, batch: SortedPackets, rows: I64) -> None:
         # The base class is frozen, and its columns are made here when they are asked for.
-        self.__dict__.update(_batch=batch, _rows=rows)
+        self.__dict__.update(_batch=batch, _rows=rows, _part=batch.varieties.part[batch.variety[rows]])
 
     _batch: SortedPackets
     _rows: I64
+    _part: I64
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -41,7 +39,7 @@ class SortedTelegrams(TelegramBatch):
 
     @cached_property
     def datagram(self) -> DatagramBatch:
-        return _SortedDatagrams(self._batch, self._rows)
+        return _SortedDatagrams(self._batch, self._rows, self._part)
 
     @cached_property
     def ts_ns(self) -> I64:
@@ -49,44 +47,36 @@ class SortedTelegrams(TelegramBatch):
 
     @cached_property
     def header(self) -> Records:
-        varieties, variety = self._batch.varieties, self._batch.variety[self._rows]
-        on_can = np.flatnonzero(varieties.on_can[variety])
-        if not len(on_can):
-            return HEADER.gather(self.data, self.datagram.payload)
-        at = self.datagram.payload.copy()
-        at[on_can] = 0
-        header = HEADER.gather(self.data, at)
-        header[on_can] = varieties.header[variety[on_can]]
-        return header
+        return HEADER.gather(self.data, self.datagram.payload)
 
     @cached_property
     def fault(self) -> U8:
-        return self._batch.varieties.fault[self._batch.variety[self._rows]]
+        return self._batch.varieties.telegrams.fault[self._part]
 
 
 class _SortedDatagrams(DatagramBatch):
     """The datagrams of the same packets."""
 
-    def __init__(self, batch: SortedPackets, rows: I64) -> None:
-        self.__dict__.update(_batch=batch, row=rows, _variety=batch.variety[rows])
+    def __init__(self, batch: SortedPackets, rows: I64, part: I64) -> None:
+        self.__dict__.update(_batch=batch, row=rows, _part=part)
 
     _batch: SortedPackets
-    _variety: I64
+    _part: I64
 
     @cached_property
     def payload(self) -> I64:
-        common = self._batch.varieties.datagram.payload
-        return self._batch.packets.offset[self.row] + common[self._variety]
+        common = self._batch.varieties.telegrams.datagram.payload
+        return self._batch.packets.offset[self.row] + common[self._part]
 
     @cached_property
     def source_port(self) -> U16:
         dtype = np.dtype(UDP["source_port"].dtype)
-        at = np.maximum(self.payload - (UDP.size_bytes - UDP.offset_of("source_port")), 0)
+        at = self.payload - (UDP.size_bytes - UDP.offset_of("source_port"))
         return gather_bytes(self._batch.packets.data, at, dtype.itemsize).view(dtype).astype(np.uint16)
 
 
 def _common(name: str) -> cached_property[I64]:
-    return cached_property(lambda datagrams: getattr(datagrams._batch.varieties.datagram, name)[datagrams._variety])
+    return cached_property(lambda own: getattr(own._batch.varieties.telegrams.datagram, name)[own._part])
 
 
 for _field in fields(DatagramBatch):

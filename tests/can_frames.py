@@ -10,7 +10,7 @@ from nvscope.capture.open import open_source
 from nvscope.definition.model import Definition
 from nvscope.definition.pdos import Pdos
 from nvscope.engine.reading import Reading
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 from tests.packets import Shown
 
 
@@ -23,7 +23,7 @@ def batches_of_log(log: str) -> tuple[list[PacketBatch], list[str]]:
         return list(source), list(source.channels)
 
 
-def rows_of_log(log: str, definition: Definition | None = None) -> TelegramRows:
+def rows_of_log(log: str, definition: Definition | None = None) -> FrameRows:
     """Return the frames of a candump log, few enough to be one piece."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.log"

@@ -17,7 +17,7 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.view.display_filter import DisplayFilter, PacketChoice
 from nvscope.view.documents.report import report_document
-from nvscope.view.rows.frames import PacketRows, TelegramRows
+from nvscope.view.rows.frames import FrameRows, PacketRows
 from tests.oracle.frame import Frame
 
 AnyObserver = TypeVar("AnyObserver", bound=Observer)
@@ -83,7 +83,7 @@ class Shown:
         self._reading = reading or Reading(choose=PacketChoice(chosen) if chosen else None)
         self._rows = PacketRows(limit=limit)
 
-    def __iter__(self) -> Iterator[TelegramRows]:
+    def __iter__(self) -> Iterator[FrameRows]:
         return packets(self._source, self._reading, self._rows)
 
     @property

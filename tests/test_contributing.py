@@ -67,7 +67,7 @@ def test_a_name_is_defined_where_the_page_says(name: str) -> None:
 def test_the_floors_are_those_of_the_contract() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
     (contract,) = (contract for contract in settings["contracts"] if contract["type"] == "layers")
-    lines = [re.match(r"(\d+)  (\w+(?: \| \w+)*)(?:  |$)", line) for line in block("floors").splitlines()]
+    lines = [re.match(r"(\d+) +(\w+(?: \| \w+)*)(?:  |$)", line) for line in block("floors").splitlines()]
     shown = [(int(line[1]), line[2].split(" | ")) for line in lines if line]
     # Parentheses mark rooms that may be missing.
     layers = [re.findall(r"\w+", layer) for layer in contract["layers"]]

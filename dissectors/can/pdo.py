@@ -17,9 +17,6 @@ from dissectors.batch import U64, Bool
 from dissectors.can import frame as can
 from dissectors.can.frame import CanBatch, Fault
 
-ON_CAN = 1 << 16
-"""Ports from here on are no UDP ports: what is above is the number of a CAN channel."""
-
 EXTENDED = can.EXTENDED.mask
 """The bit by which the number of an extended identifier differs from that of a standard one."""
 

@@ -27,6 +27,8 @@ from nvscope.engine.run import Observer, run
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
 from nvscope.findings.finding import Finding
+from nvscope.protocols.protocol import Protocol
+from nvscope.protocols.table import PROTOCOLS, accumulators_of, dissectors_of, fields_of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary
 from nvscope.view.documents.report import report_document
@@ -71,7 +73,8 @@ class Inquiry:
 
     ``timeout_ns`` is how long an answer may take, None for what the project says. ``asked`` is the part of the captures
     that is read, None for all: frames are counted, and times told, from its first frame, as if nothing else had been
-    captured. Captures are opened when something is asked, and read from their beginning each time.
+    captured. ``protocols`` are those that are looked for. Captures are opened when something is asked, and read from
+    their beginning each time.
     """
 
     paths: Sequence[str]
@@ -80,6 +83,7 @@ class Inquiry:
     timeout_ns: int | None = None
     watch: Watch = _nobody
     asked: AskedRange | None = None
+    protocols: Sequence[Protocol] = PROTOCOLS
 
     @cached_property
     def layouts(self) -> Layouts | None:
@@ -109,7 +113,7 @@ class Inquiry:
 
             choose = PacketChoice(chosen)
         timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
-        return Reading(self.ports, self.pdos.rules(), choose, timeout_ns)
+        return Reading(self.ports, self.pdos.rules(), choose, timeout_ns, dissectors_of(self.protocols))
 
     def open(self) -> Source:
         """Return the captures, or the part of them that is asked for, as one source, to be read once."""
@@ -238,7 +242,7 @@ class Inquiry:
 
             taken = Values(self.layouts, wanted=values)
         source, reading = self.open(), self.reading(chosen)
-        state = TrackerState(reading.timeout_ns, values=taken)
+        state = TrackerState(reading.timeout_ns, values=taken, others=accumulators_of(self.protocols))
         observers: list[Observer] = [state]
         hops = None
         if compare and self.layouts is not None:
@@ -248,7 +252,7 @@ class Inquiry:
             observers.append(hops)
         for _ in self.run(source, observers, chosen):
             pass
-        found = snapshot(state, source, self.project, self.pdos)
+        found = snapshot(state, source, self.project, self.pdos, protocols=self.protocols)
         return Analysis(found.infos, state, found.summary, found.findings, taken, hops=hops)
 
     def session(self) -> Session[Snapshot]:
@@ -256,17 +260,17 @@ class Inquiry:
         from nvscope.engine.session import Session  # noqa: PLC0415
 
         source, reading = self.open(), self.reading()
-        state = TrackerState(reading.timeout_ns)
+        state = TrackerState(reading.timeout_ns, others=accumulators_of(self.protocols))
 
         def look() -> Snapshot:
-            return snapshot(state, source, self.project, self.pdos, overdue=True)
+            return snapshot(state, source, self.project, self.pdos, overdue=True, protocols=self.protocols)
 
         return Session(source, reading, [state], look)
 
     def _fields(self, verdicts: Verdicts | None) -> Mapping[str, TelegramField]:
         from nvscope.view.fields.vocabulary import vocabulary  # noqa: PLC0415
 
-        return vocabulary(self.layouts, self.names, verdicts)
+        return vocabulary(self.layouts, self.names, verdicts, fields_of(self.protocols))
 
     def _judged(self, expression: str, found: Analysis) -> DisplayFilter:
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415

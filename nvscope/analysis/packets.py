@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from nvscope.capture.source import Source
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
-from nvscope.view.rows.frames import PacketRows, TelegramRows
+from nvscope.view.rows.frames import FrameRows, PacketRows
 
 
 def packets(
     source: Source, reading: Reading, rows: PacketRows, progress: Callable[[], None] = lambda: None
-) -> Iterator[TelegramRows]:
+) -> Iterator[FrameRows]:
     """Yield the rows of a source, a piece at a time, until ``rows`` have as many as they want.
 
     ``progress`` is called after each piece and each batch, so also where nothing is shown.

@@ -10,6 +10,8 @@ from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
+from nvscope.protocols.protocol import Protocol
+from nvscope.protocols.table import PROTOCOLS
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary, summarize
 
@@ -28,8 +30,9 @@ class Snapshot:
 
 
 def snapshot(
-    state: TrackerState, source: Source, project: Project, pdos: Pdos | None = None, *, overdue: bool = False
-) -> Snapshot:
+    state: TrackerState, source: Source, project: Project, pdos: Pdos | None = None, *, overdue: bool = False,
+    protocols: Sequence[Protocol] = PROTOCOLS,
+) -> Snapshot:  # fmt: skip
     """Look at a state; nothing in it changes. ``overdue``: what nobody answered in time counts, frame or not."""
     definition = project.definition
     cob_ids = {cob_id for _, cob_id in (pdos or Pdos(definition)).by_cob_id}
@@ -40,6 +43,7 @@ def snapshot(
     infos = tuple(source.infos)
     at_ns = summary.capture.at_ns
     findings = judge(
-        state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition
-    )
+        state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition,
+        judges=[protocol.judge for protocol in protocols if protocol.judge],
+    )  # fmt: skip
     return Snapshot(summary, tuple(findings), infos, at_ns)

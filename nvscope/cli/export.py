@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from nvscope.export.lists import Lists
     from nvscope.view.fields.field import TelegramField
     from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
-    from nvscope.view.rows.frames import PacketRows, TelegramRows
+    from nvscope.view.rows.frames import FrameRows, PacketRows
 
 What = Literal["values", "telegrams"]
 Form = Literal["wide", "long"]
@@ -183,7 +183,7 @@ def _fields(names: Sequence[str], inquiry: Inquiry) -> Sequence[TelegramField]:
 
 
 def _write_telegrams(
-    pieces: Iterable[TelegramRows], fields: Sequence[TelegramField], path: str, files: Files
+    pieces: Iterable[FrameRows], fields: Sequence[TelegramField], path: str, files: Files
 ) -> None:  # fmt: skip
     from nvscope.export.files import format_of
     from nvscope.report.packets.records import Csv, JsonLines

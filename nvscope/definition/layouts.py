@@ -85,12 +85,12 @@ class Layouts:
     ) -> TelegramLayout | None:
         """Return one telegram of a list, None where the list does not have it.
 
-        Of several definitions it is the first that has the ``shape`` (Items and Length); if none has, or without a
-        shape, the first of all. Of a list that is left out, it is what is known of a telegram of this shape.
+        Of several definitions it is the first that has the ``shape`` (``TelegramLayout.shape``); if none has, or
+        without a shape, the first of all. Of a list that is left out, it is what is known of a telegram of this shape.
         """
         if shape and (port, index) in self._partly and (port, index) not in self._candidates:
             return known_part(self._partly[port, index], subindex, *shape)
         candidates = self.candidates_of(port, index)
         found = [layouts[subindex] if subindex < len(layouts) else None for layouts in candidates]
-        fitting = (layout for layout in found if layout and (layout.items, layout.length) == shape)
+        fitting = (layout for layout in found if layout and layout.shape == shape)
         return next(fitting, found[0] if found else None)

@@ -62,6 +62,11 @@ class TelegramLayout:
         return HEADER.size_bytes + self.layout.size_bytes
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """What tells it from others of its list: Items, and bytes of data."""
+        return self.items, self.layout.size_bytes
+
+    @property
     def unknown(self) -> Element | None:
         """The first element whose size nobody knows, so that nothing behind it can be placed."""
         return next((element for element in self.elements if not element.type.size_bytes), None)
@@ -115,16 +120,18 @@ def undescribed(cause: Element, size_bytes: int) -> Element:
     return Element(f"{cause.name} …", kind)
 
 
-def known_part(telegrams: Sequence[TelegramLayout], subindex: int, items: int, length: int) -> TelegramLayout | None:
-    """Return what is known of a telegram with these Items and Length, where sizes of some elements are not.
+def known_part(
+    telegrams: Sequence[TelegramLayout], subindex: int, items: int, size_bytes: int
+) -> TelegramLayout | None:
+    """Return what is known of a telegram with these Items and bytes of data, where sizes of some elements are not.
 
     The elements in front of the first such one stand where they are declared; from there on, all bytes are one element
     that nobody has described. None where the telegram is too short for what is known, or is all known and differs.
     """
     front, cause = _front(telegrams, subindex, _first_unknown(telegrams))
     if cause is None:
-        return front if (items, length) == (front.items, front.length) else None
-    rest = length - front.length
+        return front if (items, size_bytes) == front.shape else None
+    rest = size_bytes - front.layout.size_bytes
     if rest < 0 or items < len(front.elements):
         return None
     behind = (undescribed(cause, rest),) if rest else ()

@@ -14,7 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from dissectors.can.pdo import ON_CAN
+from dissectors.sorter import SortedPackets
+from dissectors.transport import NO_DATAGRAMS, NO_SEGMENTS
 from dissectors.varieties import NO_TELEGRAM
 from nvscope.engine.keys import Begun, Keys, Rejected
 from nvscope.engine.told import Told
@@ -59,7 +60,7 @@ class Share:
     @cached_property
     def places(self) -> I64:
         """The places of its lists."""
-        return np.flatnonzero(self._lists[self.keys.places.high.astype(np.int64)])
+        return np.flatnonzero(self._lists[self.keys.list_of_place(np.arange(len(self.keys.places)))])
 
     @cached_property
     def flows(self) -> I64:
@@ -76,7 +77,7 @@ class Share:
         """The same as a mask."""
         keys = self.keys
         every = np.arange(len(keys.streams))
-        return self.owns(keys.places.high[keys.place_of(every)].astype(np.int64), keys.node_of(every))
+        return self.owns(keys.list_of_place(keys.place_of(every)), keys.node_of(every))
 
     @cached_property
     def owns_varieties(self) -> Bool:
@@ -92,8 +93,7 @@ class Share:
         """Tell which telegrams of lists (-1 for none), sent by nodes (-1 for nobody), are dealt to this part."""
         if self.by is SplitBy.LIST:
             return self.is_own(lists)
-        ports = self.keys.lists.high.astype(np.int64)
-        channel = np.append(ports, 0)[lists] - ON_CAN
+        channel = np.append(self.keys.list_ports, 0)[lists]
         return self.is_own(np.where(node >= 0, node, channel))
 
 
@@ -115,15 +115,21 @@ def _telegrams(told: Told, share: Share) -> Told:
         count=np.where(own, laid.count, 0),
         data=laid.data.of(share.owns_streams),
         pdos=laid.pdos.of(share.owns_streams),
+        parameters=laid.parameters.of(own),
         rejected=Rejected(rejected.telegrams.take(back), rejected.list[back], rejected.node[back]),
     )
-    batch = replace(told.batch, variety=np.where(own[told.variety], told.variety, NO_TELEGRAM))
-    return told.part(batch, others)
+    variety = np.where(own[told.variety], told.variety, NO_TELEGRAM)
+    return told.part(replace(_of_no_list(told, share), variety=variety), others)
 
 
 def _channels(told: Told, share: Share) -> Told:
-    frames = told.can
-    if frames is None:
-        return told
-    own = np.flatnonzero(share.is_own(frames.channel.astype(np.int64)))
-    return told.part(replace(told.batch, can=frames.take(own) if len(own) else None), told.laid)
+    batch, frames = _of_no_list(told, share), told.can
+    if frames is not None:
+        own = np.flatnonzero(share.is_own(frames.channel.astype(np.int64)))
+        batch = replace(batch, can=frames.take(own) if len(own) else None)
+    return told.part(batch, told.laid)
+
+
+def _of_no_list(told: Told, share: Share) -> SortedPackets:
+    """Return the batch, with what was claimed beside telegrams and CAN frames in the first part alone."""
+    return told.batch if not share.part else replace(told.batch, datagrams=NO_DATAGRAMS, segments=NO_SEGMENTS)

@@ -13,20 +13,24 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import I64, U8, U32, U64, Bool
-from dissectors.can.pdo import ON_CAN, PdoRules
+from dissectors.can.pdo import PdoRules
+from dissectors.carried import Transport
 from dissectors.keys import KeyTable, first_rows
+from dissectors.layout import take_rows
 from dissectors.netvar import (
     ACKNOWLEDGE_WANTED,
     CHECKSUM_PRESENT,
     HEADER,
     IDENTITY_ASCII,
-    KNOWN_SERVICE,
+    IS_PARAMETER,
+    LIST_SERVICES,
     RESERVED_FLAGS,
     Fault,
     Service,
     TelegramBatch,
 )
-from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
+from dissectors.sorter import SortedPackets
+from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.list_key import ListKey
 
@@ -42,7 +46,7 @@ class FrameKind(IntEnum):
     HEADER_CUT = 5  # of which so little was captured that only its list is known
     PARAMETER = 6  # of the Parameter Manager: belongs to no list and is no flow
     NOTHING = 7  # no telegram at all, and CAN frames that carry no data
-    PDO = 8  # on CAN: data without header, sender and receiver
+    PDO = 8  # on CAN: data without sender and receiver
 
 
 NOBODY = -1
@@ -50,12 +54,6 @@ NOBODY = -1
 
 NOBODY_KEY = NOBODY % (1 << 64)
 """The same as the table of streams has it."""
-
-LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
-IS_PARAMETER = KNOWN_SERVICE.copy()
-"""Mask over ID, as ``KNOWN_SERVICE``: the services of the Parameter Manager."""
-
-IS_PARAMETER[list(LIST_SERVICES)] = False
 
 # Items, Length, Counter, Flags and Checksum are looked at as one 64-bit number, the signature.
 _SIGNATURE_AT = HEADER.offset_of("items")
@@ -71,15 +69,16 @@ def _shift(name: str) -> np.uint64:
 LENGTH_SHIFT, COUNTER_SHIFT = _shift("length"), _shift("counter")
 FLAGS_SHIFT, CHECKSUM_SHIFT = _shift("flags"), _shift("checksum")
 SHAPE_MASK = np.uint64(0xFFFFFFFF)
-"""The part of a signature that holds Items and Length."""
+"""The part of a signature that holds Items and Length; of a PDO, 0 and the bytes of data."""
 
 
 class VarietyColumns(KeyedColumns):
     """One row a variety of telegrams (``dissectors.varieties``): what it is to the tracker.
 
-    ``flow``, ``stream``, ``place``, ``list`` and ``subindex`` are -1 where it is of none; ``signature`` has a Counter
-    of 0. ``odd`` says that something in its header is to be noted, ``wants`` that a well-formed data telegram wants to
-    be acknowledged, ``signed`` that it has a checksum.
+    ``flow``, ``stream``, ``place``, ``list`` and ``subindex`` are -1 where it is of none; ``node`` is who sends it and
+    ``receiver`` to whom alone, ``NOBODY`` where that is not one; ``signature`` has a Counter of 0. ``odd`` says that
+    something in its header is to be noted, ``wants`` that a well-formed data telegram wants to be acknowledged,
+    ``signed`` that it has a checksum.
     """
 
     kind: U8
@@ -89,6 +88,7 @@ class VarietyColumns(KeyedColumns):
     list: I64
     subindex: I64
     node: I64
+    receiver: I64
     signature: U64
     odd: Bool
     wants: Bool
@@ -101,6 +101,7 @@ class VarietyColumns(KeyedColumns):
         "list": (np.int64(-1), 1),
         "subindex": (np.int64(-1), 1),
         "node": (np.int64(-1), 1),
+        "receiver": (np.int64(-1), 1),
         "signature": (np.uint64(0), 1),
         "odd": (np.False_, 1),
         "wants": (np.False_, 1),
@@ -176,16 +177,16 @@ class StreamKey(NamedTuple):
 class Keys:
     """The keys of all that was seen.
 
-    ``nodes`` are keyed by the halves of their address, ``lists`` by (port, Index), ``places`` by (list, SubIndex),
-    ``streams`` by (place, node), ``flows`` by (source, destination, place, kind). ``varieties`` tells of each variety
-    of the batch observed last what it is here. Ports are those of ``dissectors.varieties``, so that lists on CAN have
-    theirs; a stream on CAN has the node ``NOBODY``. ``pdos`` know what CAN channels are called.
+    ``nodes`` are keyed by the halves of their address, ``lists`` by (transport, port, identifier) as in
+    ``dissectors.carried``, ``places`` by (list, SubIndex), ``streams`` by (place, node), ``flows`` by (source,
+    destination, place, kind). ``varieties`` tells of each variety of the batch observed last what it is here. A stream
+    on CAN has the node ``NOBODY``. ``pdos`` know what CAN channels are called.
     """
 
     def __init__(self, pdos: PdoRules | None = None) -> None:
         self.channel = (pdos or PdoRules()).channel
         self.nodes = KeyTable()
-        self.lists = KeyTable()
+        self.lists = KeyTable(3)
         self.places = KeyTable()
         self.streams = KeyTable()
         self.flows = KeyTable(4)
@@ -208,9 +209,19 @@ class Keys:
         quoted = quoted if mine.all() else quoted.take(mine)
         datagram = quoted.datagram
         lists = self.lists.numbers(
-            datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64)
+            np.full(len(quoted), Transport.UDP, np.uint64),
+            datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64),
         )  # fmt: skip
         return Rejected(quoted, lists, self.nodes.numbers(datagram.source_hi, datagram.source_lo))
+
+    @property
+    def list_ports(self) -> I64:
+        """The ports of the lists, on CAN their channels, by number."""
+        return self.lists.words[1].astype(np.int64)
+
+    def list_of_place(self, place: I64) -> I64:
+        """Return the lists of places."""
+        return self.places.high[place].astype(np.int64)
 
     def place_of(self, stream: I64) -> I64:
         """Return the places of streams."""
@@ -222,8 +233,8 @@ class Keys:
 
     def list_key(self, number: int) -> ListKey:
         """Return the key of a list."""
-        port = int(self.lists.high[number])
-        return self.channel(port - ON_CAN) if port >= ON_CAN else port, int(self.lists.low[number])
+        transport, port, identifier = (int(word[number]) for word in self.lists.words)
+        return self.channel(port) if transport == Transport.CAN else port, identifier
 
     def place_key(self, stream: int) -> tuple[ListKey, int]:
         """Return list and SubIndex of a stream."""
@@ -247,38 +258,56 @@ class Keys:
         first = fresh[first_rows(batch.variety[fresh] - known, len(varieties) - known)]
         order = np.argsort(first)
         new, row = order + known, first[order]
-        header, datagram = varieties.header[new], varieties.datagram.take(new)
-        kind = kinds(header["id"], varieties.fault[new])
-        kind[varieties.on_can[new]] = FrameKind.NOTHING
-        kind[varieties.is_pdo[new]] = FrameKind.PDO
+        on_udp = varieties.carried.transport[new] == Transport.UDP
+        kind = np.full(len(new), FrameKind.NOTHING, np.uint8)
+        self._describe_telegrams(varieties, new[on_udp], kind, np.flatnonzero(on_udp))
+        self._describe_frames(varieties, new[~on_udp], kind, np.flatnonzero(~on_udp))
+        columns.kind[new] = kind
+        own = np.flatnonzero((kind != FrameKind.PARAMETER) & (kind != FrameKind.NOTHING))
+        return self._number(varieties, new[own], row[own])
+
+    def _describe_telegrams(self, varieties: Varieties, new: I64, kind: U8, at: I64) -> None:
+        """Fill in what headers tell of varieties on UDP, and what they are, into ``kind`` at some places."""
+        part, columns = varieties.part[new], self.varieties
+        common = varieties.telegrams
+        header, datagram = take_rows(common.header, part), common.datagram.take(part)
+        own = kinds(header["id"], common.fault[part])
+        kind[at] = own
         flags = header["flags"]
         signature = header.view(_SIGNATURE)["signature"].astype(np.uint64)
-        columns.kind[new] = kind
         columns.signature[new] = signature & ~(np.uint64(0xFFFF) << COUNTER_SHIFT)
         columns.odd[new] = (
-            (varieties.fault[new] != Fault.NONE) | varieties.truncated[new] | (header["identity"] == IDENTITY_ASCII)
+            (common.fault[part] != Fault.NONE) | common.truncated[part] | (header["identity"] == IDENTITY_ASCII)
             | ((flags & RESERVED_FLAGS) != 0)
         )  # fmt: skip
-        columns.odd[new[varieties.on_can[new]]] = False
-        is_data = kind == FrameKind.DATA
+        is_data = own == FrameKind.DATA
         columns.wants[new] = is_data & ((flags & ACKNOWLEDGE_WANTED.mask) != 0)
         columns.signed[new] = is_data & ((flags & CHECKSUM_PRESENT.mask) != 0)
-        is_data |= kind == FrameKind.PDO
-        source = np.full(len(new), NOBODY)
-        sent = np.flatnonzero(~varieties.on_can[new])
-        source[sent] = self.nodes.numbers(datagram.source_hi[sent], datagram.source_lo[sent])
-        columns.node[new] = source
-        own = np.flatnonzero((kind != FrameKind.PARAMETER) & (kind != FrameKind.NOTHING))
-        new, row, kind, source, is_data = new[own], row[own], kind[own], source[own], is_data[own]
-        header, datagram = header[own], datagram.take(own)
-        unicast = np.flatnonzero(~datagram.broadcast & (kind != FrameKind.PDO))
-        destination = np.full(len(new), -1)
-        destination[unicast] = self.nodes.numbers(datagram.destination_hi[unicast], datagram.destination_lo[unicast])
-        lists = self.lists.numbers(varieties.port[new].astype(np.uint64), varieties.index[new].astype(np.uint64))
-        place = self.places.numbers(lists.astype(np.uint64), header["subindex"].astype(np.uint64))
+        columns.node[new] = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
+        alone = np.flatnonzero(~datagram.broadcast)
+        columns.receiver[new[alone]] = self.nodes.numbers(
+            datagram.destination_hi[alone], datagram.destination_lo[alone]
+        )
+
+    def _describe_frames(self, varieties: Varieties, new: I64, kind: U8, at: I64) -> None:
+        """Fill in what is known of varieties on CAN, as for telegrams: nobody knows who sends them."""
+        pdo = varieties.carried.is_data[new]
+        kind[at[pdo]] = FrameKind.PDO
+        self.varieties.node[new] = self.varieties.receiver[new] = NOBODY
+        self.varieties.signature[new] = varieties.carried.size_bytes[new].astype(np.uint64) << LENGTH_SHIFT
+
+    def _number(self, varieties: Varieties, new: I64, row: I64) -> Begun:
+        """Number lists, places, streams and flows of new varieties that are of a list; return the flows that begin."""
+        columns, carried = self.varieties, varieties.carried.take(new)
+        kind, source, destination = columns.kind[new], columns.node[new], columns.receiver[new]
+        is_data = (kind == FrameKind.DATA) | (kind == FrameKind.PDO)
+        lists = self.lists.numbers(*(
+            word.astype(np.uint64) for word in (carried.transport, carried.port, carried.identifier)
+        ))  # fmt: skip
+        place = self.places.numbers(lists.astype(np.uint64), carried.subindex.astype(np.uint64))
         stream = np.full(len(new), -1)
         stream[is_data] = self.streams.numbers(place[is_data].astype(np.uint64), source[is_data].view(np.uint64))
-        columns.list[new], columns.subindex[new] = lists, header["subindex"]
+        columns.list[new], columns.subindex[new] = lists, carried.subindex
         columns.place[new], columns.stream[new] = place, stream
         flows = len(self.flows)
         flow = self.flows.numbers(

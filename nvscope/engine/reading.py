@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dissectors.batch import Bool
 from dissectors.can.pdo import PdoRules
+from dissectors.dissector import Dissector
 from dissectors.netvar import PortRules
 
 if TYPE_CHECKING:
@@ -26,10 +27,12 @@ class Reading:
 
     ``ports`` decide by hand which UDP payloads are telegrams, None: by their identity. ``pdos`` say which lists CAN
     frames belong to. ``choose`` is the filter, None without one: it changes what is shown, and no figure.
-    ``timeout_ns`` is how long an answer may take.
+    ``timeout_ns`` is how long an answer may take. ``dissectors`` read the protocols that have ports of their own, the
+    first one first where several could.
     """
 
     ports: PortRules | None = None
     pdos: PdoRules = field(default_factory=PdoRules)
     choose: Choose | None = None
     timeout_ns: int = TIMEOUT_NS
+    dissectors: tuple[Dissector, ...] = ()

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from dissectors.batch import PacketBatch
-from dissectors.varieties import SortedPackets, Sorter
+from dissectors.claims import Claims
+from dissectors.sorter import SortedPackets, Sorter
 from nvscope.engine.keys import FrameKind, Keys
+from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.reading import Reading
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Laid, Told
@@ -28,7 +30,8 @@ class Recogniser:
         self, reading: Reading, channels: Callable[[], Sequence[str]] = lambda: (), *, by_stream: bool = True
     ) -> None:
         self._reading = replace(reading, pdos=replace(reading.pdos, names=channels))
-        self._sorter = Sorter(reading.ports, self._reading.pdos)
+        claims = Claims.of(dissector.claims for dissector in reading.dissectors)
+        self._sorter = Sorter(reading.ports, self._reading.pdos, claims)
         self._keys = Keys(self._reading.pdos) if by_stream else None
         self._memory = StreamMemory()
         self._frames = 0
@@ -52,6 +55,7 @@ class Recogniser:
             batch, first_frame=self._frames + 1, start_ns=self._start_ns, before_ns=self._last_ns,
             pdos=self._reading.pdos, choose=self._reading.choose,
             laid=None if self._keys is None else self._lay_out(batch, self._keys), until_ns=until_ns,
+            dissectors=self._reading.dissectors,
         )  # fmt: skip
         if len(batch):
             self._frames += len(batch)
@@ -63,4 +67,5 @@ class Recogniser:
         count = np.bincount(batch.variety, minlength=len(keys.varieties))
         data = self._memory.rows(batch, count, keys)
         pdos = self._memory.rows(batch, count, keys, FrameKind.PDO)
-        return Laid(keys, begun, count, data, pdos, keys.rejected(batch.quoted), self._memory)
+        parameters = ParameterRows.in_batch(batch, count, keys)
+        return Laid(keys, begun, count, data, pdos, parameters, keys.rejected(batch.quoted), self._memory)

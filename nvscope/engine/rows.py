@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, U16, U64, Bool
 from dissectors.layout import gather_bytes
-from dissectors.varieties import SortedPackets
+from dissectors.sorter import SortedPackets
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import COUNTER_SHIFT, FrameKind, Keys
 from nvscope.engine.runs import order_by, runs_of_lengths, spans
@@ -144,7 +144,7 @@ class StreamMemory:
         inner = np.flatnonzero(rows.counter[1:] == rows.counter[:-1]) + 1
         inner = inner[rows.stream[inner] == rows.stream[inner - 1]]
         if len(inner):
-            signature, length = keys.varieties.signature, batch.varieties.datagram.captured_bytes
+            signature, length = keys.varieties.signature, batch.varieties.carried.captured_bytes
             now, previous = rows.variety[inner], rows.variety[inner - 1]
             inner = inner[(signature[now] == signature[previous]) & (length[now] == length[previous])]
             again[inner] = _equal_payloads(batch, rows, inner)
@@ -165,17 +165,19 @@ def _signatures(rows: DataRows, which: I64, keys: Keys) -> U64:
 
 def _payload(batch: SortedPackets, packet: int, variety: int) -> bytes:
     """Return a copy of the captured bytes of one telegram."""
-    datagram = batch.varieties.datagram
-    start = int(batch.packets.offset[packet]) + int(datagram.payload[variety])
-    return batch.packets.data[start : start + int(datagram.captured_bytes[variety])].tobytes()
+    datagram, part = batch.varieties.telegrams.datagram, int(batch.varieties.part[variety])
+    start = int(batch.packets.offset[packet]) + int(datagram.payload[part])
+    return batch.packets.data[start : start + int(datagram.captured_bytes[part])].tobytes()
 
 
 def _equal_payloads(batch: SortedPackets, rows: DataRows, which: I64) -> Bool:
     """Tell which rows have the payload of the row before, which is as long; many of the same length at a time."""
     equal = np.zeros(len(which), np.bool_)
-    datagram, packets = batch.varieties.datagram, batch.packets
-    length = datagram.captured_bytes[rows.variety[which]]
-    payload = [packets.offset[rows.packet[row]] + datagram.payload[rows.variety[row]] for row in (which, which - 1)]
+    datagram, part, packets = batch.varieties.telegrams.datagram, batch.varieties.part, batch.packets
+    length = datagram.captured_bytes[part[rows.variety[which]]]
+    payload = [
+        packets.offset[rows.packet[row]] + datagram.payload[part[rows.variety[row]]] for row in (which, which - 1)
+    ]
     for size in np.unique(length).tolist():
         places = np.flatnonzero(length == size)
         for begin in range(0, len(places), _COMPARE_ROWS):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +11,12 @@ import numpy as np
 from dissectors.batch import I64, U16, Bool, PacketBatch
 from dissectors.can.frame import CanBatch
 from dissectors.can.pdo import PdoRules
+from dissectors.dissector import Dissector, Part
 from dissectors.netvar import TelegramBatch
-from dissectors.varieties import NO_TELEGRAM, SortedPackets, Varieties
+from dissectors.sorter import SortedPackets
+from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.keys import Begun, Keys, Rejected
+from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.reading import Choose
 from nvscope.engine.rows import DataRows, StreamMemory
 
@@ -22,8 +26,9 @@ class Laid:
     """The telegrams of a batch laid out by stream.
 
     ``keys`` number what they are of, ``begun`` are the flows that begin here, ``count`` is how many telegrams there are
-    of each variety. ``data`` are the well-formed data telegrams, ``pdos`` the data frames of CAN, ``rejected`` the
-    telegrams that came back. ``memory`` is what is known of the streams up to the end of the batch.
+    of each variety. ``data`` are the well-formed data telegrams, ``pdos`` the data frames of CAN, ``parameters`` the
+    telegrams of the Parameter Manager, ``rejected`` the telegrams that came back. ``memory`` is what is known of the
+    streams up to the end of the batch.
     """
 
     keys: Keys
@@ -31,6 +36,7 @@ class Laid:
     count: I64
     data: DataRows
     pdos: DataRows
+    parameters: ParameterRows
     rejected: Rejected
     memory: StreamMemory
 
@@ -41,7 +47,8 @@ class Told:
     ``batch`` tells each packet by its variety. ``first_frame`` is the number of its first packet in the capture, from
     1; ``start_ns`` the time of the capture's first frame, ``before_ns`` that of the frame before this batch (of the
     first one: its own). ``until_ns`` says that time has passed up to then, behind the packets; None where only they
-    tell. ``pdos`` know which lists CAN frames belong to, and what channels are called.
+    tell. ``pdos`` know which lists CAN frames belong to, and what channels are called; ``dissectors`` read the
+    protocols that have ports of their own.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
     """
@@ -49,6 +56,7 @@ class Told:
     def __init__(
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
         choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
+        dissectors: Sequence[Dissector] = (),
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -56,6 +64,7 @@ class Told:
         self.before_ns = before_ns
         self.until_ns = until_ns
         self.pdos = pdos
+        self.dissectors = dissectors
         self._choose = choose
         self._laid = laid
 
@@ -68,6 +77,7 @@ class Told:
         return Told(
             batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
             choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
+            dissectors=self.dissectors,
         )  # fmt: skip
 
     @property
@@ -99,14 +109,35 @@ class Told:
         return self.batch.quoted
 
     @cached_property
+    def parts(self) -> Mapping[str, Part]:
+        """What the protocols with ports of their own found in the batch, by name; only those that found something.
+
+        A frame is of one of them alone: of the first that reads it.
+        """
+        found: dict[str, Part] = {}
+        free = np.ones(len(self), np.bool_) if self.dissectors else None
+        for dissector in self.dissectors:
+            part = dissector.part_of(self.packets, self.batch.datagrams, self.batch.segments)
+            assert free is not None
+            if not free[part.row].all():
+                part = part.take(free[part.row])
+            if len(part):
+                found[dissector.name] = part
+                free[part.row] = False
+        return found
+
+    @cached_property
     def chosen(self) -> Bool | None:
         """Which packets hold telegrams that the filter chooses, shape (n,); None without a filter."""
         return None if self._choose is None else self._choose(self)
 
     @cached_property
     def recognised(self) -> I64:
-        """The packets that hold a telegram, or are a CAN frame, rising."""
-        return np.flatnonzero(self.variety != NO_TELEGRAM)
+        """The packets in which something was found, a telegram, a CAN frame or what a protocol reads, rising."""
+        own: Bool = self.variety != NO_TELEGRAM
+        for part in self.parts.values():
+            own[part.row] = True
+        return np.flatnonzero(own)
 
     @property
     def laid(self) -> Laid:

@@ -14,7 +14,7 @@ from nvscope.export.arrays import LABEL, MOMENT, arrow_type, labels
 from nvscope.export.files import TableFile
 from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.view.fields.field import TelegramField
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 
 GROUP_ROWS = 1 << 17
 GROUP_BYTES = 32 << 20
@@ -34,7 +34,7 @@ class TelegramTable:
         """Say where to write, to a file of ``schema``."""
         self._file = file
 
-    def add(self, rows: TelegramRows) -> None:
+    def add(self, rows: FrameRows) -> None:
         """Take some telegrams."""
         arrays = [_array(field, rows) for field in self._fields]
         table = pa.table(arrays, schema=self.schema)
@@ -67,8 +67,8 @@ def _type(field: TelegramField) -> Any:
     return arrow_type(field.type, {FieldType.REAL: "f8", FieldType.SIGNED: "i8"}.get(field.type, "u8"))
 
 
-def _array(field: TelegramField, rows: TelegramRows) -> Any:
-    column, known = field.read(rows), field.known(rows)
+def _array(field: TelegramField, rows: FrameRows) -> Any:
+    column, known = field.column(rows), field.exists(rows)
     if isinstance(column, AddressColumn):
         pairs, place = np.unique(np.stack([column.high, column.low]), axis=1, return_inverse=True)
         return labels(place.reshape(-1), [address.text(*pair) for pair in pairs.T.tolist()], known)

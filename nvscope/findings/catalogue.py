@@ -26,7 +26,7 @@ THEMES = (
 )  # fmt: skip
 
 
-def _rows_of(theme: ModuleType) -> list[FindingKind]:
+def rows_of(theme: ModuleType) -> list[FindingKind]:
     """Return the rows of the catalogue that stand in a module."""
     return [value for value in vars(theme).values() if isinstance(value, FindingKind)]
 
@@ -39,4 +39,4 @@ def _gathered(kinds: Iterable[FindingKind]) -> Mapping[str, FindingKind]:
     return MappingProxyType(by_code)
 
 
-CATALOGUE = _gathered(kind for theme in THEMES for kind in _rows_of(theme))
+CATALOGUE = _gathered(kind for theme in THEMES for kind in rows_of(theme))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from nvscope.capture.source import SourceInfo
@@ -27,7 +27,9 @@ from nvscope.tracker.summary import ListSummary, Summary, summarize
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
 
-JUDGES = (
+Judge = Callable[[Facts], Iterable[Finding]]
+
+JUDGES: tuple[Judge, ...] = (
     judge_headers, judge_loss, judge_answers, judge_consistency, judge_definition, judge_timing, judge_cob_ids,
     judge_can, judge_buses, judge_capture,
 )  # fmt: skip
@@ -41,17 +43,18 @@ def judge(
     at_ns: int | None = None,
     limits: Limits | None = None,
     definition: Definition | None = None,
+    judges: Sequence[Judge] = (),
 ) -> list[Finding]:
     """Return the findings on a state: worst first, then by code, list, node and SubIndex.
 
     ``at_ns`` is the time to judge at: then what is overdue counts, too. By default it is the latest time that is known
     to have passed, and what waits at the end stays open. ``definition`` is what should be on the wire. A ``summary``
-    that is given is to know of its intervals too.
+    that is given is to know of its intervals too. ``judges`` judge beside those that always do.
     """
     summary = summary or summarize(state, intervals_ns=definition.cyclic_intervals_ns() if definition else {})
     now = summary.capture.at_ns if at_ns is None else at_ns
     facts = Facts(state, summary, sources, now or 0, limits or Limits(), definition, overdue=at_ns is not None)
-    found = [finding for judge_some in JUDGES for finding in judge_some(facts)]
+    found = [finding for judge_some in (*JUDGES, *judges) for finding in judge_some(facts)]
     everything: list[ListSummary | CanListSummary] = [*summary.can.lists, *summary.lists]
     places = {entry.number: list_order((entry.port, entry.index)) for entry in everything}
 

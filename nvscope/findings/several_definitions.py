@@ -92,7 +92,7 @@ class _Sender:
         layouts = self.candidates[place]
         if stream.subindex >= len(layouts):
             return None
-        return layouts[stream.subindex].items, layouts[stream.subindex].length
+        return layouts[stream.subindex].shape
 
     def verdict(self) -> Iterator[Mismatch]:
         """Yield, where a definition fits all telegrams, that others do not, or mean something else."""
@@ -226,9 +226,7 @@ class _Sender:
 def _fitted(values: Values, stream: int) -> dict[Shape | None, Events]:
     """Return the telegrams of a stream by the shape of a definition that they have, None for those that have none."""
     found: dict[Shape | None, Events] = {
-        (fitted.layout.items, fitted.layout.length): Events(
-            fitted.telegrams, fitted.first_ns, fitted.last_ns, tuple(fitted.frames)
-        )
+        fitted.layout.shape: Events(fitted.telegrams, fitted.first_ns, fitted.last_ns, tuple(fitted.frames))
         for fitted in values.fitted(stream)
     }
     if stream < len(values.unfitting) and values.unfitting.count[stream]:

@@ -264,7 +264,7 @@ class Acknowledgement:
         seen = np.where(late, expired, following)[over] + first_frame
         blamed = wait_stream[over]
         sender = keys.node_of(blamed)
-        lists = keys.places.high[keys.place_of(blamed)].astype(np.int64)
+        lists = keys.list_of_place(keys.place_of(blamed))
         errors = []
         for own, part in ((False, late[over]), (True, again[over])):
             events = (lists[part], sender[part], time[part], seen[part])

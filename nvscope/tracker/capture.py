@@ -65,7 +65,7 @@ class CaptureState:
             return
         self._observe_times(told)
         self.frames += len(told)
-        self.telegrams += len(told) - int(told.count[NO_TELEGRAM]) - int(told.count[told.varieties.on_can].sum())
+        self.telegrams += len(told) - int(told.count[NO_TELEGRAM]) - len(told.can or ())
         if told.chosen is not None:
             self.chosen += int(np.count_nonzero(told.chosen))
         batch = told.batch

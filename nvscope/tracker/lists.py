@@ -128,7 +128,7 @@ class ListState:
 
     def _observe_headers(self, told: Told) -> None:
         """Note what is wrong with headers, and count truncated telegrams."""
-        ours, theirs, first_frame = self.keys.varieties, told.varieties, told.first_frame
+        ours, theirs, first_frame = self.keys.varieties, told.varieties.telegrams, told.first_frame
         if not ours.column("odd").any():
             return
         odd = np.flatnonzero(ours.odd[told.variety])
@@ -136,7 +136,8 @@ class ListState:
             return
         variety = told.variety[odd]
         kind, node, lists, subindex = ours.kind[variety], ours.node[variety], ours.list[variety], ours.subindex[variety]
-        header, fault, truncated = theirs.header[variety], theirs.fault[variety], theirs.truncated[variety]
+        part = told.varieties.part[variety]
+        header, fault, truncated = theirs.header[part], theirs.fault[part], theirs.truncated[part]
         reserved = ((header["flags"] & RESERVED_FLAGS) != 0) & (kind <= FrameKind.BOOT_UP_REQUEST)
         masks = [(event, fault == kind_of_fault) for kind_of_fault, event in _OF_FAULT.items()]
         masks.append((EventKind.RESERVED_FLAGS, reserved))
@@ -188,10 +189,11 @@ class ListState:
         # Nobody's stream has the number of a broadcast's destination.
         target[number] = self.keys.streams.find(place.astype(np.uint64), destination.view(np.uint64))
         variety = told.variety[row]
-        flow = varieties.flow[variety]
+        flow, part = varieties.flow[variety], told.varieties.part[variety]
+        flags = told.varieties.telegrams.header["flags"][part]
         return Messages(
             row, told.packets.ts_ns[row], flows.list[flow], flows.place[flow], flows.source[flow],
-            flows.destination[flow], target[variety], told.varieties.header["flags"][variety],
+            flows.destination[flow], target[variety], flags,
         )  # fmt: skip
 
     def _observe_answers(self, told: Told, rows: DataRows) -> list[ErrorEvents]:
@@ -263,7 +265,7 @@ class ListState:
         """Return the list number, node number and SubIndex of streams."""
         place = self.keys.place_of(stream)
         node = self.keys.node_of(stream)
-        return self.keys.places.high[place].astype(np.int64), node, self.keys.places.low[place].astype(np.int64)
+        return self.keys.list_of_place(place), node, self.keys.places.low[place].astype(np.int64)
 
 
 def event_key(event: EventKind, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:

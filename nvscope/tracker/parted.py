@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import ClassVar, TypeVar
 
 from nvscope.engine.dealing import Share, SplitBy, deal
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Told
+from nvscope.tracker.accumulator import Accumulator
 from nvscope.tracker.can.state import BusState
 from nvscope.tracker.capture import CaptureState
 from nvscope.tracker.lists import ListState
@@ -16,19 +17,22 @@ from nvscope.tracker.senders import SenderState
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
 
-AnyPart = TypeVar("AnyPart", ListState, SenderState, BusState)
+AnyPart = TypeVar("AnyPart", bound=Accumulator)
 
 
 class PartedState:
     """What is on the wire, counted in ``parts`` parts by each key that it may be split by.
 
-    ``values`` makes the values of a part, where they are wanted. ``join`` gives the state that folding all at once
-    gives; it uses the parts up.
+    ``values`` and ``others`` make those of a part, where they are wanted. ``join`` gives the state that folding all at
+    once gives; it uses the parts up.
     """
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, parts: int, timeout_ns: int = TIMEOUT_NS, values: Callable[[], Values] | None = None) -> None:
+    def __init__(
+        self, parts: int, timeout_ns: int = TIMEOUT_NS, values: Callable[[], Values] | None = None,
+        others: Callable[[], Mapping[str, Accumulator]] = dict,
+    ) -> None:  # fmt: skip
         self._count = parts
         self._timeout_ns = timeout_ns
         self._values = values
@@ -37,6 +41,9 @@ class PartedState:
         self._lists = [ListState(timeout_ns, values() if values else None) for _ in range(parts)]
         self._senders = [SenderState() for _ in range(parts)]
         self._buses = [BusState() for _ in range(parts)]
+        self._make_others = others
+        made = [others() for _ in range(parts)]
+        self._others = {name: [one[name] for one in made] for name in made[0]}
         self._shares: dict[SplitBy, list[Share]] = {}
 
     def observe(self, told: Told) -> None:
@@ -46,6 +53,8 @@ class PartedState:
         self._deal(told, self._lists)
         self._deal(told, self._senders)
         self._deal(told, self._buses)
+        for parts in self._others.values():
+            self._deal(told, parts)
 
     def _deal(self, told: Told, parts: Sequence[AnyPart]) -> None:
         by = parts[0].SPLIT_BY
@@ -56,7 +65,8 @@ class PartedState:
 
     def join(self) -> TrackerState:
         """Return the parts as one state."""
-        state = TrackerState(self._timeout_ns, values=self._values() if self._values else None)
+        values, others = self._values() if self._values else None, self._make_others()
+        state = TrackerState(self._timeout_ns, values=values, others=others)
         state.memory, state.capture = self._memory, self._capture
         for part, share in self._dealt(self._lists):
             state.lists.take(part, share)
@@ -64,6 +74,9 @@ class PartedState:
             state.senders.take(senders, share)
         for buses, share in self._dealt(self._buses):
             state.buses.take(buses, share)
+        for name, parts in self._others.items():
+            for other, share in self._dealt(parts):
+                others[name].take(other, share)
         return state
 
     def _dealt(self, parts: Sequence[AnyPart]) -> Iterator[tuple[AnyPart, Share]]:

@@ -7,6 +7,8 @@ which changes nothing.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
 from nvscope.engine.keys import Keys
@@ -19,13 +21,15 @@ from nvscope.tracker.lists import ListState
 from nvscope.tracker.senders import SenderState
 
 if TYPE_CHECKING:
+    from nvscope.tracker.accumulator import Accumulator
     from nvscope.tracker.variables.values import Values
 
 
 class TrackerState:
-    """What is on the wire, by what it may be split by (``nvscope.tracker.accumulator``).
+    """What is on the wire: one ``nvscope.tracker.accumulator.Accumulator`` for each way to split it.
 
     ``memory`` is what is known of the streams, ``values`` are those of the variables, where their definition is known.
+    ``others`` count the protocols beside network variables and CAN, by name.
     Frame numbers count from 1 across all that was observed.
 
     A filter chooses telegrams: flows count these, and only these give values; everything else looks at all telegrams,
@@ -34,12 +38,16 @@ class TrackerState:
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, timeout_ns: int = TIMEOUT_NS, *, values: Values | None = None) -> None:
+    def __init__(
+        self, timeout_ns: int = TIMEOUT_NS, *, values: Values | None = None,
+        others: Mapping[str, Accumulator] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
         self.memory = StreamMemory()
         self.capture = CaptureState()
         self.lists = ListState(timeout_ns, values)
         self.senders = SenderState()
         self.buses = BusState()
+        self.others = others
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -48,6 +56,8 @@ class TrackerState:
         self.lists.observe(told)
         self.senders.observe(told)
         self.buses.observe(told)
+        for other in self.others.values():
+            other.observe(told)
 
     @property
     def keys(self) -> Keys:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from dissectors import address
-from dissectors.can.pdo import ON_CAN
+from dissectors.carried import Transport
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.definition.buses import Buses
 from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, FrameKind
@@ -152,13 +152,14 @@ def summarize(
     scopes = scopes_in_force(state)
     lists = [
         ListSummary(number, port, index)
-        for number, (port, index) in enumerate(zip(keys.lists.high.tolist(), keys.lists.low.tolist(), strict=True))
+        for number, (_, port, index) in enumerate(zip(*(word.tolist() for word in keys.lists.words), strict=True))
     ]
     _diagnose(state, lists, order, reading)
     intervals = StreamIntervals(state.senders.timing)
     _add_streams(state, lists, scopes, order, intervals_ns, intervals)
     _count(state, lists)
-    on_udp = sorted((entry for entry in lists if entry.port < ON_CAN), key=lambda entry: (entry.port, entry.index))
+    of_udp = (keys.lists.words[0] == Transport.UDP).tolist()
+    on_udp = sorted((entry for entry in lists if of_udp[entry.number]), key=lambda entry: (entry.port, entry.index))
     addresses = [address.text(*node) for node in nodes]
     can = summarize_can(state, intervals, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
     timeout_ns = state.lists.acknowledgement.timeout_ns

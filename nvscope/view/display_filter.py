@@ -6,17 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dissectors.batch import I64, Bool, PacketBatch
+from dissectors.batch import I64, Bool
 from dissectors.netvar import Fault
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.told import Told
-from nvscope.expression.columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
+from nvscope.expression.columns import Column
 from nvscope.expression.expression import compile_expression
-from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.field import TelegramField, blank
 from nvscope.view.fields.frame import FIELDS, expression_names
 from nvscope.view.fields.verdicts import Verdicts
-from nvscope.view.rows.can import CanRows
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import NETVAR, FrameRows
 
 
 class DisplayFilter:
@@ -43,7 +42,7 @@ class DisplayFilter:
         self._seen: set[int] = set()
         self._chosen: set[int] = set()
 
-    def __call__(self, rows: TelegramRows) -> Bool:
+    def __call__(self, rows: FrameRows) -> Bool:
         if not self.findings or self._verdicts is None:
             return self._ask(rows)
         position, finding = self._verdicts.findings_of(rows)
@@ -65,15 +64,15 @@ class DisplayFilter:
         def read(name: str) -> tuple[Column, Bool | None]:
             field = self._fields[name]
             if name.startswith("finding."):
-                return field.read(_no_telegram().looked_at_with(np.array([number]))), None
-            return _blank(field.type), np.zeros(1, np.bool_)
+                return field.column(FrameRows.nothing(1).looked_at_with(np.array([number]))), None
+            return blank(field.type, 1), np.zeros(1, np.bool_)
 
         return bool(self._expression.mask(read)[0])
 
-    def _ask(self, rows: TelegramRows) -> Bool:
+    def _ask(self, rows: FrameRows) -> Bool:
         def read(name: str) -> tuple[Column, Bool | None]:
             field = self._fields[name]
-            return field.read(rows), field.known(rows)
+            return field.column(rows), field.exists(rows)
 
         return self._expression.mask(read)
 
@@ -98,6 +97,8 @@ class PacketChoice:
             chosen = self._answer[told.variety]
             if self._undecided.any():
                 self._ask(told, np.flatnonzero(self._undecided[told.variety]), chosen)
+            for part in told.parts.values():
+                self._ask(told, part.row, chosen)
         else:
             chosen = np.zeros(len(told), np.bool_)
             self._ask(told, told.recognised, chosen)
@@ -106,7 +107,7 @@ class PacketChoice:
     def _ask(self, told: Told, packet: I64, chosen: Bool) -> None:
         """Ask of the telegrams in some packets one by one, and enter the answers."""
         if len(packet):
-            chosen[packet] = self._filter(TelegramRows.of(told, packet))
+            chosen[packet] = self._filter(FrameRows.of(told, packet))
 
     def _describe(self, told: Told) -> None:
         """Ask of the varieties that are new."""
@@ -117,30 +118,12 @@ class PacketChoice:
         if len(told.varieties) == known:
             return
         new = np.arange(known, len(told.varieties))
-        telegrams = told.varieties.telegrams(new)
-        can = CanRows.of_varieties(told.varieties, new, told.pdos)
-        answer = self._filter(TelegramRows(telegrams, told.packets, 0, 0, 0, None, can=can)) & (new != NO_TELEGRAM)
+        rows = FrameRows.of_varieties(told, new)
+        answer = self._filter(rows) & (new != NO_TELEGRAM)
         # Of these, a variety does not tell all that was captured.
-        undecided = (telegrams.fault == Fault.HEADER_CUT) | (telegrams.fault == Fault.SHORT)
+        undecided = np.zeros(len(new), np.bool_)
+        if found := rows.parts.get(NETVAR):
+            fault = found.part.fault
+            undecided[found.positions(len(new))] = (fault == Fault.HEADER_CUT) | (fault == Fault.SHORT)
         self._answer = np.concatenate([self._answer, answer & ~undecided])
         self._undecided = np.concatenate([self._undecided, undecided])
-
-
-def _no_telegram() -> TelegramRows:
-    nothing = np.zeros(0, np.int64)
-    packets = PacketBatch(
-        np.zeros(0, np.uint8), nothing, nothing.astype(np.int32), nothing, nothing, nothing.view(np.uint16)
-    )
-    return TelegramRows(Varieties().telegrams(np.zeros(1, np.int64)), packets, 0, 0, 0, None)
-
-
-def _blank(kind: FieldType) -> Column:
-    """Return a column of one row, of which it is not known what it holds."""
-    nothing = np.zeros(1, np.int64)
-    if kind is FieldType.ADDRESS:
-        return AddressColumn(nothing.view(np.uint64), nothing.view(np.uint64))
-    if kind is FieldType.BYTES:
-        return BytesColumn(np.zeros(0, np.uint8), nothing, nothing)
-    if kind is FieldType.TEXT:
-        return TextColumn(nothing, ("",))
-    return nothing.view(np.bool_)[:1] if kind is FieldType.BOOL else nothing

@@ -7,11 +7,12 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from dissectors.link import DatagramBatch
 from dissectors.netvar import dissect
 from dissectors.sorted_telegrams import SortedTelegrams
-from dissectors.varieties import NO_TELEGRAM, Sorter
-from tests.dissectors.test_varieties import traffic
+from dissectors.sorter import Sorter
+from dissectors.transport import DatagramBatch
+from dissectors.varieties import NO_TELEGRAM
+from tests.dissectors.test_sorter import traffic
 from tests.packets import batch_of
 
 

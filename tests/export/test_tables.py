@@ -239,7 +239,7 @@ def known_of(entry: ListDefinition, frame: Frame) -> dict[str, Any]:
     """Return what is known of a telegram: its variables, up to the first of unknown size, and the bytes from there."""
     payload = frame.data[42:]
     items, length = (int.from_bytes(payload[at : at + 2], "little") for at in (12, 14))
-    layout = known_part(pack(entry), int.from_bytes(payload[10:12], "little"), items, length)
+    layout = known_part(pack(entry), int.from_bytes(payload[10:12], "little"), items, length - 20)
     assert layout
     return {
         element.name: value_of(element.type, payload[20 + at : 20 + at + element.type.size_bytes])

@@ -33,7 +33,7 @@ from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
 from nvscope.view.escape import visible
 from nvscope.view.fields.frame import DEFAULT_FIELDS
-from nvscope.view.lines.line import Moment
+from nvscope.view.lines.netvar_line import Moment
 from tests.capture.reference import Content, read_pcap, read_pcapng
 from tests.fuzz.anatomy import PCAP_ORDERS, SECTION_MAGIC
 from tests.fuzz.mutations import COMPRESSIONS

@@ -6,7 +6,7 @@ import json
 import random
 import tempfile
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,9 @@ from hypothesis import strategies as st
 from dissectors.batch import LinkType, PacketBatch
 from dissectors.can.frame import dissect_can
 from dissectors.can.pdo import PdoRules
-from dissectors.varieties import NO_TELEGRAM, Sorter
+from dissectors.carried import Carried
+from dissectors.sorter import Sorter
+from dissectors.varieties import NO_TELEGRAM
 from nvscope.capture.open import open_source
 from nvscope.capture.pcap import PcapSink
 from nvscope.definition.load import load_definitions
@@ -84,13 +86,11 @@ def test_varieties_are_what_each_frame_is_by_itself(seed: int) -> None:
         one = whole[row : row + 1]
         alone, own = Sorter(pdos=rules).sort(one), dissect_can(one)
         numbers = told.variety[row], alone.variety[0]
-        for name in ("on_can", "is_pdo", "port", "index"):
-            column = getattr(told.varieties, name), getattr(alone.varieties, name)
-            assert column[0][numbers[0]] == column[1][numbers[1]], name
-        left, right = told.varieties.header[numbers[0]], alone.varieties.header[numbers[1]]
-        assert left.tolist() == right.tolist()
-        at = told.packets.offset[row] + told.varieties.datagram.payload[numbers[0]] + 20
-        size = int(told.varieties.datagram.captured_bytes[numbers[0]]) - 20
+        for column in fields(Carried):
+            left, right = (getattr(one.varieties.carried, column.name) for one in (told, alone))
+            assert left[numbers[0]] == right[numbers[1]], column.name
+        at = told.packets.offset[row] + told.varieties.carried.at[numbers[0]]
+        size = int(told.varieties.carried.captured_bytes[numbers[0]])
         assert told.packets.data[at : at + size].tobytes() == own.payload(0)
 
 

@@ -31,9 +31,9 @@ from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS
 from nvscope.view.lines import moments
 from nvscope.view.lines.hexdump import dump
 from nvscope.view.lines.layers import layers
-from nvscope.view.lines.line import LineWriter, Moment
+from nvscope.view.lines.netvar_line import LineWriter, Moment
 from nvscope.view.lines.table import Tone, display_width
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import LINKS, data_frame, generate, mutate, telegram
@@ -63,7 +63,7 @@ def written_of(face: Face, path: Path) -> str:
     return written(face, open_source([str(path)]))
 
 
-def rows_of(frames: list[Frame]) -> list[TelegramRows]:
+def rows_of(frames: list[Frame]) -> list[FrameRows]:
     return list(Shown(Batches([batch_of(frames)])))
 
 

@@ -18,7 +18,7 @@ from nvscope.capture.open import open_source
 from nvscope.errors import UsageError
 from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields.vocabulary import vocabulary
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 from tests.definition.lists import telegram
 from tests.export.given import written
 from tests.laws import examples
@@ -42,7 +42,7 @@ class Mixture:
     """What each row has, by name of the field, and the rows as the product reads them, in pieces."""
 
     fields: list[Fields]
-    pieces: list[TelegramRows]
+    pieces: list[FrameRows]
 
 
 def canopen_of(identifier: int) -> Fields:

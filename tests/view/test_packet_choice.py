@@ -9,7 +9,7 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.view.display_filter import DisplayFilter, PacketChoice
 from nvscope.view.fields.vocabulary import vocabulary
-from tests.dissectors.test_varieties import traffic
+from tests.dissectors.test_sorter import traffic
 from tests.laws import some
 from tests.packets import Batches, batch_of
 from tests.packets import cut as cut_into

@@ -14,7 +14,7 @@ from nvscope.errors import UsageError
 from nvscope.view.escape import csv_safe, visible
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.lines import cells
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 
 Quote = Literal["", "'", '"']
 
@@ -24,7 +24,7 @@ class Face(Protocol):
 
     def begin(self) -> str: ...
 
-    def render(self, rows: TelegramRows) -> Iterator[str]: ...
+    def render(self, rows: FrameRows) -> Iterator[str]: ...
 
     def end(self) -> str: ...
 
@@ -73,7 +73,7 @@ class SeparatedFields:
         names = self._how.separator.join(field.name for field in self._fields)
         return f"{names}\n" if self._how.header else ""
 
-    def render(self, rows: TelegramRows) -> Iterator[str]:
+    def render(self, rows: FrameRows) -> Iterator[str]:
         columns = [cells.texts(field, rows) for field in self._fields]
         if quote := self._how.quote:
             columns = [[f"{quote}{cell}{quote}" for cell in column] for column in columns]
@@ -92,7 +92,7 @@ class Csv:
     def begin(self) -> str:
         return ",".join(_csv_cell(field.name) for field in self._fields) + "\n"
 
-    def render(self, rows: TelegramRows) -> Iterator[str]:
+    def render(self, rows: FrameRows) -> Iterator[str]:
         yield _lines([cells.texts(field, rows, _csv_cell) for field in self._fields], ",")
 
     def end(self) -> str:
@@ -120,10 +120,10 @@ class JsonLines:
     def begin(self) -> str:
         return ""
 
-    def render(self, rows: TelegramRows) -> Iterator[str]:
+    def render(self, rows: FrameRows) -> Iterator[str]:
         yield "\n".join(self.objects(rows)) + "\n"
 
-    def objects(self, rows: TelegramRows) -> list[str]:
+    def objects(self, rows: FrameRows) -> list[str]:
         """Return the telegrams as JSON texts."""
         columns = [cells.json_texts(field, rows) for field in self._fields]
         pattern = self._pattern
@@ -148,7 +148,7 @@ class JsonArray:
     def begin(self) -> str:
         return "["
 
-    def render(self, rows: TelegramRows) -> Iterator[str]:
+    def render(self, rows: FrameRows) -> Iterator[str]:
         yield (",\n" if self._any else "\n") + ",\n".join(self._lines.objects(rows))
         self._any = True
 

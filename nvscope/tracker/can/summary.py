@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.can.pdo import EXTENDED, ON_CAN
-from dissectors.netvar import HEADER
+from dissectors.can.pdo import EXTENDED
 from nvscope.definition.buses import Buses
 from nvscope.engine.keys import LENGTH_SHIFT, NOBODY_KEY
 from nvscope.list_key import ListKey, list_key, told_of
@@ -111,7 +110,7 @@ def summarize_can(
     for stream in np.flatnonzero(keys.streams.low == np.uint64(NOBODY_KEY)).tolist():
         place = int(keys.streams.high[stream])
         number, subindex = int(keys.places.high[place]), int(keys.places.low[place])
-        index = int(keys.lists.low[number])
+        _, channel, index = (int(word[number]) for word in keys.lists.words)
         word = index if index & EXTENDED else index + subindex
         whole = intervals.of(stream, told_of(intervals_ns, keys.list_key(number)))
         signature = int(memory.signature[stream])
@@ -122,10 +121,10 @@ def summarize_can(
                 cob_id=word & ~EXTENDED,
                 extended=bool(word & EXTENDED),
                 telegrams=int(memory.telegrams[stream]),
-                remote=asked.get((int(keys.lists.high[number]) - ON_CAN, word), 0),
+                remote=asked.get((channel, word), 0),
                 first_ns=int(memory.first_ns[stream]),
                 last_ns=int(memory.last_ns[stream]),
-                length=(signature >> int(LENGTH_SHIFT) & 0xFFFF) - HEADER.size_bytes,
+                length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
                 intervals=whole,
             )
         )

@@ -9,9 +9,9 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import I64, U8
+from dissectors.carried import Transport
 from dissectors.layout import gather_bytes
-from dissectors.netvar import HEADER
-from nvscope.engine.keys import LENGTH_SHIFT
+from dissectors.varieties import Varieties
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey, Port
@@ -78,9 +78,9 @@ class DataTelegrams:
         return found
 
     def _laid_out(self, told: Told, rows: DataRows) -> Iterator[Telegrams]:
-        signatures, common = told.keys.varieties.signature, told.varieties
-        truncated = common.truncated
-        some_truncated, datagram = bool(truncated.any()), common.datagram
+        varieties, carried = told.varieties, told.varieties.carried
+        truncated = carried.truncated
+        some_truncated = bool(truncated.any())
         for number, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             stream, wanted = self._stream(told, number)
             self.lists.add((stream.port, stream.index))
@@ -96,18 +96,16 @@ class DataTelegrams:
                 whole = ~truncated[variety]
                 packet, variety = packet[whole], variety[whole]
             for kind, own in _by_variety(packet, variety):
-                size = (int(signatures[kind]) >> int(LENGTH_SHIFT) & 0xFFFF) - HEADER.size_bytes
-                at = told.packets.offset[own] + (datagram.payload[kind] + HEADER.size_bytes)
+                size, at = int(carried.size_bytes[kind]), told.packets.offset[own] + carried.at[kind]
                 data = (
                     gather_bytes(told.packets.data, at, size).view(np.uint8).reshape(len(own), size)
                     if size
                     else (np.empty((len(own), 0), np.uint8))
                 )
-                header = common.header[kind]
+                flags, destination = _sent_how(varieties, kind)
                 yield Telegrams(
-                    stream, int(header["items"]), data, own + told.first_frame, told.packets.ts_ns[own],
-                    int(header["flags"]),
-                    address.text(int(datagram.destination_hi[kind]), int(datagram.destination_lo[kind])),
+                    stream, int(carried.items[kind]), data, own + told.first_frame, told.packets.ts_ns[own], flags,
+                    destination,
                 )  # fmt: skip
 
     def _stream(self, told: Told, number: int) -> tuple[Stream, bool]:
@@ -117,6 +115,15 @@ class DataTelegrams:
             stream = Stream(number, *key.list, key.subindex, key.sender, key.order)
             known = self._streams[number] = stream, self._wanted(stream)
         return known
+
+
+def _sent_how(varieties: Varieties, kind: int) -> tuple[int, str]:
+    """Return the flags of a variety, and where it goes; on CAN there are neither."""
+    if varieties.carried.transport[kind] != Transport.UDP:
+        return 0, ""
+    common, part = varieties.telegrams, int(varieties.part[kind])
+    high, low = common.datagram.destination_hi[part], common.datagram.destination_lo[part]
+    return int(common.header["flags"][part]), address.text(int(high), int(low))
 
 
 def _by_variety(packet: I64, variety: I64) -> Iterator[tuple[int, I64]]:

@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool
-from dissectors.netvar import HEADER
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout
 from nvscope.engine.told import Told
@@ -94,10 +93,10 @@ class History:
 
     def _new_track(self, stream: Stream, telegrams: Telegrams) -> Track | None:
         """Return what is to be known of telegrams of a new shape; None where no definition has that shape."""
-        shape = telegrams.items, HEADER.size_bytes + telegrams.data.shape[1]
+        shape = telegrams.items, telegrams.data.shape[1]
         layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
         shapes = self._shapes.get(stream.number, 0)
-        if layout is None or shape != (layout.items, layout.length):
+        if layout is None or shape != layout.shape:
             return None
         if shapes >= MOST_LAYOUTS and not self._layouts.candidates_of(stream.port, stream.index):
             return None

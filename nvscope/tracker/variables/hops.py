@@ -17,7 +17,6 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool
-from dissectors.netvar import HEADER
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, type_text
 from nvscope.engine.told import Told
@@ -182,9 +181,9 @@ class Hops:
         stream, size_bytes = telegrams.stream, telegrams.data.shape[1]
         key = stream.number, telegrams.items, size_bytes
         if key not in self._wanted:
-            shape = telegrams.items, HEADER.size_bytes + size_bytes
+            shape = telegrams.items, size_bytes
             layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
-            fits = layout is not None and shape == (layout.items, layout.length)
+            fits = layout is not None and shape == layout.shape
             spans = layout.spans() if layout is not None and fits else ()
             told = (_Wanted(offset, element, _name(element)) for offset, element in spans)
             self._wanted[key] = tuple(one for one in told if one.name in self._shared)

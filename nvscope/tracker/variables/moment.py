@@ -13,7 +13,6 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import U8
-from dissectors.netvar import HEADER
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout
 from nvscope.engine.told import Told
@@ -97,9 +96,9 @@ class Moment:
             if first == after:
                 continue
             stream = part.stream
-            shape = part.items, HEADER.size_bytes + part.data.shape[1]
+            shape = part.items, part.data.shape[1]
             layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
-            if layout is None or shape != (layout.items, layout.length):
+            if layout is None or shape != layout.shape:
                 continue
             self.known[stream.number] = stream
             frame = int(part.frame[after - 1])

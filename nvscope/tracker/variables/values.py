@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from dissectors.batch import I64, U8
 from dissectors.layout import gather_bytes
-from dissectors.netvar import HEADER
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Elementary, ScalarKind, String, scalar_of
 from nvscope.definition.packing import TelegramLayout
@@ -193,8 +192,8 @@ class Values:
         """Take the data telegrams of a batch; only the values of those that are chosen."""
         keys, first_frame = told.keys, told.first_frame
         self.unfitting.resize(len(keys.streams))
-        header = told.varieties.header
-        signs = (header["items"].astype(np.int64) << 16) | header["length"]
+        carried = told.varieties.carried
+        signs = (carried.items << 16) | carried.size_bytes
         for stream, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             key, subindex = keys.place_key(stream)
             if self.layouts.list_of(*key) is None:
@@ -202,7 +201,7 @@ class Values:
             variety, own = rows.variety[start:stop], np.arange(start, stop)
             sent = signs[variety]
             misfits = np.ones(len(own), np.bool_)
-            whole = ~told.varieties.truncated[variety]
+            whole = ~carried.truncated[variety]
             if told.chosen is not None:
                 whole &= told.chosen[rows.packet[start:stop]]
             for shape, layout in self._layouts_of(stream, key, subindex, sent).items():
@@ -238,7 +237,7 @@ class Values:
             known = self._layouts[stream] = {}
             for layouts in self.layouts.candidates_of(*key):
                 if subindex < len(layouts):
-                    known.setdefault((layouts[subindex].items, layouts[subindex].length), layouts[subindex])
+                    known.setdefault(layouts[subindex].shape, layouts[subindex])
         if not self.layouts.candidates_of(*key) and len(known) < MOST_LAYOUTS:
             numbers, first = np.unique(sent, return_index=True)
             for number in numbers[np.argsort(first)].tolist():
@@ -297,7 +296,7 @@ class Values:
 
 
 def _data_of(told: Told, packet: I64, variety: I64, layout: TelegramLayout) -> U8:
-    """Return the bytes behind the headers of telegrams that fit a layout, as (n, bytes)."""
-    at = told.packets.offset[packet] + told.varieties.datagram.payload[variety] + HEADER.size_bytes
+    """Return the data of telegrams that fit a layout, as (n, bytes)."""
+    at = told.packets.offset[packet] + told.varieties.carried.at[variety]
     size = layout.layout.size_bytes
     return gather_bytes(told.packets.data, at, size).view(np.uint8).reshape(len(packet), size)

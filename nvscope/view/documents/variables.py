@@ -95,7 +95,7 @@ def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | No
     listed = (values.layouts.key_of(*keys_seen.list_key(number)) for number in range(len(keys_seen.lists)))
     defined = np.array([key is not None and (keys is None or key in keys) for key in listed], np.bool_)
     count = values.unfitting.column("count")
-    lists = keys_seen.places.high.astype(np.int64)[keys_seen.place_of(np.arange(len(count)))]
+    lists = keys_seen.list_of_place(keys_seen.place_of(np.arange(len(count))))
     return int(count[defined[lists]].sum()), int(state.lists.columns.truncated[: len(defined)][defined].sum())
 
 

@@ -1,37 +1,42 @@
-"""TelegramField: something that a telegram or a CAN frame has, with name and type, and how to read it as a column."""
+"""TelegramField: something that a frame has, with name and type, of which protocol it is, and how to read a column."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as dataclass_field
+from typing import Any
 
 import numpy as np
 
-from dissectors.batch import Bool
-from nvscope.expression.columns import Column, FieldType
-from nvscope.view.rows.frames import TelegramRows
+from dissectors.batch import I64, Bool
+from nvscope.expression.columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
+from nvscope.view.rows.frames import FrameRows
 
 
 @dataclass(frozen=True, slots=True)
 class TelegramField:
     """One field.
 
-    ``read`` gives the column: unsigned integers of any width (UNSIGNED), int64 nanoseconds since 1970-01-01 UTC (TIME)
-    or between two moments (DURATION), bool (BOOL), or the column class of the type. ``known`` tells in which telegrams
-    the field exists, None for in all of them; where it does not, the column holds anything. ``hex_digits`` other than
-    0: people write the number in hexadecimal. ``calendar``: they write the time as a date. ``constant``: it is the same
-    in all telegrams of a variety (``dissectors.varieties``). ``judged``: it is known when the whole capture was read.
-    ``values`` are names of its numbers. ``refused`` says why the name can be neither filtered by nor written out,
-    ``instead`` which can.
+    ``of`` is the protocol that has it, by name (``FrameRows.parts``), "" for a field of the frame itself, or of what is
+    known about it. ``read`` gives the column of that protocol's part, or else of the rows: unsigned integers of any
+    width (UNSIGNED), int64 nanoseconds since 1970-01-01 UTC (TIME) or between two moments (DURATION), bool (BOOL), or
+    the column class of the type. ``known`` tells where in it the field exists, None for everywhere; where it does not,
+    the column holds anything. Who has rows asks for ``column`` and ``exists``, which are of all rows.
+
+    ``hex_digits`` other than 0: people write the number in hexadecimal. ``calendar``: they write the time as a date.
+    ``constant``: it is the same in all frames of a variety (``dissectors.varieties``). ``judged``: it is known when the
+    whole capture was read. ``values`` are names of its numbers. ``refused`` says why the name can be neither filtered
+    by nor written out, ``instead`` which can.
     """
 
     name: str
     type: FieldType
     label: str
     help: str
-    read: Callable[[TelegramRows], Column]
-    known: Callable[[TelegramRows], Bool | None] = lambda _: None
+    read: Callable[[Any], Column]
+    known: Callable[[Any], Bool | None] = lambda _: None
+    of: str = ""
     hex_digits: int = 0
     calendar: bool = False
     constant: bool = False
@@ -40,26 +45,56 @@ class TelegramField:
     refused: str = ""
     instead: str = ""
 
+    def column(self, rows: FrameRows) -> Column:
+        """Return the column of some rows; where the field does not exist, it holds anything."""
+        if not self.of:
+            return self.read(rows)
+        found = rows.parts.get(self.of)
+        if found is None:
+            return blank(self.type, len(rows))
+        column = self.read(found.part)
+        return column if found.at is None else _spread(column, found.at, len(rows))
 
-def on_udp(field: TelegramField) -> TelegramField:
-    """Return a field as one that only telegrams on UDP have."""
-
-    def known(rows: TelegramRows) -> Bool | None:
-        own = field.known(rows)
-        if rows.can is None:
-            return own
-        return ~rows.can.on_can if own is None else own & ~rows.can.on_can
-
-    return replace(field, known=known)
-
-
-def on_can(field: TelegramField) -> TelegramField:
-    """Return a field as one that only CAN frames have; it is neither read nor asked of anything else."""
-
-    def known(rows: TelegramRows) -> Bool:
-        if rows.can is None or rows.can.frames is None:
+    def exists(self, rows: FrameRows) -> Bool | None:
+        """Tell in which rows the field exists, None for in all of them."""
+        if not self.of:
+            return self.known(rows)
+        found = rows.parts.get(self.of)
+        if found is None:
             return np.zeros(len(rows), np.bool_)
-        own = field.known(rows)
-        return rows.can.on_can if own is None else own & rows.can.on_can
+        own = self.known(found.part)
+        if found.at is None:
+            return own
+        everywhere = np.zeros(len(rows), np.bool_)
+        everywhere[found.at] = True if own is None else own
+        return everywhere
 
-    return replace(field, known=known)
+
+def blank(kind: FieldType, count: int) -> Column:
+    """Return a column of so many rows, of which it is not known what they hold."""
+    nothing = np.zeros(count, np.int64)
+    if kind is FieldType.ADDRESS:
+        return AddressColumn(nothing.view(np.uint64), nothing.view(np.uint64))
+    if kind is FieldType.BYTES:
+        return BytesColumn(np.zeros(0, np.uint8), nothing, nothing)
+    if kind is FieldType.TEXT:
+        return TextColumn(nothing, ("",))
+    return np.zeros(count, np.bool_) if kind is FieldType.BOOL else nothing
+
+
+def _spread(column: Column, at: I64, count: int) -> Column:
+    """Return a column of some rows as one of all rows, 0 in the others."""
+    if isinstance(column, AddressColumn):
+        return AddressColumn(_spread_numbers(column.high, at, count), _spread_numbers(column.low, at, count))
+    if isinstance(column, BytesColumn):
+        start, stop = (_spread_numbers(bound, at, count) for bound in (column.start, column.stop))
+        return BytesColumn(column.data, start, stop)
+    if isinstance(column, TextColumn):
+        return TextColumn(_spread_numbers(column.code, at, count), column.texts or ("",))
+    return np.asarray(_spread_numbers(column, at, count))
+
+
+def _spread_numbers(numbers: Any, at: I64, count: int) -> Any:
+    spread = np.zeros(count, numbers.dtype)
+    spread[at] = numbers
+    return spread

@@ -1,20 +1,19 @@
-"""The fields of telegrams and CAN frames: name, type, label, help, and how to read one as a column.
+"""The fields of all frames, and those of the protocols with them: name, type, label, help, and how to read a column.
 
-One table for everything that names fields. Names are Wireshark's where it has the field; ``nv.*`` comes from the header
-table (``dissectors.netvar.HEADER``), a column for each of its fields and for each bit that has a name.
+One table for everything that names fields. Names are Wireshark's where it has the field.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
 
-from dissectors.batch import I64, Bool
-from dissectors.headers import IPV4_HIGH, IPV4_LOW, UDP
-from dissectors.layout import Bit, Field
-from dissectors.netvar import HEADER, KNOWN_SERVICE, LEAST_CAPTURED_BYTES, Fault
+from dissectors.batch import Bool
+from dissectors.headers import IPV4_HIGH, IPV4_LOW
+from dissectors.headers import UDP as LAYOUT
+from dissectors.transport import IpEnds
 from nvscope.errors import UsageError
 from nvscope.expression.columns import (
     AddressColumn,
@@ -22,167 +21,90 @@ from nvscope.expression.columns import (
     FieldType,
     Named,
     Numbers,
-    TextColumn,
 )
 from nvscope.expression.names import nearest
 from nvscope.view.escape import visible
 from nvscope.view.fields.can import CAN_FIELDS
-from nvscope.view.fields.field import TelegramField, on_udp
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.netvar import NETVAR_FIELDS
+from nvscope.view.rows.frames import IP, UDP, FrameRows
 
 
-def _header_fields() -> Iterator[TelegramField]:
-    for entry in HEADER:
-        name = f"{HEADER.name}.{entry.name}"
-        known = _captured_to(HEADER.offset_of(entry.name) + entry.size_bytes)
-        yield TelegramField(
-            name, FieldType.UNSIGNED, entry.label, entry.help, _header_column(entry), known,
-            hex_digits=2 * entry.size_bytes if entry.base == "hex" else 0, constant=entry.name != "counter",
-            values={text: number for number, text in entry.values.items()},
-        )  # fmt: skip
-        for bit in entry.bits:
-            help_text = f"bit {bit.position} of {entry.label}"
-            yield TelegramField(
-                f"{name}.{bit.name}",
-                FieldType.BOOL,
-                bit.label,
-                help_text,
-                _bit_column(entry, bit),
-                known,
-                constant=True,
-            )
-        if entry.name == "id":
-            yield TelegramField(
-                "nv.service", FieldType.TEXT, "Service", f"name of the service that {entry.label} stands for",
-                _service, _service_known, constant=True,
-            )  # fmt: skip
+def _payload(rows: FrameRows) -> BytesColumn:
+    start, stop = np.zeros(len(rows), np.int64), np.zeros(len(rows), np.int64)
+    if found := rows.parts.get(UDP):
+        at, datagrams = found.positions(len(rows)), found.part
+        start[at] = datagrams.payload
+        stop[at] = datagrams.payload + datagrams.captured_bytes
+    return BytesColumn(rows.packets.data, start, stop)
 
 
-def _header_column(entry: Field) -> Callable[[TelegramRows], Numbers]:
-    return lambda rows: rows.telegrams.header[entry.name]
+def _on_udp(rows: FrameRows) -> Bool | None:
+    found = rows.parts.get(UDP)
+    if found is not None and found.at is None:
+        return None
+    own = np.zeros(len(rows), np.bool_)
+    if found:
+        own[found.positions(len(rows))] = True
+    return own
 
 
-def _bit_column(entry: Field, bit: Bit) -> Callable[[TelegramRows], Bool]:
-    mask = np.uint64(bit.mask)
-    return lambda rows: (rows.telegrams.header[entry.name] & mask) != 0
-
-
-def _captured_to(end: int) -> Callable[[TelegramRows], Bool | None]:
-    """Return what tells in which telegrams the first ``end`` bytes of the payload exist and were captured."""
-    if end <= LEAST_CAPTURED_BYTES:
-        return lambda _: None
-    return lambda rows: rows.telegrams.datagram.captured_bytes >= end
-
-
-_SERVICES = tuple(HEADER["id"].values.get(number, "") for number in range(len(KNOWN_SERVICE)))
-
-
-def _service_code(rows: TelegramRows) -> I64:
-    code: I64 = np.minimum(rows.telegrams.header["id"], len(KNOWN_SERVICE) - 1).astype(np.int64)
-    return code
-
-
-def _service(rows: TelegramRows) -> TextColumn:
-    return TextColumn(_service_code(rows), _SERVICES)
-
-
-def _service_known(rows: TelegramRows) -> Bool:
-    known: Bool = KNOWN_SERVICE[_service_code(rows)]
-    return known
-
-
-_FAULTS = tuple("" if fault is Fault.NONE else fault.name.lower().replace("_", "-") for fault in Fault)
-
-
-def _fault(rows: TelegramRows) -> TextColumn:
-    return TextColumn(rows.telegrams.fault.astype(np.int64), _FAULTS)
-
-
-def _has_fault(rows: TelegramRows) -> Bool:
-    has_fault: Bool = rows.telegrams.fault != Fault.NONE
-    return has_fault
-
-
-def _payload(rows: TelegramRows) -> BytesColumn:
-    return _bytes_after(rows, 0)
-
-
-def _data(rows: TelegramRows) -> BytesColumn:
-    return _bytes_after(rows, HEADER.size_bytes)
-
-
-def _bytes_after(rows: TelegramRows, begin: int) -> BytesColumn:
-    datagram = rows.telegrams.datagram
-    stop = datagram.payload + datagram.captured_bytes
-    return BytesColumn(rows.telegrams.data, np.minimum(datagram.payload + begin, stop), stop)
-
-
-def _ip_version(rows: TelegramRows) -> Numbers:
-    datagram = rows.telegrams.datagram
-    is_ipv4 = (datagram.source_hi == IPV4_HIGH) & ((datagram.source_lo & IPV4_LOW) == IPV4_LOW)
+def _ip_version(ends: IpEnds) -> Numbers:
+    is_ipv4 = (ends.source_hi == IPV4_HIGH) & ((ends.source_lo & IPV4_LOW) == IPV4_LOW)
     return np.where(is_ipv4, np.uint8(4), np.uint8(6))
 
 
-def _source(rows: TelegramRows) -> AddressColumn:
-    return AddressColumn(rows.telegrams.datagram.source_hi, rows.telegrams.datagram.source_lo)
+def _source(ends: IpEnds) -> AddressColumn:
+    return AddressColumn(ends.source_hi, ends.source_lo)
 
 
-def _destination(rows: TelegramRows) -> AddressColumn:
-    return AddressColumn(rows.telegrams.datagram.destination_hi, rows.telegrams.datagram.destination_lo)
+def _destination(ends: IpEnds) -> AddressColumn:
+    return AddressColumn(ends.destination_hi, ends.destination_lo)
 
 
 _UNSIGNED, _TIME, _DURATION, _ADDRESS = FieldType.UNSIGNED, FieldType.TIME, FieldType.DURATION, FieldType.ADDRESS
 
-_UDP_TABLE: tuple[TelegramField, ...] = (
-    TelegramField("ip.version", _UNSIGNED, "IP version", "4 or 6", _ip_version, constant=True),
-    TelegramField("ip.src", _ADDRESS, "Source address", "IPv4 or IPv6 address of the sender", _source, constant=True),
+_IP_FIELDS = (
+    TelegramField("ip.version", _UNSIGNED, "IP version", "4 or 6", _ip_version, of=IP, constant=True),
     TelegramField(
-        "ip.dst", _ADDRESS, "Destination address", "IPv4 or IPv6 address of the receiver", _destination, constant=True
+        "ip.src", _ADDRESS, "Source address", "IPv4 or IPv6 address of the sender", _source, of=IP, constant=True
     ),
     TelegramField(
-        "udp.srcport", _UNSIGNED, UDP["source_port"].label, UDP["source_port"].help,
-        lambda rows: rows.telegrams.datagram.source_port,
-    ),
-    TelegramField(
-        "udp.dstport", _UNSIGNED, UDP["destination_port"].label, UDP["destination_port"].help,
-        lambda rows: rows.telegrams.datagram.destination_port, constant=True,
-    ),
-    TelegramField(
-        "udp.length", _UNSIGNED, "UDP length", UDP["length"].help,
-        lambda rows: rows.telegrams.datagram.payload_bytes + UDP.size_bytes, constant=True,
-    ),
-    TelegramField("udp.payload", FieldType.BYTES, "UDP payload", "captured bytes of header and data", _payload),
-    *_header_fields(),
-    TelegramField(
-        "nv.data", FieldType.BYTES, "Data", "captured bytes behind the header",
-        _data, _captured_to(HEADER.size_bytes),
-    ),
-    TelegramField(
-        "nv.fault", FieldType.TEXT, "Fault",
-        "what is wrong with the telegram: " + ", ".join(filter(None, _FAULTS)), _fault, _has_fault, constant=True,
-    ),
-    TelegramField(
-        "nv.truncated", FieldType.BOOL, "Truncated", "fewer bytes were captured than the payload has",
-        lambda rows: rows.telegrams.truncated, constant=True,
-    ),
-    TelegramField(
-        "nv.broadcast", FieldType.BOOL, "Broadcast", "sent to everybody or to a multicast group, not to one node",
-        lambda rows: rows.telegrams.datagram.broadcast, constant=True,
+        "ip.dst", _ADDRESS, "Destination address", "IPv4 or IPv6 address of the receiver", _destination, of=IP,
+        constant=True,
     ),
 )  # fmt: skip
 
-_TABLE = (
+_UDP_FIELDS = (
+    TelegramField(
+        "udp.srcport", _UNSIGNED, LAYOUT["source_port"].label, LAYOUT["source_port"].help,
+        lambda datagrams: datagrams.source_port, of=UDP,
+    ),
+    TelegramField(
+        "udp.dstport", _UNSIGNED, LAYOUT["destination_port"].label, LAYOUT["destination_port"].help,
+        lambda datagrams: datagrams.destination_port, of=UDP, constant=True,
+    ),
+    TelegramField(
+        "udp.length", _UNSIGNED, "UDP length", LAYOUT["length"].help,
+        lambda datagrams: datagrams.payload_bytes + LAYOUT.size_bytes, of=UDP, constant=True,
+    ),
+    TelegramField(
+        "udp.payload", FieldType.BYTES, "UDP payload", "captured bytes of header and data", _payload, _on_udp
+    ),
+)  # fmt: skip
+
+CARRIER_FIELDS = (
     TelegramField(
         "frame.number", _UNSIGNED, "Frame number", "place among all frames of the capture, from 1",
         lambda rows: rows.frame_number,
     ),
     TelegramField(
         "frame.time", _TIME, "Time", "when the frame was captured, ISO 8601 in UTC",
-        lambda rows: rows.telegrams.ts_ns, calendar=True,
+        lambda rows: rows.ts_ns, calendar=True,
     ),
     TelegramField(
         "frame.time_epoch", _TIME, "Epoch time", "seconds since 1970-01-01 UTC; in JSON nanoseconds as a string",
-        lambda rows: rows.telegrams.ts_ns,
+        lambda rows: rows.ts_ns,
     ),
     TelegramField(
         "frame.time_relative", _DURATION, "Time since the first frame", "seconds; in JSON nanoseconds",
@@ -198,17 +120,18 @@ _TABLE = (
     ),
     TelegramField(
         "frame.len", _UNSIGNED, "Frame length", "bytes on the wire",
-        lambda rows: rows.packets.original[rows.telegrams.datagram.row],
+        lambda rows: rows.packets.original[rows.row],
     ),
     TelegramField(
         "frame.cap_len", _UNSIGNED, "Captured length", "bytes of the frame that were captured",
-        lambda rows: rows.packets.captured[rows.telegrams.datagram.row],
+        lambda rows: rows.packets.captured[rows.row],
     ),
-    *map(on_udp, _UDP_TABLE),
-    *CAN_FIELDS,
+    *_IP_FIELDS,
+    *_UDP_FIELDS,
 )  # fmt: skip
+"""The fields of all frames, and of what carries protocols."""
 
-FIELDS = MappingProxyType({field.name: field for field in _TABLE})
+FIELDS = MappingProxyType({field.name: field for field in (*CARRIER_FIELDS, *NETVAR_FIELDS, *CAN_FIELDS)})
 """All fields by name, in the order in which they are listed."""
 
 DEFAULT_CAN_FIELDS = (FIELDS["frame.number"], FIELDS["frame.time"], *CAN_FIELDS)
@@ -221,7 +144,7 @@ DEFAULT_FIELDS = (
     FIELDS["udp.srcport"],
     FIELDS["ip.dst"],
     FIELDS["udp.dstport"],
-    *(field for field in _TABLE if field.name.startswith(f"{HEADER.name}.")),
+    *NETVAR_FIELDS,
 )
 """What is written of other captures where nobody says which fields are wanted."""
 
@@ -230,8 +153,8 @@ EITHER_OF = MappingProxyType({"ip.addr": ("ip.src", "ip.dst"), "udp.port": ("udp
 
 PROTOCOLS = MappingProxyType(
     {
-        "frame": "frame.number", "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "ip.version",
-        "nv": "ip.version", "can": "can.id", "canfd": "can.fd", "canopen": "canopen.function",
+        "frame": "frame.number", "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "udp.dstport",
+        "nv": "nv.id", "can": "can.id", "canfd": "can.fd", "canopen": "canopen.function",
     }
 )  # fmt: skip
 """Names of protocols, each with the expression that chooses the telegrams that have it; as in Wireshark, ``ip`` is
@@ -246,9 +169,18 @@ def expression_names(fields: Mapping[str, TelegramField]) -> dict[str, Named]:
             for name, field in fields.items()
         },
         **{name: Named(fields[parts[0]].type, parts) for name, parts in EITHER_OF.items()},
-        **{name: Named(FieldType.BOOL, test=test) for name, test in PROTOCOLS.items()},
+        **{name: Named(FieldType.BOOL, test=test) for name, test in (_further(fields) | PROTOCOLS).items()},
         "frame.time_delta_displayed": Named(_DURATION, refused="what is displayed is still to be decided"),
     }
+
+
+def _further(fields: Mapping[str, TelegramField]) -> dict[str, str]:
+    """Return the names of protocols that ``PROTOCOLS`` does not have: a frame has one where it has its first field."""
+    tests: dict[str, str] = {}
+    for field in fields.values():
+        if field.of and field.type is not FieldType.BOOL:
+            tests.setdefault(field.of, field.name)
+    return tests
 
 
 def output_field(name: str, fields: Mapping[str, TelegramField] = FIELDS) -> TelegramField:

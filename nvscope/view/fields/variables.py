@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool
+from dissectors.carried import Transport
 from dissectors.layout import gather_bytes
-from dissectors.netvar import HEADER, Fault, Service
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, Enumeration, ScalarKind, scalar_of
 from nvscope.definition.packing import TelegramLayout, known_fronts
@@ -26,7 +26,7 @@ from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, 
 from nvscope.list_key import ANY_CHANNEL, ListKey, Port
 from nvscope.tracker.variables.values import Block
 from nvscope.view.fields.field import TelegramField
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 from nvscope.view.rows.values import fits_time, value_type
 
 _TIME_BYTES = 8
@@ -68,7 +68,7 @@ def _told_apart(candidates: Iterable[Sequence[TelegramLayout]]) -> Iterator[Tele
     """Yield the telegrams that the definitions of a list describe; of those of one shape only the first."""
     seen = set()
     for layout in (layout for candidate in candidates for layout in candidate):
-        shape = layout.subindex, layout.items, layout.length
+        shape = layout.subindex, *layout.shape
         if shape not in seen:
             seen.add(shape)
             yield layout
@@ -94,7 +94,7 @@ class _Place:
     sightings: _Sightings
     is_front: bool = False
 
-    def rows_of(self, rows: TelegramRows) -> I64:
+    def rows_of(self, rows: FrameRows) -> I64:
         """Return the positions of the telegrams in which it is, with a value that its column can hold."""
         which = self._telegrams_of(rows)
         if not self._may_not_fit:
@@ -106,50 +106,48 @@ class _Place:
         scalar = scalar_of(self.element.type)
         return scalar is not None and bool(scalar.unit_ns) and scalar.size_bytes == _TIME_BYTES
 
-    def _telegrams_of(self, rows: TelegramRows) -> I64:
-        key = self.port, self.index, self.layout.subindex, self.layout.items, self.layout.length
+    def _telegrams_of(self, rows: FrameRows) -> I64:
+        key = self.port, self.index, self.layout.subindex, *self.layout.shape
         seen = self.sightings.of(rows)
         if key not in seen:
             seen[key] = self._rows_of(rows)
         return seen[key]
 
-    def _rows_of(self, rows: TelegramRows) -> I64:
+    def _rows_of(self, rows: FrameRows) -> I64:
+        """Return the positions of the frames, captured whole, that carry it."""
+        carried = rows.carried
+        found: Bool = carried.is_data & (carried.identifier == self.index)
+        found &= carried.subindex == self.layout.subindex
+        items, size_bytes = self.layout.shape
+        if self.is_front:
+            found &= (carried.items >= items) & (carried.size_bytes >= size_bytes)
+        else:
+            found &= (carried.items == items) & (carried.size_bytes == size_bytes)
+        found &= ~carried.truncated
         if isinstance(self.port, str):
-            return self._frames_of(rows, self.port)
-        header, datagram = rows.telegrams.header, rows.telegrams.datagram
-        found: Bool = header["index"] == self.index
-        found &= datagram.destination_port == self.port
-        found &= header["id"] == Service.ODStateFree
-        found &= header["subindex"] == self.layout.subindex
-        for name, wanted in (("items", self.layout.items), ("length", self.layout.length)):
-            found &= header[name] >= wanted if self.is_front else header[name] == wanted
-        found &= rows.telegrams.fault == Fault.NONE
-        found &= datagram.captured_bytes >= header["length"]
-        if rows.can is not None:
-            found &= ~rows.can.on_can
+            found &= self._on_channel(rows)
+        else:
+            found &= (carried.transport == Transport.UDP) & (carried.port == self.port)
         return np.flatnonzero(found)
 
-    def _frames_of(self, rows: TelegramRows, channel: str) -> I64:
-        """Return the positions of the CAN frames, captured whole, that have it."""
-        if rows.can is None:
-            return np.empty(0, np.int64)
-        port, index, subindex = rows.lists
-        header, datagram = rows.telegrams.header, rows.telegrams.datagram
-        found: Bool = rows.can.is_pdo & (index == self.index) & (subindex == self.layout.subindex)
-        found &= (header["length"] == self.layout.length) & (datagram.captured_bytes >= self.layout.length)
-        if channel != ANY_CHANNEL or self.sightings.channels:
-            own = [number for number in np.unique(port).tolist() if self._is_on(rows.can.port_text(number))]
-            found &= np.isin(port, own)
-        return np.flatnonzero(found)
+    def _on_channel(self, rows: FrameRows) -> Bool:
+        """Tell which frames are on a channel that the definition is for."""
+        carried = rows.carried
+        on_can: Bool = carried.transport == Transport.CAN
+        if self.port == ANY_CHANNEL and not self.sightings.channels:
+            return on_can
+        channels = np.unique(carried.port[on_can]).tolist()
+        on_can &= np.isin(carried.port, [number for number in channels if self._is_on(rows.channel(number))])
+        return on_can
 
     def _is_on(self, port: Port) -> bool:
         """Tell whether the definition is that of a channel: of its own, or of any that has none of its own."""
         return port == self.port or (self.port == ANY_CHANNEL and (port, self.index) not in self.sightings.channels)
 
-    def bytes_of(self, rows: TelegramRows, which: I64) -> BytesColumn:
+    def bytes_of(self, rows: FrameRows, which: I64) -> BytesColumn:
         """Return its bytes in some telegrams in which it is."""
-        start = rows.telegrams.datagram.payload[which] + (HEADER.size_bytes + self.offset)
-        return BytesColumn(rows.telegrams.data, start, start + self.element.type.size_bytes)
+        start = rows.carried.at[which] + self.offset
+        return BytesColumn(rows.packets.data, start, start + self.element.type.size_bytes)
 
 
 class _Sightings:
@@ -161,9 +159,9 @@ class _Sightings:
 
     def __init__(self, channels: Iterable[ListKey] = ()) -> None:
         self.channels = frozenset(channels)
-        self._last: tuple[TelegramRows | None, dict[_Key, I64]] = (None, {})
+        self._last: tuple[FrameRows | None, dict[_Key, I64]] = (None, {})
 
-    def of(self, rows: TelegramRows) -> dict[_Key, I64]:
+    def of(self, rows: FrameRows) -> dict[_Key, I64]:
         """Return the positions found so far, by port, list identifier and SubIndex, to be added to."""
         last = self._last
         if last[0] is not rows:
@@ -207,21 +205,21 @@ def _listed(words: list[str], last: str, one: str = "", several: str = "") -> st
     return f"{several if len(words) > 1 else one} {text}".strip()
 
 
-def _known(places: Iterable[_Place], rows: TelegramRows) -> Bool:
+def _known(places: Iterable[_Place], rows: FrameRows) -> Bool:
     known = np.zeros(len(rows), np.bool_)
     for place in places:
         known[place.rows_of(rows)] = True
     return known
 
 
-def _read(kind: FieldType, places: list[_Place], rows: TelegramRows) -> Column:
+def _read(kind: FieldType, places: list[_Place], rows: FrameRows) -> Column:
     found = [(place, which) for place in places if len(which := place.rows_of(rows))]
     if kind is FieldType.BYTES:
         start, stop = np.zeros(len(rows), np.int64), np.zeros(len(rows), np.int64)
         for place, which in found:
             span = place.bytes_of(rows, which)
             start[which], stop[which] = span.start, span.stop
-        return BytesColumn(rows.telegrams.data, start, stop)
+        return BytesColumn(rows.packets.data, start, stop)
     if kind is FieldType.TEXT:
         return _texts(found, rows)
     parts = [(which, _numbers(place, rows, which)) for place, which in found]
@@ -233,7 +231,7 @@ def _read(kind: FieldType, places: list[_Place], rows: TelegramRows) -> Column:
     return column
 
 
-def _numbers(place: _Place, rows: TelegramRows, which: I64) -> Numbers:
+def _numbers(place: _Place, rows: FrameRows, which: I64) -> Numbers:
     scalar = scalar_of(place.element.type)
     assert scalar is not None
     cells: Any = _raw(place.bytes_of(rows, which), scalar.size_bytes).view(scalar.dtype)
@@ -244,7 +242,7 @@ def _numbers(place: _Place, rows: TelegramRows, which: I64) -> Numbers:
     return np.asarray(cells.astype(np.int64) * scalar.unit_ns)
 
 
-def _texts(found: Iterable[tuple[_Place, I64]], rows: TelegramRows) -> TextColumn:
+def _texts(found: Iterable[tuple[_Place, I64]], rows: FrameRows) -> TextColumn:
     """Return texts; equal ones are decoded once, whatever stands behind their ends."""
     code = np.zeros(len(rows), np.int64)
     texts: dict[str, int] = {"": 0}

@@ -16,8 +16,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.can.pdo import EXTENDED
-from dissectors.netvar import KNOWN_SERVICE
-from nvscope.engine.keys import IS_PARAMETER
+from dissectors.carried import Transport
 from nvscope.expression.columns import Column, FieldType, TextColumn
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, list_key, told_of
@@ -25,7 +24,7 @@ from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, Counter
 from nvscope.tracker.summary import Summary
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import FIELDS
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import IP, FrameRows
 
 NodeKey = tuple[int, int]
 _UNSIGNED, _SIGNED, _TEXT = FieldType.UNSIGNED, FieldType.SIGNED, FieldType.TEXT
@@ -70,7 +69,7 @@ class Verdicts:
             if not one.frames and one.list_number is not None
         ]
 
-    def findings_of(self, rows: TelegramRows) -> tuple[I64, I64]:
+    def findings_of(self, rows: FrameRows) -> tuple[I64, I64]:
         """Return positions of telegrams, each as often as it shows findings (at least once), and their numbers or -1.
 
         Positions rise; numbers are those of ``findings``.
@@ -83,7 +82,7 @@ class Verdicts:
         positions, numbers = [position], [self._finding[place]]
         if self._lasting:
             keys, code = _keys(rows)
-            subindex = rows.lists[2]
+            subindex = rows.carried.subindex
             for one in self._lasting:
                 concerned = np.array([one.concerns(*key) for key in keys], np.bool_)[code]
                 if one.subindex is not None:
@@ -122,12 +121,12 @@ def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None)
             _of_list(lambda key: list_key(*key)), _in_list, constant=True,
         ),
         TelegramField(
-            "list.port", _UNSIGNED, "Port of the list", "destination port", FIELDS["udp.dstport"].read, _on_udp,
+            "list.port", _UNSIGNED, "Port of the list", "destination port", lambda rows: rows.carried.port, _on_udp,
             constant=True,
         ),
         TelegramField(
             "list.id", _UNSIGNED, "List identifier", "Index of a telegram that belongs to a list, on CAN the COB-ID",
-            lambda rows: rows.lists[1] & ~EXTENDED, _in_list, constant=True,
+            lambda rows: rows.carried.identifier & ~EXTENDED, _in_list, constant=True,
         ),
         TelegramField(
             "list.name", _TEXT, "Name of the list", "from definition or project file",
@@ -136,8 +135,8 @@ def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None)
     ]  # fmt: skip
     nodes = [
         TelegramField(
-            "node.address", FieldType.ADDRESS, "Node", "address of the sender", FIELDS["ip.src"].read,
-            FIELDS["ip.src"].known, constant=True,
+            "node.address", FieldType.ADDRESS, "Node", "address of the sender", FIELDS["ip.src"].read, of=IP,
+            constant=True,
         ),
         TelegramField(
             "node.name", _TEXT, "Name of the node", "of the sender, from the project file",
@@ -149,68 +148,73 @@ def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None)
     return {entry.name: entry for entry in (*lists, *nodes, *_finding_fields(verdicts))}
 
 
-def _in_list(rows: TelegramRows) -> Bool:
-    """Tell which telegrams belong to a list: all but those of the Parameter Manager; and all data frames of CAN."""
-    service = np.minimum(rows.telegrams.header["id"], len(KNOWN_SERVICE) - 1)
-    own: Bool = ~IS_PARAMETER[service]
-    return own if rows.can is None else np.where(rows.can.on_can, rows.can.is_pdo, own)
+def _in_list(rows: FrameRows) -> Bool:
+    """Tell which frames belong to a list: telegrams but for those of the Parameter Manager, and data frames of CAN."""
+    return rows.carried.of_list
 
 
-def _on_udp(rows: TelegramRows) -> Bool:
-    """Tell which telegrams belong to a list on UDP."""
-    own = _in_list(rows)
-    return own if rows.can is None else own & ~rows.can.on_can
+def _on_udp(rows: FrameRows) -> Bool:
+    """Tell which frames belong to a list on UDP."""
+    own: Bool = rows.carried.of_list & (rows.carried.transport == Transport.UDP)
+    return own
 
 
-def _keys(rows: TelegramRows) -> tuple[list[tuple[NodeKey, ListKey]], I64]:
-    """Return the (sender, list) pairs that occur, and which of them each telegram is of."""
-    datagram = rows.telegrams.datagram
-    key = np.empty(len(rows), [("high", "u8"), ("low", "u8"), ("port", "u4"), ("index", "u4")])
-    key["high"], key["low"] = datagram.source_hi, datagram.source_lo
-    key["port"], key["index"], _ = rows.lists
+def _keys(rows: FrameRows) -> tuple[list[tuple[NodeKey, ListKey]], I64]:
+    """Return the (sender, list) pairs that occur, and which of them each frame is of."""
+    carried = rows.carried
+    key = np.empty(
+        len(rows), [("high", "u8"), ("low", "u8"), ("transport", "u1"), ("port", "u4"), ("identifier", "u4")]
+    )
+    key["high"], key["low"] = rows.senders
+    key["transport"], key["port"], key["identifier"] = carried.transport, carried.port, carried.identifier
     found, code = np.unique(key, return_inverse=True)
-    told = rows.can.port_text if rows.can else int
-    return [((high, low), (told(port), index)) for high, low, port, index in found.tolist()], code
+    return [
+        ((high, low), (rows.channel(port) if transport == Transport.CAN else port, identifier))
+        for high, low, transport, port, identifier in found.tolist()
+    ], code
 
 
-def _of_both(tell: Callable[[NodeKey, ListKey], str]) -> Callable[[TelegramRows], Column]:
-    def read(rows: TelegramRows) -> TextColumn:
+def _of_both(tell: Callable[[NodeKey, ListKey], str]) -> Callable[[FrameRows], Column]:
+    def read(rows: FrameRows) -> TextColumn:
         keys, code = _keys(rows)
         return TextColumn(code, tuple(tell(*key) for key in keys))
 
     return read
 
 
-def _of_list(tell: Callable[[ListKey], str]) -> Callable[[TelegramRows], Column]:
+def _of_list(tell: Callable[[ListKey], str]) -> Callable[[FrameRows], Column]:
     return _of_both(lambda _, key: tell(key))
 
 
-def _named(names: Names) -> Callable[[TelegramRows], Bool]:
-    def known(rows: TelegramRows) -> Bool:
+def _named(names: Names) -> Callable[[FrameRows], Bool]:
+    def known(rows: FrameRows) -> Bool:
         keys, code = _keys(rows)
         return np.array([bool(told_of(names.lists, key)) for _, key in keys], np.bool_)[code] & _in_list(rows)
 
     return known
 
 
-def _node_named(names: Names) -> Callable[[TelegramRows], Bool]:
-    def known(rows: TelegramRows) -> Bool:
+def _node_named(names: Names) -> Callable[[FrameRows], Bool]:
+    def known(rows: FrameRows) -> Bool:
         keys, code = _keys(rows)
         return np.array([node in names.nodes for node, _ in keys], np.bool_)[code] & _sent_by_node(rows)
 
     return known
 
 
-def _sent_by_node(rows: TelegramRows) -> Bool:
-    """Tell which telegrams have a sender: nobody knows it on CAN."""
-    return np.ones(len(rows), np.bool_) if rows.can is None else ~rows.can.on_can
+def _sent_by_node(rows: FrameRows) -> Bool:
+    """Tell which frames have a sender: nobody knows it on CAN."""
+    sent = np.zeros(len(rows), np.bool_)
+    if found := rows.parts.get(IP):
+        sent[found.positions(len(rows))] = True
+    return sent
 
 
 def _figure(of: str, whose: str, counter: Counter, verdicts: Verdicts | None) -> TelegramField:
     """Return the field of one counter; a node that a list's diagnosis does not name has counted nothing there."""
     kind = FieldType.TIME if counter.unit == "ns" else _TEXT if not counter.unit else _SIGNED
 
-    def values(rows: TelegramRows) -> tuple[list[Any], I64]:
+    def values(rows: FrameRows) -> tuple[list[Any], I64]:
         if verdicts is None:
             raise LookupError(f"{of}.{counter.name} is read before the capture was judged")
         keys, code = _keys(rows)
@@ -218,13 +222,13 @@ def _figure(of: str, whose: str, counter: Counter, verdicts: Verdicts | None) ->
         blank = None if kind is FieldType.TIME else "NOERROR" if kind is _TEXT else 0
         return [blank if row is None else row[counter.name] for row in rows_of], code
 
-    def read(rows: TelegramRows) -> Column:
+    def read(rows: FrameRows) -> Column:
         told, code = values(rows)
         if kind is _TEXT:
             return TextColumn(code, tuple(value or "" for value in told))
         return np.array([value or 0 for value in told], np.int64)[code]
 
-    def known(rows: TelegramRows) -> Bool:
+    def known(rows: FrameRows) -> Bool:
         told, code = values(rows)
         belongs = _in_list(rows) if of == "list" else _on_udp(rows)
         return np.array([value is not None for value in told], np.bool_)[code] & belongs
@@ -250,17 +254,17 @@ def _code(finding: Finding) -> str:
 def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
     findings = verdicts.findings if verdicts else []
 
-    def column(tell: Callable[[Finding], str]) -> Callable[[TelegramRows], Column]:
+    def column(tell: Callable[[Finding], str]) -> Callable[[FrameRows], Column]:
         texts = ("", *(tell(finding) for finding in findings))
         return lambda rows: TextColumn(_number(rows) + 1, texts)
 
-    def count(rows: TelegramRows) -> Column:
+    def count(rows: FrameRows) -> Column:
         return np.array([0, *(finding.count for finding in findings)], np.int64)[_number(rows) + 1]
 
-    def known(rows: TelegramRows) -> Bool:
+    def known(rows: FrameRows) -> Bool:
         return _number(rows) >= 0
 
-    def entry(name: str, kind: FieldType, text: str, read: Callable[[TelegramRows], Column]) -> TelegramField:
+    def entry(name: str, kind: FieldType, text: str, read: Callable[[FrameRows], Column]) -> TelegramField:
         return TelegramField(f"finding.{name}", kind, f"Finding's {name}", text, read, known, judged=True)
 
     return [
@@ -272,6 +276,6 @@ def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
     ]
 
 
-def _number(rows: TelegramRows) -> I64:
+def _number(rows: FrameRows) -> I64:
     """Return the number of the finding with which each telegram is looked at, -1 where there is none."""
     return np.full(len(rows), -1) if rows.finding is None else rows.finding

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from nvscope.view.fields.field import TelegramField
@@ -14,12 +14,19 @@ if TYPE_CHECKING:  # without definitions, nothing of them is imported
 
 
 def vocabulary(
-    layouts: Layouts | None = None, names: Names | None = None, verdicts: Verdicts | None = None
+    layouts: Layouts | None = None,
+    names: Names | None = None,
+    verdicts: Verdicts | None = None,
+    fields: Iterable[TelegramField] = FIELDS.values(),
 ) -> Mapping[str, TelegramField]:
-    """Return all fields by name: with ``layouts`` also ``var.*``; without ``verdicts``, judged ones cannot be read."""
+    """Return all fields by name: ``fields`` of frames, and those of what is known about them.
+
+    With ``layouts`` also ``var.*``; without ``verdicts``, judged ones cannot be read.
+    """
     variables: Mapping[str, TelegramField] = {}
     if layouts is not None:
         from nvscope.view.fields.variables import variable_fields  # noqa: PLC0415
 
         variables = variable_fields(layouts)
-    return {**FIELDS, **verdict_fields(names, verdicts), **variables}
+    own = {field.name: field for field in fields}
+    return {**own, **verdict_fields(names, verdicts), **variables}

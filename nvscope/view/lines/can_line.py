@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from dissectors.can.frame import MAX_DATA_BYTES
 from nvscope.view.escape import visible
@@ -12,11 +11,9 @@ from nvscope.view.lines import cells, moments
 from nvscope.view.lines.can_words import Meanings, flags_of, identifier_text
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
+from nvscope.view.lines.shown import NO_WORDING, Wording
 from nvscope.view.lines.table import GAP, Cell, Line, Tone
-from nvscope.view.rows.frames import TelegramRows
-
-if TYPE_CHECKING:
-    from nvscope.definition.pdos import Pdos
+from nvscope.view.rows.frames import FrameRows
 
 _TIME_DIGITS = 6
 _DATA_WIDTH = 3 * MAX_DATA_BYTES - 1
@@ -28,23 +25,21 @@ _GAP = " " * GAP
 class CanLineWriter:
     """Makes the lines of the CAN frames of pieces that follow each other; columns never get narrower.
 
-    No line is wider than ``width`` (None: as wide as it takes); what a frame means goes before its last bytes. ``pdos``
-    name the lists.
+    No line is wider than ``width`` (None: as wide as it takes); what a frame means goes before its last bytes.
+    ``wording`` names the lists.
     """
 
-    def __init__(self, moment: Moment = "r", width: int | None = None, pdos: Pdos | None = None) -> None:
+    def __init__(self, moment: Moment = "r", width: int | None = None, wording: Wording = NO_WORDING) -> None:
         self._moment: Moment = moment
         self._width = width
-        self._meanings = Meanings(pdos)
+        self._meanings = Meanings(wording.pdos)
         self._widths = [0] * 5
 
-    def lines(self, rows: TelegramRows) -> Iterator[Line]:
+    def lines(self, rows: FrameRows) -> Iterator[Line]:
         """Yield the lines of rows that are all CAN frames."""
-        can = rows.can
-        assert can
-        assert can.frames
-        frames = can.frames.take(can.frame)
-        names = {number: str(visible(can.pdos.channel(number))) for number in set(frames.channel.tolist())}
+        frames = rows.can
+        channels = {number: rows.channel(number) for number in set(frames.channel.tolist())}
+        names = {number: str(visible(name)) for number, name in channels.items()}
         columns = [
             cells.texts(FIELDS["frame.number"], rows),
             moments.told(rows, self._moment, _TIME_DIGITS),
@@ -61,7 +56,7 @@ class CanLineWriter:
             max(width, max(map(len, column), default=0)) for width, column in zip(self._widths, columns, strict=True)
         ]
         for row, (number, time, channel, identifier, length) in enumerate(zip(*columns, strict=True)):
-            meaning = self._meanings.of(can, frames, row, row)
+            meaning = self._meanings.of(channels[int(frames.channel[row])], frames, row)
             data = "" if frames.remote[row] else frames.payload(row).hex(" ").upper()
             flags = flags_of(frames, row)
             line = [

@@ -2,65 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import EXTENDED_MASK, FRAME, STANDARD_MASK, CanBatch, Fault
+from dissectors.can.pdo import is_pdo
 from dissectors.layout import Field
 from nvscope import units
 from nvscope.findings.can import DLC_MISMATCH
 from nvscope.view.escape import visible
 from nvscope.view.lines.can_words import Meanings, flags_of, identifier_text
-from nvscope.view.lines.hexdump import dump
+from nvscope.view.lines.layers import Layer, link_layers
+from nvscope.view.lines.shown import Spans, Wording
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.tree_lines import (
     INDENT,
     Entry,
     bit_entries,
+    bytes_entries,
     label_cell,
     number_text,
     place_cell,
     variable_entries,
 )
-from nvscope.view.rows.can import CanRows
-
-if TYPE_CHECKING:
-    from nvscope.definition.pdos import Pdos
+from nvscope.view.rows.frames import CAN, FrameRows
 
 
 class CanTree:
-    """The part of a tree that is about a CAN frame; ``pdos`` are the defined lists.
+    """The part of a tree that is about a CAN frame, as a ``Tree``; ``wording`` has the defined lists."""
 
-    Without ``dumps``, data that nothing describes are told in their length only.
-    """
-
-    def __init__(self, can: CanRows, pdos: Pdos | None = None, *, dumps: bool = True) -> None:
-        self._can = can
-        self._pdos = pdos
+    def __init__(self, rows: FrameRows, wording: Wording, *, dumps: bool = True) -> None:
+        found = rows.parts[CAN]
+        self._packet_at = rows.packets.offset[rows.row[found.positions(len(rows))]]
+        self._packet_bytes = rows.packets.captured[rows.row[found.positions(len(rows))]]
+        self._frames: CanBatch = found.part
+        self._is_pdo = is_pdo(self._frames)
+        self._channel = rows.channel
+        self._pdos = wording.pdos
         self._dumps = dumps
-        self._meanings = Meanings(pdos)
+        self._meanings = Meanings(wording.pdos)
 
-    def frame_at(self, row: int, offset: int) -> int:
-        """Return where the CAN frame of a row begins in its packet, which begins at ``offset`` of the buffer."""
-        return max(int(self._frames.at[int(self._can.frame[row])]) - offset - FRAME.size_bytes, 0)
+    def spans(self, place: int) -> Spans:
+        at = int(self._frames.at[place] - self._packet_at[place])
+        data = min(at, int(self._packet_bytes[place]))
+        return Spans(max(data - FRAME.size_bytes, 0), data, at + int(self._frames.captured[place]))
 
-    @property
-    def _frames(self) -> CanBatch:
-        assert self._can.frames is not None
-        return self._can.frames
+    def layers(self, place: int, packet: bytes, link: int) -> Sequence[Layer]:
+        return link_layers(packet, link, self._frame_at(place))
 
-    def entries(self, row: int, packet: bytes, at: int) -> Iterator[Entry]:
-        """Yield the lines on the CAN frame of a row, which begins at ``at`` of the packet."""
-        place = int(self._can.frame[row])
+    def _frame_at(self, place: int) -> int:
+        return max(int(self._frames.at[place] - self._packet_at[place]) - FRAME.size_bytes, 0)
+
+    def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
+        at = self._frame_at(place)
         frame = self._frames.take(slice(place, place + 1))
         identifier = identifier_text(int(frame.identifier[0]), bool(frame.extended[0] or frame.error[0]))
-        channel = visible(self._can.pdos.channel(int(frame.channel[0])))
+        name = self._channel(int(frame.channel[0]))
+        channel = visible(name)
         kind = f", {flags}" if (flags := flags_of(frame, 0)) else ""
         bits = sum(int(column[0]) for column in wire_bits(frame, Stuffing.EXACT))
         told = f"  {identifier} on {channel}{kind}" + (f", {bits} bits on the wire" if bits else "")
         yield Entry([Cell("CAN", Tone.STRONG), Cell(told)])
-        meaning = self._meanings.of(self._can, frame, row, 0)
+        meaning = self._meanings.of(name, frame, 0)
         if meaning.text:
             sign = {Tone.ERROR: "✗ ", Tone.WARNING: "! "}.get(meaning.tone, "")
             yield Entry([Cell(f"{'':{INDENT}}{sign}{meaning.text}", meaning.tone)])
@@ -76,16 +79,16 @@ class CanTree:
             yield Entry([place_cell(begin, content), label_cell(entry.label), value], entry.help)
             if _has_bits(entry, frame):
                 yield from bit_entries(entry, number)
-        yield from self._data(frame, row, at + FRAME.size_bytes)
+        yield from self._data(frame, place, at + FRAME.size_bytes)
 
-    def _data(self, frame: CanBatch, row: int, at: int) -> Iterator[Entry]:
+    def _data(self, frame: CanBatch, place: int, at: int) -> Iterator[Entry]:
         data, length = frame.payload(0), int(frame.length[0])
         if not data and (frame.remote[0] or not length):
             return
         size = f"  {units.count_of(len(data), 'byte')}"
         pdo, channel = None, ""
-        if self._pdos and self._can.is_pdo[row] and not frame.extended[0]:
-            channel = self._can.pdos.channel(int(frame.channel[0]))
+        if self._pdos and self._is_pdo[place] and not frame.extended[0]:
+            channel = self._channel(int(frame.channel[0]))
             pdo = self._pdos.pdo_of(channel, int(frame.identifier[0]))
         if self._pdos and pdo is not None and pdo.layout is not None:
             fitting = self._pdos.fitting(channel, int(frame.identifier[0]), length)
@@ -106,10 +109,7 @@ class CanTree:
         facts = [Cell(size)]
         if missing > 0:
             facts.append(Cell(f", {units.count(missing)} more not captured", Tone.WARNING))
-        yield Entry([Cell("Data", Tone.STRONG), *facts])
-        if self._dumps:
-            for line in dump(data, indent=INDENT, first=at):
-                yield Entry(list(line))
+        yield from bytes_entries("Data", facts, data, at, dumps=self._dumps)
 
 
 def _word(frame: CanBatch, content: bytes) -> int:

@@ -12,7 +12,6 @@ from nvscope.findings.can import DLC_MISMATCH
 from nvscope.units import count_of
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Tone
-from nvscope.view.rows.can import CanRows
 
 if TYPE_CHECKING:
     from nvscope.definition.pdos import Pdos
@@ -55,8 +54,8 @@ class Meanings:
         self._pdos = pdos
         self._lists: dict[tuple[str, int], str] = {}
 
-    def of(self, can: CanRows, frames: CanBatch, place: int, row: int) -> Meaning:
-        """Return what a frame means: row ``place`` of the rows, ``row`` of the frames."""
+    def of(self, channel: str, frames: CanBatch, row: int) -> Meaning:
+        """Return what one of some frames means, on a channel of this name."""
         fault = int(frames.fault[row])
         if fault:
             return Meaning(FAULT_WORDS[Fault(fault)], Tone.WARNING)
@@ -65,7 +64,6 @@ class Meanings:
             return Meaning(describe_error(identifier, data), Tone.ERROR)
         if frames.extended[row]:
             return Meaning("")
-        channel = str(can.port_text(int(can.port[place])))
         listed = self._list_name(channel, identifier)
         if listed:
             size = "" if frames.remote[row] else self._wrong_size(channel, identifier, int(frames.length[row]))

@@ -14,19 +14,19 @@ from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, Nu
 from nvscope.view.escape import visible
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.lines import moments
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 
 _BITS = ("0", "1")
 _JSON_BITS = ("false", "true")
 
 
-def texts(field: TelegramField, rows: TelegramRows, shown: Callable[[str], str] = visible) -> list[str]:
+def texts(field: TelegramField, rows: FrameRows, shown: Callable[[str], str] = visible) -> list[str]:
     """Return a field as Wireshark writes it; empty where it does not exist.
 
     Numbers decimal or with 0x, times in seconds, bytes as hexadecimal digits, bits as 0 and 1; of real numbers that are
     no numbers, NaN, inf and -inf. ``shown`` makes what a text may hold safe for where it is written.
     """
-    column = field.read(rows)
+    column = field.column(rows)
     if isinstance(column, AddressColumn):
         cells = addresses(column)
     elif isinstance(column, BytesColumn):
@@ -36,17 +36,17 @@ def texts(field: TelegramField, rows: TelegramRows, shown: Callable[[str], str] 
         cells = [safe[code] for code in column.code.tolist()]
     else:
         cells = _number_texts(field, column)
-    return _where_known(cells, field.known(rows), "")
+    return _where_known(cells, field.exists(rows), "")
 
 
-def json_texts(field: TelegramField, rows: TelegramRows) -> list[str]:
+def json_texts(field: TelegramField, rows: FrameRows) -> list[str]:
     """Return a field as JSON values; null where it does not exist.
 
     Numbers and bits are what they are in JSON, null where they are not finite. Absolute times are strings of
     nanoseconds, since JavaScript cannot hold them as numbers, or of the date; durations are numbers of nanoseconds.
     Bytes are strings of hexadecimal digits.
     """
-    column = field.read(rows)
+    column = field.column(rows)
     if isinstance(column, AddressColumn):
         cells = _quoted(addresses(column))
     elif isinstance(column, BytesColumn):
@@ -62,7 +62,7 @@ def json_texts(field: TelegramField, rows: TelegramRows) -> list[str]:
         cells = [text if isfinite(float(text)) else "null" for text in map(str, column)]
     else:
         cells = list(map(str, column.tolist()))
-    return _where_known(cells, field.known(rows), "null")
+    return _where_known(cells, field.exists(rows), "null")
 
 
 def addresses(column: AddressColumn) -> list[str]:

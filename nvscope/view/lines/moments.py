@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope import units
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 
 _S_NS = 1_000_000_000
 
@@ -19,9 +19,9 @@ Moment = Literal["a", "ad", "d", "e", "r", "u", "ud"]
 first frame of the capture, d since the telegram shown before."""
 
 
-def told(rows: TelegramRows, moment: Moment, digits: int) -> list[str]:
+def told(rows: FrameRows, moment: Moment, digits: int) -> list[str]:
     """Return the times of telegrams in one of the forms of ``Moment``."""
-    ts_ns = rows.telegrams.ts_ns
+    ts_ns = rows.ts_ns
     if moment == "e":
         return seconds(ts_ns, digits)
     if moment == "r":

@@ -1,4 +1,4 @@
-"""One telegram as a tree: every field of every layer with its place, its bytes, its value, and what that means.
+"""One frame as a tree: every field of every layer with its place, its bytes, its value, and what that means.
 
 Names, places and explanations come from the tables of the layers (``dissectors.layout.Layout``) and of the fields
 (``nvscope.view.fields.frame``).
@@ -6,42 +6,27 @@ Names, places and explanations come from the tables of the layers (``dissectors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from ipaddress import IPv4Address
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dissectors import address
-from dissectors.headers import PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
+from dissectors.batch import I64
+from dissectors.headers import PROTOCOL_TCP, PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
 from dissectors.layout import Field, Layout
-from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS, Fault, Service
 from nvscope import units
 from nvscope.expression.columns import FieldType
-from nvscope.findings.definition import DEFINITION_MISMATCH
-from nvscope.view.escape import visible
 from nvscope.view.fields.frame import FIELDS
-from nvscope.view.lines import cells, moments, words
-from nvscope.view.lines.can_tree import CanTree
+from nvscope.view.lines import cells, moments
 from nvscope.view.lines.fit import cut
-from nvscope.view.lines.hexdump import dump
-from nvscope.view.lines.layers import Layer, layers, link_layers, values
+from nvscope.view.lines.layers import Layer, values
+from nvscope.view.lines.shown import MakeTree, Spans, Wording
 from nvscope.view.lines.table import Cell, Line, Tone
-from nvscope.view.lines.tree_lines import (
-    INDENT,
-    Entry,
-    bit_entries,
-    label_cell,
-    number_text,
-    place_cell,
-    variable_entries,
-)
-from nvscope.view.rows.frames import TelegramRows
-
-if TYPE_CHECKING:
-    from nvscope.definition.layouts import Layouts
-    from nvscope.definition.pdos import Pdos
+from nvscope.view.lines.tree_lines import INDENT, Entry, bytes_entries, label_cell, number_text, place_cell
+from nvscope.view.rows.frames import FrameRows
 
 _FRAME_LABEL_WIDTH = 38
 
@@ -54,6 +39,7 @@ _TITLES = {
     "ip": "IPv4",
     "ipv6": "IPv6",
     "udp": "UDP",
+    "tcp": "TCP",
 }
 _JOINED = {
     ("eth", "group"): ("destination_rest", "Destination"),
@@ -63,6 +49,7 @@ _JOINED = {
 """Fields that are one to people: the field that follows, and what both together are called."""
 
 _ETHERTYPES = {TYPE_IPV4: "IPv4", TYPE_IPV6: "IPv6", **dict.fromkeys(VLAN_TYPES, "VLAN tag")}
+_TRANSPORTS = {PROTOCOL_TCP: "TCP", PROTOCOL_UDP: "UDP"}
 _DIRECTIONS = {0: "to this host", 1: "broadcast", 2: "multicast", 3: "to another host", 4: "sent by this host"}
 _DONT_FRAGMENT = 0x4000
 
@@ -72,9 +59,9 @@ _MEANINGS: Mapping[tuple[str, str], Callable[[int], str]] = {
     ("vlan", "tci"): lambda number: f"VLAN {number & 0xFFF}, priority {number >> 13}",
     ("ip", "version_ihl"): lambda number: f"version {number >> 4}, {(number & 15) * 4} bytes",
     ("ip", "fragment"): lambda number: "do not fragment" if number & _DONT_FRAGMENT else "may be fragmented",
-    ("ip", "protocol"): lambda number: "UDP" if number == PROTOCOL_UDP else "",
+    ("ip", "protocol"): lambda number: _TRANSPORTS.get(number, ""),
     ("ipv6", "version"): lambda number: f"version {number >> 4}",
-    ("ipv6", "next"): lambda number: "UDP" if number == PROTOCOL_UDP else "",
+    ("ipv6", "next"): lambda number: _TRANSPORTS.get(number, ""),
     ("udp", "checksum"): lambda number: "not verified" if number else "none",
 }
 """What numbers of a layer mean; where nothing stands here, the table's explanation does."""
@@ -88,34 +75,36 @@ _ADDRESSES = {("ip", "source"), ("ip", "destination")}
 
 
 class Trees:
-    """The trees of a piece of telegrams, in lines not wider than ``width`` (None: as wide as it takes).
+    """The trees of a piece of frames, in lines not wider than ``width`` (None: as wide as it takes).
 
     Places are offsets from the start of the frame, in hexadecimal digits, as in a dump of it. Without ``dumps``, what
-    has no fields is told in its length only. With ``layouts`` the data of defined lists are variables; ``pdos`` are
-    those on CAN.
+    has no fields is told in its length only. ``make`` has what makes the tree of each protocol.
     """
 
     def __init__(
         self,
-        rows: TelegramRows,
+        rows: FrameRows,
+        make: Mapping[str, MakeTree],
+        wording: Wording,
         width: int | None = None,
         *,
         dumps: bool = True,
-        layouts: Layouts | None = None,
-        pdos: Pdos | None = None,
     ) -> None:
         self._rows = rows
-        self._can = None if rows.can is None else CanTree(rows.can, pdos, dumps=dumps)
-        self._layouts = layouts
+        self._trees = {name: make[name](rows, wording, dumps=dumps) for name in rows.protocols if name in rows.parts}
+        self._places = {name: _places(rows, name) for name in self._trees}
         self._width = width
         self._dumps = dumps
         self._texts = {name: cells.texts(FIELDS[name], rows) for name in (*_FRAME_FIELDS, *chain(*_ENDS.values()))}
-        self._local = moments.clock(rows.telegrams.ts_ns, 6, utc=False, date=True)
-        self._codes = words.word_codes(rows.telegrams).tolist()
-        self._remarks = words.remarks(rows.telegrams)
+        self._local = moments.clock(rows.ts_ns, 6, utc=False, date=True)
+
+    def spans(self, row: int) -> Spans:
+        """Return where in its packet what was found in a frame lies."""
+        name = self._rows.name_of(row)
+        return self._trees[name].spans(int(self._places[name][row]))
 
     def lines(self, row: int) -> Iterator[Line]:
-        """Yield the tree of one telegram."""
+        """Yield the tree of one frame."""
         width = self._width
         for entry in self._entries(row):
             line, explanation = entry.cells, f"  {entry.help}"
@@ -125,33 +114,12 @@ class Trees:
             yield line if width is None else cut(line, width)
 
     def _entries(self, row: int) -> Iterator[Entry]:
-        packets, datagram = self._rows.packets, self._rows.telegrams.datagram
-        at = int(datagram.row[row])
-        packet = packets.packet(at)
-        if self._can is not None and self._rows.can is not None and self._rows.can.on_can[row]:
-            frame_at = self._can.frame_at(row, int(packets.offset[at]))
-            yield from self._frame(row)
-            for layer in link_layers(packet, int(packets.link[at]), frame_at):
-                yield from self._layer(row, packet, layer)
-            yield from self._can.entries(row, packet, frame_at)
-            return
-        payload_at = int(datagram.payload[row] - packets.offset[at])
-        payload_bytes, captured_bytes = int(datagram.payload_bytes[row]), int(datagram.captured_bytes[row])
-        payload_end, data_at = payload_at + captured_bytes, payload_at + HEADER.size_bytes
+        packets, at, name = self._rows.packets, int(self._rows.row[row]), self._rows.name_of(row)
+        packet, tree, place = packets.packet(at), self._trees[name], int(self._places[name][row])
         yield from self._frame(row)
-        for layer in layers(packet, int(packets.link[at]), payload_at):
+        for layer in tree.layers(place, packet, int(packets.link[at])):
             yield from self._layer(row, packet, layer)
-        yield from self._header(row, packet[payload_at:payload_end], payload_at, payload_bytes)
-        if payload_end > data_at:
-            facts = [Cell(f"  {units.count_of(payload_end - data_at, 'byte')}")]
-            if payload_bytes > captured_bytes:
-                facts.append(Cell(f", {units.count(payload_bytes - captured_bytes)} more not captured", Tone.WARNING))
-            yield from self._variables(row, packet[data_at:payload_end], data_at) or self._bytes(
-                "Data", facts, packet[data_at:payload_end], data_at
-            )
-        if payload_end < len(packet):
-            facts = [Cell(f"  {units.count_of(len(packet) - payload_end, 'byte')} behind the datagram")]
-            yield from self._bytes("Trailer", facts, packet[payload_end:], payload_end)
+        yield from tree.entries(place, packet)
 
     def _frame(self, row: int) -> Iterator[Entry]:
         yield Entry([Cell(f"Frame {self._texts['frame.number'][row]}", Tone.STRONG)])
@@ -165,7 +133,8 @@ class Trees:
         layout = layer.layout
         if layout is None:
             content = packet[layer.start : layer.stop]
-            yield from self._bytes("Options", [Cell(f"  {units.count_of(len(content), 'byte')}")], content, layer.start)
+            facts = [Cell(f"  {units.count_of(len(content), 'byte')}")]
+            yield from bytes_entries("Options", facts, content, layer.start, dumps=self._dumps)
             return
         ends = _ENDS.get(layout.name)
         title = f"  {' → '.join(self._texts[name][row] for name in ends)}" if ends else ""
@@ -188,58 +157,13 @@ class Trees:
                 ]
                 yield Entry(line, "" if meaning else entry.help)
 
-    def _header(self, row: int, payload: bytes, payload_at: int, payload_bytes: int) -> Iterator[Entry]:
-        found, code = self._rows.telegrams.header[row], self._codes[row]
-        belongs = "Parameter Manager, Index" if code in words.PARAMETER_CODES else "list"
-        title = f"  {words.WORD_OF_CODE[code].word}, {belongs} {found['index']}, SubIndex {found['subindex']}"
-        yield Entry([Cell("Network variables (3S-0)", Tone.STRONG), Cell(title)])
-        if remark := self._remarks.get(row):
-            sign = "✗" if remark[1] is Tone.ERROR else "!"
-            yield Entry([Cell(f"{'':{INDENT}}{sign} {remark[0]}", remark[1])])
-        for entry in HEADER:
-            begin = HEADER.offset_of(entry.name)
-            end = begin + entry.size_bytes
-            head = [place_cell(payload_at + begin, payload[begin:end]), label_cell(entry.label)]
-            if end > len(payload):
-                yield Entry([*head, Cell("missing" if end > payload_bytes else "not captured", Tone.WARNING)])
-                continue
-            number = int(found[entry.name])
-            verdict = _verdict(entry, number, payload_bytes)
-            checked = any(cell.tone is not Tone.GOOD for cell in verdict)
-            yield Entry([*head, Cell(number_text(entry, number)), *verdict], "" if checked else entry.help)
-            if entry.bits:
-                yield from bit_entries(entry, number, RESERVED_FLAGS)
 
-    def _variables(self, row: int, data: bytes, data_at: int) -> list[Entry]:
-        """Return the variables of a data telegram of a defined list; none where there is no definition that fits."""
-        telegrams = self._rows.telegrams
-        header, port = telegrams.header[row], int(telegrams.datagram.destination_port[row])
-        if self._layouts is None or telegrams.fault[row] != Fault.NONE or header["id"] != Service.ODStateFree:
-            return []
-        known = self._layouts.list_of(port, int(header["index"]))
-        if known is None:
-            return []
-        shape = int(header["items"]), int(header["length"])
-        layout = self._layouts.telegram_of(port, int(header["index"]), int(header["subindex"]), shape)
-        known = layout.list if layout else known
-        if layout and shape != (layout.items, layout.length):
-            layout = None
-        title = Cell("Variables", Tone.STRONG)
-        if layout is None or len(data) < layout.layout.size_bytes:
-            why = "cut short by the capture"
-            if not layout:
-                why = f"not of the shape that its definition has ({DEFINITION_MISMATCH.code})"
-            return [
-                Entry([title, Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)]),
-                *self._bytes("Data", [Cell(f"  {units.count_of(len(data), 'byte')}")], data, data_at),
-            ]
-        return [Entry([title, Cell(f"  {visible(known.name)}")]), *variable_entries(layout, data, data_at)]
-
-    def _bytes(self, title: str, facts: Sequence[Cell], content: bytes, first: int) -> Iterator[Entry]:
-        yield Entry([Cell(title, Tone.STRONG), *facts])
-        if self._dumps:
-            for line in dump(content, indent=INDENT, first=first):
-                yield Entry(list(line))
+def _places(rows: FrameRows, name: str) -> I64:
+    """Return the position of each row in the part of a protocol, -1 where it is of another one."""
+    at = rows.parts[name].positions(len(rows))
+    places = np.full(len(rows), -1)
+    places[at] = np.arange(len(at))
+    return places
 
 
 def _joined_text(content: bytes) -> str:
@@ -256,23 +180,3 @@ def _value(layout: Layout, entry: Field, number: Any) -> tuple[str, str]:
         return str(IPv4Address(int(number))), ""
     meaning = _MEANINGS.get((layout.name, entry.name))
     return number_text(entry, int(number)), meaning(int(number)) if meaning else ""
-
-
-def _verdict(entry: Field, number: int, payload_bytes: int) -> list[Cell]:
-    """Return what a number of the header means, and whether it is as it has to be, where that can be told."""
-    if entry.name == "identity":
-        if number == IDENTITY:
-            return [Cell("  ✓", Tone.GOOD)]
-        if number == IDENTITY_ASCII:
-            return [Cell("  ! begins with 30, the character 0, not with 00", Tone.WARNING)]
-        return [Cell("  ! not the identity of a telegram", Tone.WARNING)]
-    if entry.name == "length":
-        if number == payload_bytes:
-            return [Cell("  ✓", Tone.GOOD), Cell(" as the UDP payload")]
-        swapped = int.from_bytes(number.to_bytes(entry.size_bytes, "little"), "big")
-        hint = ", this with its bytes swapped" if swapped == payload_bytes else ""
-        return [Cell(f"  ✗ the UDP payload has {units.count(payload_bytes)}{hint}", Tone.ERROR)]
-    if entry.values:
-        name = entry.values.get(number)
-        return [Cell(f"  {name}")] if name else [Cell(f"  ✗ unknown {entry.help}", Tone.ERROR)]
-    return []

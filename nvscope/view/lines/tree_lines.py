@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors.layout import Field
+from nvscope.units import count_of
 from nvscope.view.escape import visible
+from nvscope.view.lines.hexdump import dump
 from nvscope.view.lines.table import Cell, Tone
 
 if TYPE_CHECKING:
@@ -51,6 +53,21 @@ def bit_entries(entry: Field, number: int, reserved: int = 0) -> Iterator[Entry]
         yield Entry([margin, Cell(f"{_picture(number, bit.mask, width)} = {bit.label} ({state})", tone)])
     if number & reserved:
         yield Entry([margin, Cell(f"{_picture(number, reserved, width)} = {entry.help}", Tone.WARNING)])
+
+
+def bytes_entries(title: str, facts: Sequence[Cell], content: bytes, first: int, *, dumps: bool) -> Iterator[Entry]:
+    """Yield bytes without fields: title and facts, and, with ``dumps``, the bytes, from ``first`` of the packet on."""
+    yield Entry([Cell(title, Tone.STRONG), *facts])
+    if dumps:
+        for line in dump(content, indent=INDENT, first=first):
+            yield Entry(list(line))
+
+
+def trailer_entries(packet: bytes, stop: int, *, dumps: bool) -> Iterator[Entry]:
+    """Yield the bytes of a packet behind its datagram, which ends at ``stop``; nothing where there are none."""
+    if stop < len(packet):
+        facts = [Cell(f"  {count_of(len(packet) - stop, 'byte')} behind the datagram")]
+        yield from bytes_entries("Trailer", facts, packet[stop:], stop, dumps=dumps)
 
 
 def variable_entries(layout: TelegramLayout, data: bytes, data_at: int) -> Iterator[Entry]:

@@ -11,15 +11,15 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import I64, U8
-from dissectors.can.pdo import ON_CAN, PdoRules
+from dissectors.can.pdo import PdoRules
+from dissectors.carried import Transport
 from dissectors.layout import gather_bytes
-from dissectors.netvar import HEADER, Service
+from dissectors.netvar import Fault, Service
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.capture.spans import copy_spans
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
-from nvscope.engine.keys import FrameKind, kinds
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
@@ -125,7 +125,7 @@ class DefinedTelegrams:
         self._pdos = PdoRules()
         self.keys = list(keys)
         self.places: list[Place] = []
-        self._whole: dict[tuple[int, int, int, int], int] = {}
+        self._whole: dict[tuple[int, int, tuple[int, int]], int] = {}
         self._fronts: dict[int, range] = {}
         for number, key in enumerate(self.keys):
             self._find_places(number, layouts, key)
@@ -140,9 +140,9 @@ class DefinedTelegrams:
 
     def _find_places(self, number: int, layouts: Layouts, key: ListKey) -> None:
         for layout in (layout for candidate in layouts.candidates_of(*key) for layout in candidate):
-            shape = number, layout.subindex, layout.items, layout.length
-            if shape not in self._whole:
-                self._whole[shape] = len(self.places)
+            told = number, layout.subindex, layout.shape
+            if told not in self._whole:
+                self._whole[told] = len(self.places)
                 self.places.append(Place(number, layout))
         if partly := layouts.partly_of(*key):
             first = len(self.places)
@@ -151,17 +151,14 @@ class DefinedTelegrams:
             ]
             self._fronts[number] = range(first, len(self.places))
 
-    def _place_of(self, number: int, subindex: int, items: int, length: int) -> int | None:
+    def _place_of(self, number: int, subindex: int, shape: tuple[int, int]) -> int | None:
         """Return which place a telegram of a list is, None where it has the shape of none."""
         fronts = self._fronts.get(number)
         if fronts is None:
-            return self._whole.get((number, subindex, items, length))
+            return self._whole.get((number, subindex, shape))
         place = fronts[min(subindex, len(fronts) - 1)]
-        told, layout = self.places[place], self.places[place].layout
-        if told.rest is None:
-            fits = (items, length) == (layout.items, layout.length)
-        else:
-            fits = items >= layout.items and length >= layout.length
+        (items, size_bytes), known = self.places[place].layout.shape, self.places[place].rest is None
+        fits = shape == (items, size_bytes) if known else shape[0] >= items and shape[1] >= size_bytes
         return place if fits else None
 
     @property
@@ -215,42 +212,45 @@ class DefinedTelegrams:
         new = np.arange(len(self._place), len(varieties))
         if not len(new):
             return
-        header, datagram = varieties.header[new], varieties.datagram.take(new)
-        kind, truncated = kinds(header["id"], varieties.fault[new]), varieties.truncated[new]
-        on_can = varieties.on_can[new]
-        kind[on_can] = np.where(varieties.is_pdo[new], FrameKind.DATA, FrameKind.NOTHING)[on_can]
-        header_cut = (kind == FrameKind.HEADER_CUT) & (header["id"] == Service.ODStateFree)
-        is_data = (kind == FrameKind.DATA) | (kind == FrameKind.MALFORMED_DATA) | header_cut
+        carried = varieties.carried.take(new)
+        on_udp = carried.transport == Transport.UDP
+        telegrams = varieties.telegrams_of(new[on_udp])
+        of_telegram = np.cumsum(on_udp) - 1
+        is_data = carried.is_data.copy()
+        is_data[on_udp] = telegrams.header["id"] == Service.ODStateFree
         place, number, sender = np.full(len(new), _OTHER), np.full(len(new), _OTHER), np.zeros(len(new), np.int64)
         reason, undefined = np.full(len(new), _OTHER), np.zeros(len(new), np.bool_)
         for row in np.flatnonzero(is_data).tolist():
-            port, index = int(varieties.port[new[row]]), int(varieties.index[new[row]])
-            key = self._defined.key_of(self._pdos.channel(port - ON_CAN) if on_can[row] else port, index)
+            port, identifier, own = int(carried.port[row]), int(carried.identifier[row]), int(of_telegram[row])
+            key = self._defined.key_of(port if on_udp[row] else self._pdos.channel(port), identifier)
             if key not in self._number:
                 # Of the frames on a bus most are no network variables.
-                undefined[row] = key is None and not on_can[row]
+                undefined[row] = key is None and bool(on_udp[row])
                 continue
             number[row] = self._number[key]
-            halves = int(datagram.source_hi[row]), int(datagram.source_lo[row])
-            sent_by = (_CHANNEL, port - ON_CAN) if on_can[row] else halves
+            sent_by = (_CHANNEL, port)
+            fault = Fault.NONE
+            if on_udp[row]:
+                sent_by = int(telegrams.datagram.source_hi[own]), int(telegrams.datagram.source_lo[own])
+                fault = Fault(int(telegrams.fault[own]))
             sender[row] = self._senders.setdefault(sent_by, len(self._senders))
-            shape = int(header["subindex"][row]), int(header["items"][row]), int(header["length"][row])
-            if header_cut[row]:
+            shape = int(carried.items[row]), int(carried.size_bytes[row])
+            if fault is Fault.HEADER_CUT:
                 reason[row] = LeftOut.CUT
-            elif kind[row] != FrameKind.DATA:
+            elif fault is not Fault.NONE:
                 reason[row] = LeftOut.MALFORMED
-            elif (found := self._place_of(int(number[row]), *shape)) is None:
+            elif (found := self._place_of(int(number[row]), int(carried.subindex[row]), shape)) is None:
                 reason[row] = LeftOut.UNFITTING
-            elif truncated[row]:
+            elif carried.captured_bytes[row] < carried.size_bytes[row]:
                 reason[row] = LeftOut.CUT
             else:
                 place[row] = found
         self._place, self._list = np.append(self._place, place), np.append(self._list, number)
         self._reason, self._undefined = np.append(self._reason, reason), np.append(self._undefined, undefined)
         self._sender = np.append(self._sender, sender)
-        self._begin = np.append(self._begin, datagram.payload + HEADER.size_bytes)
-        self._subindex = np.append(self._subindex, header["subindex"].astype(np.int64))
-        self._size_bytes = np.append(self._size_bytes, header["length"].astype(np.int64) - HEADER.size_bytes)
+        self._begin = np.append(self._begin, carried.at)
+        self._subindex = np.append(self._subindex, carried.subindex)
+        self._size_bytes = np.append(self._size_bytes, carried.size_bytes)
 
     def _of_lists(self, variety: I64) -> int:
         """Return how many packets hold a data telegram of one of the lists."""

@@ -15,7 +15,7 @@ from nvscope.engine.reading import Reading
 from nvscope.errors import UsageError
 from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS, output_field
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 from tests.laws import examples
 from tests.oracle.frame import Datagram, Frame, peel
 from tests.oracle.traffic import LINKS, generate, mutate
@@ -24,14 +24,14 @@ from tests.packets import Batches, Shown, batch_of
 IDENTITIES = (b"\x00-S3", b"0-S3")
 
 
-def rows_of(frames: list[Frame]) -> list[TelegramRows]:
+def rows_of(frames: list[Frame]) -> list[FrameRows]:
     return list(Shown(Batches([batch_of(frames)])))
 
 
-def values(name: str, rows: TelegramRows) -> list[object]:
+def values(name: str, rows: FrameRows) -> list[object]:
     """The values of a field as Python objects, None where it does not exist."""
     entry = FIELDS[name]
-    column, known = entry.read(rows), entry.known(rows)
+    column, known = entry.column(rows), entry.exists(rows)
     found: list[object]
     if isinstance(column, AddressColumn):
         found = [address.text(*pair) for pair in zip(column.high.tolist(), column.low.tolist(), strict=True)]
@@ -59,7 +59,7 @@ def test_columns_have_the_shape_of_their_type(link: int) -> None:
     count = len(rows)
     assert count
     for entry in FIELDS.values():
-        column, known = entry.read(rows), entry.known(rows)
+        column, known = entry.column(rows), entry.exists(rows)
         assert known is None or (known.shape == (count,) and known.dtype == np.bool_)
         if entry.type is FieldType.ADDRESS:
             assert isinstance(column, AddressColumn)

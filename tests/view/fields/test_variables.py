@@ -36,15 +36,15 @@ from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import output_field
 from nvscope.view.fields.variables import variable_fields
 from nvscope.view.fields.vocabulary import vocabulary
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 from tests.definition.lists import BOOL, INT, REAL, STATE, TIME, VARIABLES, list_of, telegram
 from tests.tracker.variables.test_values import START_NS, telegrams_of
 from tests.view.fields.test_frame import rows_of
 
 
-def seen(field: TelegramField, rows: TelegramRows) -> list[Any]:
+def seen(field: TelegramField, rows: FrameRows) -> list[Any]:
     """Return a field's values as Python objects, None where it does not exist."""
-    column, known = field.read(rows), field.known(rows)
+    column, known = field.column(rows), field.exists(rows)
     found: list[Any]
     if isinstance(column, BytesColumn):
         found = [column.data[start:stop].tobytes() for start, stop in zip(column.start, column.stop, strict=True)]
@@ -79,7 +79,7 @@ def test_fields_are_the_values_of_the_elements(types: list[Type], packed: bool, 
             assert [*map(repr, found)] == [*map(repr, expected)]  # NaN is not equal to itself
 
 
-def numbers(expression: str, rows: TelegramRows, fields: Any) -> list[int]:
+def numbers(expression: str, rows: FrameRows, fields: Any) -> list[int]:
     return rows.frame_number[DisplayFilter(expression, fields)(rows)].tolist()
 
 

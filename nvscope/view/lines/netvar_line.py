@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +17,9 @@ from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments, words
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
+from nvscope.view.lines.shown import NO_WORDING, Wording
 from nvscope.view.lines.table import GAP, Cell, Line, Tone, shorten
-from nvscope.view.rows.frames import TelegramRows
+from nvscope.view.rows.frames import FrameRows
 
 _REMARK_WIDTH = 24
 """So much of what is wrong with a telegram goes before other columns."""
@@ -116,20 +116,18 @@ class LineWriter:
     """Makes the lines of pieces that follow each other; columns never get narrower, so that lines stay aligned.
 
     No line is wider than ``width`` (None: as wide as it takes): first columns say less or go, then addresses are
-    shortened. What is wrong with a telegram takes the place of its figures where there is no room for both. ``names``
-    of nodes, by the text of their address, stand in its place.
+    shortened. What is wrong with a telegram takes the place of its figures where there is no room for both. Nodes that
+    ``wording`` has names for are called by these.
     """
 
-    def __init__(
-        self, moment: Moment = "r", width: int | None = None, names: Mapping[str, str] = MappingProxyType({})
-    ) -> None:
+    def __init__(self, moment: Moment = "r", width: int | None = None, wording: Wording = NO_WORDING) -> None:
         self._moment: Moment = moment
-        self._names = {node: visible(name) for node, name in names.items()}
+        self._names = {node: visible(name) for node, name in wording.names.items()}
         self._width = width
         self._form = 0
         self._widths: dict[str, int] = {}
 
-    def texts(self, rows: TelegramRows) -> Iterator[str]:
+    def texts(self, rows: FrameRows) -> Iterator[str]:
         """Yield the lines of a piece as text without a line break."""
         fitted = self._fitted(rows)
         pattern = fitted.pattern()
@@ -141,7 +139,7 @@ class LineWriter:
             else:
                 yield "".join(cell.text for cell in self._line(fitted, row))
 
-    def lines(self, rows: TelegramRows) -> Iterator[Line]:
+    def lines(self, rows: FrameRows) -> Iterator[Line]:
         """Yield the same lines as toned cells. An acknowledgement is faint as a whole."""
         fitted = self._fitted(rows)
         for row in range(len(fitted.tails)):
@@ -169,7 +167,7 @@ class LineWriter:
             line += [Cell(" " * GAP), *tail.cells()]
         return _without_end(line if self._width is None else cut(line, self._width))
 
-    def _fitted(self, rows: TelegramRows) -> _Fitted:
+    def _fitted(self, rows: FrameRows) -> _Fitted:
         """Return the columns in the first form that fits."""
         tails = _tails(rows)
         remarks = [min(len(tail.remark), _REMARK_WIDTH) for tail in tails if tail and tail.remark]
@@ -203,7 +201,7 @@ class LineWriter:
     def _grow(self, name: str, width: int) -> None:
         self._widths[name] = max(self._widths.get(name, 0), width)
 
-    def _columns(self, rows: TelegramRows, form: _Form) -> list[_Column]:
+    def _columns(self, rows: FrameRows, form: _Form) -> list[_Column]:
         telegrams = rows.telegrams
         header, datagram = telegrams.header, telegrams.datagram
         code = words.word_codes(telegrams).tolist()
@@ -261,7 +259,7 @@ def _with_short_addresses(fitted: _Fitted, surplus: int) -> _Fitted:
     return _Fitted(columns, widths, fitted.tails)
 
 
-def _destinations(rows: TelegramRows, usual_port: bool, names: Mapping[str, str]) -> list[str]:
+def _destinations(rows: FrameRows, usual_port: bool, names: Mapping[str, str]) -> list[str]:
     """Return name or address, and port, or that a telegram goes to everybody in the network."""
     datagram = rows.telegrams.datagram
     high, low, ports = datagram.destination_hi, datagram.destination_lo, datagram.destination_port
@@ -281,7 +279,7 @@ def _destination(high: int, low: int, port: int, *, usual_port: bool, names: Map
     return f"[{text}]:{port}" if ":" in text and not name else f"{name or text}:{port}"
 
 
-def _tails(rows: TelegramRows) -> list[_Tail | None]:
+def _tails(rows: FrameRows) -> list[_Tail | None]:
     flags = words.flag_words(rows.telegrams)
     distinct = {text: _Tail(text) if text else None for text in set(flags)}
     tails = [distinct[text] for text in flags]

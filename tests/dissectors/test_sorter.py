@@ -7,11 +7,12 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-import dissectors.varieties
+import dissectors.sorter
 from dissectors.batch import PacketBatch
-from dissectors.link import DatagramBatch
 from dissectors.netvar import Fault, PortRules, dissect
-from dissectors.varieties import NO_TELEGRAM, Sorter
+from dissectors.sorter import Sorter
+from dissectors.transport import DatagramBatch
+from dissectors.varieties import NO_TELEGRAM
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import generate, mutate
 from tests.packets import batch_of
@@ -31,22 +32,22 @@ def check(sorter: Sorter, packets: PacketBatch, ports: PortRules | None = None) 
     telegrams = expected.telegrams
     row = telegrams.datagram.row
     assert np.flatnonzero(told.variety != NO_TELEGRAM).tolist() == row.tolist()
-    variety = told.variety[row]
-    assert told.varieties.fault[variety].tolist() == telegrams.fault.tolist()
-    assert told.varieties.truncated[variety].tolist() == telegrams.truncated.tolist()
+    part, common = told.varieties.part[told.variety[row]], told.varieties.telegrams
+    assert common.fault[part].tolist() == telegrams.fault.tolist()
+    assert common.truncated[part].tolist() == telegrams.truncated.tolist()
     for column in fields(DatagramBatch):
         if column.name not in LEFT_OPEN:
-            found = getattr(told.varieties.datagram, column.name)[variety]
+            found = getattr(common.datagram, column.name)[part]
             assert found.tolist() == getattr(telegrams.datagram, column.name).tolist(), column.name
     whole = (telegrams.fault != Fault.HEADER_CUT) & (telegrams.fault != Fault.SHORT)
-    header = told.varieties.header[variety]
+    header = common.header[part]
     for name in header.dtype.names or ():
         if name == "counter":
             assert told.counter[row][whole].tolist() == telegrams.header[name][whole].tolist()
         else:
             known = slice(None) if name in ("identity", "id", "index", "subindex") else whole
             assert header[name][known].tolist() == telegrams.header[name][known].tolist(), name
-    at = told.packets.offset[row] + told.varieties.datagram.payload[variety]
+    at = told.packets.offset[row] + common.datagram.payload[part]
     for place, (start, length) in enumerate(zip(at, telegrams.datagram.captured_bytes, strict=True)):
         assert told.packets.data[start : start + length].tobytes() == telegrams.payload(place)
     assert told.fragments == expected.peeled.fragments
@@ -65,7 +66,7 @@ def test_told_is_dissected(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_little_memory_changes_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dissectors.varieties, "MOST_VARIETIES", 5)
+    monkeypatch.setattr(dissectors.sorter, "MOST_VARIETIES", 5)
     packets = batch_of(traffic(seed))
     sorter = Sorter()
     for begin in range(0, len(packets), 11):
@@ -80,7 +81,7 @@ def test_ports_decided_by_hand(seed: int) -> None:
 
 
 def test_traffic_in_which_nothing_recurs_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dissectors.varieties, "MOST_VARIETIES", 50)
+    monkeypatch.setattr(dissectors.sorter, "MOST_VARIETIES", 50)
     sorter = Sorter()
     for seed in range(20):
         told = sorter.sort(batch_of(mutate(seed, generate(seed, frames=40, link=1))))

@@ -1,0 +1,49 @@
+"""Dissector: how a protocol is read that has ports of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+from dissectors.batch import I64, Bool, PacketBatch
+from dissectors.claims import Claims
+from dissectors.transport import DatagramBatch, SegmentBatch
+
+
+class Part(Protocol):
+    """What a protocol found in the frames of a packet batch: columns, in the order of the batch, one row a frame."""
+
+    @property
+    def row(self) -> I64:
+        """The rows of the packets, rising, none twice."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def take(self, rows: I64 | Bool) -> Self:
+        """Return those at the given positions or where the mask is set."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Dissector:
+    """A protocol on ports of its own, read a frame at a time; ``name`` is what its fields begin with.
+
+    ``dissect`` is given a packet batch, and the datagrams and segments in it that go over the ports of ``claims``. It
+    is total: no bytes raise, what is wrong with a message is a column of its part, and what is none is left out. It
+    keeps nothing from one batch to the next: what spans frames is for who observes them.
+    """
+
+    name: str
+    claims: Claims
+    dissect: Callable[[PacketBatch, DatagramBatch, SegmentBatch], Part]
+
+    def part_of(self, packets: PacketBatch, datagrams: DatagramBatch, segments: SegmentBatch) -> Part:
+        """Return what it finds in datagrams and segments of which some are of its ports."""
+        claims = self.claims
+        return self.dissect(
+            packets,
+            datagrams.take(claims.claim_udp(datagrams.source_port, datagrams.destination_port)),
+            segments.take(claims.claim_tcp(segments.source_port, segments.destination_port)),
+        )

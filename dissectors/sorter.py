@@ -1,0 +1,172 @@
+"""Sorter: tells the packets of a capture by varieties, which it learns as they come.
+
+A packet whose headers are those of an earlier one but for time, Counter and data is not taken apart, it is recognised;
+``dissect`` sees the first of each kind, everything that is not of the plain shape, and what somebody asks for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, U16, Bool, LinkType, PacketBatch
+from dissectors.can.frame import CanBatch, dissect_can
+from dissectors.can.pdo import PdoRules
+from dissectors.claims import NO_CLAIMS, Claims
+from dissectors.keys import KeyTable, first_rows
+from dissectors.netvar import Dissection, PortRules, TelegramBatch, dissect
+from dissectors.plain import (
+    KEY_WORDS,
+    LEAD_BYTES,
+    are_claimed,
+    counters_of,
+    have_identity,
+    heads_of,
+    is_plain,
+    keys_of,
+    may_hold_telegrams,
+    words_of,
+)
+from dissectors.transport import NO_DATAGRAMS, DatagramBatch, SegmentBatch
+from dissectors.varieties import NO_TELEGRAM, Varieties
+
+MOST_VARIETIES = 1 << 16
+"""With more than these, what was learned is let go: traffic in which nothing recurs must not fill the memory."""
+
+_BLOCK = 1 << 14  # a block of rows stays in the cache while its columns are made
+_UNKNOWN, _PECULIAR = -1, -2
+_WITHOUT_CAN = frozenset(LinkType) - {LinkType.CAN_SOCKETCAN, LinkType.LINUX_SLL, LinkType.LINUX_SLL2}
+
+
+@dataclass(frozen=True, slots=True)
+class SortedPackets:
+    """A packet batch, told by varieties.
+
+    ``variety`` int64 (``NO_TELEGRAM`` where there is none) and ``counter`` uint16 have one entry a packet; what a
+    variety is stands in ``varieties``. ``quoted`` is as in ``dissectors.netvar.Dissection``, ``fragments`` and
+    ``unsupported`` are as in ``dissectors.link.Peeled``. ``can`` are the CAN frames of the batch, None where there is
+    none; each has a variety too. ``datagrams`` and ``segments`` are those of claimed ports; datagrams that are
+    telegrams are not among them.
+    """
+
+    packets: PacketBatch
+    varieties: Varieties
+    variety: I64
+    counter: U16
+    quoted: TelegramBatch
+    fragments: int
+    unsupported: Bool | None
+    datagrams: DatagramBatch
+    segments: SegmentBatch
+    can: CanBatch | None = None
+
+    def __len__(self) -> int:
+        return len(self.variety)
+
+
+class Sorter:
+    """Tells packets by varieties, which it learns as they come.
+
+    ``ports`` as for ``dissect``; ``pdos`` say which lists CAN frames belong to; ``claims`` are the ports of which all
+    datagrams and segments are wanted.
+    """
+
+    def __init__(
+        self, ports: PortRules | None = None, pdos: PdoRules | None = None, claims: Claims = NO_CLAIMS
+    ) -> None:
+        self._ports = ports
+        self._pdos = pdos or PdoRules()
+        self._claims = claims
+        self._renew()
+
+    def _renew(self) -> None:
+        self._varieties = Varieties()
+        self._headers = KeyTable(KEY_WORDS)
+        # By number of the headers; the last entry is that of headers without a number.
+        self._variety_of = np.array([_UNKNOWN])
+
+    def sort(self, packets: PacketBatch) -> SortedPackets:
+        """Tell a packet batch by varieties. Total, as ``dissect`` is.
+
+        The numbers of one ``Varieties`` object stay; when it has become too large, there is a new one.
+        """
+        if max(len(self._varieties), len(self._headers)) > MOST_VARIETIES:
+            self._renew()
+        packets = packets.with_margin(LEAD_BYTES)
+        rest: I64 | None = None
+        if self._ports is None and packets.single_link == LinkType.ETHERNET:
+            variety, counter = self._recognise(packets)
+            rest = np.flatnonzero(variety < 0)
+            variety[rest] = NO_TELEGRAM
+            counter[rest] = 0
+            rest = self._not_idle(packets, rest)
+        else:
+            variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
+            if packets.single_link == LinkType.CAN_SOCKETCAN:
+                rest = np.empty(0, np.int64)
+        dissection = dissect(packets, self._ports, rest, self._claims)
+        telegrams = dissection.telegrams
+        if len(telegrams):
+            row = telegrams.datagram.row
+            variety[row] = self._varieties.numbers(telegrams, packets)
+            counter[row] = telegrams.header["counter"]
+        frames = None
+        if packets.single_link not in _WITHOUT_CAN and len(found := dissect_can(packets)):
+            frames = found
+            variety[frames.row] = self._varieties.frame_numbers(frames, packets, self._pdos)
+        peeled = dissection.peeled
+        return SortedPackets(
+            packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, peeled.unsupported,
+            self._claimed(dissection, variety), peeled.tcp, frames,
+        )  # fmt: skip
+
+    def _not_idle(self, packets: PacketBatch, rest: I64) -> I64:
+        """Return which of some packets have to be taken apart."""
+        head = heads_of(packets, rest)
+        wanted = may_hold_telegrams(head)
+        if self._claims:
+            wanted |= are_claimed(head, self._claims)
+        return rest[wanted]
+
+    def _claimed(self, dissection: Dissection, variety: I64) -> DatagramBatch:
+        """Return the datagrams of claimed ports that are no telegrams."""
+        datagrams = dissection.peeled.udp
+        if not self._claims.udp:
+            return NO_DATAGRAMS
+        wanted = self._claims.claim_udp(datagrams.source_port, datagrams.destination_port)
+        return datagrams.take(wanted & (variety[datagrams.row] == NO_TELEGRAM))
+
+    def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
+        """Return the varieties that the headers of packets tell (or ``_UNKNOWN``, ``_PECULIAR``), and the counters."""
+        number, counter = np.empty(len(packets), np.int64), np.empty(len(packets), np.uint16)
+        for start in range(0, len(packets), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            words = words_of(packets.data, packets.offset[part])
+            number[part] = self._headers.find_usual(*keys_of(words, packets.captured[part]))
+            counter[part] = counters_of(words)
+        other = np.flatnonzero(number < 0)
+        if len(other):
+            captured = packets.captured[other]
+            key = keys_of(words_of(packets.data, packets.offset[other]), captured)
+            told = have_identity(key, captured)
+            known, other = len(self._headers), other[told]
+            number[other] = self._headers.numbers(*(word[told] for word in key))
+            fresh = other[number[other] >= known]
+            if len(fresh):
+                self._learn(packets, fresh, number[fresh])
+        return self._variety_of[number], counter
+
+    def _learn(self, packets: PacketBatch, rows: I64, number: I64) -> None:
+        """Find out what the packets are whose headers have new numbers."""
+        known = len(self._variety_of) - 1
+        first = rows[first_rows(number - known, len(self._headers) - known)]
+        head = heads_of(packets, first)
+        plain = is_plain(head)
+        # What somebody asks for, and is no telegram, has to be taken apart each time.
+        learned = np.where(plain & ~are_claimed(head, self._claims), NO_TELEGRAM, _PECULIAR)
+        telegrams = dissect(packets, None, first).telegrams
+        place = np.searchsorted(first, telegrams.datagram.row)
+        own = np.flatnonzero(plain[place])
+        learned[place[own]] = self._varieties.numbers(telegrams.take(own), packets)
+        self._variety_of = np.concatenate([self._variety_of[:-1], learned, [_UNKNOWN]])

@@ -1,0 +1,1 @@
+"""The protocols: one file each says what it has on every floor."""

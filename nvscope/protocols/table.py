@@ -1,0 +1,35 @@
+"""All protocols that are looked for, and what they have together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from nvscope.protocols.can import CAN
+from nvscope.protocols.netvar import NETVAR
+from nvscope.protocols.protocol import Protocol
+
+if TYPE_CHECKING:
+    from dissectors.dissector import Dissector
+    from nvscope.tracker.accumulator import Accumulator
+    from nvscope.view.fields.field import TelegramField
+
+PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN)
+"""In the order in which fields are listed; of frames that several could read, the first one's."""
+
+
+def dissectors_of(protocols: Iterable[Protocol]) -> tuple[Dissector, ...]:
+    """Return what reads the protocols that have ports of their own."""
+    return tuple(protocol.dissector() for protocol in protocols if protocol.dissector)
+
+
+def accumulators_of(protocols: Iterable[Protocol]) -> Mapping[str, Accumulator]:
+    """Return what counts protocols that the state does not count by itself, new, by name."""
+    return {protocol.name: protocol.observe() for protocol in protocols if protocol.observe}
+
+
+def fields_of(protocols: Iterable[Protocol]) -> Sequence[TelegramField]:
+    """Return the fields of all frames, and of the protocols."""
+    from nvscope.view.fields.frame import CARRIER_FIELDS  # noqa: PLC0415
+
+    return [*CARRIER_FIELDS, *(field for protocol in protocols for field in protocol.fields())]

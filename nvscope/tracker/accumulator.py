@@ -1,0 +1,26 @@
+"""Accumulator: one thing that the tracker counts, and by which key it may be split."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Protocol
+
+from nvscope.engine.dealing import Share, SplitBy
+from nvscope.engine.told import Told
+
+
+class Accumulator(Protocol):
+    """Counts something of all traffic in integers, so that every cut of it gives the same.
+
+    ``SPLIT_BY`` is what frames may be dealt out by: parts that counted a share each, joined, are what counting all at
+    once gives. What is of no list, such as the messages of protocols with ports of their own, goes to the first part.
+    """
+
+    SPLIT_BY: ClassVar[SplitBy]
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        ...
+
+    def take(self, part: Any, share: Share) -> None:
+        """Take over what a part, another one of the same class, has counted of its share."""
+        ...

@@ -1,0 +1,68 @@
+"""The tree of a message that is a table of fields at the start of a UDP payload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from dissectors.layout import Layout
+from dissectors.transport import DatagramBatch
+from nvscope import units
+from nvscope.view.lines.layers import Layer, layers
+from nvscope.view.lines.shown import Spans
+from nvscope.view.lines.table import Cell, Tone
+from nvscope.view.lines.tree_lines import (
+    Entry,
+    bit_entries,
+    bytes_entries,
+    label_cell,
+    number_text,
+    place_cell,
+    trailer_entries,
+)
+from nvscope.view.rows.frames import FrameRows
+
+
+class MessageTree:
+    """A ``Tree`` of messages of the protocol ``name``, whose part has their ``datagram``.
+
+    ``title`` stands above the fields of ``layout``; what is behind them is data.
+    """
+
+    def __init__(self, rows: FrameRows, name: str, title: str, layout: Layout, *, dumps: bool = True) -> None:
+        found = rows.parts[name]
+        self._packet_at = rows.packets.offset[rows.row[found.positions(len(rows))]]
+        self._datagram: DatagramBatch = found.part.datagram
+        self._title = title
+        self._layout = layout
+        self._dumps = dumps
+
+    def spans(self, place: int) -> Spans:
+        start = int(self._datagram.payload[place] - self._packet_at[place])
+        captured = int(self._datagram.captured_bytes[place])
+        return Spans(start, start + min(self._layout.size_bytes, captured), start + captured)
+
+    def layers(self, place: int, packet: bytes, link: int) -> Sequence[Layer]:
+        return layers(packet, link, self.spans(place).start)
+
+    def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
+        start, data, stop = self.spans(place)
+        yield Entry([Cell(self._title, Tone.STRONG)])
+        for entry in self._layout:
+            begin = start + self._layout.offset_of(entry.name)
+            content = packet[begin : min(begin + entry.size_bytes, stop)]
+            head = [place_cell(begin, content), label_cell(entry.label)]
+            if len(content) < entry.size_bytes:
+                yield Entry([*head, Cell("missing, or not captured", Tone.WARNING)])
+                continue
+            if entry.dtype.startswith("V"):
+                yield Entry([*head, Cell(content.hex(":"))], entry.help)
+                continue
+            number = int.from_bytes(content, "big" if entry.dtype.startswith(">") else "little")
+            named = f"  {entry.values[number]}" if number in entry.values else ""
+            yield Entry([*head, Cell(f"{number_text(entry, number)}{named}")], entry.help)
+            if entry.bits:
+                yield from bit_entries(entry, number)
+        if data < stop:
+            facts = [Cell(f"  {units.count_of(stop - data, 'byte')}")]
+            yield from bytes_entries("Data", facts, packet[data:stop], data, dumps=self._dumps)
+        yield from trailer_entries(packet, stop, dumps=self._dumps)

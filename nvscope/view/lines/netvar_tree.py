@@ -1,0 +1,131 @@
+"""What a tree tells of a telegram: header with what is wrong in it, and its data, as variables where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from dissectors.layout import Field
+from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS, Fault, Service, TelegramBatch
+from nvscope import units
+from nvscope.findings.definition import DEFINITION_MISMATCH
+from nvscope.view.escape import visible
+from nvscope.view.lines import words
+from nvscope.view.lines.layers import Layer, layers
+from nvscope.view.lines.shown import Spans, Wording
+from nvscope.view.lines.table import Cell, Tone
+from nvscope.view.lines.tree_lines import (
+    INDENT,
+    Entry,
+    bit_entries,
+    bytes_entries,
+    label_cell,
+    number_text,
+    place_cell,
+    trailer_entries,
+    variable_entries,
+)
+from nvscope.view.rows.frames import NETVAR, FrameRows
+
+
+class TelegramTree:
+    """The part of a tree that is about a telegram on UDP, as a ``Tree``; ``wording`` has the defined lists."""
+
+    def __init__(self, rows: FrameRows, wording: Wording, *, dumps: bool = True) -> None:
+        found = rows.parts[NETVAR]
+        self._packet_at = rows.packets.offset[rows.row[found.positions(len(rows))]]
+        self._telegrams: TelegramBatch = found.part
+        self._layouts = wording.layouts
+        self._dumps = dumps
+        self._codes = words.word_codes(self._telegrams).tolist()
+        self._remarks = words.remarks(self._telegrams)
+
+    def spans(self, place: int) -> Spans:
+        datagram = self._telegrams.datagram
+        start, captured = int(datagram.payload[place] - self._packet_at[place]), int(datagram.captured_bytes[place])
+        return Spans(start, start + min(HEADER.size_bytes, captured), start + captured)
+
+    def layers(self, place: int, packet: bytes, link: int) -> Sequence[Layer]:
+        return layers(packet, link, self.spans(place).start)
+
+    def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
+        start, _, stop = self.spans(place)
+        payload_bytes, data_at = int(self._telegrams.datagram.payload_bytes[place]), start + HEADER.size_bytes
+        yield from self._header(place, packet[start:stop], start, payload_bytes)
+        if stop > data_at:
+            facts = [Cell(f"  {units.count_of(stop - data_at, 'byte')}")]
+            if payload_bytes > stop - start:
+                missing = units.count(payload_bytes - (stop - start))
+                facts.append(Cell(f", {missing} more not captured", Tone.WARNING))
+            yield from self._variables(place, packet[data_at:stop], data_at) or bytes_entries(
+                "Data", facts, packet[data_at:stop], data_at, dumps=self._dumps
+            )
+        yield from trailer_entries(packet, stop, dumps=self._dumps)
+
+    def _header(self, row: int, payload: bytes, payload_at: int, payload_bytes: int) -> Iterator[Entry]:
+        found, code = self._telegrams.header[row], self._codes[row]
+        belongs = "Parameter Manager, Index" if code in words.PARAMETER_CODES else "list"
+        title = f"  {words.WORD_OF_CODE[code].word}, {belongs} {found['index']}, SubIndex {found['subindex']}"
+        yield Entry([Cell("Network variables (3S-0)", Tone.STRONG), Cell(title)])
+        if remark := self._remarks.get(row):
+            sign = "✗" if remark[1] is Tone.ERROR else "!"
+            yield Entry([Cell(f"{'':{INDENT}}{sign} {remark[0]}", remark[1])])
+        for entry in HEADER:
+            begin = HEADER.offset_of(entry.name)
+            end = begin + entry.size_bytes
+            head = [place_cell(payload_at + begin, payload[begin:end]), label_cell(entry.label)]
+            if end > len(payload):
+                yield Entry([*head, Cell("missing" if end > payload_bytes else "not captured", Tone.WARNING)])
+                continue
+            number = int(found[entry.name])
+            verdict = _verdict(entry, number, payload_bytes)
+            checked = any(cell.tone is not Tone.GOOD for cell in verdict)
+            yield Entry([*head, Cell(number_text(entry, number)), *verdict], "" if checked else entry.help)
+            if entry.bits:
+                yield from bit_entries(entry, number, RESERVED_FLAGS)
+
+    def _variables(self, row: int, data: bytes, data_at: int) -> list[Entry]:
+        """Return the variables of a data telegram of a defined list; none where there is no definition that fits."""
+        telegrams = self._telegrams
+        header, port = telegrams.header[row], int(telegrams.datagram.destination_port[row])
+        if self._layouts is None or telegrams.fault[row] != Fault.NONE or header["id"] != Service.ODStateFree:
+            return []
+        known = self._layouts.list_of(port, int(header["index"]))
+        if known is None:
+            return []
+        shape = int(header["items"]), int(header["length"]) - HEADER.size_bytes
+        layout = self._layouts.telegram_of(port, int(header["index"]), int(header["subindex"]), shape)
+        known = layout.list if layout else known
+        if layout and shape != layout.shape:
+            layout = None
+        title = Cell("Variables", Tone.STRONG)
+        if layout is None or len(data) < layout.layout.size_bytes:
+            why = "cut short by the capture"
+            if not layout:
+                why = f"not of the shape that its definition has ({DEFINITION_MISMATCH.code})"
+            return [
+                Entry([title, Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)]),
+                *bytes_entries(
+                    "Data", [Cell(f"  {units.count_of(len(data), 'byte')}")], data, data_at, dumps=self._dumps
+                ),
+            ]
+        return [Entry([title, Cell(f"  {visible(known.name)}")]), *variable_entries(layout, data, data_at)]
+
+
+def _verdict(entry: Field, number: int, payload_bytes: int) -> list[Cell]:
+    """Return what a number of the header means, and whether it is as it has to be, where that can be told."""
+    if entry.name == "identity":
+        if number == IDENTITY:
+            return [Cell("  ✓", Tone.GOOD)]
+        if number == IDENTITY_ASCII:
+            return [Cell("  ! begins with 30, the character 0, not with 00", Tone.WARNING)]
+        return [Cell("  ! not the identity of a telegram", Tone.WARNING)]
+    if entry.name == "length":
+        if number == payload_bytes:
+            return [Cell("  ✓", Tone.GOOD), Cell(" as the UDP payload")]
+        swapped = int.from_bytes(number.to_bytes(entry.size_bytes, "little"), "big")
+        hint = ", this with its bytes swapped" if swapped == payload_bytes else ""
+        return [Cell(f"  ✗ the UDP payload has {units.count(payload_bytes)}{hint}", Tone.ERROR)]
+    if entry.values:
+        name = entry.values.get(number)
+        return [Cell(f"  {name}")] if name else [Cell(f"  ✗ unknown {entry.help}", Tone.ERROR)]
+    return []

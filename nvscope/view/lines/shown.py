@@ -1,0 +1,76 @@
+"""How frames of a protocol are shown: what each protocol gives, and what it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from nvscope.view.lines.layers import Layer
+from nvscope.view.lines.moments import Moment
+from nvscope.view.lines.table import Line
+from nvscope.view.lines.tree_lines import Entry
+from nvscope.view.rows.frames import FrameRows
+
+if TYPE_CHECKING:  # without definitions, nothing of them is imported
+    from nvscope.definition.layouts import Layouts
+    from nvscope.definition.pdos import Pdos
+
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """What people call things: ``names`` of nodes by the text of their address, defined lists on UDP and on CAN."""
+
+    names: Mapping[str, str] = field(default_factory=dict)
+    layouts: Layouts | None = None
+    pdos: Pdos | None = None
+
+
+NO_WORDING = Wording()
+
+
+class Spans(NamedTuple):
+    """Where in its packet a frame's message begins, where the data behind its header do, and where it ends."""
+
+    start: int
+    data: int
+    stop: int
+
+
+class LineMaker(Protocol):
+    """Makes the lines of pieces that follow each other; columns never get narrower, so that lines stay aligned."""
+
+    def lines(self, rows: FrameRows) -> Iterator[Line]:
+        """Yield the lines of rows that are all of the protocol."""
+        ...
+
+
+class MakeLines(Protocol):
+    """Makes a ``LineMaker``: how times are told, how wide a line may be (None: as it takes), what things are called."""
+
+    def __call__(self, moment: Moment, width: int | None, wording: Wording) -> LineMaker: ...
+
+
+class Tree(Protocol):
+    """The part of trees and dumps that is about a protocol; ``place`` is the position in the protocol's part."""
+
+    def spans(self, place: int) -> Spans:
+        """Return where the message lies in its packet."""
+        ...
+
+    def layers(self, place: int, packet: bytes, link: int) -> Sequence[Layer]:
+        """Return the headers in front of the message."""
+        ...
+
+    def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
+        """Yield the lines on the message, and on what is behind it."""
+        ...
+
+
+class MakeTree(Protocol):
+    """Makes the ``Tree`` of rows of which some, or all, are of the protocol.
+
+    Without ``dumps``, what has no fields is told in its length only.
+    """
+
+    def __call__(self, rows: FrameRows, wording: Wording, *, dumps: bool) -> Tree: ...

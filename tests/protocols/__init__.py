@@ -1,0 +1,1 @@
+"""Tests of what every protocol keeps, and of one that is invented here."""

@@ -1,0 +1,119 @@
+"""An invented protocol, from the file to finding, filter, line, tree and record, without touching the others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.analysis.packets import packets
+from nvscope.protocols.table import PROTOCOLS
+from nvscope.report.packets.records import JsonLines
+from nvscope.report.packets.text import Text
+from nvscope.view.rows.frames import PacketRows
+from tests.oracle.traffic import MILLISECOND, data_frame, telegram, write_pcap
+from tests.protocols import beacon
+from tests.protocols.beacon import BEACON
+
+START_NS = 1_700_000_000_000_000_000
+
+
+@pytest.fixture
+def inquiry(tmp_path: Path) -> Inquiry:
+    """Four beacons of which one is missing and one has a tail, telegrams around them, and a stranger on the port."""
+    sent = [
+        ("10.0.0.1", 1202, telegram(list_id=7, counter=1)),
+        ("10.0.0.2", beacon.PORT, beacon.payload(1)),
+        ("10.0.0.2", beacon.PORT, b"no beacon"),
+        ("10.0.0.2", beacon.PORT, beacon.payload(2, kind=2, speed=0, more=b"\x01\x02")),
+        ("10.0.0.1", 1202, telegram(list_id=7, counter=2)),
+        ("10.0.0.2", beacon.PORT, beacon.payload(4, kind=7)),
+        ("10.0.0.2", 4712, beacon.payload(5)),
+    ]
+    frames = [
+        data_frame(START_NS + place * MILLISECOND, sender, "10.0.0.255", content, port=port)
+        for place, (sender, port, content) in enumerate(sent)
+    ]
+    write_pcap(frames, tmp_path / "a.pcap")
+    return Inquiry([str(tmp_path / "a.pcap")], protocols=(*PROTOCOLS, BEACON))
+
+
+def written(inquiry: Inquiry, face: Text | JsonLines, expression: str | None = None) -> str:
+    chosen = inquiry.filter(expression) if expression else None
+    rows = packets(inquiry.open(), inquiry.reading(chosen), PacketRows())
+    return face.begin() + "".join(text for part in rows for text in face.render(part)) + face.end()
+
+
+def test_lines(inquiry: Inquiry) -> None:
+    assert written(inquiry, Text(protocols=inquiry.protocols)).splitlines() == [
+        "1  0.000000  10.0.0.1 → 10.0.0.255:1202  list 7 sub 0  data  1 item   22 B  #1",
+        "2  0.001000  10.0.0.2 → 10.0.0.255  beacon  alive #1, 1500 rpm",
+        "4  0.003000  10.0.0.2 → 10.0.0.255  beacon  leaving #2, 0 rpm",
+        "5  0.004000  10.0.0.1 → 10.0.0.255:1202  list 7 sub 0  data  1 item   22 B  #2",
+        "6  0.005000  10.0.0.2 → 10.0.0.255  beacon  kind 7 #4, 1500 rpm",
+    ]
+
+
+def test_a_tree_and_its_dump(inquiry: Inquiry) -> None:
+    tree = written(inquiry, Text(trees=True, dumps=True, protocols=inquiry.protocols), "frame.number == 4").splitlines()
+    at = tree.index("Beacon")
+    assert [line.split("  ")[0] for line in tree[:at] if not line.startswith(" ")] == [
+        "Frame 4", "Ethernet", "IPv4", "UDP",
+    ]  # fmt: skip
+    assert [line.split() for line in tree[at + 1 : at + 6]] == [
+        ["002a", "42", "43", "Magic", "0x4342", "BC"],
+        ["002c", "02", "Kind", "2", "leaving", "what", "it", "says"],
+        ["002d", "02", "Number", "2", "counts", "up"],
+        ["002e", "00", "00", "Speed", "0", "in", "rounds", "a", "minute"],
+        ["Data", "2", "bytes"],
+    ]
+    assert "0020  00 ff 04 b2 12 67 00 10 00 00 42 43 02 02 00 00" in "\n".join(tree)
+
+
+@pytest.mark.parametrize(
+    ("expression", "frames"),
+    [
+        ("beacon", [2, 4, 6]),
+        ("!beacon", [1, 5]),
+        ("beacon.speed > 1000", [2, 6]),
+        ('beacon.kind == "leaving"', [4]),
+        ("beacon.kind", [2, 4]),
+        ("udp", [1, 2, 4, 5, 6]),
+        ("udp.dstport == 4711 && ip.src == 10.0.0.2", [2, 4, 6]),
+        ("nv", [1, 5]),
+        ("nv.counter == 1 || beacon.number == 4", [1, 6]),
+        ("udp.payload[0:2] == 42:43", [2, 4, 6]),
+        ("list.id == 7", [1, 5]),
+        ("!list.id", [2, 4, 6]),
+        ('finding.code == "NV991"', []),
+    ],
+)
+def test_filters(inquiry: Inquiry, expression: str, frames: list[int]) -> None:
+    shown = written(inquiry, JsonLines([inquiry.fields["frame.number"]]), expression)
+    assert [int(line.split(":")[1].rstrip("}")) for line in shown.splitlines() if line] == frames
+
+
+def test_records(inquiry: Inquiry) -> None:
+    fields = [inquiry.fields[name] for name in ("frame.number", "beacon.number", "beacon.kind", "nv.index", "ip.src")]
+    assert written(inquiry, JsonLines(fields)).splitlines()[2:4] == [
+        '{"frame.number":4,"beacon.number":2,"beacon.kind":"leaving","nv.index":null,"ip.src":"10.0.0.2"}',
+        '{"frame.number":5,"beacon.number":null,"beacon.kind":null,"nv.index":7,"ip.src":"10.0.0.1"}',
+    ]
+
+
+def test_the_report_has_its_finding_and_is_otherwise_the_same(inquiry: Inquiry) -> None:
+    document = inquiry.report(inquiry.analyze())
+    alone = Inquiry(inquiry.paths)
+    plain = alone.report(alone.analyze())
+    (gap,) = (one for one in document["findings"] if one["code"] == "NV991")
+    assert gap["message"] == "1 of 4 beacons of 10.0.0.2 never came."
+    document["findings"].remove(gap)
+    assert document == plain
+
+
+def test_a_session_looks_at_it_too(inquiry: Inquiry) -> None:
+    session = inquiry.session()
+    session.start()
+    assert session.wait(60)
+    assert "NV991" in {finding.code for finding in session.stop().findings}
