@@ -11,7 +11,7 @@ import numpy as np
 from dissectors.batch import I64, U8, Bool
 
 
-class Transport(IntEnum):
+class Carrier(IntEnum):
     """What carries the variables of a list."""
 
     NONE = 0
@@ -23,14 +23,14 @@ class Transport(IntEnum):
 class Carried:
     """What frames carry, as far as their headers say; of shape (n,), int64 unless said otherwise.
 
-    A list is told by ``transport`` (uint8), ``port`` (destination port of UDP, number of the CAN channel) and
+    A list is told by ``carrier`` (uint8), ``port`` (destination port of UDP, number of the CAN channel) and
     ``identifier`` (Index, COB-ID of the list's first frame; ``dissectors.can.pdo``). ``items`` is 0 on CAN, where no
     frame tells it. ``at`` is where the data begins, from the first byte of the packet; ``size_bytes`` how much of it
     was sent, ``captured_bytes`` how much of that was captured. ``of_list`` (bool) are frames that belong to a list at
     all, ``is_data`` (bool) those that are variables of it, well-formed: the rest are requests, answers, and faults.
     """
 
-    transport: U8
+    carrier: U8
     port: I64
     identifier: I64
     subindex: I64
@@ -65,8 +65,8 @@ class Carried:
     def nothing(count: int) -> Carried:
         """Return as many rows that carry nothing."""
         blank, no = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-        transport = np.full(count, Transport.NONE, np.uint8)
-        return Carried(transport, blank, blank, blank, blank, blank, blank, blank, no, no)
+        carrier = np.full(count, Carrier.NONE, np.uint8)
+        return Carried(carrier, blank, blank, blank, blank, blank, blank, blank, no, no)
 
 
 class PacketsCarried(Carried):

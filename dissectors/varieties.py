@@ -14,7 +14,7 @@ from dissectors.batch import I64, U8, U16, U64, Bool, PacketBatch, Records
 from dissectors.can.frame import FRAME, CanBatch
 from dissectors.can.frame import Fault as CanFault
 from dissectors.can.pdo import PdoRules, is_pdo, words
-from dissectors.carried import Carried, Transport
+from dissectors.carried import Carried, Carrier
 from dissectors.keys import KeyTable, first_rows
 from dissectors.layout import take_rows
 from dissectors.netvar import HEADER, IS_PARAMETER, Fault, Service, TelegramBatch
@@ -175,7 +175,7 @@ def _carried_by_telegrams(common: CommonTelegrams) -> Carried:
     header, datagram = common.header, common.datagram
     service = np.minimum(header["id"], len(IS_PARAMETER) - 1)
     return Carried(
-        np.full(len(header), Transport.UDP, np.uint8), datagram.destination_port.astype(np.int64),
+        np.full(len(header), Carrier.UDP, np.uint8), datagram.destination_port.astype(np.int64),
         header["index"].astype(np.int64), header["subindex"].astype(np.int64), header["items"].astype(np.int64),
         datagram.payload + HEADER.size_bytes, np.maximum(datagram.payload_bytes - HEADER.size_bytes, 0),
         np.maximum(datagram.captured_bytes - HEADER.size_bytes, 0), ~IS_PARAMETER[service],
@@ -188,7 +188,7 @@ def _carried_by_frames(frames: CanBatch, relative: I64, rules: PdoRules) -> Carr
     parts = [rules.part_of(channel, word) for channel, word in zip(frames.channel.tolist(), own.tolist(), strict=True)]
     lists, subindexes = (np.array(column, np.int64) for column in zip(*parts, strict=True))
     return Carried(
-        np.full(len(frames), Transport.CAN, np.uint8), frames.channel.astype(np.int64), lists, subindexes,
+        np.full(len(frames), Carrier.CAN, np.uint8), frames.channel.astype(np.int64), lists, subindexes,
         np.zeros(len(frames), np.int64), relative, frames.length.astype(np.int64), frames.captured.astype(np.int64),
         is_data, is_data,
     )  # fmt: skip

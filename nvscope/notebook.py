@@ -26,7 +26,6 @@ from nvscope.capture.content import STDIN
 from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project, read_project
 from nvscope.errors import UsageError
-from nvscope.list_key import list_key
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
 
 if TYPE_CHECKING:
@@ -183,7 +182,7 @@ class Captures:
         inquiry = self._inquiry
         lists = self._defined(name)
         if form == "wide" and len(lists) > 1:
-            told = ", ".join(f"{entry.name} ({list_key(*key)})" for key, entry in lists[:_MOST_NAMED])
+            told = ", ".join(f"{entry.name} ({key})" for key, entry in lists[:_MOST_NAMED])
             raise UsageError(
                 "several lists are defined, and each is a table of its own",
                 next_step=f"name one of {told}, or ask for form='long'",

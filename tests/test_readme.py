@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.definition.project import read_project
+from nvscope.list_key import ListKey
 
 ROOT = Path(__file__).parents[1]
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
@@ -62,5 +63,5 @@ def test_the_project_file_of_lists_on_can(tmp_path: Path) -> None:
     (tmp_path / "nvscope.toml").write_text(PROJECTS[1])
     project = read_project(tmp_path / "nvscope.toml")
     (entry,) = project.definition.lists
-    assert (entry.key, entry.name, entry.interval_ns) == (("can0", 0x110), "press", 50_000_000)
+    assert (entry.key, entry.name, entry.interval_ns) == (ListKey.can("can0", 0x110), "press", 50_000_000)
     assert project.buses.of("can0").bit_rate == 250_000

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from nvscope.analysis.extent import Watch
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.definition.selection import names_of_lists, select, unplaced_text
-from nvscope.list_key import list_key
 from nvscope.tracker.variables.history import Entry, History
 
 
@@ -38,13 +37,13 @@ class Changes:
     def lists(self) -> list[tuple[str, str]]:
         """Keys, as reports write them, and names of the lists that have the variables."""
         keys = self.selection.lists()
-        return [(list_key(*key), known.name) for key, known in names_of_lists(self._layouts) if key in keys]
+        return [(str(key), known.name) for key, known in names_of_lists(self._layouts) if key in keys]
 
     @property
     def some_came(self) -> bool:
         """Whether any data telegram of these lists was seen."""
         keys = self.selection.lists()
-        return any(self._layouts.key_of(*key) in keys for key in self.history.read.lists)
+        return any(self._layouts.key_of(key) in keys for key in self.history.read.lists)
 
     @property
     def unplaced(self) -> str:

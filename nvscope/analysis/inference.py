@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.source import Source
+from nvscope.list_key import Transport
 from nvscope.tracker.variables.samples import Samples
 
 
@@ -19,7 +20,7 @@ class Inferred:
     @property
     def some_on_can(self) -> bool:
         """Whether lists on CAN were seen, of which nothing can be proposed."""
-        return any(isinstance(port, str) for port, _ in self.samples.read.lists)
+        return any(key.transport is Transport.CAN for key in self.samples.read.lists)
 
 
 def infer(inquiry: Inquiry, *, expression: str | None = None) -> Inferred:

@@ -35,7 +35,7 @@ def snapshot(
 ) -> Snapshot:  # fmt: skip
     """Look at a state; nothing in it changes. ``overdue``: what nobody answered in time counts, frame or not."""
     definition = project.definition
-    cob_ids = {cob_id for _, cob_id in (pdos or Pdos(definition)).by_cob_id}
+    cob_ids = {key.identifier for key in (pdos or Pdos(definition)).by_cob_id}
     summary = summarize(
         state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,
         cob_ids=cob_ids,

@@ -64,7 +64,7 @@ def tell_of_lists(inquiry: Inquiry) -> None:
 
     layouts = inquiry.layouts
     for key, element in layouts.left_out.items() if layouts else ():
-        entry = layouts.list_of(*key) if layouts else None
+        entry = layouts.list_of(key) if layouts else None
         name, unknown = visible(entry.name if entry else ""), visible(f"{element.name} : {element.type.name}")
         what = f"{name}: nobody knows how many bytes {unknown} has; from there on, bytes are bytes."
         typer.echo(f"nvscope: {what}", err=True)

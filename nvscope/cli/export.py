@@ -212,6 +212,7 @@ def _tell_of_values(
 ) -> None:
     """Say what was written where several files were, and always what was not."""
     from nvscope.export.unwritten import ASSUMED_PACKING, beyond_time, left_out, why_nothing
+    from nvscope.list_key import Transport
     from nvscope.units import count_of
     from nvscope.view.escape import visible
 
@@ -227,7 +228,7 @@ def _tell_of_values(
     for name, _, beyond in written:
         if beyond:
             tell(f"{visible(name)}: {beyond_time(beyond)}")
-    if not quiet and any(isinstance(port, str) for port, _ in telegrams.keys):
+    if not quiet and any(key.transport is Transport.CAN for key in telegrams.keys):
         typer.echo(f"nvscope: {ASSUMED_PACKING}", err=True)
     for sentence in left_out(telegrams):
         tell(sentence)

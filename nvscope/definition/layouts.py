@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from nvscope.definition.model import Definition, Element, ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_part, pack
 from nvscope.definition.pdos import frames_of, unplaced
-from nvscope.list_key import ANY_CHANNEL, ListKey, Port, told_of
+from nvscope.list_key import ListKey, told_of
 
 
 class Layouts:
@@ -47,50 +47,46 @@ class Layouts:
         """Return all lists with the keys that they are defined for, in the order of the definition."""
         return list(self._lists.items())
 
-    def key_of(self, port: Port, index: int) -> ListKey | None:
+    def key_of(self, key: ListKey) -> ListKey | None:
         """Return the key that a list is defined for, None where it is not: on CAN, it may be that of any channel."""
-        if (port, index) in self._lists:
-            return port, index
-        return (ANY_CHANNEL, index) if isinstance(port, str) and (ANY_CHANNEL, index) in self._lists else None
+        return next((defined for defined in (key, key.on_any_channel) if defined in self._lists), None)
 
-    def list_of(self, port: Port, index: int) -> ListDefinition | None:
+    def list_of(self, key: ListKey) -> ListDefinition | None:
         """Return the definition of a list, None where there is none."""
-        return told_of(self._lists, (port, index))
+        return told_of(self._lists, key)
 
-    def candidates_of(self, port: Port, index: int) -> Sequence[tuple[TelegramLayout, ...]]:
+    def candidates_of(self, key: ListKey) -> Sequence[tuple[TelegramLayout, ...]]:
         """Return what each definition of a list says its telegrams are; those with elements of unknown size are not.
 
         Several files may define one list: the sender's and the reader's.
         """
-        return told_of(self._candidates, (port, index)) or ()
+        return told_of(self._candidates, key) or ()
 
-    def partly_of(self, port: Port, index: int) -> Sequence[TelegramLayout]:
+    def partly_of(self, key: ListKey) -> Sequence[TelegramLayout]:
         """Return the telegrams of a list that is left out, of which ``packing.known_fronts`` tells something."""
-        return self._partly[port, index] if (port, index) in self.left_out else ()
+        return self._partly[key] if key in self.left_out else ()
 
-    def definitions_of(self, port: Port, index: int) -> Sequence[ListDefinition]:
+    def definitions_of(self, key: ListKey) -> Sequence[ListDefinition]:
         """Return all definitions of a list of which something can be told; of those that are left out, the first."""
-        telegrams = [*filter(None, self.candidates_of(port, index)), *filter(None, [self.partly_of(port, index)])]
+        telegrams = [*filter(None, self.candidates_of(key)), *filter(None, [self.partly_of(key)])]
         return [one[0].list for one in telegrams]
 
-    def telegrams_of(self, port: Port, index: int) -> tuple[TelegramLayout, ...] | None:
+    def telegrams_of(self, key: ListKey) -> tuple[TelegramLayout, ...] | None:
         """Return the telegrams of a list by SubIndex, None where there is none, or it is left out.
 
         Of several definitions it is the first.
         """
-        return next(iter(self.candidates_of(port, index)), None)
+        return next(iter(self.candidates_of(key)), None)
 
-    def telegram_of(
-        self, port: Port, index: int, subindex: int, shape: tuple[int, int] | None = None
-    ) -> TelegramLayout | None:
+    def telegram_of(self, key: ListKey, subindex: int, shape: tuple[int, int] | None = None) -> TelegramLayout | None:
         """Return one telegram of a list, None where the list does not have it.
 
         Of several definitions it is the first that has the ``shape`` (``TelegramLayout.shape``); if none has, or
         without a shape, the first of all. Of a list that is left out, it is what is known of a telegram of this shape.
         """
-        if shape and (port, index) in self._partly and (port, index) not in self._candidates:
-            return known_part(self._partly[port, index], subindex, *shape)
-        candidates = self.candidates_of(port, index)
+        if shape and key in self._partly and key not in self._candidates:
+            return known_part(self._partly[key], subindex, *shape)
+        candidates = self.candidates_of(key)
         found = [layouts[subindex] if subindex < len(layouts) else None for layouts in candidates]
         fitting = (layout for layout in found if layout and layout.shape == shape)
         return next(fitting, found[0] if found else None)

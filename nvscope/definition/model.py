@@ -177,8 +177,8 @@ class ListDefinition:
         if self.list_id is None:
             return None
         if self.on_can:
-            return self.channel, self.list_id
-        return (self.port, self.list_id) if self.protocol.upper() == "UDP" else None
+            return ListKey.can(self.channel, self.list_id)
+        return ListKey.udp(self.port, self.list_id) if self.protocol.upper() == "UDP" else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from itertools import takewhile
 from dissectors.can.pdo import PdoList, PdoPart, PdoRules
 from nvscope.definition.model import Definition, Element, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
-from nvscope.list_key import ANY_CHANNEL, ListKey, told_of
+from nvscope.list_key import ListKey, told_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Pdo:
 
 
 class Pdos:
-    """The frames of all lists on CAN, by channel ("" for any) and COB-ID.
+    """The frames of all lists on CAN, by the key that each COB-ID would have as a list of its own.
 
     Where lists overlap, a COB-ID is that of the list defined first; further definitions of that list are asked where a
     frame has not the size that the first one gives it.
@@ -42,35 +42,37 @@ class Pdos:
             frames = [Pdo(entry, layout.subindex, layout) for layout in frames_of(entry)]
             if not entry.variables:
                 frames = [Pdo(entry, 0, None)]
-            self.lists.setdefault((entry.channel, entry.list_id), tuple(frames))
+            self.lists.setdefault(ListKey.can(entry.channel, entry.list_id), tuple(frames))
             for pdo in frames:
-                key = entry.channel, entry.list_id + pdo.subindex
+                key = ListKey.can(entry.channel, entry.list_id + pdo.subindex)
                 first = self.by_cob_id.setdefault(key, pdo)
                 if pdo.layout and first.list.list_id == entry.list_id:
                     self._by_size.setdefault((key, pdo.layout.layout.size_bytes), pdo)
 
-    def pdo_of(self, channel: str, cob_id: int) -> Pdo | None:
+    def pdo_of(self, key: ListKey) -> Pdo | None:
         """Return what a COB-ID of a channel carries, None where nobody says."""
-        return told_of(self.by_cob_id, (channel, cob_id))
+        return told_of(self.by_cob_id, key)
 
-    def fitting(self, channel: str, cob_id: int, size_bytes: int) -> Pdo | None:
+    def fitting(self, key: ListKey, size_bytes: int) -> Pdo | None:
         """Return what a frame of so many bytes carries, None where it has the size of no definition."""
-        key = channel if (channel, cob_id) in self.by_cob_id else ANY_CHANNEL, cob_id
-        return self._by_size.get((key, size_bytes))
+        defined = key if key in self.by_cob_id else key.on_any_channel
+        return self._by_size.get((defined, size_bytes))
 
-    def list_of(self, channel: str, cob_id: int) -> Sequence[Pdo]:
+    def list_of(self, key: ListKey) -> Sequence[Pdo]:
         """Return the frames of a list of a channel, none where nobody says."""
-        return told_of(self.lists, (channel, cob_id)) or ()
+        return told_of(self.lists, key) or ()
 
     def rules(self) -> PdoRules:
         """Return how frames are read."""
         parts = {
-            (str(channel), cob_id): PdoPart(pdo.list.list_id or 0, pdo.subindex)
-            for (channel, cob_id), pdo in self.by_cob_id.items()
+            (str(key.port), key.identifier): PdoPart(pdo.list.list_id or 0, pdo.subindex)
+            for key, pdo in self.by_cob_id.items()
         }
         lists = {
-            (str(channel), cob_id): PdoList(len(frames), (frames[0].list.cyclic and frames[0].list.interval_ns) or 0)
-            for (channel, cob_id), frames in self.lists.items()
+            (str(key.port), key.identifier): PdoList(
+                len(frames), (frames[0].list.cyclic and frames[0].list.interval_ns) or 0
+            )
+            for key, frames in self.lists.items()
             if frames
         }
         return PdoRules(parts, lists)

@@ -10,6 +10,7 @@ from typing import Any
 
 from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.model import ListDefinition, Position
+from nvscope.list_key import Transport
 from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, integer, key, mapping, read_table
 
 _U16_MAX = 0xFFFF
@@ -40,7 +41,7 @@ class ListSettings:
     """
 
     name: str | None = key(NAME, "name of the list: that in its definition file, or what people call it", default=None)
-    transport: str | None = key(choice("udp", "can"), "what it is sent over", default=None)
+    transport: str | None = key(choice(*Transport), "what it is sent over", default=None)
     port: int | None = key(integer(1, _U16_MAX), "UDP port", default=None)
     channel: str | None = key(
         NAME, "CAN channel, such as can0; without it, a list on CAN is looked for on each", default=None
@@ -95,7 +96,7 @@ def _settings(value: Any, place: Place) -> tuple[tuple[int, ListSettings], ...]:
 
 def _checked(number: int, told: ListSettings, place: Place) -> ListSettings:
     """Return settings that do not contradict each other."""
-    if told.channel and told.transport == "udp":
+    if told.channel and told.transport == Transport.UDP:
         raise place.below("channel").error(
             "a list on UDP has no channel", 'Write transport = "can", or leave the channel out.'
         )

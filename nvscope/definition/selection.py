@@ -11,7 +11,7 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
 from nvscope.errors import UsageError
-from nvscope.list_key import ANY_CHANNEL, ListKey, Port, list_key, list_order
+from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
 from nvscope.units import count
 
 _MOST_NEAR = 3
@@ -21,27 +21,27 @@ _MOST_NAMED = 4
 
 @dataclass(slots=True)
 class Selection:
-    """Names of elements, by port, list identifier and SubIndex of the telegrams that have them.
+    """Names of elements, by list and SubIndex of the telegrams that have them.
 
     ``others`` are those in all other telegrams of a list of which not all is known. ``unplaced`` are names that were
     meant too, of elements that nobody can find, each with the element of unknown size in front of it.
     """
 
-    telegrams: dict[tuple[Port, int, int], frozenset[str]] = field(default_factory=dict)
+    telegrams: dict[tuple[ListKey, int], frozenset[str]] = field(default_factory=dict)
     others: dict[ListKey, frozenset[str]] = field(default_factory=dict)
     unplaced: list[tuple[str, Element]] = field(default_factory=list)
 
-    def names_in(self, port: Port, index: int, subindex: int) -> frozenset[str]:
+    def names_in(self, key: ListKey, subindex: int) -> frozenset[str]:
         """Return the names of the elements that are meant in a telegram."""
-        if isinstance(port, str) and (port, index, subindex) not in self.telegrams:
-            port = ANY_CHANNEL
-        found = self.telegrams.get((port, index, subindex))
-        return self.others.get((port, index), frozenset()) if found is None else found
+        if (key, subindex) not in self.telegrams:
+            key = key.on_any_channel
+        found = self.telegrams.get((key, subindex))
+        return self.others.get(key, frozenset()) if found is None else found
 
     @property
     def repeated(self) -> bool:
         """Whether several telegrams of a list have an element of one name."""
-        entries = [*((key[:2], names) for key, names in self.telegrams.items()), *self.others.items()]
+        entries = [*((key, names) for (key, _), names in self.telegrams.items()), *self.others.items()]
         places = [(key, name) for key, names in entries for name in names]
         return len(set(places)) < len(places)
 
@@ -51,8 +51,8 @@ class Selection:
 
     def lists(self) -> list[ListKey]:
         """Return the keys of the lists that have some of them, sorted."""
-        meant = [key[:2] for key, names in self.telegrams.items() if names]
-        return sorted({*meant, *(key for key, names in self.others.items() if names)}, key=list_order)
+        meant = [key for (key, _), names in self.telegrams.items() if names]
+        return sorted({*meant, *(key for key, names in self.others.items() if names)})
 
 
 def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selection:
@@ -81,11 +81,11 @@ def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selecti
         return frozenset(meant if wanted else ())
 
     for key in dict.fromkeys(key for key, _ in lists):
-        for layout in (layout for candidate in layouts.candidates_of(*key) for layout in candidate):
+        for layout in (layout for candidate in layouts.candidates_of(key) for layout in candidate):
             if meant := chosen(layout.elements):
-                place = (*key, layout.subindex)
+                place = key, layout.subindex
                 found.telegrams[place] = found.telegrams.get(place, frozenset()) | meant
-        if telegrams := layouts.partly_of(*key):
+        if telegrams := layouts.partly_of(key):
             _select_known(found, key, telegrams, chosen)
     if not found.lists():
         raise _nothing_named(rest, wanted, names, found)
@@ -103,7 +103,7 @@ def _select_known(
     for subindex, (front, cause) in enumerate(fronts):
         meant = chosen([*front.elements, *([undescribed(cause, 1)] if cause else [])])
         if subindex < len(fronts) - 1:
-            found.telegrams[*key, subindex] = meant
+            found.telegrams[key, subindex] = meant
         else:
             found.others[key] = meant
     for layout in telegrams:
@@ -144,7 +144,7 @@ def names_of_lists(layouts: Layouts) -> list[tuple[ListKey, ListDefinition]]:
     named = {
         (key, known.name): (key, known)
         for key, entry in layouts.lists()
-        for known in [entry, *layouts.definitions_of(*key)]
+        for known in [entry, *layouts.definitions_of(key)]
     }
     return list(named.values())
 
@@ -152,13 +152,9 @@ def names_of_lists(layouts: Layouts) -> list[tuple[ListKey, ListDefinition]]:
 def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> list[tuple[ListKey, ListDefinition]]:
     """Return the lists of a name (in any case), identifier or key (udp/1202/7); UsageError where there is none."""
     wanted = given.strip().lower()
-    found = [
-        (key, entry)
-        for key, entry in lists
-        if wanted in (entry.name.lower(), str(key[1]), f"{key[0]}/{key[1]}", list_key(*key), *_on_can(key))
-    ]
+    found = [(key, entry) for key, entry in lists if wanted in (entry.name.lower(), *_as_written(key))]
     if not found:
-        told = ", ".join(f"{entry.name} ({list_key(*key)})" for key, entry in lists[:_MOST_LISTS]) or "none"
+        told = ", ".join(f"{entry.name} ({key})" for key, entry in lists[:_MOST_LISTS]) or "none"
         more = f" and {len(lists) - _MOST_LISTS} more" if len(lists) > _MOST_LISTS else ""
         next_step = f"there are {told}{more}"
         if channel := _channel_of(wanted, lists):
@@ -170,12 +166,14 @@ def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> 
 def _channel_of(wanted: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> str:
     """Return the channel that a key names, where its list is defined for any; else nothing."""
     match = re.fullmatch(r"can/([^/\"']{1,60})/(\d{1,10})", wanted)
-    return match[1] if match and (ANY_CHANNEL, int(match[2])) in [key for key, _ in lists] else ""
+    return match[1] if match and ListKey.can(ANY_CHANNEL, int(match[2])) in [key for key, _ in lists] else ""
 
 
-def _on_can(key: ListKey) -> tuple[str, ...]:
-    """Return how people write the COB-ID of a list on CAN."""
-    return (f"0x{key[1]:x}", f"can/{key[1]}") if isinstance(key[0], str) else ()
+def _as_written(key: ListKey) -> tuple[str, ...]:
+    """Return how people write the key of a list, or its identifier alone."""
+    told = str(key.identifier), f"{key.port}/{key.identifier}", str(key)
+    on_can = f"0x{key.identifier:x}", f"can/{key.identifier}"
+    return (*told, *on_can) if key.transport is Transport.CAN else told
 
 
 def _plain(name: str) -> str:

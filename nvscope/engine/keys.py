@@ -14,7 +14,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U8, U32, U64, Bool
 from dissectors.can.pdo import PdoRules
-from dissectors.carried import Transport
+from dissectors.carried import Carrier
 from dissectors.keys import KeyTable, first_rows
 from dissectors.layout import take_rows
 from dissectors.netvar import (
@@ -209,7 +209,7 @@ class Keys:
         quoted = quoted if mine.all() else quoted.take(mine)
         datagram = quoted.datagram
         lists = self.lists.numbers(
-            np.full(len(quoted), Transport.UDP, np.uint64),
+            np.full(len(quoted), Carrier.UDP, np.uint64),
             datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64),
         )  # fmt: skip
         return Rejected(quoted, lists, self.nodes.numbers(datagram.source_hi, datagram.source_lo))
@@ -233,8 +233,8 @@ class Keys:
 
     def list_key(self, number: int) -> ListKey:
         """Return the key of a list."""
-        transport, port, identifier = (int(word[number]) for word in self.lists.words)
-        return self.channel(port) if transport == Transport.CAN else port, identifier
+        carrier, port, identifier = (int(word[number]) for word in self.lists.words)
+        return ListKey.of(Carrier(carrier), port, identifier, self.channel)
 
     def place_key(self, stream: int) -> tuple[ListKey, int]:
         """Return list and SubIndex of a stream."""
@@ -246,7 +246,7 @@ class Keys:
         key, subindex = self.place_key(stream)
         node = int(self.streams.low[stream].view(np.int64))
         if node == NOBODY:
-            return StreamKey(key, subindex, str(key[0]), (False, 0))
+            return StreamKey(key, subindex, str(key.port), (False, 0))
         halves = int(self.nodes.high[node]), int(self.nodes.low[node])
         return StreamKey(key, subindex, address.text(*halves), address.order(*halves))
 
@@ -258,7 +258,7 @@ class Keys:
         first = fresh[first_rows(batch.variety[fresh] - known, len(varieties) - known)]
         order = np.argsort(first)
         new, row = order + known, first[order]
-        on_udp = varieties.carried.transport[new] == Transport.UDP
+        on_udp = varieties.carried.carrier[new] == Carrier.UDP
         kind = np.full(len(new), FrameKind.NOTHING, np.uint8)
         self._describe_telegrams(varieties, new[on_udp], kind, np.flatnonzero(on_udp))
         self._describe_frames(varieties, new[~on_udp], kind, np.flatnonzero(~on_udp))
@@ -302,7 +302,7 @@ class Keys:
         kind, source, destination = columns.kind[new], columns.node[new], columns.receiver[new]
         is_data = (kind == FrameKind.DATA) | (kind == FrameKind.PDO)
         lists = self.lists.numbers(*(
-            word.astype(np.uint64) for word in (carried.transport, carried.port, carried.identifier)
+            word.astype(np.uint64) for word in (carried.carrier, carried.port, carried.identifier)
         ))  # fmt: skip
         place = self.places.numbers(lists.astype(np.uint64), carried.subindex.astype(np.uint64))
         stream = np.full(len(new), -1)

@@ -11,7 +11,7 @@ from nvscope.errors import UsageError
 from nvscope.list_key import ListKey
 
 Lists = list[tuple[ListKey, ListDefinition]]
-"""Lists by port and identifier; of several definitions of one, the first."""
+"""Lists by key; of several definitions of one, the first."""
 
 
 def lists_to_write(layouts: Layouts, names: Sequence[str] = ()) -> Lists:
@@ -20,7 +20,7 @@ def lists_to_write(layouts: Layouts, names: Sequence[str] = ()) -> Lists:
     A name is that of any definition of a list, its identifier, or its key such as udp/1202/7. UsageError for a name
     that none has, and where there is no list at all.
     """
-    told = [(key, definition) for key, _ in layouts.lists() for definition in layouts.definitions_of(*key)]
+    told = [(key, definition) for key, _ in layouts.lists() for definition in layouts.definitions_of(key)]
     if not told and layouts.unplaced:
         entry, element = layouts.unplaced[0]
         raise UsageError(

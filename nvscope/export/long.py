@@ -27,7 +27,7 @@ from nvscope.export.arrays import LABEL, MOMENT, array_of, bits_of, labels, spre
 from nvscope.export.files import TableFile
 from nvscope.export.names import value_names
 from nvscope.expression.columns import FieldType, Numbers
-from nvscope.list_key import ANY_CHANNEL, ListKey, list_key
+from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
 from nvscope.view.rows.defined import DefinedRows, Place
 from nvscope.view.rows.utf8 import Utf8Column
 from nvscope.view.rows.values import ColumnDecoder, SpanColumn, ValueColumn, fits_time, value_type
@@ -54,13 +54,13 @@ _COLUMNS = pa.schema(
         pa.field("bytes", pa.binary()),
     ]
 )
-_ON_UDP, _ON_CAN = ("ip.src", "nv.subindex"), ("can.channel", "can.id")
+_ONLY_ON = {Transport.UDP: ("ip.src", "nv.subindex"), Transport.CAN: ("can.channel", "can.id")}
 
 
 def long_schema(keys: Sequence[ListKey]) -> Any:
     """Return the columns for some lists: where all are on UDP or all on CAN, without what only the others have."""
-    on_can = {isinstance(port, str) for port, _ in keys}
-    unknown = {*(_ON_UDP if False not in on_can else ()), *(_ON_CAN if True not in on_can else ())}
+    transports = {key.transport for key in keys}
+    unknown = {name for transport, names in _ONLY_ON.items() if transport not in transports for name in names}
     return pa.schema([column for column in _COLUMNS if column.name not in unknown])
 
 
@@ -142,11 +142,13 @@ class LongTable:
 
     def _lists(self, number: I64, sender: I64) -> Any:
         """Return the keys of lists; one that is defined for any CAN channel has that of the frame."""
-        if all(key[0] != ANY_CHANNEL for key in self._keys):
-            return labels(number, [list_key(*key) for key in self._keys])
+        if all(key.port != ANY_CHANNEL for key in self._keys):
+            return labels(number, [str(key) for key in self._keys])
         senders = self._senders()
         texts = [
-            list_key(sent if port == ANY_CHANNEL else port, index) for port, index in self._keys for sent in senders
+            str(ListKey.can(sent, key.identifier) if key.port == ANY_CHANNEL else key)
+            for key in self._keys
+            for sent in senders
         ]
         return labels(number * len(senders) + sender, texts)
 

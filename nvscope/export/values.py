@@ -76,11 +76,11 @@ def paths_of(path: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> list
     whole = Path(path)
     found: list[str] = []
     taken: set[str] = set()
-    for (port, index), entry in lists:
+    for key, entry in lists:
         name = _UNSAFE.sub("_", entry.name)[:_MOST_NAME] or "list"
         # Names that differ in case only are one to some file systems.
         if name.lower() in taken:
-            name = f"{name}-{_UNSAFE.sub('_', str(port)) or 'can'}-{index}"
+            name = f"{name}-{_UNSAFE.sub('_', str(key.port)) or key.transport}-{key.identifier}"
         taken.add(name.lower())
         found.append(str(whole.with_name(f"{whole.stem}.{name}{whole.suffix}")))
     return found

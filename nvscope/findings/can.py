@@ -68,7 +68,7 @@ def _lengths(facts: Facts) -> Iterator[Finding]:
     changes = {(number, subindex): events for number, _, subindex, events in facts.logged(DLC_MISMATCH)}
     unfitting = facts.state.values.unfitting if facts.state.values else None
     for entry, stream in facts.pdo_streams():
-        pdo = None if stream.extended else facts.pdos.pdo_of(entry.port, stream.cob_id)
+        pdo = None if stream.extended else facts.pdos.pdo_of(entry.key._replace(identifier=stream.cob_id))
         last = f"the last one had {count_of(stream.length, 'byte')}."
         if unfitting is not None and pdo is not None and pdo.layout is not None:
             if not unfitting.count[stream.stream]:
@@ -92,9 +92,11 @@ def _lengths(facts: Facts) -> Iterator[Finding]:
 
 def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
     """Compare how many frames each cycle had with how many the list has."""
-    defined = () if entry.extended else facts.pdos.list_of(entry.port, entry.index)
+    defined = () if entry.extended else facts.pdos.list_of(entry.key)
     # What another list has taken of its COB-IDs is not its own.
-    defined = [pdo for pdo in defined if facts.pdos.pdo_of(entry.port, entry.index + pdo.subindex) is pdo]
+    first = entry.key.identifier
+    frames = [(entry.key._replace(identifier=first + pdo.subindex), pdo) for pdo in defined]
+    defined = [pdo for key, pdo in frames if facts.pdos.pdo_of(key) is pdo]
     if len(defined) < 2:
         return
     silent = _silent(entry, defined)
@@ -115,6 +117,6 @@ def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
 def _silent(entry: CanListSummary, defined: Sequence[Pdo]) -> str:
     """Return the COB-IDs of a list that were never seen; of many, the first few."""
     seen = {stream.subindex for stream in entry.streams}
-    missing = [f"0x{entry.index + pdo.subindex:X}" for pdo in defined if pdo.subindex not in seen]
+    missing = [f"0x{entry.key.identifier + pdo.subindex:X}" for pdo in defined if pdo.subindex not in seen]
     more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
     return ", ".join(missing[:_MOST_NAMED]) + more

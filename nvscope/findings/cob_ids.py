@@ -110,9 +110,9 @@ def _findings(
     mine: set[int] | None = None,
 ) -> Iterator[Finding]:
     """Yield a finding on COB-IDs for each channel on which they were seen, or one; with ``mine``, on CANopen's."""
-    from nvscope.list_key import ANY_CHANNEL
+    from nvscope.list_key import ANY_CHANNEL, ListKey
 
-    numbers = {(entry.port, entry.index): entry.number for entry in facts.summary.can.lists}
+    numbers = {entry.key: entry.number for entry in facts.summary.can.lists}
     somewhere = False
     for channel, identifiers in sorted(seen.items()):
         if taken.list.channel not in (ANY_CHANNEL, channel):
@@ -129,7 +129,7 @@ def _findings(
         yield Finding(
             kind, told, sent, min(entry.first_ns for entry in hit), max(entry.last_ns for entry in hit),
             tuple(sorted(entry.first_frame for entry in hit)[:FRAMES_KEPT]),
-            numbers.get((channel, taken.first)),
+            numbers.get(ListKey.can(channel, taken.first)),
         )  # fmt: skip
     if not somewhere:
         none = " No such frame was seen." if facts.summary.can.buses else ""

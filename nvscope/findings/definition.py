@@ -80,12 +80,12 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
     if not defined:
         return
     described = {key: known for key, known in defined.items() if known.variables}
-    seen: dict[ListKey, ListSummary] = {(entry.port, entry.index): entry for entry in facts.summary.lists}
+    seen: dict[ListKey, ListSummary] = {entry.key: entry for entry in facts.summary.lists}
     on_can = {id(facts.definition_of(entry)) for entry in facts.summary.can.lists}
     silent = [
         key
         for key, known in defined.items()
-        if key not in seen and id(known) not in on_can and ("can" if known.on_can else "udp") in facts.captured
+        if key not in seen and id(known) not in on_can and key.transport in facts.captured
     ]
     alike = _alike(facts, silent, [entry for key, entry in seen.items() if key not in described])
     for key, entry in seen.items():
@@ -99,7 +99,7 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
 
 def _mismatches(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
     values = facts.state.values
-    candidates = values.layouts.candidates_of(entry.port, entry.index) if values else ()
+    candidates = values.layouts.candidates_of(entry.key) if values else ()
     if values is None or not candidates:
         return
     from nvscope.findings.misfits import tell_misfits
@@ -133,14 +133,15 @@ def _senders(entry: ListSummary) -> dict[int, list[StreamSummary]]:
 def _alike(facts: Facts, silent: Sequence[ListKey], unknown: Sequence[ListSummary]) -> dict[ListKey, list[ListKey]]:
     """Return for silent lists which unknown ones have their shape: Items and Length of every SubIndex, and no other."""
     from nvscope.findings.misfits import shapes_of
+    from nvscope.list_key import Transport
 
     sent: dict[Shape, list[ListKey]] = defaultdict(list)
     for entry in unknown:
         for shape in {frozenset(shapes_of(streams).items()) for streams in _senders(entry).values()}:
-            sent[shape].append((entry.port, entry.index))
+            sent[shape].append(entry.key)
     values, found = facts.state.values, {}
-    for key in (key for key in silent if isinstance(key[0], int)) if values and sent else ():
-        for layouts in values.layouts.candidates_of(*key) if values else ():
+    for key in (key for key in silent if key.transport is Transport.UDP) if values and sent else ():
+        for layouts in values.layouts.candidates_of(key) if values else ():
             shape = frozenset((layout.subindex, (layout.items, layout.length)) for layout in layouts)
             if shape in sent:
                 found[key] = sent[shape]
@@ -150,19 +151,20 @@ def _alike(facts: Facts, silent: Sequence[ListKey], unknown: Sequence[ListSummar
 def _unknown(
     facts: Facts, entry: ListSummary, defined: Mapping[ListKey, ListDefinition], alike: Sequence[ListKey]
 ) -> Finding:
-    known = facts.defined.get((entry.port, entry.index))
+    known = facts.defined.get(entry.key)
     first = min(entry.streams, key=lambda stream: facts.frames_of_stream[stream.stream])
-    other = [port for port, number in defined if number == entry.index]
-    near = f" The definition has list {entry.index} on port {other[0]}." if other else ""
-    message = f"No definition is for list {entry.index} on port {entry.port}.{near}"
+    _, port, number = entry.key
+    other = [key.port for key in defined if key.identifier == number]
+    near = f" The definition has list {number} on port {other[0]}." if other else ""
+    message = f"No definition is for list {number} on port {port}.{near}"
     hint = ""
     if alike:
-        lists = together([f"{_place(key, entry.port)} ({file_name(facts.defined[key])})" for key in alike])
+        lists = together([f"{_place(key, port)} ({file_name(facts.defined[key])})" for key in alike])
         verb, have = ("is", "has") if len(alike) == 1 else ("are", "have")
-        question = _question(alike, (entry.port, entry.index))
+        question = _question(alike, entry.key)
         hint = f"{_capital(lists)} {verb} silent and {have} exactly this shape: {question}"
     if known is not None:
-        message = f"List {entry.index} on port {entry.port} is known by its settings only, not by its variables.{near}"
+        message = f"List {number} on port {port} is known by its settings only, not by its variables.{near}"
         hint = "Add the file that defines it: definitions in nvscope.toml, or `--gvl`."
     frame = facts.frames_of_stream[first.stream][0]
     last_ns = max(stream.last_ns for stream in entry.streams)
@@ -170,14 +172,12 @@ def _unknown(
 
 
 def _silent(facts: Facts, key: ListKey, alike: Sequence[ListKey]) -> Finding:
-    from nvscope.list_key import list_key
-
     known = facts.defined[key]
-    name = f"{known.name} ({list_key(*key)})" if known.name else list_key(*key)
+    name = f"{known.name} ({key})" if known.name else str(key)
     message = f"List {name} is defined, but not one {'frame' if known.on_can else 'telegram'} of it was seen."
     hint = ""
     if alike:
-        lists = together([_place(other, key[0]) for other in alike])
+        lists = together([_place(other, key.port) for other in alike])
         verb, have = ("is", "has") if len(alike) == 1 else ("are", "have")
         hint = f"{_capital(lists)} {verb} sent, {have} exactly this shape and no definition: {_question(alike, key)}"
     return Finding(SILENT_LIST, message, 1, facts.summary.start_ns, facts.summary.end_ns, hint=hint)
@@ -185,12 +185,13 @@ def _silent(facts: Facts, key: ListKey, alike: Sequence[ListKey]) -> Finding:
 
 def _place(key: ListKey, port: Port) -> str:
     """Return what a list is called beside another one, on ``port``."""
-    return f"list {key[1]}" if key[0] == port else f"list {key[1]} on port {key[0]}"
+    return f"list {key.identifier}" if key.port == port else f"list {key.identifier} on port {key.port}"
 
 
 def _question(alike: Sequence[ListKey], key: ListKey) -> str:
     """Return what may be the reason that a list is there under another key."""
-    port, number = any(other[0] != key[0] for other in alike), any(other[1] != key[1] for other in alike)
+    port = any(other.port != key.port for other in alike)
+    number = any(other.identifier != key.identifier for other in alike)
     what = "identifier and port" if port and number else "port" if port else "identifier"
     return f"does the sender use another {what}?"
 

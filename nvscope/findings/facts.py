@@ -19,7 +19,7 @@ from nvscope.findings.finding import Events, events_of
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.torn_cycles import CycleSizes
 from nvscope.findings.unusual_intervals import UnusualIntervals
-from nvscope.list_key import ListKey, told_of
+from nvscope.list_key import ListKey, Transport, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
@@ -98,15 +98,15 @@ class Facts:
         return CycleSizes(self.state.senders.can_cycles)
 
     @cached_property
-    def captured(self) -> set[str]:
+    def captured(self) -> set[Transport]:
         """The transports that were listened to: of what nobody captured, nothing is missed."""
         frames, on_can = self.state.capture.frames, self.state.buses.frames
-        captured = set()
+        captured: set[Transport] = set()
         if on_can or any(info.format in CAN_LOGS for info in self.sources):
-            captured.add("can")
+            captured.add(Transport.CAN)
         empty = any(info.format not in CAN_LOGS and not info.frames for info in self.sources)
         if frames > on_can or empty or not captured:
-            captured.add("udp")
+            captured.add(Transport.UDP)
         return captured
 
     @cached_property
@@ -133,7 +133,7 @@ class Facts:
 
     def definition_of(self, entry: AnyList) -> ListDefinition | None:
         """Return the definition of a list that was seen, None where there is none."""
-        return told_of(self.defined, (entry.port, entry.index))
+        return told_of(self.defined, entry.key)
 
     def reference_checksum(self, list_number: int, subindex: int) -> int:
         """Return the checksum with which all others of a list and SubIndex are compared."""

@@ -19,7 +19,6 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.header import judge_headers
 from nvscope.findings.loss import judge_loss
 from nvscope.findings.timing import judge_timing
-from nvscope.list_key import list_order
 from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, Summary, summarize
@@ -56,7 +55,7 @@ def judge(
     facts = Facts(state, summary, sources, now or 0, limits or Limits(), definition, overdue=at_ns is not None)
     found = [finding for judge_some in (*JUDGES, *judges) for finding in judge_some(facts)]
     everything: list[ListSummary | CanListSummary] = [*summary.can.lists, *summary.lists]
-    places = {entry.number: list_order((entry.port, entry.index)) for entry in everything}
+    places = {entry.number: entry.key for entry in everything}
 
     def order(finding: Finding) -> tuple[Any, ...]:
         place: tuple[Any, ...] = () if finding.list_number is None else places[finding.list_number]

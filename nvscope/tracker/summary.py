@@ -11,12 +11,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from dissectors import address
-from dissectors.carried import Transport
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.definition.buses import Buses
 from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, FrameKind
 from nvscope.engine.reading import TIMEOUT_NS
-from nvscope.list_key import ListKey, list_key
+from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.capture import CaptureSummary
 from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
@@ -72,8 +71,7 @@ class ListSummary:
     """One list: who sends and reads it, its diagnosis, its counters, and its streams."""
 
     number: int
-    port: int
-    index: int
+    key: ListKey
     senders: list[int] = field(default_factory=list)
     readers: list[int] = field(default_factory=list)
     diagnosis: Diagnosis = field(default_factory=Diagnosis)
@@ -82,10 +80,6 @@ class ListSummary:
     streams: list[StreamSummary] = field(default_factory=list)
     sender_since: dict[int, tuple[int, int]] = field(default_factory=dict)
     """By sender: frame and time of its first data telegram."""
-
-    @property
-    def key(self) -> str:
-        return list_key(self.port, self.index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,16 +144,13 @@ def summarize(
     nodes = list(known)
     order = [address.order(*node) for node in nodes]
     scopes = scopes_in_force(state)
-    lists = [
-        ListSummary(number, port, index)
-        for number, (_, port, index) in enumerate(zip(*(word.tolist() for word in keys.lists.words), strict=True))
-    ]
+    lists = [ListSummary(number, keys.list_key(number)) for number in range(len(keys.lists))]
     _diagnose(state, lists, order, reading)
     intervals = StreamIntervals(state.senders.timing)
     _add_streams(state, lists, scopes, order, intervals_ns, intervals)
     _count(state, lists)
-    of_udp = (keys.lists.words[0] == Transport.UDP).tolist()
-    on_udp = sorted((entry for entry in lists if of_udp[entry.number]), key=lambda entry: (entry.port, entry.index))
+    on_udp = [entry for entry in lists if entry.key.transport is Transport.UDP]
+    on_udp.sort(key=lambda entry: entry.key)
     addresses = [address.text(*node) for node in nodes]
     can = summarize_can(state, intervals, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
     timeout_ns = state.lists.acknowledgement.timeout_ns
@@ -225,7 +216,7 @@ def _diagnose(
     """Sum the flows up into the diagnosis of every list and of every node on it."""
     traffic = _sum_up(state, lists)
     for entry, seen in zip(lists, traffic, strict=True):
-        names = {(entry.port, entry.index), (None, entry.index)}
+        names = {(entry.key.port, entry.key.identifier), (None, entry.key.identifier)}
         seen.readers.update(node for node, wanted in reading.items() if not names.isdisjoint(wanted))
     errors = state.lists.errors
     for member, (number, node) in enumerate(
@@ -337,7 +328,7 @@ def _add_streams(
             continue
         scope = scopes[node]
         entry = lists[int(keys.places.high[place])]
-        whole = intervals.of(stream, intervals_ns.get((entry.port, entry.index)))
+        whole = intervals.of(stream, intervals_ns.get(entry.key))
         counting = bool(loss.counting[stream])
         unused = not counting and telegrams[stream] >= UNUSED_FROM_TELEGRAMS
         signature = int(memory.signature[stream])

@@ -60,6 +60,13 @@ def test_what_no_frame_holds_is_told(log: str, variables: str, why: str) -> None
     assert (ran.code, why in ran.err) == (0, True)
 
 
+def test_frames_of_another_length_are_left_out_with_the_finding_of_can(log: str, tmp_path: Path) -> None:
+    Path(log).write_text("(1.0) can0 110#01\n")
+    ran = run("export", log, *gvl(log), "-w", str(tmp_path / "out.csv"))
+    told = "can/*/272 axis: 1 telegram left out, not of the shape that the definition has (NV603)."
+    assert (ran.code, told in ran.err) == (0, True)
+
+
 def test_notebooks_have_channels_and_cob_ids(tmp_path: Path) -> None:
     log, options = drawn_plant(4).write(tmp_path)
     captures = nvscope.open(log, definitions=[option for option in options if option != "--gvl"])

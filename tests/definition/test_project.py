@@ -13,6 +13,7 @@ from nvscope.definition.buses import BusSettings
 from nvscope.definition.limits import Limits
 from nvscope.definition.project import MAX_DEFINITION_FILES, Project, document, find_project, read_project
 from nvscope.errors import ConfigurationError
+from nvscope.list_key import ANY_CHANNEL, ListKey
 from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from tests.laws import examples
 
@@ -89,7 +90,7 @@ def test_a_whole_project(tmp_path: Path) -> None:
     assert (drives.name, drives.list_id, drives.port, len(drives.variables)) == ("drives", 42, 1202, 1)
     assert (drives.interval_ns, drives.min_gap_ns) == (20_000_000, 5_000_000)
     assert (io.name, io.list_id, io.protocol, io.pack, io.variables) == ("io", 0x181, "CAN", False, ())
-    assert project.definition.cyclic_intervals_ns() == {(1202, 42): 20_000_000}
+    assert project.definition.cyclic_intervals_ns() == {ListKey.udp(1202, 42): 20_000_000}
 
 
 def test_without_a_file_all_is_as_usual() -> None:
@@ -146,8 +147,8 @@ def test_the_first_port_is_that_of_lists_without_one(tmp_path: Path) -> None:
 def test_a_list_is_on_can_where_it_has_a_channel(tmp_path: Path) -> None:
     text = 'definitions = "plc/*.gvl"\n[lists.0x181]\nchannel = "can1"\n[lists.0x182]\ntransport = "can"'
     one, other = plant(tmp_path, text, a_gvl=GVL.format(identifier=0x181, more="")).definition.lists
-    assert (one.name, one.on_can, one.key, len(one.variables)) == ("a", True, ("can1", 0x181), 1)
-    assert (other.on_can, other.key, other.variables) == (True, ("", 0x182), ())
+    assert (one.name, one.on_can, one.key, len(one.variables)) == ("a", True, ListKey.can("can1", 0x181), 1)
+    assert (other.on_can, other.key, other.variables) == (True, ListKey.can(ANY_CHANNEL, 0x182), ())
 
 
 def test_of_a_list_on_both_the_settings_are_those_of_its_transport(tmp_path: Path) -> None:
@@ -155,9 +156,9 @@ def test_of_a_list_on_both_the_settings_are_those_of_its_transport(tmp_path: Pat
     files = {"a_gvl": GVL.format(identifier=7, more=""), "b_gvl": GVL.format(identifier=7, more="")}
     files["b_gvl"] = files["b_gvl"].replace('"UDP"', '"CAN"')
     for said, keys in (
-        ('channel = "can0"', [(1202, 7), ("can0", 7)]),
-        ('transport = "can"\nname = "x"', [(1202, 7), ("", 7)]),
-        ('transport = "udp"\nport = 1202\nname = "x"', [(1202, 7), ("", 7)]),
+        ('channel = "can0"', [ListKey.udp(1202, 7), ListKey.can("can0", 7)]),
+        ('transport = "can"\nname = "x"', [ListKey.udp(1202, 7), ListKey.can(ANY_CHANNEL, 7)]),
+        ('transport = "udp"\nport = 1202\nname = "x"', [ListKey.udp(1202, 7), ListKey.can(ANY_CHANNEL, 7)]),
     ):
         found = plant(tmp_path, f'definitions = "plc/*.gvl"\n[lists.7]\n{said}', **files).definition.lists
         assert [entry.key for entry in found] == keys
@@ -179,9 +180,9 @@ def test_the_projects_word_wins_and_its_port_chooses_among_several(tmp_path: Pat
     several = {"a_gvl": one, "b_gvl": one.replace('"1202"', '"1300"')}
     text = 'definitions = "plc/*.gvl"\n[lists.7]\ninterval = "1s"\n'
     both = plant(tmp_path, text, **several).definition.cyclic_intervals_ns()
-    assert both == {(1202, 7): 1_000_000_000, (1300, 7): 1_000_000_000}
+    assert both == {ListKey.udp(1202, 7): 1_000_000_000, ListKey.udp(1300, 7): 1_000_000_000}
     chosen = plant(tmp_path, f"{text}port = 1300", **several).definition.cyclic_intervals_ns()
-    assert chosen == {(1202, 7): 50_000_000, (1300, 7): 1_000_000_000}
+    assert chosen == {ListKey.udp(1202, 7): 50_000_000, ListKey.udp(1300, 7): 1_000_000_000}
 
 
 def test_what_is_not_sent_cyclically_has_no_interval(tmp_path: Path) -> None:

@@ -150,7 +150,7 @@ def waiting() -> list[Frame]:
 def test_waits_end_although_no_frame_shows_it(until_ns: int, expected: dict[str, int]) -> None:
     state = observed(TrackerState(), [batch_of(waiting()), pause(until_ns)])
     assert codes(state) == expected
-    lists = {entry.index: entry for entry in summarize(state).lists}
+    lists = {entry.key.identifier: entry for entry in summarize(state).lists}
     assert lists[7].counters["missing_acknowledgements"] == expected.get("NV301", 0)
     assert lists[8].counters["bootup_unanswered"] == expected.get("NV304", 0)
     assert lists[7].diagnosis.tLastError == (2 * S if "NV301" in expected else None)

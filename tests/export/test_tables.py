@@ -26,6 +26,7 @@ from nvscope.export import wide as wide_module
 from nvscope.export.frames import wide_frame
 from nvscope.export.lists import lists_to_write
 from nvscope.export.values import paths_of
+from nvscope.list_key import ANY_CHANNEL, ListKey
 from nvscope.view.rows.defined import LeftOut
 from tests.definition.lists import HERE, STATE, UNKNOWN, VARIABLES, list_of, telegram
 from tests.export.written import long, telegrams_of, wide
@@ -191,7 +192,7 @@ def test_what_cannot_be_told_is_counted(tmp_path: Path) -> None:
     frames = [good, other_shape, no_such_place, cut, header_cut, wrong_length, stranger]
     telegrams, rows = telegrams_of(frames, [entry])
     assert sum(map(len, rows)) == 1
-    assert telegrams.left_out == {(1202, 7): {LeftOut.MALFORMED: 1, LeftOut.UNFITTING: 2, LeftOut.CUT: 2}}
+    assert telegrams.left_out == {ListKey.udp(1202, 7): {LeftOut.MALFORMED: 1, LeftOut.UNFITTING: 2, LeftOut.CUT: 2}}
     assert telegrams.undefined == 1
 
 
@@ -217,11 +218,14 @@ def test_a_variable_named_as_a_column_keeps_its_value(tmp_path: Path) -> None:
 
 def test_files_of_lists_have_safe_names_of_their_own() -> None:
     names = ["axis", "Axis", "../up", "a b", ""]
-    lists = [((1202, number), ListDefinition(name, HERE, ())) for number, name in enumerate(names)]
+    lists = [(ListKey.udp(1202, number), ListDefinition(name, HERE, ())) for number, name in enumerate(names)]
     assert paths_of("dir/out.csv", lists[:1]) == ["dir/out.csv"]
     assert paths_of("dir/out.csv", lists) == [
         "dir/out.axis.csv", "dir/out.Axis-1202-1.csv", "dir/out._up.csv", "dir/out.a_b.csv", "dir/out.list.csv",
     ]  # fmt: skip
+    on_can = [ListKey.can("can0", 1), ListKey.can(ANY_CHANNEL, 2)]
+    named = paths_of("out.csv", [*lists[:1], *((key, ListDefinition("AXIS", HERE, ())) for key in on_can)])
+    assert named == ["out.axis.csv", "out.AXIS-can0-1.csv", "out.AXIS-can-2.csv"]
 
 
 def test_a_union_is_bytes_and_nan_stays_nan(tmp_path: Path) -> None:
@@ -302,7 +306,7 @@ def test_several_definitions_share_the_columns_of_equal_variables(tmp_path: Path
         ["4", "-1", "eFault", None, "0:00:00", "5.5", "7", None],
         ["8", None, None, None, None, None, None, "9"],
     ]
-    assert telegrams.left_out == {(1202, 7): {LeftOut.UNFITTING: 1}}
+    assert telegrams.left_out == {ListKey.udp(1202, 7): {LeftOut.UNFITTING: 1}}
 
 
 def test_a_list_of_which_nothing_can_be_looked_for(tmp_path: Path) -> None:
@@ -311,4 +315,4 @@ def test_a_list_of_which_nothing_can_be_looked_for(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="of none does a file say a list identifier"):
         lists_to_write(Layouts(Definition((replace(list_of([INT]), list_id=None),))))
     entry = list_of([INT, POINTER])
-    assert lists_to_write(Layouts(Definition((entry,))), ["test"]) == [((1202, 7), entry)]
+    assert lists_to_write(Layouts(Definition((entry,))), ["test"]) == [(ListKey.udp(1202, 7), entry)]

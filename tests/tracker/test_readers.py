@@ -88,5 +88,5 @@ def test_to_name_readers_that_were_seen_changes_nothing(seed: int) -> None:
     readers: dict[str, list[tuple[int | None, int]]] = {}
     for entry in plain.lists:
         for node in entry.readers:
-            readers.setdefault(plain.addresses[node], []).append((entry.port, entry.index))
+            readers.setdefault(plain.addresses[node], []).append((int(entry.key.port), entry.key.identifier))
     assert summarize(state, readers=readers) == plain

@@ -11,6 +11,7 @@ from dissectors.can.pdo import PdoRules
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
+from nvscope.list_key import Transport
 from nvscope.tracker.cycles import Cycles
 
 
@@ -42,9 +43,9 @@ class CanCycles(Cycles):
         told, known = self._pdos, len(self._pdos)
         told.resize(len(keys.streams))
         for stream in range(known, len(told)):
-            (channel, cob_id), _ = keys.place_key(stream)
-            if isinstance(channel, str):
-                frames, told.interval_ns[stream] = rules.list_of(channel, cob_id)
+            key, _ = keys.place_key(stream)
+            if key.transport is Transport.CAN:
+                frames, told.interval_ns[stream] = rules.list_of(str(key.port), key.identifier)
                 told.several[stream] = frames > 1
         if not told.column("several").any():
             return

@@ -13,7 +13,7 @@ import numpy as np
 from dissectors.can.pdo import EXTENDED
 from nvscope.definition.buses import Buses
 from nvscope.engine.keys import LENGTH_SHIFT, NOBODY_KEY
-from nvscope.list_key import ListKey, list_key, told_of
+from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.bus import CanBusSummary, summarize_buses
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
@@ -47,32 +47,26 @@ class CanStreamSummary:
 class CanListSummary:
     """One list on a channel; without a definition, it is one COB-ID alone.
 
-    ``number`` is that of the state; ``index`` is the COB-ID, as a ``ListKey`` has it. ``diagnosis`` counts frames, and
-    nothing else.
+    ``number`` is that of the state. ``diagnosis`` counts frames, and nothing else.
     """
 
     number: int
-    port: str
-    index: int
+    key: ListKey
     diagnosis: Diagnosis
     streams: Sequence[CanStreamSummary]
 
     @property
-    def key(self) -> str:
-        return list_key(self.port, self.index)
-
-    @property
     def extended(self) -> bool:
         """Whether its identifier is one of 29 bits."""
-        return bool(self.index & EXTENDED)
+        return bool(self.key.identifier & EXTENDED)
 
     @staticmethod
-    def of(number: int, key: tuple[str, int], streams: list[CanStreamSummary]) -> CanListSummary:
+    def of(number: int, key: ListKey, streams: list[CanStreamSummary]) -> CanListSummary:
         """Return the list with the given streams, of which there is at least one."""
         frames = sum(stream.telegrams for stream in streams)
         last_ns = max(stream.last_ns for stream in streams)
         diagnosis = Diagnosis(frames, last_ns, frames, last_ns, frames)
-        return CanListSummary(number, *key, diagnosis, sorted(streams, key=lambda stream: stream.subindex))
+        return CanListSummary(number, key, diagnosis, sorted(streams, key=lambda stream: stream.subindex))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +122,6 @@ def summarize_can(
                 intervals=whole,
             )
         )
-    lists = [
-        CanListSummary.of(number, (str(port), index), own)
-        for number, own in streams.items()
-        for port, index in [keys.list_key(number)]
-    ]
-    lists.sort(key=lambda entry: (entry.port, entry.index))
+    lists = [CanListSummary.of(number, keys.list_key(number), own) for number, own in streams.items()]
+    lists.sort(key=lambda entry: entry.key)
     return CanSummary(lists, summarize_buses(state.buses, keys.channel, buses, cob_ids))

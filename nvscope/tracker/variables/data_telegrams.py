@@ -9,12 +9,12 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import I64, U8
-from dissectors.carried import Transport
+from dissectors.carried import Carrier
 from dissectors.layout import gather_bytes
 from dissectors.varieties import Varieties
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
-from nvscope.list_key import ListKey, Port
+from nvscope.list_key import ListKey
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,7 @@ class Stream:
     """Who sends which telegram of which list; on CAN the channel stands for the sender."""
 
     number: int
-    port: Port
-    index: int
+    list: ListKey
     subindex: int
     sender: str
     order: tuple[bool, int]
@@ -83,13 +82,13 @@ class DataTelegrams:
         some_truncated = bool(truncated.any())
         for number, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             stream, wanted = self._stream(told, number)
-            self.lists.add((stream.port, stream.index))
+            self.lists.add(stream.list)
             packet, variety = rows.packet[start:stop], rows.variety[start:stop]
             if told.chosen is not None:
                 own_chosen = told.chosen[packet]
                 packet, variety = packet[own_chosen], variety[own_chosen]
             if len(packet):
-                self.chosen_lists.add((stream.port, stream.index))
+                self.chosen_lists.add(stream.list)
             if not wanted:
                 continue
             if some_truncated:
@@ -112,14 +111,14 @@ class DataTelegrams:
         known = self._streams.get(number)
         if known is None:
             key = told.keys.stream_key(number)
-            stream = Stream(number, *key.list, key.subindex, key.sender, key.order)
+            stream = Stream(number, key.list, key.subindex, key.sender, key.order)
             known = self._streams[number] = stream, self._wanted(stream)
         return known
 
 
 def _sent_how(varieties: Varieties, kind: int) -> tuple[int, str]:
     """Return the flags of a variety, and where it goes; on CAN there are neither."""
-    if varieties.carried.transport[kind] != Transport.UDP:
+    if varieties.carried.carrier[kind] != Carrier.UDP:
         return 0, ""
     common, part = varieties.telegrams, int(varieties.part[kind])
     high, low = common.datagram.destination_hi[part], common.datagram.destination_lo[part]

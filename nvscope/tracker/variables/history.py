@@ -12,12 +12,12 @@ from dissectors.batch import I64, U8, Bool
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout
 from nvscope.engine.told import Told
-from nvscope.list_key import Port
+from nvscope.list_key import ListKey
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 from nvscope.tracker.variables.values import MOST_LAYOUTS, Block, blocks_of
 
-Wanted = Callable[[Port, int, int], frozenset[str]]
-"""Given port (or CAN channel), Index and SubIndex of a telegram, returns the names of its elements that are wanted."""
+Wanted = Callable[[ListKey, int], frozenset[str]]
+"""Given list and SubIndex of a telegram, returns the names of its elements that are wanted."""
 
 
 @dataclass(slots=True)
@@ -89,16 +89,16 @@ class History:
         return _merged(self._shown)
 
     def _names(self, stream: Stream) -> frozenset[str]:
-        return self._wanted(stream.port, stream.index, stream.subindex)
+        return self._wanted(stream.list, stream.subindex)
 
     def _new_track(self, stream: Stream, telegrams: Telegrams) -> Track | None:
         """Return what is to be known of telegrams of a new shape; None where no definition has that shape."""
         shape = telegrams.items, telegrams.data.shape[1]
-        layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
+        layout = self._layouts.telegram_of(stream.list, stream.subindex, shape)
         shapes = self._shapes.get(stream.number, 0)
         if layout is None or shape != layout.shape:
             return None
-        if shapes >= MOST_LAYOUTS and not self._layouts.candidates_of(stream.port, stream.index):
+        if shapes >= MOST_LAYOUTS and not self._layouts.candidates_of(stream.list):
             return None
         self._shapes[stream.number] = shapes + 1
         return _new_track(stream, layout, self._names(stream), int(telegrams.time_ns[0]))

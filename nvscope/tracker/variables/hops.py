@@ -20,7 +20,7 @@ from dissectors.batch import I64, U8, U64, Bool
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, type_text
 from nvscope.engine.told import Told
-from nvscope.list_key import ListKey
+from nvscope.list_key import ANY_CHANNEL, ListKey
 from nvscope.tracker.buckets import bucket_of
 from nvscope.tracker.histograms import Histogram
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
@@ -146,7 +146,7 @@ class Hops:
                 _remember(end, fresh.get(id(end)))
 
     def _may_share(self, stream: Stream) -> bool:
-        return self._layouts.list_of(stream.port, stream.index) is not None
+        return self._layouts.list_of(stream.list) is not None
 
     def _take(self, telegrams: Telegrams, changed: set[Name], fresh: dict[int, tuple[I64, U64]]) -> None:
         """Find the changes in telegrams of one stream."""
@@ -182,7 +182,7 @@ class Hops:
         key = stream.number, telegrams.items, size_bytes
         if key not in self._wanted:
             shape = telegrams.items, size_bytes
-            layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
+            layout = self._layouts.telegram_of(stream.list, stream.subindex, shape)
             fits = layout is not None and shape == layout.shape
             spans = layout.spans() if layout is not None and fits else ()
             told = (_Wanted(offset, element, _name(element)) for offset, element in spans)
@@ -197,7 +197,7 @@ class Hops:
             end = End(stream, element)
             for other in ends.values():
                 # Two senders of one list are no hop.
-                if (other.stream.port, other.stream.index) != (stream.port, stream.index):
+                if other.stream.list != stream.list:
                     self.pairs[name].append(Pair(other, end))
             ends[key] = end
         return end
@@ -208,7 +208,7 @@ def _shared(layouts: Layouts) -> tuple[set[Name], list[str]]:
     lists: dict[Name, set[ListKey]] = defaultdict(set)
     types: dict[str, dict[ListKey, str]] = defaultdict(dict)
     for key, _ in layouts.lists():
-        for telegrams in layouts.candidates_of(*key):
+        for telegrams in layouts.candidates_of(key):
             for layout in telegrams:
                 for element in layout.elements:
                     name = _name(element)
@@ -220,7 +220,7 @@ def _shared(layouts: Layouts) -> tuple[set[Name], list[str]]:
 
 def _on_any_channel(keys: set[ListKey]) -> bool:
     """Tell whether a list may be on several channels."""
-    return any(port == "" for port, _ in keys)
+    return any(key.port == ANY_CHANNEL for key in keys)
 
 
 def _name(element: Element) -> Name:

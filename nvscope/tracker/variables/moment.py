@@ -97,7 +97,7 @@ class Moment:
                 continue
             stream = part.stream
             shape = part.items, part.data.shape[1]
-            layout = self._layouts.telegram_of(stream.port, stream.index, stream.subindex, shape)
+            layout = self._layouts.telegram_of(stream.list, stream.subindex, shape)
             if layout is None or shape != layout.shape:
                 continue
             self.known[stream.number] = stream

@@ -14,6 +14,7 @@ import numpy as np
 from dissectors.batch import I64, U8
 from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT
 from nvscope.engine.told import Told
+from nvscope.list_key import Transport
 from nvscope.tracker.intervals import CYCLIC_SPREAD_PERCENT
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 
@@ -111,7 +112,7 @@ class Samples:
 
     def _add(self, telegrams: Telegrams) -> None:
         stream, size = telegrams.stream, telegrams.data.shape[1]
-        if isinstance(stream.port, str):
+        if stream.list.transport is Transport.CAN:
             return  # without Items, nothing tells how many variables a frame has
         key = stream.number, telegrams.items, size
         sample = self.found.get(key)
@@ -136,6 +137,6 @@ class Samples:
                 best[sample.stream.number] = sample
         rows = sorted(
             best.values(),
-            key=lambda entry: (entry.stream.port, entry.stream.index, entry.stream.order, entry.stream.subindex),
+            key=lambda entry: (entry.stream.list, entry.stream.order, entry.stream.subindex),
         )
         return [(sample, self._shapes[sample.stream.number] - 1) for sample in rows]

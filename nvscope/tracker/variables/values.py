@@ -196,7 +196,7 @@ class Values:
         signs = (carried.items << 16) | carried.size_bytes
         for stream, start, stop in zip(rows.run_stream.tolist(), rows.start.tolist(), rows.stop.tolist(), strict=True):
             key, subindex = keys.place_key(stream)
-            if self.layouts.list_of(*key) is None:
+            if self.layouts.list_of(key) is None:
                 continue
             variety, own = rows.variety[start:stop], np.arange(start, stop)
             sent = signs[variety]
@@ -235,15 +235,15 @@ class Values:
         known = self._layouts.get(stream)
         if known is None:
             known = self._layouts[stream] = {}
-            for layouts in self.layouts.candidates_of(*key):
+            for layouts in self.layouts.candidates_of(key):
                 if subindex < len(layouts):
                     known.setdefault(layouts[subindex].shape, layouts[subindex])
-        if not self.layouts.candidates_of(*key) and len(known) < MOST_LAYOUTS:
+        if not self.layouts.candidates_of(key) and len(known) < MOST_LAYOUTS:
             numbers, first = np.unique(sent, return_index=True)
             for number in numbers[np.argsort(first)].tolist():
                 shape = number >> 16, number & 0xFFFF
                 if shape not in known and len(known) < MOST_LAYOUTS:
-                    layout = self.layouts.telegram_of(*key, subindex, shape)
+                    layout = self.layouts.telegram_of(key, subindex, shape)
                     if layout is not None:
                         known[shape] = layout
         return known

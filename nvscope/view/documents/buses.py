@@ -29,10 +29,10 @@ def can_buses(summary: CanSummary, names: Mapping[ListKey, str]) -> list[dict[st
     """
     known: dict[tuple[str, bool, int], tuple[str | None, str | None]] = {}
     for entry in summary.lists:
-        name = told_of(names, (entry.port, entry.index))
+        name = told_of(names, entry.key)
         for stream in entry.streams:
             label = canopen_label(entry, stream.cob_id, defined=name is not None)
-            known[entry.port, stream.extended, stream.cob_id] = name or None, label
+            known[str(entry.key.port), stream.extended, stream.cob_id] = name or None, label
     return [_bus(bus, known) for bus in summary.buses]
 
 

@@ -19,14 +19,14 @@ from nvscope.view.documents.intervals import interval_row
 
 def can_list(entry: CanListSummary, names: Mapping[ListKey, str]) -> dict[str, Any]:
     """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without."""
-    name = told_of(names, (entry.port, entry.index))
+    name = told_of(names, entry.key)
     return {
-        "key": entry.key,
-        "transport": "can",
-        "channel": entry.port,
-        "id": entry.index & ~EXTENDED,
+        "key": str(entry.key),
+        "transport": entry.key.transport.value,
+        "channel": entry.key.port,
+        "id": entry.key.identifier & ~EXTENDED,
         "name": name or None,
-        "canopen": canopen_label(entry, entry.index, defined=name is not None),
+        "canopen": canopen_label(entry, entry.key.identifier, defined=name is not None),
         "senders": [],
         "readers": [],
         "diag": diagnosis_row(entry.diagnosis),

@@ -12,7 +12,7 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import type_text
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
 from nvscope.definition.value import value_of
-from nvscope.list_key import ListKey, Port, list_key, list_order
+from nvscope.list_key import ListKey
 from nvscope.tracker.variables.history import Entry, History
 from nvscope.tracker.variables.moment import LastTelegram, Moment
 from nvscope.version import __version__
@@ -22,8 +22,8 @@ HISTORY_SCHEMA = "nvscope.history/1"
 AT_SCHEMA = "nvscope.at/1"
 TOOL = {"name": "nvscope", "version": __version__}
 
-_Place = tuple[Port, int, int, str]
-"""Port (or CAN channel) and identifier of a list, SubIndex, and sender."""
+_Place = tuple[ListKey, int, str]
+"""List, SubIndex and sender."""
 
 
 def change_row(entry: Entry) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def change_row(entry: Entry) -> dict[str, Any]:
     return {
         "frame": entry.frame,
         "time_ns": str(entry.time_ns),
-        "list": list_key(stream.port, stream.index),
+        "list": str(stream.list),
         "list_name": track.layout.list.name,
         "sender": stream.sender,
         "subindex": stream.subindex,
@@ -54,15 +54,11 @@ def change_summary(history: History) -> list[dict[str, Any]]:
     """
     tracks = sorted(
         history.tracks.values(),
-        key=lambda track: (
-            list_order((track.stream.port, track.stream.index)),
-            track.stream.subindex,
-            track.stream.order,
-        ),
+        key=lambda track: (track.stream.list, track.stream.subindex, track.stream.order),
     )
     return [
         {
-            "list": list_key(track.stream.port, track.stream.index),
+            "list": str(track.stream.list),
             "list_name": track.layout.list.name,
             "name": track.layout.elements[place].name,
             "type": type_text(track.layout.elements[place].type),
@@ -102,24 +98,23 @@ def at_document(
     """
     rows: list[dict[str, Any]] = []
     by_place: dict[_Place, LastTelegram] = {
-        (last.stream.port, last.stream.index, last.stream.subindex, last.stream.sender): last
-        for last in moment.streams.values()
+        (last.stream.list, last.stream.subindex, last.stream.sender): last for last in moment.streams.values()
     }
     senders: dict[ListKey, dict[str, tuple[bool, int]]] = {}
     for stream in moment.known.values():
-        senders.setdefault((stream.port, stream.index), {})[stream.sender] = stream.order
+        senders.setdefault(stream.list, {})[stream.sender] = stream.order
     everything = {*senders, *moment.read.lists}
     wanted = [
         key
         for defined, _ in layouts.lists()
         if keys is None or defined in keys
-        for key in [one for one in everything if layouts.key_of(*one) == defined] or [defined]
+        for key in [one for one in everything if layouts.key_of(one) == defined] or [defined]
     ]
-    for key in sorted(wanted, key=list_order):
+    for key in sorted(wanted):
         own = senders.get(key, {})
         missing = "later" if own else _missing(moment, key, expression)
         for subindex, sender, last, layout in _telegrams_at(key, layouts, by_place, sorted(own, key=own.__getitem__)):
-            common = {"list": list_key(*key), "list_name": layout.list.name, "sender": sender, "subindex": subindex}
+            common = {"list": str(key), "list_name": layout.list.name, "sender": sender, "subindex": subindex}
             rows += [
                 {
                     **common,
@@ -162,8 +157,8 @@ def _telegrams_at(
     found: list[tuple[int, int, str | None, LastTelegram | None, TelegramLayout]] = []
     sent: dict[str | None, dict[int, LastTelegram]] = {}
     for place, telegram in by_place.items():
-        if place[:2] == key:
-            sent.setdefault(place[3], {})[place[2]] = telegram
+        if place[0] == key:
+            sent.setdefault(place[2], {})[place[1]] = telegram
     for order, sender in enumerate(senders or [None]):
         own = sent.get(sender, {})
         newest = max(own.values(), key=lambda last: last.frame, default=None)
@@ -177,13 +172,13 @@ def _telegrams_at(
 
 def _expected(layouts: Layouts, key: ListKey, newest: LastTelegram | None) -> Sequence[TelegramLayout]:
     """Return the telegrams that a sender should send, of which the newest is known, if any."""
-    candidates = layouts.candidates_of(*key)
+    candidates = layouts.candidates_of(key)
     if candidates:
         own = (telegrams for telegrams in candidates if newest and telegrams[0].list is newest.layout.list)
         return next(own, candidates[0])
     if newest is not None:
         return ()
-    front, cause = known_fronts(layouts.partly_of(*key))[0]
+    front, cause = known_fronts(layouts.partly_of(key))[0]
     elements = (*front.elements, *([undescribed(cause, 1)] if cause else []))
     return [TelegramLayout(front.list, front.subindex, elements)]
 

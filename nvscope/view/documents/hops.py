@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from nvscope.definition.value import value_of
-from nvscope.list_key import list_key
 from nvscope.tracker.variables.hops import Direction, End, Hops, Pair, ordered
 from nvscope.units import divide
 from nvscope.view.documents.variables import plain_value, value_text
@@ -51,7 +50,7 @@ def _rank(direction: Direction) -> tuple[float, int]:
 def _end(end: End) -> dict[str, Any]:
     kind = end.element.type
     return {
-        "list": list_key(end.stream.port, end.stream.index),
+        "list": str(end.stream.list),
         "sender": end.stream.sender,
         "telegrams": end.telegrams,
         "value": plain_value(value_of(kind, end.last)),

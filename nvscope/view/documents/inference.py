@@ -15,7 +15,7 @@ from dissectors.netvar import HEADER
 from nvscope.definition.gvl_text import Draft, drafted, sampled, type_name
 from nvscope.definition.infer import Layout, Proposal, infer, least_first_bytes
 from nvscope.errors import UsageError
-from nvscope.list_key import Port, list_key
+from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.variables.samples import Sample, Samples
 from nvscope.version import __version__
 
@@ -27,8 +27,7 @@ _MOST_TOLD = 8
 class ListProposal:
     """What is proposed for a list of one sender: its telegrams' samples with how many other shapes each had."""
 
-    port: int
-    index: int
+    list: ListKey
     sender: str
     samples: tuple[tuple[Sample, int], ...]
     proposals: tuple[Proposal, ...]
@@ -48,23 +47,23 @@ def proposals(samples: Samples, listed: str | None = None) -> list[ListProposal]
     if listed is not None:
         usual = _of_list(usual, listed)
 
-    def sender(entry: tuple[Sample, int]) -> tuple[Port, int, str]:
+    def sender(entry: tuple[Sample, int]) -> tuple[ListKey, str]:
         stream = entry[0].stream
-        return stream.port, stream.index, stream.sender
+        return stream.list, stream.sender
 
     return [_propose(tuple(members)) for _, members in groupby(usual, sender)]
 
 
 def _of_list(usual: list[tuple[Sample, int]], listed: str) -> list[tuple[Sample, int]]:
     wanted = listed.strip().lower().removeprefix("udp/")
+    keys = [entry.stream.list for entry, _ in usual]
     found = [
         entry
-        for entry in usual
-        if wanted in (str(entry[0].stream.index), f"{entry[0].stream.port}/{entry[0].stream.index}")
+        for entry, key in zip(usual, keys, strict=True)
+        if wanted in (str(key.identifier), f"{key.port}/{key.identifier}")
     ]
     if not found:
-        keys = dict.fromkeys(list_key(entry.stream.port, entry.stream.index) for entry, _ in usual)
-        told = ", ".join(list(keys)[:_MOST_TOLD]) or "none"
+        told = ", ".join([str(key) for key in dict.fromkeys(keys)][:_MOST_TOLD]) or "none"
         raise UsageError(f"--list {listed[:80]}: no data telegram of it was captured", next_step=f"there are: {told}")
     return found
 
@@ -87,24 +86,23 @@ def _propose(members: tuple[tuple[Sample, int], ...]) -> ListProposal:
     notes = [f"Sender {head.stream.sender}. {sampled(min(sample.telegrams for sample, _ in members), rows)}"]
     if others:
         notes.append("Some telegrams had another shape (Items, Length); the commonest one is drafted.")
-    port = head.stream.port
-    assert isinstance(port, int)  # of lists on CAN there are no samples
+    key = head.stream.list
     draft = drafted(
-        head.stream.index, port, head.destination,
+        key.identifier, int(key.port), head.destination,
         [(sample.stream.subindex, told) for (sample, _), told in zip(members, found, strict=True)],
         acknowledge=any(sample.acknowledge for sample, _ in members),
         checksum=any(sample.checksum for sample, _ in members), interval_ns=head.nominal_ns, notes=notes,
     )  # fmt: skip
-    return ListProposal(port, head.stream.index, head.stream.sender, members, tuple(found), draft)
+    return ListProposal(key, head.stream.sender, members, tuple(found), draft)
 
 
 def drafts(found: Sequence[ListProposal]) -> list[Draft]:
     """Return a draft a list: of several senders, that of the one with most telegrams."""
-    best: dict[tuple[int, int], ListProposal] = {}
+    best: dict[ListKey, ListProposal] = {}
     for entry in found:
-        known = best.get((entry.port, entry.index))
+        known = best.get(entry.list)
         if known is None or entry.telegrams > known.telegrams:
-            best[entry.port, entry.index] = entry
+            best[entry.list] = entry
     return [entry.draft for entry in best.values()]
 
 
@@ -116,15 +114,15 @@ def inference_document(found: Sequence[ListProposal], samples: Samples) -> dict[
         "lists": [_list(entry) for entry in found],
         "frames": samples.read.frames,
         "left_out": samples.left_out,
-        "on_can": sum(isinstance(port, str) for port, _ in samples.read.lists),
+        "on_can": sum(key.transport is Transport.CAN for key in samples.read.lists),
     }
 
 
 def _list(entry: ListProposal) -> dict[str, Any]:
     return {
-        "list": list_key(entry.port, entry.index),
-        "port": entry.port,
-        "id": entry.index,
+        "list": str(entry.list),
+        "port": entry.list.port,
+        "id": entry.list.identifier,
         "sender": entry.sender,
         "pack": entry.draft.pack,
         "interval_ns": entry.draft.interval_ns,

@@ -39,15 +39,15 @@ def report_document(
 ) -> dict[str, Any]:
     """Return the document of what was summarized and judged, and where it was read from.
 
-    Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by port and
-    identifier of their list, each list has its own. ``node_names`` are by the text of the address.
+    Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by the key
+    of their list, each list has its own. ``node_names`` are by the text of the address.
     """
     names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
-    keys = {entry.number: entry.key for entry in summary.lists}
-    keys |= {entry.number: entry.key for entry in summary.can.lists}
+    keys = {entry.number: str(entry.key) for entry in summary.lists}
+    keys |= {entry.number: str(entry.key) for entry in summary.can.lists}
 
     def valued(entry: ListSummary | CanListSummary) -> dict[str, Any]:
-        return {} if values is None else {"values": values.get((entry.port, entry.index), [])}
+        return {} if values is None else {"values": values.get(entry.key, [])}
 
     capture = summary.capture
     document = {
@@ -69,7 +69,7 @@ def report_document(
         "lists": [
             *(can_list(entry, names) | valued(entry) for entry in summary.can.lists),
             *(
-                _list(entry, summary, names.get((entry.port, entry.index)) or None, node_names) | valued(entry)
+                _list(entry, summary, names.get(entry.key) or None, node_names) | valued(entry)
                 for entry in summary.lists
             ),
         ],
@@ -87,10 +87,10 @@ def _sum(counts: Iterable[int | None]) -> int | None:
 def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Mapping[str, str]) -> dict[str, Any]:
     address = summary.addresses
     return {
-        "key": entry.key,
-        "transport": "udp",
-        "port": entry.port,
-        "id": entry.index,
+        "key": str(entry.key),
+        "transport": entry.key.transport.value,
+        "port": entry.key.port,
+        "id": entry.key.identifier,
         "name": name,
         "senders": [address[node] for node in entry.senders],
         "readers": [address[node] for node in entry.readers],

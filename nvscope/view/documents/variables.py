@@ -11,7 +11,7 @@ import numpy as np
 
 from nvscope.definition.model import Elementary, Enumeration, Scalar, ScalarKind, type_text
 from nvscope.definition.value import Value, value_of
-from nvscope.list_key import ListKey, list_key, list_order
+from nvscope.list_key import ListKey
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import StreamValues, Values
 from nvscope.units import clock_time, date, iec_ltime, iec_time
@@ -39,7 +39,7 @@ def variables_document(
     that of the filter.
     """
     streams = [
-        stream for stream in _streams(state, values) if keys is None or values.layouts.key_of(*stream.list) in keys
+        stream for stream in _streams(state, values) if keys is None or values.layouts.key_of(stream.list) in keys
     ]
     return {
         "schema": "nvscope.vars/1",
@@ -81,7 +81,7 @@ def _streams(state: TrackerState, values: Values) -> list[_Stream]:
     entries = []
     for stream in values.streams:
         key = state.keys.stream_key(stream)
-        order = list_order(key.list), key.subindex, key.order
+        order = key.list, key.subindex, key.order
         entries.append((order, _Stream(key.list, key.subindex, key.sender, values.sequence(stream))))
     return [stream for _, stream in sorted(entries, key=lambda entry: entry[0])]
 
@@ -92,7 +92,7 @@ def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | No
     ``keys`` are those of the lists that are looked at, as their definition has them, None for all.
     """
     keys_seen = state.keys
-    listed = (values.layouts.key_of(*keys_seen.list_key(number)) for number in range(len(keys_seen.lists)))
+    listed = (values.layouts.key_of(keys_seen.list_key(number)) for number in range(len(keys_seen.lists)))
     defined = np.array([key is not None and (keys is None or key in keys) for key in listed], np.bool_)
     count = values.unfitting.column("count")
     lists = keys_seen.list_of_place(keys_seen.place_of(np.arange(len(count))))
@@ -100,7 +100,7 @@ def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | No
 
 
 def _listed(stream: _Stream, known: StreamValues) -> list[dict[str, Any]]:
-    listed = {"list": list_key(*stream.list), "list_name": known.layout.list.name}
+    listed = {"list": str(stream.list), "list_name": known.layout.list.name}
     return [{**listed, **row} for row in _rows(stream.subindex, stream.sender, known)]
 
 

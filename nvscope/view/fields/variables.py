@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool
-from dissectors.carried import Transport
+from dissectors.carried import Carrier
 from dissectors.layout import gather_bytes
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Element, Enumeration, ScalarKind, scalar_of
 from nvscope.definition.packing import TelegramLayout, known_fronts
 from nvscope.definition.value import value_of
 from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
-from nvscope.list_key import ANY_CHANNEL, ListKey, Port
+from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
 from nvscope.tracker.variables.values import Block
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import FrameRows
@@ -33,7 +33,7 @@ _TIME_BYTES = 8
 """Times of so many bytes may be more than a column of times holds."""
 
 _MAX_LISTED = 4
-_Key = tuple[Port, int, int, int, int]
+_Key = tuple[ListKey, int, int, int]
 _ODD = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -44,12 +44,12 @@ def variable_fields(layouts: Layouts) -> dict[str, TelegramField]:
     ``refused``, and only the names with the list in front can be read.
     """
     places: dict[str, tuple[str, list[_Place]]] = {}
-    sightings = _Sightings(key for key, _ in layouts.lists() if isinstance(key[0], str) and key[0] != ANY_CHANNEL)
+    sightings = _Sightings(key for key, _ in layouts.lists() if key != key.on_any_channel)
     for key, _ in layouts.lists():
-        whole = [(layout, False) for layout in _told_apart(layouts.candidates_of(*key))]
-        for layout, is_front in whole + _fronts(layouts.partly_of(*key)):
+        whole = [(layout, False) for layout in _told_apart(layouts.candidates_of(key))]
+        for layout, is_front in whole + _fronts(layouts.partly_of(key)):
             for offset, element in layout.spans():
-                place = _Place(*key, layout, offset, element, sightings, is_front)
+                place = _Place(key, layout, offset, element, sightings, is_front)
                 name = element.name.replace(" ", "")
                 # Names of IEC 61131-3 are the same in any case.
                 for told in (f"var.{name}", f"var.{_typed(layout.list.name)}.{name}"):
@@ -86,8 +86,7 @@ class _Place:
     ``is_front``: the layout is only what is known of longer telegrams.
     """
 
-    port: Port
-    index: int
+    key: ListKey
     layout: TelegramLayout
     offset: int
     element: Element
@@ -107,7 +106,7 @@ class _Place:
         return scalar is not None and bool(scalar.unit_ns) and scalar.size_bytes == _TIME_BYTES
 
     def _telegrams_of(self, rows: FrameRows) -> I64:
-        key = self.port, self.index, self.layout.subindex, *self.layout.shape
+        key = self.key, self.layout.subindex, *self.layout.shape
         seen = self.sightings.of(rows)
         if key not in seen:
             seen[key] = self._rows_of(rows)
@@ -116,7 +115,7 @@ class _Place:
     def _rows_of(self, rows: FrameRows) -> I64:
         """Return the positions of the frames, captured whole, that carry it."""
         carried = rows.carried
-        found: Bool = carried.is_data & (carried.identifier == self.index)
+        found: Bool = carried.is_data & (carried.identifier == self.key.identifier)
         found &= carried.subindex == self.layout.subindex
         items, size_bytes = self.layout.shape
         if self.is_front:
@@ -124,25 +123,26 @@ class _Place:
         else:
             found &= (carried.items == items) & (carried.size_bytes == size_bytes)
         found &= ~carried.truncated
-        if isinstance(self.port, str):
+        if self.key.transport is Transport.CAN:
             found &= self._on_channel(rows)
         else:
-            found &= (carried.transport == Transport.UDP) & (carried.port == self.port)
+            found &= (carried.carrier == Carrier.UDP) & (carried.port == self.key.port)
         return np.flatnonzero(found)
 
     def _on_channel(self, rows: FrameRows) -> Bool:
         """Tell which frames are on a channel that the definition is for."""
         carried = rows.carried
-        on_can: Bool = carried.transport == Transport.CAN
-        if self.port == ANY_CHANNEL and not self.sightings.channels:
+        on_can: Bool = carried.carrier == Carrier.CAN
+        if self.key.port == ANY_CHANNEL and not self.sightings.channels:
             return on_can
-        channels = np.unique(carried.port[on_can]).tolist()
-        on_can &= np.isin(carried.port, [number for number in channels if self._is_on(rows.channel(number))])
+        channels = {number: rows.channel(number) for number in np.unique(carried.port[on_can]).tolist()}
+        own = [number for number, name in channels.items() if self._is_of(ListKey.can(name, self.key.identifier))]
+        on_can &= np.isin(carried.port, own)
         return on_can
 
-    def _is_on(self, port: Port) -> bool:
-        """Tell whether the definition is that of a channel: of its own, or of any that has none of its own."""
-        return port == self.port or (self.port == ANY_CHANNEL and (port, self.index) not in self.sightings.channels)
+    def _is_of(self, key: ListKey) -> bool:
+        """Tell whether the definition is that of a list: of its channel, or of any that has none of its own."""
+        return key == self.key or (key.on_any_channel == self.key and key not in self.sightings.channels)
 
     def bytes_of(self, rows: FrameRows, which: I64) -> BytesColumn:
         """Return its bytes in some telegrams in which it is."""
@@ -162,7 +162,7 @@ class _Sightings:
         self._last: tuple[FrameRows | None, dict[_Key, I64]] = (None, {})
 
     def of(self, rows: FrameRows) -> dict[_Key, I64]:
-        """Return the positions found so far, by port, list identifier and SubIndex, to be added to."""
+        """Return the positions found so far, by list and SubIndex, to be added to."""
         last = self._last
         if last[0] is not rows:
             # One assignment: threads that look at different telegrams do not mix them up.

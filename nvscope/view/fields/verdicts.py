@@ -16,10 +16,10 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.can.pdo import EXTENDED
-from dissectors.carried import Transport
+from dissectors.carried import Carrier
 from nvscope.expression.columns import Column, FieldType, TextColumn
 from nvscope.findings.finding import Finding
-from nvscope.list_key import ListKey, list_key, told_of
+from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, Counter
 from nvscope.tracker.summary import Summary
 from nvscope.view.fields.field import TelegramField
@@ -49,14 +49,13 @@ class Verdicts:
         self.lists: dict[ListKey, dict[str, Any]] = {}
         self.nodes: dict[tuple[NodeKey, ListKey], dict[str, Any]] = {}
         keys: dict[int, ListKey] = {}
-        key: ListKey
         for entry in summary.lists:
-            key = keys[entry.number] = (entry.port, entry.index)
+            key = keys[entry.number] = entry.key
             self.lists[key] = entry.counters | {one.name: getattr(entry.diagnosis, one.name) for one in DIAGNOSIS}
             for node, diagnosis in entry.nodes:
                 self.nodes[nodes[node], key] = {one.name: getattr(diagnosis, one.name) for one in DIAGNOSIS}
         for on_can in summary.can.lists:
-            key = keys[on_can.number] = (on_can.port, on_can.index)
+            key = keys[on_can.number] = on_can.key
             counted = {one.name: getattr(on_can.diagnosis, one.name) for one in DIAGNOSIS}
             self.lists[key] = dict.fromkeys(counter.name for counter in LIST_COUNTERS) | counted
         frames = [(frame, number) for number, finding in enumerate(self.findings) for frame in finding.frames]
@@ -118,7 +117,7 @@ def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None)
     lists = [
         TelegramField(
             "list.key", _TEXT, "List", "transport, port (or CAN channel) and list identifier: udp/1202/7, can/can0/385",
-            _of_list(lambda key: list_key(*key)), _in_list, constant=True,
+            _of_list(str), _in_list, constant=True,
         ),
         TelegramField(
             "list.port", _UNSIGNED, "Port of the list", "destination port", lambda rows: rows.carried.port, _on_udp,
@@ -155,7 +154,7 @@ def _in_list(rows: FrameRows) -> Bool:
 
 def _on_udp(rows: FrameRows) -> Bool:
     """Tell which frames belong to a list on UDP."""
-    own: Bool = rows.carried.of_list & (rows.carried.transport == Transport.UDP)
+    own: Bool = rows.carried.of_list & (rows.carried.carrier == Carrier.UDP)
     return own
 
 
@@ -166,11 +165,11 @@ def _keys(rows: FrameRows) -> tuple[list[tuple[NodeKey, ListKey]], I64]:
         len(rows), [("high", "u8"), ("low", "u8"), ("transport", "u1"), ("port", "u4"), ("identifier", "u4")]
     )
     key["high"], key["low"] = rows.senders
-    key["transport"], key["port"], key["identifier"] = carried.transport, carried.port, carried.identifier
+    key["transport"], key["port"], key["identifier"] = carried.carrier, carried.port, carried.identifier
     found, code = np.unique(key, return_inverse=True)
     return [
-        ((high, low), (rows.channel(port) if transport == Transport.CAN else port, identifier))
-        for high, low, transport, port, identifier in found.tolist()
+        ((high, low), ListKey.of(Carrier(carrier), port, identifier, rows.channel))
+        for high, low, carrier, port, identifier in found.tolist()
     ], code
 
 

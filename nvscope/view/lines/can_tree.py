@@ -10,6 +10,7 @@ from dissectors.can.pdo import is_pdo
 from dissectors.layout import Field
 from nvscope import units
 from nvscope.findings.can import DLC_MISMATCH
+from nvscope.list_key import ListKey
 from nvscope.view.escape import visible
 from nvscope.view.lines.can_words import Meanings, flags_of, identifier_text
 from nvscope.view.lines.layers import Layer, link_layers
@@ -86,12 +87,11 @@ class CanTree:
         if not data and (frame.remote[0] or not length):
             return
         size = f"  {units.count_of(len(data), 'byte')}"
-        pdo, channel = None, ""
+        pdo, key = None, ListKey.can(self._channel(int(frame.channel[0])), int(frame.identifier[0]))
         if self._pdos and self._is_pdo[place] and not frame.extended[0]:
-            channel = self._channel(int(frame.channel[0]))
-            pdo = self._pdos.pdo_of(channel, int(frame.identifier[0]))
+            pdo = self._pdos.pdo_of(key)
         if self._pdos and pdo is not None and pdo.layout is not None:
-            fitting = self._pdos.fitting(channel, int(frame.identifier[0]), length)
+            fitting = self._pdos.fitting(key, length)
             if fitting is not None and fitting.layout is not None and len(data) == length:
                 title = (
                     f"  {visible(fitting.list.name)} {pdo.subindex}, packed as assumed: "

@@ -9,6 +9,7 @@ from dissectors.can.canopen import describe
 from dissectors.can.error import describe_error
 from dissectors.can.frame import FD_LENGTHS, MAX_DATA_BYTES, CanBatch, Fault
 from nvscope.findings.can import DLC_MISMATCH
+from nvscope.list_key import ListKey
 from nvscope.units import count_of
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Tone
@@ -52,7 +53,7 @@ class Meanings:
 
     def __init__(self, pdos: Pdos | None = None) -> None:
         self._pdos = pdos
-        self._lists: dict[tuple[str, int], str] = {}
+        self._lists: dict[ListKey, str] = {}
 
     def of(self, channel: str, frames: CanBatch, row: int) -> Meaning:
         """Return what one of some frames means, on a channel of this name."""
@@ -64,25 +65,25 @@ class Meanings:
             return Meaning(describe_error(identifier, data), Tone.ERROR)
         if frames.extended[row]:
             return Meaning("")
-        listed = self._list_name(channel, identifier)
+        key = ListKey.can(channel, identifier)
+        listed = self._list_name(key)
         if listed:
-            size = "" if frames.remote[row] else self._wrong_size(channel, identifier, int(frames.length[row]))
+            size = "" if frames.remote[row] else self._wrong_size(key, int(frames.length[row]))
             return Meaning(f"{listed}{size}", Tone.WARNING if size else Tone.STRONG)
         return Meaning(describe(identifier, data, bool(frames.remote[row])), Tone.FAINT)
 
-    def _wrong_size(self, channel: str, identifier: int, size_bytes: int) -> str:
+    def _wrong_size(self, key: ListKey, size_bytes: int) -> str:
         """Return that a frame of a list has not the size that its definition gives it."""
-        pdo = self._pdos.pdo_of(channel, identifier) if self._pdos else None
+        pdo = self._pdos.pdo_of(key) if self._pdos else None
         if self._pdos is None or pdo is None or pdo.layout is None:
             return ""
-        if self._pdos.fitting(channel, identifier, size_bytes) is not None:
+        if self._pdos.fitting(key, size_bytes) is not None:
             return ""
         return f": not of {count_of(pdo.layout.layout.size_bytes, 'byte')} ({DLC_MISMATCH.code})"
 
-    def _list_name(self, channel: str, identifier: int) -> str:
-        key = channel, identifier
+    def _list_name(self, key: ListKey) -> str:
         if key not in self._lists:
-            pdo = self._pdos.pdo_of(channel, identifier) if self._pdos else None
+            pdo = self._pdos.pdo_of(key) if self._pdos else None
             name = f"{visible(pdo.list.name or f'list {pdo.list.list_id}')} {pdo.subindex}" if pdo else ""
             self._lists[key] = name
         return self._lists[key]

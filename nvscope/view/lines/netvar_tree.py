@@ -8,6 +8,7 @@ from dissectors.layout import Field
 from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS, Fault, Service, TelegramBatch
 from nvscope import units
 from nvscope.findings.definition import DEFINITION_MISMATCH
+from nvscope.list_key import ListKey
 from nvscope.view.escape import visible
 from nvscope.view.lines import words
 from nvscope.view.lines.layers import Layer, layers
@@ -89,11 +90,12 @@ class TelegramTree:
         header, port = telegrams.header[row], int(telegrams.datagram.destination_port[row])
         if self._layouts is None or telegrams.fault[row] != Fault.NONE or header["id"] != Service.ODStateFree:
             return []
-        known = self._layouts.list_of(port, int(header["index"]))
+        key = ListKey.udp(port, int(header["index"]))
+        known = self._layouts.list_of(key)
         if known is None:
             return []
         shape = int(header["items"]), int(header["length"]) - HEADER.size_bytes
-        layout = self._layouts.telegram_of(port, int(header["index"]), int(header["subindex"]), shape)
+        layout = self._layouts.telegram_of(key, int(header["subindex"]), shape)
         known = layout.list if layout else known
         if layout and shape != layout.shape:
             layout = None

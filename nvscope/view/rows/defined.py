@@ -12,7 +12,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U8
 from dissectors.can.pdo import PdoRules
-from dissectors.carried import Transport
+from dissectors.carried import Carrier
 from dissectors.layout import gather_bytes
 from dissectors.netvar import Fault, Service
 from dissectors.varieties import NO_TELEGRAM, Varieties
@@ -139,12 +139,12 @@ class DefinedTelegrams:
         self._left_out = np.zeros((len(self.keys), len(LeftOut)), np.int64)
 
     def _find_places(self, number: int, layouts: Layouts, key: ListKey) -> None:
-        for layout in (layout for candidate in layouts.candidates_of(*key) for layout in candidate):
+        for layout in (layout for candidate in layouts.candidates_of(key) for layout in candidate):
             told = number, layout.subindex, layout.shape
             if told not in self._whole:
                 self._whole[told] = len(self.places)
                 self.places.append(Place(number, layout))
-        if partly := layouts.partly_of(*key):
+        if partly := layouts.partly_of(key):
             first = len(self.places)
             self.places += [
                 Place(number, layout, cause and undescribed(cause, 0)) for layout, cause in known_fronts(partly)
@@ -213,7 +213,7 @@ class DefinedTelegrams:
         if not len(new):
             return
         carried = varieties.carried.take(new)
-        on_udp = carried.transport == Transport.UDP
+        on_udp = carried.carrier == Carrier.UDP
         telegrams = varieties.telegrams_of(new[on_udp])
         of_telegram = np.cumsum(on_udp) - 1
         is_data = carried.is_data.copy()
@@ -221,8 +221,9 @@ class DefinedTelegrams:
         place, number, sender = np.full(len(new), _OTHER), np.full(len(new), _OTHER), np.zeros(len(new), np.int64)
         reason, undefined = np.full(len(new), _OTHER), np.zeros(len(new), np.bool_)
         for row in np.flatnonzero(is_data).tolist():
-            port, identifier, own = int(carried.port[row]), int(carried.identifier[row]), int(of_telegram[row])
-            key = self._defined.key_of(port if on_udp[row] else self._pdos.channel(port), identifier)
+            port, own = int(carried.port[row]), int(of_telegram[row])
+            carrier, identifier = Carrier(int(carried.carrier[row])), int(carried.identifier[row])
+            key = self._defined.key_of(ListKey.of(carrier, port, identifier, self._pdos.channel))
             if key not in self._number:
                 # Of the frames on a bus most are no network variables.
                 undefined[row] = key is None and bool(on_udp[row])

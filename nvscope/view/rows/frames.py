@@ -10,7 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool, PacketBatch
 from dissectors.can.frame import CanBatch
-from dissectors.carried import Carried, Transport
+from dissectors.carried import Carried, Carrier
 from dissectors.netvar import TelegramBatch
 from dissectors.sorted_telegrams import SortedTelegrams
 from dissectors.transport import DatagramBatch, IpEnds
@@ -92,7 +92,7 @@ class FrameRows:
         if told.can is None and not told.parts:
             parts.add_telegrams(SortedTelegrams(told.batch, packet), None)
         else:
-            on_udp = np.flatnonzero(carried.transport == Transport.UDP)
+            on_udp = np.flatnonzero(carried.carrier == Carrier.UDP)
             parts.add_telegrams(SortedTelegrams(told.batch, packet[on_udp]), on_udp)
             if told.can is not None:
                 parts.add(CAN, told.can)
@@ -110,7 +110,7 @@ class FrameRows:
         nothing = np.zeros(len(numbers), np.int64)
         carried = told.varieties.carried.of_packets(numbers, nothing)
         parts = _Parts(nothing)
-        on_udp = np.flatnonzero(carried.transport == Transport.UDP)
+        on_udp = np.flatnonzero(carried.carrier == Carrier.UDP)
         parts.add_telegrams(told.varieties.telegrams_of(numbers[on_udp]), on_udp)
         return FrameRows(
             told.packets, nothing, tuple(parts.found), parts.protocol(), parts.found | parts.carriers, carried,
