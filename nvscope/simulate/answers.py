@@ -80,7 +80,7 @@ class Answers:
         ).tobytes()
         number = self.draft.telegram_template(
             node, destination, plan.port, payload, Role.ACKNOWLEDGEMENT, Values.CONSTANT,
-            list_key=(plan.port, plan.index), subindex=stream.subindex,
+            list_key=plan.list_key, subindex=stream.subindex,
         )  # fmt: skip
         self._templates[node, stream_number, broadcast] = number
         return number
@@ -102,7 +102,7 @@ class Answers:
             ).tobytes()
             template = self.draft.telegram_template(
                 node, destination, plan.port, payload, Role.BOOT_UP_REQUEST, Values.CONSTANT,
-                list_key=(plan.port, plan.index), subindex=subindex,
+                list_key=plan.list_key, subindex=subindex,
             )  # fmt: skip
             at = np.array(reader.boot_up, np.int64) + subindex * FRAME_GAP_NS
             self.draft.add(template, at, ordinal=np.arange(len(at)))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from dissectors.batch import I32, I64, U8, U16, LinkType
 from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, Service
+from nvscope.list_key import ListKey
 from nvscope.simulate.faults import Journey, Label, Variant
 from nvscope.simulate.frames import (
     LIMITED_BROADCAST,
@@ -145,7 +146,7 @@ class Draft:
         still = uniform(key, np.arange(size), 256).astype(np.uint8).tobytes()
         number = self.telegram_template(
             stream.node, self.destination(stream.entry, stream.node), plan.port, header + still, Role.DATA,
-            Values(plan.values), key, list_key=(plan.port, plan.index), subindex=stream.subindex, stream=stream_number,
+            Values(plan.values), key, list_key=plan.list_key, subindex=stream.subindex, stream=stream_number,
             items=items, ascii_identity=change.ascii_identity,
         )  # fmt: skip
         self.data_templates[stream_number, variant] = number
@@ -153,7 +154,7 @@ class Draft:
 
     def telegram_template(
         self, node: int, destination: IPAddress, port: int, payload: bytes, role: Role, values: Values | None = None,
-        noise: int = 0, *, list_key: tuple[int, int] | None = None, **facts: Any,
+        noise: int = 0, *, list_key: ListKey | None = None, **facts: Any,
     ) -> int:  # fmt: skip
         """Return the number of a template of a node's UDP datagrams; without ``values``, all bytes stay the same."""
         setup = self.scenario.node[node]

@@ -7,7 +7,7 @@ shapes from templates, lateness from the true times, torn cycles from which tele
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,39 +19,28 @@ from nvscope.findings.consistency import CHECKSUM_FLAG, SHAPE_CHANGED
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.loss import COUNTER_ERRATIC, COUNTER_SCOPE, SENDER_RESTART, TELEGRAM_GAP
 from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
+from nvscope.list_key import ListKey
 from nvscope.simulate.faults import Label
 from nvscope.simulate.figures import seems_to_count_sends
 from nvscope.simulate.frames import IPAddress
-from nvscope.simulate.observation import ListKey, Observation
+from nvscope.simulate.observation import Observation
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.template import Role
 
 UNUSED_TELEGRAMS = 8
 
 
-class CanKey(NamedTuple):
-    """A list on CAN: its bus, and its first identifier; extended ones come behind the others."""
-
-    channel: str
-    extended: bool
-    cob_id: int
-
-    def __str__(self) -> str:
-        return f"can/{self.channel}/{self.cob_id}{'x' if self.extended else ''}"
-
-
-AnyKey = ListKey | CanKey
-Where = tuple[AnyKey, IPAddress | None, int | None]
+Where = tuple[ListKey, IPAddress | None, int | None]
 
 
 class ExpectedFindings:
     """Findings by code, list, node and SubIndex, and how often each is to be found."""
 
     def __init__(self) -> None:
-        self._counts: Counter[tuple[str, AnyKey | None, IPAddress | None, int | None]] = Counter()
+        self._counts: Counter[tuple[str, ListKey | None, IPAddress | None, int | None]] = Counter()
 
     def add(
-        self, kind: FindingKind, key: AnyKey | None, node: IPAddress | None, subindex: int | None, count: int = 1
+        self, kind: FindingKind, key: ListKey | None, node: IPAddress | None, subindex: int | None, count: int = 1
     ) -> None:
         """Expect a finding ``count`` times more; none if it is 0."""
         if count:
@@ -69,29 +58,21 @@ class ExpectedFindings:
     def rows(self) -> list[dict[str, Any]]:
         """Return the findings as values for JSON, by code, list, node and SubIndex."""
 
-        def order(entry: tuple[str, AnyKey | None, IPAddress | None, int | None]) -> tuple[Any, ...]:
+        def order(entry: tuple[str, ListKey | None, IPAddress | None, int | None]) -> tuple[Any, ...]:
             code, key, node, subindex = entry
             address = (0, 0) if node is None else (node.version, int(node))
-            place = () if key is None else ("can" if isinstance(key, CanKey) else "udp", *key)
-            return code, place, address, -1 if subindex is None else subindex
+            return code, () if key is None else key, address, -1 if subindex is None else subindex
 
         return [
             {
                 "code": code,
-                "list": None if key is None else list_name(key),
+                "list": None if key is None else str(key),
                 "node": None if node is None else str(node),
                 "subindex": subindex,
                 "count": self._counts[code, key, node, subindex] or None,
             }
             for code, key, node, subindex in sorted(self._counts, key=order)
         ]
-
-
-def list_name(key: AnyKey) -> str:
-    """Return the key of a list as in reports: ``udp/1202/7``."""
-    if isinstance(key, CanKey):
-        return str(key)
-    return f"udp/{key[0]}/{key[1]}"
 
 
 def expect_single(seen: Observation, key: ListKey, rows: I64, found: ExpectedFindings) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from dissectors.batch import I32, I64, U8, Bool
 from dissectors.netvar import ACKNOWLEDGE_WANTED, HEADER
+from nvscope.list_key import ListKey
 from nvscope.simulate.faults import Label
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.ordering import order_by
@@ -21,7 +22,6 @@ from nvscope.simulate.template import Role, Template
 from nvscope.simulate.timeline import Timeline
 
 LEAST_BYTES = 12
-ListKey = tuple[int, int]
 
 
 class Observation:

@@ -18,9 +18,10 @@ from nvscope.findings.answers import (
     NO_ACKNOWLEDGEMENT,
     UNEXPECTED_ACKNOWLEDGEMENT,
 )
+from nvscope.list_key import ListKey
 from nvscope.simulate.expected import ExpectedFindings
 from nvscope.simulate.frames import IPAddress
-from nvscope.simulate.observation import ListKey, Observation
+from nvscope.simulate.observation import Observation
 from nvscope.simulate.template import Role
 
 TIMEOUT_NS = 1_000_000_000

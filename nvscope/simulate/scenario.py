@@ -22,6 +22,7 @@ from pathlib import Path
 
 from dissectors.can.frame import MAX_DATA_BYTES as MAX_PDO_BYTES
 from nvscope.errors import ConfigurationError
+from nvscope.list_key import ListKey
 from nvscope.simulate.can.check import check_can
 from nvscope.simulate.can.tables import Bus, BusOff, CanList, CanTraffic, ErrorFrames
 from nvscope.toml_table import (
@@ -139,6 +140,11 @@ class ListPlan:
     )
     answers_boot_up: bool = key(FLAG, "a boot-up request is answered by a sending of the list", default=True)
     answer_delay_ns: int = key(LENGTH, "how long that takes", default=5_000_000, name="answer_delay")
+
+    @property
+    def list_key(self) -> ListKey:
+        """What its telegrams are told by on the wire."""
+        return ListKey.udp(self.port, self.index)
 
     @property
     def shapes(self) -> tuple[tuple[int, int], ...]:

@@ -47,7 +47,7 @@ def add_malformed(draft: Draft, fault: Malformed, place: str) -> None:
         role = Role.MALFORMED_DATA if service == Service.ODStateFree else Role.MALFORMED
         template = draft.telegram_template(
             stream.node, draft.destination(stream.entry, stream.node), plan.port, payload,
-            Role.OTHER if fault.kind == "stub" else role, list_key=(plan.port, plan.index),
+            Role.OTHER if fault.kind == "stub" else role, list_key=plan.list_key,
             subindex=stream.subindex, fault=wrong,
         )  # fmt: skip
         draft.add(template, np.array([draft.journey.arrival_ns[row] + _MALFORMED_AFTER_NS], np.int64))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from nvscope.findings.kind import FindingKind
+from nvscope.list_key import ListKey
 from nvscope.simulate.frames import Frame, IPAddress
 
 
@@ -26,7 +27,7 @@ class Role(IntEnum):
 class Template:
     """Frames that differ in the columns only, and what is true of all of them.
 
-    ``key`` is (port, Index) of the list, None where there is none. ``fault`` is what is wrong with a malformed
+    ``key`` is that of the list, None where there is none. ``fault`` is what is wrong with a malformed
     telegram. ``index_end`` is where in an ICMP message the quoted Index ends, 0 if it is not quoted.
     """
 
@@ -35,7 +36,7 @@ class Template:
     source: IPAddress
     destination: IPAddress
     broadcast: bool
-    key: tuple[int, int] | None = None
+    key: ListKey | None = None
     subindex: int = 0
     stream: int = -1
     items: int = 0

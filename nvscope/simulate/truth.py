@@ -16,6 +16,7 @@ from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.findings.answers import SEND_REJECTED
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS
 from nvscope.findings.loss import COUNTER_UNUSED, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART
+from nvscope.list_key import ListKey
 from nvscope.simulate.can.timeline import CanTimeline
 from nvscope.simulate.can.truth import can_buses, can_lists
 from nvscope.simulate.expected import (
@@ -29,12 +30,11 @@ from nvscope.simulate.expected import (
     expect_timing,
     expect_torn,
     kind_of_gaps,
-    list_name,
 )
 from nvscope.simulate.faults import Label
 from nvscope.simulate.figures import Figures, count_figures, is_recognisable, seems_to_count_sends
 from nvscope.simulate.frames import IPAddress
-from nvscope.simulate.observation import ListKey, Observation
+from nvscope.simulate.observation import Observation
 from nvscope.simulate.replies import (
     missing_acknowledgements,
     negative_acknowledgements,
@@ -138,10 +138,10 @@ class _Telling:
         found.add_rows(CHECKSUM_CHANGED, key, seen, mismatches)
         found.add(SEVERAL_SENDERS, key, None, None, max(len(senders) - 1, 0))
         return {
-            "key": list_name(key),
-            "transport": "udp",
-            "port": key[0],
-            "id": key[1],
+            "key": str(key),
+            "transport": key.transport.value,
+            "port": key.port,
+            "id": key.identifier,
             "senders": [str(address) for address in senders],
             "readers": [str(address) for address in readers],
             "diag": self._diag(judged, judged, written, errors.total()),
@@ -180,11 +180,7 @@ class _Telling:
     def _designed(self, key: ListKey) -> dict[str, int]:
         """Return how many telegrams of a list were sent, and how many of them are never seen."""
         lists = self.seen.scenario.list
-        own = [
-            number
-            for number, entry in enumerate(self.seen.streams)
-            if (lists[entry.entry].port, lists[entry.entry].index) == key
-        ]
+        own = [number for number, entry in enumerate(self.seen.streams) if lists[entry.entry].list_key == key]
         sent, arrived = int(self.seen.timeline.sent_of[own].sum()), int(self.arrived_of[own].sum())
         return {"telegrams_sent": sent, "telegrams_lost": sent - arrived}
 

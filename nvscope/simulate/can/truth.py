@@ -19,9 +19,10 @@ from dissectors.can.frame import EXTENDED
 from nvscope.findings.can import DLC_MISMATCH, INCOMPLETE_CYCLE
 from nvscope.findings.can_bus import ERROR_FRAMES
 from nvscope.findings.cob_ids import CANOPEN_COLLISION
+from nvscope.list_key import ListKey
 from nvscope.simulate.can.tables import CanList
 from nvscope.simulate.can.timeline import CanFrames, CanTimeline, frames_bits
-from nvscope.simulate.expected import CanKey, ExpectedFindings, expect_intervals, nominal_of
+from nvscope.simulate.expected import ExpectedFindings, expect_intervals, nominal_of
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.scenario import Scenario
 
@@ -54,13 +55,14 @@ def can_lists(
     """
     frames = timeline.frames
     places = _places(scenario)
-    lists: dict[CanKey, list[tuple[_Place, _Identity, I64]]] = {}
+    lists: dict[ListKey, list[tuple[_Place, _Identity, I64]]] = {}
     remote = dict(_by_identity(scenario, frames, np.flatnonzero(frames.remote)))
     for identity, rows in _by_identity(scenario, frames, np.flatnonzero(~frames.error & ~frames.remote)):
         place = _Place(identity.identifier)
         if not identity.extended:
             place = places.get(identity.identifier, place)
-        lists.setdefault(CanKey(identity.channel, identity.extended, place.base), []).append((place, identity, rows))
+        first = place.base | (EXTENDED.mask if identity.extended else 0)
+        lists.setdefault(ListKey.can(identity.channel, first), []).append((place, identity, rows))
     for key, streams in sorted(lists.items(), key=lambda entry: entry[0]):
         rows = np.sort(np.concatenate([rows for _, _, rows in streams]))
         streams.sort(key=lambda entry: entry[0].subindex)
@@ -76,9 +78,9 @@ def can_lists(
         last = str(frames.ts_ns[rows[-1]])
         yield {
             "key": str(key),
-            "transport": "can",
-            "channel": key.channel,
-            "id": key.cob_id,
+            "transport": key.transport.value,
+            "channel": key.port,
+            "id": key.identifier & ~EXTENDED.mask,
             "name": None if plan is None else plan.name,
             "senders": [],
             "readers": [],
@@ -149,7 +151,7 @@ def _by_identity(scenario: Scenario, frames: CanFrames, rows: I64) -> Iterator[t
 
 
 def _stream(
-    frames: CanFrames, key: CanKey, place: _Place, identity: _Identity, rows: I64, remote: int, end_ns: int,
+    frames: CanFrames, key: ListKey, place: _Place, identity: _Identity, rows: I64, remote: int, end_ns: int,
     found: ExpectedFindings,
 ) -> dict[str, Any]:  # fmt: skip
     plan, times, length = place.plan, frames.ts_ns[rows], frames.length[rows]
@@ -182,12 +184,12 @@ def _stream(
     }
 
 
-def _expect_cycles(scenario: Scenario, frames: CanFrames, key: CanKey, plan: CanList, found: ExpectedFindings) -> None:
+def _expect_cycles(scenario: Scenario, frames: CanFrames, key: ListKey, plan: CanList, found: ExpectedFindings) -> None:
     """Expect a finding for sendings of which some PDOs are missing."""
     if len(plan.data_bytes) < 2 or plan.mode != "cyclic":
         return
     for number, entry in enumerate(scenario.can_list):
-        if entry.channel == key.channel and entry.cob_id == plan.cob_id:
+        if entry.channel == key.port and entry.cob_id == plan.cob_id:
             own = frames.take(frames.entry == number)
             _, telegrams = np.unique(own.sending, return_counts=True)
             # One that is seen from its middle on may have begun before the capture.
@@ -195,10 +197,10 @@ def _expect_cycles(scenario: Scenario, frames: CanFrames, key: CanKey, plan: Can
             found.add(INCOMPLETE_CYCLE, key, None, None, int((telegrams[begins:-1] < len(plan.data_bytes)).sum()))
 
 
-def _designed(scenario: Scenario, timeline: CanTimeline, key: CanKey, plan: CanList | None) -> dict[str, int] | None:
+def _designed(scenario: Scenario, timeline: CanTimeline, key: ListKey, plan: CanList | None) -> dict[str, int] | None:
     """Return how many PDOs of a list were sent, and how many of them are never seen."""
     for number, entry in enumerate(scenario.can_list):
-        if plan is not None and entry.channel == key.channel and entry.cob_id == plan.cob_id:
+        if plan is not None and entry.channel == key.port and entry.cob_id == plan.cob_id:
             seen = int((timeline.frames.entry == number).sum())
             return {"telegrams_sent": timeline.sent_of[number], "telegrams_lost": timeline.sent_of[number] - seen}
     return None
