@@ -28,9 +28,6 @@ _LOGGED = (
     *((Step.LATE, scope) for scope in Scope),
 )
 
-_STEP_BIT, _TOGETHER_BIT, _GAPS_BIT = 16, 19, 20
-"""Where in a word the nodes' steps stand, above the distance."""
-
 WALKS = 2
 """The stream's own sequence, and the node's."""
 
@@ -109,14 +106,14 @@ class Loss:
         own = self._walk_streams(rows, rows.counter)
         nodes = self._walk_nodes(told, rows, keys)
         frame = rows.packet + first_frame
-        self._book(rows, own.step, own.distance, own.irregular, Scope.STREAM, frame)
-        self._book(rows, nodes.step, nodes.distance, nodes.irregular, Scope.NODE_TELEGRAM, frame)
-        again = _again(rows, own.step, own.irregular)
-        self._book_duplicates(rows, own.step, own.irregular, again, Scope.STREAM, frame)
-        again = _again(rows, nodes.step, nodes.irregular)
-        self._book_duplicates(rows, nodes.step, nodes.irregular, again, Scope.NODE_TELEGRAM, frame)
+        self._book(rows, own, Scope.STREAM, frame)
+        self._book(rows, nodes, Scope.NODE_TELEGRAM, frame)
+        late, again = _late(own.step), _again(rows, own.step)
+        self._book_duplicates(rows, late, again, Scope.STREAM, frame)
+        late, again = _late(nodes.step), _again(rows, nodes.step)
+        self._book_duplicates(rows, late, again, Scope.NODE_TELEGRAM, frame)
         again = again[~nodes.together(again)]
-        self._book_duplicates(rows, nodes.step, nodes.irregular, again, Scope.NODE_SEND, frame)
+        self._book_duplicates(rows, late, again, Scope.NODE_SEND, frame)
         return own, nodes
 
     def take(self, part: Loss, share: Share) -> None:
@@ -168,44 +165,39 @@ class Loss:
         nodes.regular_telegram[run] += regular
         nodes.regular_send[run] += regular + np.diff(np.searchsorted(together, bounds))
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
-        gaps = np.cumsum(steps.step == Step.GAP, dtype=np.int64)
-        gaps += np.repeat(nodes.gaps[run] - np.where(start > 0, gaps[start - 1], 0), length)
-        nodes.gaps[run] = gaps[stop - 1]
         nodes.last_stream[run] = keys.varieties.stream[told.variety[packet[stop - 1]]]
-        # All that is to be known of a row goes from one order to the other in one word.
-        word = gaps << _GAPS_BIT
-        word |= steps.distance
-        word |= steps.step.astype(np.int64) << _STEP_BIT
-        word[together] |= 1 << _TOGETHER_BIT
-        of_packet = np.empty(len(told), np.int64)
-        of_packet[packet] = word
-        return NodeSteps(of_packet[rows.packet])
+        gaps = np.flatnonzero(steps.step == Step.GAP)
+        before = np.searchsorted(gaps, bounds)
+        counted = nodes.gaps[run] - before[:-1]
+        nodes.gaps[run] += np.diff(before)
+        place_of = np.empty(len(told), np.int64)
+        place_of[packet] = np.arange(len(packet))
+        return NodeSteps(steps, place_of[rows.packet], together, gaps, start, counted)
 
     def _sent_together(self, told: Told, packet: I64, start: I64, run: I64, steps: Steps, keys: Keys) -> I64:
         """Return the places, in the nodes' order, of telegrams that were sent together with the one before."""
-        same = steps.irregular[steps.step[steps.irregular] == Step.SAME]
+        same = np.flatnonzero(steps.step == Step.SAME)
         if not len(same):
-            return np.empty(0, np.int64)
+            return same
         stream = keys.varieties.stream
         now, earlier = (stream[told.variety[packet[place]]] for place in (same, same - 1))
-        first = np.minimum(np.searchsorted(start, same), len(start) - 1)
-        begins = start[first] == same
-        earlier[begins] = self.nodes.last_stream[run[first[begins]]]
-        lists = keys.places.high
-        sent: I64 = same[(lists[keys.place_of(now)] == lists[keys.place_of(earlier)]) & (now != earlier)]
+        first = np.searchsorted(same, start)
+        begins = np.append(same, -1)[first] == start
+        earlier[first[begins]] = self.nodes.last_stream[run[begins]]
+        lists = keys.places.high[keys.place_of(np.arange(len(keys.streams)))]
+        sent: I64 = same[(lists[now] == lists[earlier]) & (now != earlier)]
         return sent
 
-    def _book(self, rows: DataRows, step: U8, distance: U16, irregular: I64, scope: Scope, frame: I64) -> None:
+    def _book(self, rows: DataRows, steps: Steps | NodeSteps, scope: Scope, frame: I64) -> None:
         streams = self.streams
-        irregular_step = step[irregular]
         for kind in (Step.GAP, Step.OVERTAKEN, Step.RESTART):
-            place = irregular[irregular_step == kind]
+            place = np.flatnonzero(steps.step == kind)
             if not len(place):
                 continue
             stream, start, stop = _runs(place, rows)
             count = stop - start
             if kind == Step.GAP:
-                lost = distance[place].astype(np.int64) - 1
+                lost = steps.distance[place].astype(np.int64) - 1
                 streams.gaps[stream, scope] += count
                 streams.lost[stream, scope] += np.add.reduceat(lost, start)
                 longest = np.maximum.reduceat(lost, start)
@@ -217,11 +209,9 @@ class Loss:
                 streams.restarts[stream, scope] += count
             self._events[kind, scope].add(stream, start, stop, rows.time_ns, frame, place)
 
-    def _book_duplicates(self, rows: DataRows, step: U8, irregular: I64, again: I64, scope: Scope, frame: I64) -> None:
+    def _book_duplicates(self, rows: DataRows, late: I64, again: I64, scope: Scope, frame: I64) -> None:
         """Book late counters, and the rows that are a duplicate ``again``."""
-        place = irregular[step[irregular] == Step.LATE]
-        if len(again):
-            place = np.sort(np.concatenate([place, again]))
+        place = np.sort(np.concatenate([late, again])) if len(again) else late
         if len(place):
             stream, start, stop = _runs(place, rows)
             self.streams.duplicates[stream, scope] += stop - start
@@ -235,37 +225,51 @@ class Loss:
 
 
 class NodeSteps:
-    """The steps that the telegrams of a batch take in their nodes' sequences, row by row; columns as of ``Steps``."""
+    """The steps that the telegrams of a batch take in their nodes' sequences; ``step`` and ``distance`` by row.
 
-    def __init__(self, word: I64) -> None:
-        self._word = word
-        self.distance: U16 = word.astype(np.uint16)
-        self.step: U8 = (word >> _STEP_BIT).astype(np.uint8)
-        self.step &= 7
-        self.irregular = np.flatnonzero(self.step != Step.REGULAR)
+    ``walked`` are these steps in the order of the nodes, in which the rows have their ``place``; ``start`` is where the
+    nodes begin there. ``together`` and ``gaps`` are places, rising: of telegrams that were sent together with the one
+    before, and of gaps. ``counted`` is what each node's gaps are numbered from, less those in front of it here.
+    """
+
+    def __init__(self, walked: Steps, place: I64, together: I64, gaps: I64, start: I64, counted: I64) -> None:
+        self.step: U8 = walked.step[place]
+        self.distance: U16 = walked.distance[place]
+        self._place, self._together, self._gaps, self._start, self._counted = place, together, gaps, start, counted
 
     def together(self, row: I64) -> Bool:
         """Tell which rows were sent together with their node's telegram before."""
-        together: Bool = self._word[row] & (1 << _TOGETHER_BIT) != 0
+        place = self._place[row]
+        together: Bool = np.append(self._together, -1)[np.searchsorted(self._together, place)] == place
         return together
+
+    def gaps(self, row: I64) -> I64:
+        """Return how many gaps the nodes' counters have had up to some rows; best of few."""
+        place = self._place[row]
+        gaps: I64 = np.searchsorted(self._gaps, place, "right")
+        gaps += self._counted[np.searchsorted(self._start, place, "right") - 1]
+        return gaps
 
     @property
     def all_gaps(self) -> I64:
         """How many gaps the nodes' counters have had up to each row."""
-        gaps: I64 = self._word >> _GAPS_BIT
+        gap = np.zeros(len(self._place), np.int64)
+        gap[self._gaps] = 1
+        np.cumsum(gap, out=gap)
+        gap += np.repeat(self._counted, np.diff(self._start, append=len(gap)))
+        gaps: I64 = gap[self._place]
         return gaps
 
-    def gaps(self, row: I64) -> I64:
-        """Return how many gaps the nodes' counters have had up to some rows."""
-        gaps: I64 = self._word[row] >> _GAPS_BIT
-        return gaps
+
+def _late(step: U8) -> I64:
+    return np.flatnonzero(step == Step.LATE)
 
 
-def _again(rows: DataRows, step: U8, irregular: I64) -> I64:
+def _again(rows: DataRows, step: U8) -> I64:
     """Return the rows that repeat the one before, Counter and all."""
-    same = irregular[step[irregular] == Step.SAME]
-    again: I64 = same[:0] if rows.repeated is None else same[rows.repeated[same]]
-    return again
+    if rows.repeated is None:
+        return np.empty(0, np.int64)
+    return np.flatnonzero(rows.repeated & (step == Step.SAME))
 
 
 def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:
@@ -278,6 +282,6 @@ def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:
 def no_steps(count: int) -> tuple[Steps, NodeSteps]:
     """Return the steps of frames that carry no counter, of their streams and nodes: each as if it were the next."""
     step: U8 = np.full(count, Step.REGULAR, np.uint8)
-    nothing = np.zeros(0, np.uint16)
-    own = Steps(step, nothing, nothing, nothing.astype(np.uint64), np.empty(0, np.int64))
-    return own, NodeSteps(np.zeros(count, np.int64))
+    nothing, none = np.zeros(0, np.uint16), np.empty(0, np.int64)
+    own = Steps(step, np.ones(count, np.uint16), nothing, nothing.astype(np.uint64), none)
+    return own, NodeSteps(own, np.arange(count), none, none, np.zeros(1, np.int64), np.zeros(1, np.int64))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U64, Bool
+from nvscope.engine.runs import spans
 from nvscope.tracker.steps import EARLY_WRAPS, LATE_FROM, WINDOW, Step, Steps, walk_one
 
 _FAR = WINDOW + 1
@@ -18,7 +19,9 @@ _EPOCH_BITS = np.int64(34)
 _FEW = 64  # of late counters, up to one in so many is few
 _MOST_IN_A_ROW = 16
 _PIECE = 256
-_GAP_TO_RESTART, _RESTART_TO_LATE = np.uint8(Step.GAP - Step.RESTART), np.uint8(Step.RESTART - Step.LATE)
+# From GAP down to the steps of smaller and of greater distances.
+_TO_SAME, _TO_REGULAR = np.uint8(Step.GAP - Step.SAME), np.uint8(Step.GAP - Step.REGULAR)
+_TO_RESTART, _TO_LATE = np.uint8(Step.GAP - Step.RESTART), np.uint8(Step.RESTART - Step.LATE)
 
 
 def walk(counter: U16, start: I64, current: U16, missing: U64, fresh: Bool) -> Steps:
@@ -32,11 +35,10 @@ def walk(counter: U16, start: I64, current: U16, missing: U64, fresh: Bool) -> S
     before[start] = np.where(fresh, counter[start], current)
     distance = counter - before
     stop = np.append(start[1:], len(counter))
-    irregular = np.flatnonzero(distance != 1)
-    if not len(irregular):
-        shifted = _shifted_left(missing, stop - start)
-        return Steps(np.full(len(counter), Step.REGULAR, np.uint8), distance, counter[stop - 1], shifted, irregular)
-    return _Walk(counter, start, stop, current, missing, fresh, before, distance).steps(irregular)
+    if (distance == 1).all():
+        step, shifted = np.full(len(counter), Step.REGULAR, np.uint8), _shifted_left(missing, stop - start)
+        return Steps(step, distance, counter[stop - 1], shifted, np.empty(0, np.int64))
+    return _Walk(counter, start, stop, current, missing, fresh, before, distance).steps()
 
 
 class _Walk:
@@ -52,51 +54,61 @@ class _Walk:
         self.by_rule = np.zeros(len(start), np.bool_)
         self.by_rule_at: list[int] = []
 
-    def steps(self, irregular: I64) -> Steps:
-        """Return the steps, given the places where ``distance`` is not 1; call once."""
+    def steps(self) -> Steps:
+        """Return the steps; call once."""
         after = self.counter[self.stop - 1]
-        late = irregular[self.distance[irregular] >= LATE_FROM]
+        late = np.flatnonzero(self.distance >= LATE_FROM)
         if len(late):
             if len(late) * _FEW >= len(self.counter) or not self._settle_few(after, late[self.counter[late] > 1]):
                 after = self._settle(after)
-            irregular = np.flatnonzero(self.distance != 1)
-            late = irregular[self.distance[irregular] >= LATE_FROM]
-        step, restarted = self._judge(irregular)
-        heights = _Heights(self._advances(irregular, late, restarted), irregular, len(self.counter))
+            late = np.flatnonzero(self.distance >= LATE_FROM)
+        step = self._judge()
+        heights = self._heights(late, step)
         base = np.where(self.start > 0, heights.at(self.start - 1), 0)
         taken_at, behind = self._overtaken(late, step, heights, base) if len(late) else (late, late)
         missing = self._missing_after(step, heights, base, taken_at, behind)
-        steps = Steps(step, self.distance, after, missing, irregular)
-        steps.irregular = irregular[step[irregular] != Step.REGULAR]
+        steps = Steps(step, self.distance, after, missing, late)
         if self.by_rule.any() or self.by_rule_at:
             self._walk_by_rule(steps)
-            steps.irregular = np.flatnonzero(step != Step.REGULAR)
+        steps.irregular = np.flatnonzero(step != Step.REGULAR)
         return steps
 
-    def _judge(self, irregular: I64) -> tuple[U8, I64]:
-        """Tell the steps, taking every late counter for one that was there before; and which are restarts at 0 or 1."""
-        step = np.full(len(self.counter), Step.REGULAR, np.uint8)
-        distance, counter = self.distance[irregular], self.counter[irregular]
-        # GAP, RESTART and LATE are counted down: assigning by masks is slow where many are set.
-        kind = np.uint8(Step.GAP) - (distance >= 32768).view(np.uint8) * _GAP_TO_RESTART
-        kind -= (distance >= LATE_FROM).view(np.uint8) * _RESTART_TO_LATE
-        kind[distance == 0] = Step.SAME
-        lowest = np.flatnonzero(counter <= 1)
-        before = self.before[irregular[lowest]]
-        wraps = (counter[lowest] == 0) & ((before == EARLY_WRAPS[0]) | (before == EARLY_WRAPS[1]))
-        restarted = lowest[(before < 65534) & (distance[lowest] != 0) & ~wraps]
-        kind[lowest[wraps]] = Step.REGULAR
-        kind[restarted] = Step.RESTART
-        step[irregular] = kind
+    def _judge(self) -> U8:
+        """Tell the steps, taking every late counter for one that was there before."""
+        distance = self.distance
+        # Counted down from GAP: for all places at once that is faster than to assign where a mask is set.
+        step = np.uint8(Step.GAP) - (distance >= 32768).view(np.uint8) * _TO_RESTART
+        step -= (distance >= LATE_FROM).view(np.uint8) * _TO_LATE
+        step -= (distance == 0).view(np.uint8) * _TO_SAME
+        step -= (distance == 1).view(np.uint8) * _TO_REGULAR
+        lowest = np.flatnonzero(self.counter <= 1)
+        before = self.before[lowest]
+        wraps = (self.counter[lowest] == 0) & ((before == EARLY_WRAPS[0]) | (before == EARLY_WRAPS[1]))
+        step[lowest[wraps]] = Step.REGULAR
+        step[lowest[(before < 65534) & (distance[lowest] > 1) & ~wraps]] = Step.RESTART
         step[self.start[self.fresh]] = Step.NONE
-        return step, irregular[restarted]
+        return step
 
-    def _advances(self, irregular: I64, late: I64, restarted: I64) -> U16:
-        """Return by how much the irregular steps move the current counter on; a restart leaves all behind it."""
-        advance = np.minimum(self.distance[irregular], _FAR)
-        advance[np.searchsorted(irregular, late)] = 0
-        advance[np.searchsorted(irregular, restarted)] = _FAR
-        return advance
+    def _heights(self, late: I64, step: U8) -> _Heights:
+        """Return the heights around late counters and at the ends of the sequences, as far as these look back.
+
+        That is no further than to the last step that leaves all behind it; where counters jump, nearly every one does.
+        """
+        asked = np.sort(np.concatenate([late, self.stop - 1]))
+        far = np.flatnonzero(self.distance - np.uint16(_FAR) < LATE_FROM - _FAR)
+        begin = np.maximum(
+            self.start[np.searchsorted(self.start, asked, "right") - 1],
+            np.append(far, 0)[np.searchsorted(far, asked, "right") - 1],
+        )
+        irregular = np.flatnonzero(self.distance != 1)
+        first, last = np.searchsorted(irregular, begin), np.searchsorted(irregular, asked, "right")
+        first[1:] = np.maximum(first[1:], last[:-1])
+        places = irregular[spans(first, last - first)]
+        distance = self.distance[places]
+        advance = np.minimum(distance, _FAR)
+        advance[distance >= LATE_FROM] = 0
+        advance[step[places] == Step.RESTART] = _FAR
+        return _Heights(advance, places, len(self.counter))
 
     def _settle_few(self, after: U16, late: I64) -> bool:
         """Mend ``before``, ``distance`` and ``after`` behind single late counters; False, and nothing, if in long rows.
