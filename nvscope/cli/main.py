@@ -16,6 +16,7 @@ from nvscope.cli.keys import keys
 from nvscope.cli.packets import packets
 from nvscope.cli.report import report
 from nvscope.cli.simulate import simulate
+from nvscope.cli.threads import start_no_threads
 from nvscope.cli.vars import variables
 from nvscope.errors import CaptureError, ExitCode, NvscopeError
 from nvscope.version import __version__
@@ -58,6 +59,7 @@ _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
 
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
+    start_no_threads()
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # the shell closed it
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
