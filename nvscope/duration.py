@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from fractions import Fraction
 
 UNITS_NS = {
     "d": 86_400_000_000_000,
@@ -28,6 +27,8 @@ def parse_duration(text: str) -> int:
     IEC 61131-3 literals (``T#``, ``TIME#``, ``LT#``, ``LTIME#``) and a sign are accepted, letters in any case.
     Raises ValueError where the text is something else, is no whole number of nanoseconds, or is longer than 366 days.
     """
+    from fractions import Fraction  # noqa: PLC0415  # start-up: few runs are told a duration
+
     rest = text.strip().replace("μ", "µ")
     prefix = _PREFIX.match(rest)
     rest = rest[prefix.end() :] if prefix else rest

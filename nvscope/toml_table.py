@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import re
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from datetime import UTC, datetime
@@ -104,6 +103,8 @@ def read_toml(path: str | Path) -> tuple[dict[str, Any], Place]:
 
     Raises ConfigurationError where the file cannot be read, or, with line and column, is no TOML.
     """
+    import tomllib  # noqa: PLC0415  # start-up: most runs read no such file
+
     place = Place(str(path))
     try:
         with Path(path).open("rb") as file:

@@ -12,7 +12,7 @@ from dissectors.layout import gather_bytes
 from dissectors.sorter import SortedPackets
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import COUNTER_SHIFT, FrameKind, Keys
-from nvscope.engine.runs import order_by, runs_of_lengths, spans
+from nvscope.engine.runs import distinct, order_by, runs_of_lengths, spans
 
 _COMPARE_ROWS = 8192
 
@@ -178,7 +178,7 @@ def _equal_payloads(batch: SortedPackets, rows: DataRows, which: I64) -> Bool:
     payload = [
         packets.offset[rows.packet[row]] + datagram.payload[part[rows.variety[row]]] for row in (which, which - 1)
     ]
-    for size in np.unique(length).tolist():
+    for size in distinct(length).tolist():
         places = np.flatnonzero(length == size)
         for begin in range(0, len(places), _COMPARE_ROWS):
             part = places[begin : begin + _COMPARE_ROWS]

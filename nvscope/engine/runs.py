@@ -22,6 +22,12 @@ def runs_of(numbers: I64) -> tuple[I64, I64]:
     return start, np.append(start[1:], len(numbers))
 
 
+def distinct(numbers: I64) -> I64:
+    """Return the different numbers of an array, rising: what ``np.unique`` does, which imports ``numpy.ma`` first."""
+    ordered: I64 = np.sort(numbers, axis=None)
+    return ordered[runs_of(ordered)[0]]
+
+
 def stable_order(numbers: I64, bound: int) -> I64:
     """Return the order that sorts numbers 0 … bound − 1, equal ones as they came.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nvscope.engine.runs import distinct
 from nvscope.findings.finding import Events
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -39,7 +40,7 @@ class CycleSizes:
         if not len(torn):
             return None
         log = self._cycles.events.rows
-        frames = np.unique(log.frames[torn])
+        frames = distinct(log.frames[torn])
         events = Events(
             int(log.count[torn].sum()),
             int(log.first_ns[torn].min()),

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from nvscope.engine.runs import distinct
 from nvscope.findings.finding import Events
 from nvscope.tracker.buckets import bucket_bounds
 from nvscope.tracker.can.summary import CanStreamSummary
@@ -60,7 +61,7 @@ class UnusualIntervals:
         first_ns, last_ns = stream.first_ns, stream.last_ns
         if not usual:
             first_ns, last_ns = int(rows.first_ns[row].min()), int(rows.last_ns[row].max())
-        frames = np.union1d(rows.frames[row], first_frames[first])
+        frames = distinct(np.append(rows.frames[row], first_frames[first]))
         return Events(count, first_ns, last_ns, tuple(frames[frames > 0][:FRAMES_KEPT].tolist())), doubtful > 0
 
     def gaps(self, stream: AnyStream) -> int:

@@ -80,8 +80,8 @@ def _book(table: LastError, number: I64, time_ns: I64, own: I64, frame: I64, err
     np.add.at(table.count, number, 1)
     order = np.lexsort((error, frame, own, time_ns, number))
     number = number[order]
-    last = order[np.append(np.flatnonzero(number[1:] != number[:-1]), len(number) - 1)]
-    row = np.unique(number)
+    ends = np.append(np.flatnonzero(number[1:] != number[:-1]), len(number) - 1)
+    row, last = number[ends], order[ends]
     known = table.error[row] > 0
     later = ~known | _later(
         (time_ns[last], own[last], frame[last], error[last]),

@@ -191,7 +191,7 @@ class _Walk:
                 break
         else:
             sequences = np.searchsorted(start, np.flatnonzero(changed), "right") - 1
-            self.by_rule[np.flatnonzero(concerned)[np.unique(sequences)]] = True
+            self.by_rule[np.flatnonzero(concerned)[sequences]] = True
         current = top.astype(np.uint16)
         before = np.empty_like(counter)
         before[1:] = current[:-1]

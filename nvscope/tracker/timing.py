@@ -152,7 +152,7 @@ class Timing:
         if fresh.any():
             # The first telegram of a stream ends no interval.
             columns.count[run[fresh]] = 0
-            ends = _Kept(rows, np.union1d(kept.absent, kept.rows(start[fresh])))
+            ends = _Kept(rows, np.sort(np.append(kept.absent, kept.rows(start[fresh]))))
             interval, time_ns = np.delete(interval, start[fresh]), np.delete(time_ns, start[fresh])
         usual = np.ones(len(rows), np.bool_)
         usual[ends.absent] = False

@@ -13,6 +13,7 @@ from dissectors.carried import Carrier
 from dissectors.layout import gather_bytes
 from dissectors.varieties import Varieties
 from nvscope.engine.rows import DataRows
+from nvscope.engine.runs import distinct
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 
@@ -130,7 +131,7 @@ def _by_variety(packet: I64, variety: I64) -> Iterator[tuple[int, I64]]:
     if len(variety) and (variety[0] == variety).all():
         yield int(variety[0]), packet
         return
-    for kind in np.unique(variety).tolist():
+    for kind in distinct(variety).tolist():
         yield kind, packet[variety == kind]
 
 
