@@ -23,23 +23,23 @@ AnyPart = TypeVar("AnyPart", bound=Accumulator)
 class PartedState:
     """What is on the wire, counted in ``parts`` parts by each key that it may be split by.
 
-    ``values`` and ``others`` make those of a part, where they are wanted. ``join`` gives the state that folding all at
-    once gives; it uses the parts up.
+    ``values`` and ``others`` make those of a part, where they are wanted; ``recent`` as for ``TrackerState``. ``join``
+    gives the state that folding all at once gives; it uses the parts up.
     """
 
     by_stream: ClassVar[bool] = True
 
     def __init__(
-        self, parts: int, timeout_ns: int = TIMEOUT_NS, values: Callable[[], Values] | None = None,
-        others: Callable[[], Mapping[str, Accumulator]] = dict,
+        self, parts: int, timeout_ns: int = TIMEOUT_NS, values: Callable[[], Values] | None = None, *,
+        recent: bool = False, others: Callable[[], Mapping[str, Accumulator]] = dict,
     ) -> None:  # fmt: skip
         self._count = parts
         self._timeout_ns = timeout_ns
-        self._values = values
+        self._values, self._recent = values, recent
         self._memory = StreamMemory()
         self._capture = CaptureState()
         self._lists = [ListState(timeout_ns, values() if values else None) for _ in range(parts)]
-        self._senders = [SenderState() for _ in range(parts)]
+        self._senders = [SenderState(recent=recent) for _ in range(parts)]
         self._buses = [BusState() for _ in range(parts)]
         self._make_others = others
         made = [others() for _ in range(parts)]
@@ -66,7 +66,7 @@ class PartedState:
     def join(self) -> TrackerState:
         """Return the parts as one state."""
         values, others = self._values() if self._values else None, self._make_others()
-        state = TrackerState(self._timeout_ns, values=values, others=others)
+        state = TrackerState(self._timeout_ns, values=values, recent=self._recent, others=others)
         state.memory, state.capture = self._memory, self._capture
         for part, share in self._dealt(self._lists):
             state.lists.take(part, share)

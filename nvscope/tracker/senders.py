@@ -21,17 +21,17 @@ class SenderState:
     """The well-formed data telegrams of each sender, and the data frames of each CAN channel.
 
     ``data_telegrams`` counts those on UDP, ``repeated`` those of them that equal the one before in their stream, byte
-    for byte.
+    for byte. ``recent`` are the intervals of the last minute, None unless they are wanted: to keep them takes time.
     """
 
     SPLIT_BY: ClassVar = SplitBy.SENDER
 
-    def __init__(self) -> None:
+    def __init__(self, *, recent: bool = False) -> None:
         self.data_telegrams = 0
         self.repeated = 0
         self.loss = Loss()
         self.timing = Timing()
-        self.recent = Recent()
+        self.recent = Recent() if recent else None
         self.cycles = Cycles()
         self.can_cycles = CanCycles()
 
@@ -54,7 +54,7 @@ class SenderState:
 
     def _observe_intervals(self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps) -> BatchIntervals:
         intervals = self.timing.observe(rows, own, nodes, len(told.keys.streams), told.first_frame)
-        if len(intervals.stream):
+        if self.recent is not None and len(intervals.stream):
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
         return intervals
 
@@ -64,6 +64,7 @@ class SenderState:
         self.repeated += part.repeated
         self.loss.take(part.loss, share)
         self.timing.take(part.timing, share)
-        self.recent.take(part.recent)
+        if self.recent is not None and part.recent is not None:
+            self.recent.take(part.recent)
         self.cycles.take(part.cycles, share)
         self.can_cycles.take(part.can_cycles, share)

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 class TrackerState:
     """What is on the wire: one ``nvscope.tracker.accumulator.Accumulator`` for each way to split it.
 
-    ``memory`` is what is known of the streams, ``values`` are those of the variables, where their definition is known.
-    ``others`` count the protocols beside network variables and CAN, by name.
-    Frame numbers count from 1 across all that was observed.
+    ``memory`` is what is known of the streams, ``values`` are those of the variables, where their definition is known;
+    ``recent`` asks for the intervals of the last minute (``SenderState``). ``others`` count the protocols beside
+    network variables and CAN, by name. Frame numbers count from 1 across all that was observed.
 
     A filter chooses telegrams: flows count these, and only these give values; everything else looks at all telegrams,
     so that no filter makes up a loss.
@@ -39,13 +39,13 @@ class TrackerState:
     by_stream: ClassVar[bool] = True
 
     def __init__(
-        self, timeout_ns: int = TIMEOUT_NS, *, values: Values | None = None,
+        self, timeout_ns: int = TIMEOUT_NS, *, values: Values | None = None, recent: bool = False,
         others: Mapping[str, Accumulator] = MappingProxyType({}),
     ) -> None:  # fmt: skip
         self.memory = StreamMemory()
         self.capture = CaptureState()
         self.lists = ListState(timeout_ns, values)
-        self.senders = SenderState()
+        self.senders = SenderState(recent=recent)
         self.buses = BusState()
         self.others = others
 

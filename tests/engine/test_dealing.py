@@ -48,7 +48,8 @@ def at_once_and_joined(
     channels: Sequence[str] = CHANNELS,
 ) -> tuple[TrackerState, TrackerState]:
     """Return a state that was folded at once, and one that was folded in parts, of the same batches."""
-    whole, parted = TrackerState(values=Values(layouts)), PartedState(parts, values=lambda: Values(layouts))
+    whole = TrackerState(values=Values(layouts), recent=True)
+    parted = PartedState(parts, values=lambda: Values(layouts), recent=True)
     for _ in run(Batches(batches, channels), reading, [whole, parted]):
         pass
     return whole, parted.join()
@@ -57,6 +58,7 @@ def at_once_and_joined(
 def shown(state: TrackerState, definition: Definition | None = None) -> tuple[Any, ...]:
     """Return all that a state says."""
     assert state.values is not None
+    assert state.senders.recent is not None
     recent = state.senders.recent.percentiles((50, 99))
     of_streams = [column.tolist() for column in (recent.stream, recent.count, recent.least_ns, recent.most_ns)]
     percentiles = {percent: column.tolist() for percent, column in recent.at_ns.items()}
@@ -80,7 +82,8 @@ def test_parts_joined_are_the_state_folded_at_once(seed: int, parts: int, expres
 def test_a_joined_state_goes_on_as_if_it_had_been_one(seed: int, parts: int) -> None:
     batches = batches_of(seed, random.Random(seed))
     begun, rest = batches[: len(batches) // 2], batches[len(batches) // 2 :]
-    whole, parted = TrackerState(values=Values(LAYOUTS)), PartedState(parts, values=lambda: Values(LAYOUTS))
+    whole = TrackerState(values=Values(LAYOUTS), recent=True)
+    parted = PartedState(parts, values=lambda: Values(LAYOUTS), recent=True)
     joined: TrackerState | None = None
     for number, told in enumerate(run(Batches([*begun, *rest]), reading_of(None), [whole])):
         if number < len(begun):
