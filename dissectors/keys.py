@@ -14,7 +14,6 @@ _RANDOM = np.frombuffer(os.urandom(8 * 16), np.uint64) | np.uint64(1)
 _MIX = np.uint64(0xC2B2AE3D27D4EB4F)
 _FIRST_ROOM = 256
 _LEAST_BITS = 11
-_USUAL_BITS = 12
 _LEAST_SLOTS_PER_KEY = 8  # so that few keys have to go on to another slot
 
 
@@ -29,7 +28,6 @@ class KeyTable:
         self._bits = _LEAST_BITS
         self._slots = np.full(1 << self._bits, _EMPTY, np.int64)
         self._words = np.empty((width, _FIRST_ROOM), np.uint64)
-        self._usual = np.full(1 << _USUAL_BITS, _EMPTY, np.int64)
         self._count = 0
 
     def __len__(self) -> int:
@@ -75,12 +73,6 @@ class KeyTable:
             wrong = wrong[differs & (candidate != _EMPTY)]
         return found
 
-    def find_usual(self, *words: U64) -> I64:
-        """Return the number of each key that was the first one with its first two words, elsewhere mostly -1. Fast."""
-        usual = self._usual[_pairs(words)]
-        usual[np.flatnonzero(self._differ(usual, words))] = _EMPTY
-        return usual
-
     def _differ(self, number: I64, words: tuple[U64, ...]) -> Bool:
         """Tell where the key of a number is another one; anything where the number is -1."""
         differs: Bool = self._words[0][number] != words[0]
@@ -91,10 +83,6 @@ class KeyTable:
     def _append(self, words: tuple[U64, ...]) -> None:
         first = _first_appearances(words)
         start, self._count = self._count, self._count + len(first)
-        if len(words) > 1:
-            pair = _pairs(tuple(word[first] for word in words[:2]))
-            free = np.flatnonzero(self._usual[pair] == _EMPTY)
-            self._usual[pair[free[::-1]]] = start + free[::-1]
         if self._count > self._words.shape[1]:
             grown = np.empty((len(words), max(self._count, 2 * self._words.shape[1])), np.uint64)
             grown[:, :start] = self._words[:, :start]
@@ -123,16 +111,6 @@ def first_rows(number: I64, bound: int) -> I64:
     # Assigned backwards, so that the first one is what stays.
     first[number[::-1]] = np.arange(len(number))[::-1]
     return first
-
-
-def _pairs(words: tuple[U64, ...]) -> I64:
-    """Return for each key one of 2 ** ``_USUAL_BITS`` slots, by its first two words."""
-    mixed = words[0] * _RANDOM[0]
-    mixed ^= mixed >> np.uint64(32)
-    mixed += words[1] * _RANDOM[1]
-    mixed >>= np.uint64(64 - _USUAL_BITS)
-    pairs: I64 = mixed.view(np.int64)
-    return pairs
 
 
 def _places(words: tuple[U64, ...], bits: int) -> I64:

@@ -1,16 +1,14 @@
-"""The plain shape: the headers of nearly all telegrams, told apart as rows of words without taking them apart.
+"""The plain shape: the headers of nearly all telegrams, told apart as rows of bytes without taking them apart.
 
-Of a stream, only time, Counter and data change. What tells packets of the plain shape apart is a key of some words,
-made for whole batches at once; which key stands for what is learned in ``dissectors.sorter``.
+Of a stream, only time, Counter and data change. What tells packets of the plain shape apart is left of their headers by
+a mask, for whole batches at once; what these keys stand for is learned in ``dissectors.sorter``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from dissectors.batch import I32, I64, U8, U64, Bool, PacketBatch, Records
+from dissectors.batch import I64, U8, U16, U64, Bool, PacketBatch, Records
 from dissectors.claims import Claims
 from dissectors.headers import (
     ETHERNET,
@@ -25,108 +23,85 @@ from dissectors.headers import (
 )
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII
+from dissectors.usual import WORDS
 
 PLAIN = np.dtype([(layout.name, layout.dtype) for layout in (ETHERNET, IPV4, UDP, HEADER)])
 """The headers of nearly all telegrams: Ethernet without tag, IPv4 without options, UDP, 3S-0."""
 
 # Two bytes in front of a packet make the headers a row of 64 bytes, whose 64-bit words part no field.
-LEAD_BYTES = 64 - PLAIN.itemsize
-_WORD = np.dtype("<u8")
-_WORDS = 64 // _WORD.itemsize
+LEAD_BYTES = 8 * WORDS - PLAIN.itemsize
+_WORD, _HALF = np.dtype("<u8"), np.dtype("<u2")
 _ROW = np.dtype([("lead", f"V{LEAD_BYTES}"), *((name, PLAIN[name]) for name in PLAIN.names or ())])
 
-_KEY = (
-    (("ip", "source", 0), ("ip", "destination", 32)),
-    (("nv", "id", 0), ("nv", "index", 32), ("nv", "subindex", 48)),
-    (("nv", "items", 0), ("nv", "length", 16), ("eth", "type", 32), ("nv", "flags", 48), ("nv", "checksum", 56)),
-    (("udp", "length", 0), ("udp", "destination_port", 16), ("nv", "identity", 32)),
-    (("ip", "version_ihl", 0), ("ip", "protocol", 8), ("ip", "total_length", 16), ("ip", "fragment", 48),
-     ("eth", "group", 54)),
-)  # fmt: skip
-"""What tells packets of the plain shape apart: the fields in the words of their key, and the bit where each begins.
-
-The first two words are those that nearly always do.
-"""
+BLOCK = 1 << 12
+"""So many rows stay in the cache while they are looked at."""
 
 _FRAGMENT_BITS = 0x3FFF  # of more fragments, and of the offset
-_PARTLY = {("ip", "fragment"): _FRAGMENT_BITS, ("eth", "group"): 1}
-_CAPTURED_WORD, _CAPTURED_BIT, MOST_CAPTURED = 4, 32, 0xFFFF
-"""Where in the key it stands how much was captured, and from what on that is not told apart."""
+_TELLING: dict[str, dict[str, int | None]] = {
+    "eth": {"group": 1, "type": None},
+    "ip": {
+        "version_ihl": None, "total_length": None, "fragment": _FRAGMENT_BITS, "protocol": None, "source": None,
+        "destination": None,
+    },
+    "udp": {"destination_port": None, "length": None},
+    "nv": {
+        "identity": None, "id": None, "index": None, "subindex": None, "items": None, "length": None, "flags": None,
+        "checksum": None,
+    },
+}  # fmt: skip
+"""What tells packets of the plain shape apart: fields of their headers, None: all bits of them."""
+
+TELLING_WORDS = 3, 4, 6
+"""Words that nearly always tell packets apart: of the source; of destination and port; of ID, Index, SubIndex."""
+
+MOST_CAPTURED = 0xFFFF
+"""So much captured, and more, is not told apart. It takes the place of the bytes in front of the packet."""
+
+_IDENTITY_WORD, _IDENTITY_SHIFT = 5, np.uint64(32)
+_COUNTER_HALF, _CAPTURED_HALF = 30, 0  # 16-bit numbers in a row
 
 
-@dataclass(slots=True)
-class _Part:
-    """Bits of a word of the row, and how far they are moved to their place in a word of the key."""
-
-    word: int
-    left: int
-    mask: int
-
-    def of(self, words: U64) -> U64:
-        """Return these bits, where they belong in a column of the key."""
-        bits: U64 = words[self.word]
-        if self.left:
-            bits = bits << np.uint64(self.left) if self.left > 0 else bits >> np.uint64(-self.left)
-        moved = (1 << 64) - 1 << self.left if self.left > 0 else (1 << 64) - 1 >> -self.left
-        if moved & ~self.mask & (1 << 64) - 1:
-            bits = bits & np.uint64(self.mask)
-        return bits
+def _telling_bits() -> U64:
+    """Return a row in which the bits are set that tell packets apart."""
+    row = np.zeros(1, _ROW)
+    for layout, names in _TELLING.items():
+        for name, bits in names.items():
+            row[layout][name] = np.iinfo(_ROW[layout][name]).max if bits is None else bits
+    return row.view(_WORD).astype(np.uint64)
 
 
-def _parts(fields_of_word: tuple[tuple[str, str, int], ...]) -> list[_Part]:
-    """Find the fields of one word of the key in the row; what is moved equally far is one part."""
-    found: dict[tuple[int, int], _Part] = {}
-    for layout, name, to_bit in fields_of_word:
-        row = np.zeros(1, _ROW)
-        row[layout][name] = _PARTLY.get((layout, name), np.iinfo(_ROW[layout][name]).max)
-        words = row.view(_WORD)
-        word = int(np.flatnonzero(words)[0])
-        offset = int(_ROW.fields[layout][1]) + int(_ROW[layout].fields[name][1])  # type: ignore[index]  # structured
-        left = to_bit - 8 * (offset - word * _WORD.itemsize)
-        mask = int(words[word]) << left if left > 0 else int(words[word]) >> -left
-        part = found.setdefault((word, left), _Part(word, left, 0))
-        part.mask |= mask
-    return list(found.values())
+_TELLING_BITS = np.tile(_telling_bits(), BLOCK)
 
 
-KEY_WORDS = len(_KEY)
-_KEY_PARTS = [_parts(fields_of_word) for fields_of_word in _KEY]
-
-_IDENTITY_WORD, _IDENTITY_SHIFT = 3, np.uint64(32)
-_COUNTER_WORD, _COUNTER_SHIFT = 7, np.uint64(32)
-
-
-def words_of(data: U8, offset: I64) -> U64:
-    """Return the rows of headers at some offsets as columns of words, of shape (8, n).
+def rows_of(data: U8, offset: I64) -> U64:
+    """Return the rows of headers at some offsets, of shape (n, ``WORDS``).
 
     In front of each offset, ``LEAD_BYTES`` bytes can be read.
     """
-    rows = gather_bytes(data, offset - LEAD_BYTES, _WORDS * _WORD.itemsize)
-    words: U64 = np.ascontiguousarray(rows.view(_WORD).reshape(-1, _WORDS).T)
+    rows = gather_bytes(data, offset - LEAD_BYTES, _ROW.itemsize)
+    words: U64 = rows.view(_WORD).reshape(-1, WORDS)
     return words
 
 
-def counters_of(words: U64) -> U64:
+def counters_of(rows: U64) -> U16:
     """Return the Counter in each row."""
-    counters: U64 = words[_COUNTER_WORD] >> _COUNTER_SHIFT
+    counters: U16 = rows.view(_HALF)[:, _COUNTER_HALF]
     return counters
 
 
-def keys_of(words: U64, captured: I32) -> U64:
-    """Return the keys of headers as columns, of shape (``KEY_WORDS``, n)."""
-    key = np.empty((KEY_WORDS, words.shape[1]), np.uint64)
-    for column, (first, *others) in enumerate(_KEY_PARTS):
-        key[column] = first.of(words)
-        for part in others:
-            key[column] |= part.of(words)
-    told = np.minimum(captured, MOST_CAPTURED).astype(np.uint64)
-    key[_CAPTURED_WORD] |= told << np.uint64(_CAPTURED_BIT)
-    return key
+def make_keys(rows: U64, captured: U16) -> None:
+    """Leave in rows of headers nothing but what tells packets apart, and how much was captured."""
+    flat = rows.reshape(-1)
+    # As one column of words: along rows of eight, numpy takes many times as long.
+    for start in range(0, len(flat), len(_TELLING_BITS)):
+        part = flat[start : start + len(_TELLING_BITS)]
+        part &= _TELLING_BITS[: len(part)]
+    rows.view(_HALF)[:, _CAPTURED_HALF] = captured
 
 
-def have_identity(key: U64, captured: I32) -> Bool:
+def have_identity(keys: U64, captured: U16) -> Bool:
     """Tell which headers, by their keys, were captured whole, have the identity of a telegram, and no odd length."""
-    identity = key[_IDENTITY_WORD] >> _IDENTITY_SHIFT
+    identity = keys[:, _IDENTITY_WORD] >> _IDENTITY_SHIFT
     told: Bool = (captured >= PLAIN.itemsize) & (captured < MOST_CAPTURED)
     told &= (identity == IDENTITY) | (identity == IDENTITY_ASCII)
     return told

@@ -17,24 +17,26 @@ from dissectors.claims import NO_CLAIMS, Claims
 from dissectors.keys import KeyTable, first_rows
 from dissectors.netvar import Dissection, PortRules, TelegramBatch, dissect
 from dissectors.plain import (
-    KEY_WORDS,
+    BLOCK,
     LEAD_BYTES,
+    MOST_CAPTURED,
+    TELLING_WORDS,
     are_claimed,
     counters_of,
     have_identity,
     heads_of,
     is_plain,
-    keys_of,
+    make_keys,
     may_hold_telegrams,
-    words_of,
+    rows_of,
 )
 from dissectors.transport import NO_DATAGRAMS, DatagramBatch, SegmentBatch
+from dissectors.usual import WORDS, UsualRows
 from dissectors.varieties import NO_TELEGRAM, Varieties
 
 MOST_VARIETIES = 1 << 16
 """With more than these, what was learned is let go: traffic in which nothing recurs must not fill the memory."""
 
-_BLOCK = 1 << 14  # a block of rows stays in the cache while its columns are made
 _UNKNOWN, _PECULIAR = -1, -2
 _WITHOUT_CAN = frozenset(LinkType) - {LinkType.CAN_SOCKETCAN, LinkType.LINUX_SLL, LinkType.LINUX_SLL2}
 
@@ -82,7 +84,8 @@ class Sorter:
 
     def _renew(self) -> None:
         self._varieties = Varieties()
-        self._headers = KeyTable(KEY_WORDS)
+        self._headers = KeyTable(WORDS)
+        self._usual = UsualRows(TELLING_WORDS)
         # By number of the headers; the last entry is that of headers without a number.
         self._variety_of = np.array([_UNKNOWN])
 
@@ -140,18 +143,20 @@ class Sorter:
     def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
         """Return the varieties that the headers of packets tell (or ``_UNKNOWN``, ``_PECULIAR``), and the counters."""
         number, counter = np.empty(len(packets), np.int64), np.empty(len(packets), np.uint16)
-        for start in range(0, len(packets), _BLOCK):
-            part = slice(start, start + _BLOCK)
-            words = words_of(packets.data, packets.offset[part])
-            number[part] = self._headers.find_usual(*keys_of(words, packets.captured[part]))
-            counter[part] = counters_of(words)
+        captured = np.minimum(packets.captured, MOST_CAPTURED).astype(np.uint16)
+        for start in range(0, len(packets), BLOCK):
+            part = slice(start, start + BLOCK)
+            rows = rows_of(packets.data, packets.offset[part])
+            counter[part] = counters_of(rows)
+            make_keys(rows, captured[part])
+            number[part] = self._usual.find(rows)
         other = np.flatnonzero(number < 0)
         if len(other):
-            captured = packets.captured[other]
-            key = keys_of(words_of(packets.data, packets.offset[other]), captured)
-            told = have_identity(key, captured)
+            keys, captured = rows_of(packets.data, packets.offset[other]), captured[other]
+            make_keys(keys, captured)
+            told = have_identity(keys, captured)
             known, other = len(self._headers), other[told]
-            number[other] = self._headers.numbers(*(word[told] for word in key))
+            number[other] = self._headers.numbers(*keys[told].T)
             fresh = other[number[other] >= known]
             if len(fresh):
                 self._learn(packets, fresh, number[fresh])
@@ -170,3 +175,5 @@ class Sorter:
         own = np.flatnonzero(plain[place])
         learned[place[own]] = self._varieties.numbers(telegrams.take(own), packets)
         self._variety_of = np.concatenate([self._variety_of[:-1], learned, [_UNKNOWN]])
+        rows_of_new = np.stack([word[known:] for word in self._headers.words], axis=1)
+        self._usual.add(rows_of_new, np.arange(known, len(self._headers)))
