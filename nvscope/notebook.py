@@ -26,7 +26,7 @@ from nvscope.capture.content import STDIN
 from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project, read_project
 from nvscope.errors import UsageError
-from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, STREAM_FIGURES
+from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
 
 if TYPE_CHECKING:
     import polars as pl
@@ -126,8 +126,8 @@ class Captures:
                 rows.append({"list": entry["key"]} | stream | intervals)
         kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "cob_id": int, "remote": int}
         kinds |= {"telegrams": int, "counter_scope": str}
-        kinds |= dict.fromkeys(STREAM_FIGURES, int) | {"items": int, "length": int, "checksum": int}
-        kinds |= {"interval_count": int} | {f"interval_{name}": "duration" for name in _INTERVALS}
+        kinds |= {one.key(Of.STREAM): int for one in STREAM_COUNTERS} | {"items": int, "length": int, "checksum": int}
+        kinds |= {one.name: _KIND_OF_UNIT.get(one.unit, int) for one in INTERVALS}
         return _frame(rows, kinds)
 
     @cached_property
@@ -260,8 +260,7 @@ class Captures:
 
 
 _Kind = type | list[type] | Literal["time", "duration"]
-_KIND_OF_UNIT: dict[str, _Kind] = {"ns": "time", "": str}
-_INTERVALS = ("min", "mean", "max", "stddev", "p50", "p95", "p99", "nominal")
+_KIND_OF_UNIT: dict[str, _Kind] = {"time": "time", "ns": "duration", "": str}
 
 
 def _number(value: object) -> float | None:

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.tracker.counters import LIST_COUNTERS, DiagError
+from nvscope.tracker.diagnosis import DiagError
+from nvscope.tracker.figures import LIST_COUNTERS
 from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import LINKS, generate, mutate

@@ -1,4 +1,4 @@
-"""``nvscope explain``: what a finding means."""
+"""``nvscope explain``: what a finding means, or what a figure tells."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, width
 
 
 def explain(
-    code: Annotated[str | None, typer.Argument(help="A code or name: NV301, 301, no-acknowledgement.")] = None,
+    code: Annotated[
+        str | None, typer.Argument(help="A finding or a figure: NV301, 301, no-acknowledgement, lost, list.jitter.")
+    ] = None,
     colour: ColourOption = "auto",
 ) -> None:
-    """Tell what a finding means, its usual causes, and what to do; without CODE, list all findings."""
+    """Tell what a finding means, its usual causes, and what to do, or what a figure tells; without CODE, list all
+    findings."""
     from nvscope.report import explain as face
 
     shown = colour_wanted(colour)

@@ -1,4 +1,4 @@
-"""What a finding means: the catalogue, for people at a terminal."""
+"""What a finding means, and what a figure tells: the catalogue and the table of figures, for people at a terminal."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.kind import FindingKind
 from nvscope.report.ansi import paint
 from nvscope.report.content import status
+from nvscope.report.explain_figure import figure_called, figure_lines
+from nvscope.tracker.figures import FIGURES
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
@@ -16,13 +18,23 @@ _MIN_WIDTH = 40
 _TEXT_WIDTH = 90
 
 
-def render(code: str, *, colour: bool = False, width: int = 80) -> str:
-    """Return meaning, usual causes and next steps of a kind of finding.
+def render(name: str, *, colour: bool = False, width: int = 80) -> str:
+    """Return meaning, usual causes and next steps of a kind of finding, or what a figure tells and where.
 
-    ``code`` may be a code, its number alone, or a name, in any case: ``NV301``, ``301``, ``no-acknowledgement``.
-    UsageError, with the nearest known ones, for anything else.
+    ``name`` may be a code, its number alone, or a name, in any case: ``NV301``, ``301``, ``no-acknowledgement``,
+    ``lost``, ``list.lost``. Of a name that both have, both are told. UsageError, with the nearest known ones, for
+    anything else.
     """
-    return paint(_lines(find(code), min(max(width, _MIN_WIDTH), _TEXT_WIDTH)), colour=colour)
+    width = min(max(width, _MIN_WIDTH), _TEXT_WIDTH)
+    kind, figure = _kind(name), figure_called(name.strip().lower())
+    if kind is None and figure is None:
+        raise UsageError(f"no finding or figure is called {visible(name)!s}", next_step=_nearest(name.strip().lower()))
+    lines: list[Line] = []
+    if kind is not None:
+        lines += _lines(kind, width)
+    if figure is not None:
+        lines += [[], *figure_lines(figure, width)] if lines else figure_lines(figure, width)
+    return paint(lines, colour=colour)
 
 
 def overview(*, colour: bool = False, width: int = 80) -> str:
@@ -30,13 +42,13 @@ def overview(*, colour: bool = False, width: int = 80) -> str:
     return paint(_overview(max(width, _MIN_WIDTH)), colour=colour)
 
 
-def find(code: str) -> FindingKind:
-    """Return the kind that a code, its number or a name stands for."""
+def _kind(code: str) -> FindingKind | None:
+    """Return the kind that a code, its number or a name stands for, None if there is none."""
     wanted = code.strip().lower()
     for kind in CATALOGUE.values():
         if wanted in {kind.code.lower(), kind.code[2:], kind.name}:
             return kind
-    raise UsageError(f"no finding is called {visible(code)!s}", next_step=_nearest(wanted))
+    return None
 
 
 def _overview(width: int) -> Iterator[Line]:
@@ -60,9 +72,14 @@ def _nearest(wanted: str) -> str:
     words = {word: kind for kind in CATALOGUE.values() for word in (kind.code.lower(), kind.code[2:], kind.name)}
     near = {words[word].code for word in get_close_matches(wanted, words, n=5)}
     close = [kind for kind in CATALOGUE.values() if kind.code in near or (len(wanted) > 2 and wanted in kind.name)]
-    if not close:
-        return "`nvscope explain` without a code lists all findings"
-    return "perhaps " + ", ".join(f"{kind.code} {kind.name}" for kind in close)
+    told = [f"{kind.code} {kind.name}" for kind in close]
+    figures = {figure.name.lower(): figure.name for figure in FIGURES}
+    for kind in close:
+        figures.pop(kind.name, None)
+    told += [figures[word] for word in get_close_matches(wanted.rpartition(".")[2], figures, n=3)]
+    if not told:
+        return "`nvscope explain` without a code lists all findings, `nvscope keys --fields` all figures"
+    return f"perhaps {', '.join(told)}"
 
 
 def _lines(kind: FindingKind, width: int) -> Iterator[Line]:

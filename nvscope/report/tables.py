@@ -11,7 +11,7 @@ from typing import Any
 
 from nvscope import units
 from nvscope.report.content import Clock, Report, Row, findings_by_list, nanoseconds, node_names, status, worst
-from nvscope.tracker.counters import DIAGNOSIS
+from nvscope.tracker.figures import DIAGNOSIS
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Tone
 
 NOTHING = "-"
@@ -77,7 +77,7 @@ def diagnosis_rows(diags: Sequence[Row], clock: Clock) -> list[list[Cell]]:
         values = [diag[counter.name] for diag in diags]
         label = Cell(counter.name)
         below: list[Cell] = []
-        if counter.unit == "ns":
+        if counter.unit == "time":
             times = [nanoseconds(value) for value in values]
             rows.append([label, *(_known(time, clock.moment, NOTHING) for time in times)])
             below = [Cell("  since start", Tone.FAINT), *(_known(time, clock.since_start, "") for time in times)]

@@ -19,8 +19,9 @@ from nvscope.engine.keys import Keys
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import spans
-from nvscope.tracker.counters import DiagError
+from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents
+from nvscope.tracker.latency import Latencies
 from nvscope.tracker.sightings import NO_PACKET, Sightings
 
 NEVER = np.iinfo(np.int64).min
@@ -173,13 +174,14 @@ def _first_greater(values: I64, start: I64, bound: I64) -> I64:
 
 
 class Acknowledgement:
-    """The open waits of all streams and of all boot-up requests."""
+    """The open waits of all streams and of all boot-up requests, and how long those took that were answered."""
 
     def __init__(self, timeout_ns: int = TIMEOUT_NS) -> None:
         self.timeout_ns = timeout_ns
         self.waits = WaitColumns()
         self.places = PlaceColumns()
         self.boot_up_waits = NO_WAITS
+        self.latencies = Latencies()
 
     def observe(
         self, rows: DataRows, acknowledgements: Messages, requests: Messages, time_ns: I64, keys: Keys,
@@ -208,6 +210,7 @@ class Acknowledgement:
         self.places.take(part.places, share.places)
         waits = self.boot_up_waits.followed_by(part.boot_up_waits)
         self.boot_up_waits = waits.take(np.argsort(waits.frame))
+        self.latencies.take(part.latencies, share)
 
     def overdue(self, at_ns: int) -> Overdue:
         """Return the open waits whose deadline is before a time."""
@@ -254,6 +257,9 @@ class Acknowledgement:
         late = expired < len(clock)
         again = ~late & (following < answer)
         stays = np.flatnonzero(~late & (answer == NO_PACKET) & (following == NO_PACKET))
+        answered = np.flatnonzero(~late & ~again & (answer != NO_PACKET))
+        took_ns = clock.time_ns[answer[answered]] - wait_since[answered]
+        self.latencies.observe(wait_stream[answered], took_ns, len(keys.streams))
         waits.open[open_streams] = False
         waits.open[wait_stream[stays]] = True
         waits.since_ns[wait_stream[stays]] = wait_since[stays]

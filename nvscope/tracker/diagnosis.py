@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 
 @dataclass(slots=True)
@@ -23,3 +24,31 @@ class Diagnosis:
     def blank(self) -> bool:
         """True where nothing was counted."""
         return not (self.nSendCount or self.nReceiveCount or self.nWriteCount or self.nErrorCount or self.nAcknowledges)
+
+
+class DiagError(IntEnum):
+    """Errors of a controller's diagnosis structure, numbered as NetVarUDPDiagStruct.sLastError."""
+
+    NOERROR = 0
+    UDPSENDATA = 1
+    UDPSENDACKN = 2
+    NOACKNOWLEDGEMENT = 3
+    NOTACKNOWLEDGED = 4
+    UDPSENDBOOTUPREQUEST = 5
+    UDPANSWERBOOTUPREQUEST = 6
+    CHECKSUM = 7
+    UDPNETWORKMANAGER_NOT_READY = 20  # cannot be observed
+    UNKNOWN = 100  # cannot be observed
+
+
+ERROR_ORDER = (
+    DiagError.NOERROR,
+    DiagError.NOACKNOWLEDGEMENT,
+    DiagError.NOTACKNOWLEDGED,
+    DiagError.CHECKSUM,
+    DiagError.UDPANSWERBOOTUPREQUEST,
+    DiagError.UDPSENDATA,
+    DiagError.UDPSENDACKN,
+    DiagError.UDPSENDBOOTUPREQUEST,
+)
+"""Which of several errors at the same time is the last one: the later in this order."""

@@ -11,7 +11,7 @@ from dissectors.batch import I64, Bool
 from dissectors.keys import KeyTable
 from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
-from nvscope.tracker.counters import ERROR_ORDER, DiagError
+from nvscope.tracker.diagnosis import ERROR_ORDER, DiagError
 
 
 class LastError(KeyedColumns):

@@ -11,6 +11,14 @@ from nvscope.engine.runs import runs_of
 from nvscope.tracker.buckets import bucket_bounds
 from nvscope.tracker.timing import UNUSUAL_STREAM_BIT, Timing, key_parts
 
+UNKNOWN_LEAST, UNKNOWN_MOST = np.iinfo(np.int64).min, np.iinfo(np.int64).max
+"""What stands for extremes that nobody knows, such as those of a difference: everything lies within them."""
+
+
+def known_extreme(interval_ns: int) -> int | None:
+    """Return an extreme, None where it is not known."""
+    return None if interval_ns in (UNKNOWN_LEAST, UNKNOWN_MOST) else interval_ns
+
 
 @dataclass(frozen=True, slots=True)
 class StreamPercentiles:
@@ -97,17 +105,25 @@ class Histograms:
         np.subtract.at(count, np.searchsorted(whole.bucket, bucket[lossy]), self._rows.count[row[lossy]])
         return Histogram(whole.bucket, count, whole.least_ns, whole.most_ns)
 
-    def percentiles(self, percents: tuple[int, ...]) -> StreamPercentiles:
-        """Return the percentiles of all streams that have intervals."""
+    def percentiles(self, percents: tuple[int, ...], group_of: I64 | None = None) -> StreamPercentiles:
+        """Return the percentiles of all streams that have intervals.
+
+        With ``group_of``, those of streams taken together: it has the group of each stream, -1 for none, and ``stream``
+        of the result is the group.
+        """
         columns = self._columns
         stream, place = np.nonzero(columns.column("dense"))
         streams = np.concatenate([stream, self._stream])
         buckets = np.concatenate([place + columns.first_bucket[stream], key_parts(self._key)[0]])
         counts = np.concatenate([columns.dense[stream, place], self._rows.count[self._order]])
-        order = np.lexsort((buckets, streams))
-        streams = streams[order]
-        extremes = columns.least_ns[streams], columns.most_ns[streams]
-        return percentiles_of_streams(percents, streams, buckets[order], counts[order], *extremes)
+        groups = streams if group_of is None else group_of[streams]
+        # In the difference of two histograms, some rows are empty.
+        own = (counts > 0) & (groups >= 0)
+        if not own.all():
+            streams, buckets, counts, groups = streams[own], buckets[own], counts[own], groups[own]
+        order = np.lexsort((buckets, groups))
+        extremes = columns.least_ns[streams[order]], columns.most_ns[streams[order]]
+        return percentiles_of_streams(percents, groups[order], buckets[order], counts[order], *extremes)
 
 
 @dataclass(frozen=True, slots=True)

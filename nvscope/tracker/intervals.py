@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from nvscope.tracker.histograms import Histograms, StreamPercentiles
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.tracker.histograms import Histograms, StreamPercentiles, known_extreme
 from nvscope.tracker.timing import Timing
+from nvscope.units import divide
 
 CYCLIC_SPREAD_PERCENT = 50
 """A stream is cyclic where its p5 and p95 are no further apart than this share of the median."""
@@ -36,12 +42,16 @@ class IntervalFigures:
         return 100 * (self.p99 - self.p50) / self.nominal
 
 
+NO_INTERVALS = IntervalFigures(0)
+
+
 class StreamIntervals:
     """The intervals of all streams over the whole run, from one look at them."""
 
     def __init__(self, timing: Timing) -> None:
         self._timing = timing
-        self._rows = _rows(Histograms(timing).percentiles(_PERCENTS))
+        self._histograms = Histograms(timing)
+        self._rows = _rows(self._histograms.percentiles(_PERCENTS))
 
     def of(self, stream: int, nominal: int | None = None) -> IntervalFigures:
         """Return those of a stream; ``nominal`` is what is told of one that should have an interval."""
@@ -50,6 +60,30 @@ class StreamIntervals:
             return IntervalFigures(0, nominal=nominal)
         timing, known = self._timing, _figures(row, nominal)
         return replace(known, mean=timing.mean_ns(stream), deviation=timing.deviation_ns(stream))
+
+    def together(self, group_of: I64, nominal: Mapping[int, int | None]) -> dict[int, IntervalFigures]:
+        """Return those of streams taken together, by group; of a deviation nothing is said.
+
+        ``group_of`` has the group of each stream, -1 for none, ``nominal`` is what is told of some groups. Groups
+        without intervals are not there.
+        """
+        grouped = np.flatnonzero(group_of >= 0)
+        alone = np.bincount(group_of[grouped])[group_of[grouped]] == 1
+        found = {
+            group: replace(self.of(stream, nominal.get(group)), deviation=None)
+            for stream, group in zip(grouped[alone].tolist(), group_of[grouped[alone]].tolist(), strict=True)
+            if stream in self._rows
+        }
+        if alone.all():
+            return found
+        several = group_of.copy()
+        several[grouped[alone]] = -1
+        total_ns: dict[int, int] = defaultdict(int)
+        for group, own_ns in zip(several.tolist(), self._timing.columns.column("total_ns").tolist(), strict=False):
+            total_ns[group] += own_ns
+        for group, row in _rows(self._histograms.percentiles(_PERCENTS, several)).items():
+            found[group] = replace(_figures(row, nominal.get(group)), mean=divide(total_ns[group], row[0]))
+        return found
 
 
 _PERCENTS = (5, 50, 95, 99)
@@ -66,4 +100,14 @@ def _rows(known: StreamPercentiles) -> dict[int, _Row]:
 def _figures(row: _Row, nominal: int | None) -> IntervalFigures:
     count, least, most, p5, p50, p95, p99 = row
     cyclic = p50 > 0 and 100 * (p95 - p5) <= CYCLIC_SPREAD_PERCENT * p50
-    return IntervalFigures(count, least, None, most, None, p50, p95, p99, nominal or (p50 if cyclic else None))
+    return IntervalFigures(
+        count,
+        known_extreme(least),
+        None,
+        known_extreme(most),
+        None,
+        p50,
+        p95,
+        p99,
+        nominal or (p50 if cyclic else None),
+    )

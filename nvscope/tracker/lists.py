@@ -23,7 +23,7 @@ from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messages
 from nvscope.tracker.consistency import Consistency
-from nvscope.tracker.counters import DiagError
+from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog

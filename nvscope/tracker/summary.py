@@ -18,11 +18,13 @@ from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.capture import CaptureSummary
-from nvscope.tracker.counters import ERROR_ORDER, FIGURES, SCOPE_NAMES, SCOPE_UNUSED, Scope
-from nvscope.tracker.diagnosis import Diagnosis
+from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope
+from nvscope.tracker.diagnosis import ERROR_ORDER, Diagnosis
 from nvscope.tracker.errors import LastError
+from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
 from nvscope.tracker.state import TrackerState
+from nvscope.tracker.together import Together, counted_together, taken_together
 
 UNUSED_FROM_TELEGRAMS = 8
 _ERRATIC_FROM = 100
@@ -97,6 +99,7 @@ class Summary:
     capture: CaptureSummary = field(default_factory=CaptureSummary)
     timeout_ns: int = TIMEOUT_NS
     can: CanSummary = field(default_factory=CanSummary)
+    together: Together = field(default_factory=Together)
 
     @property
     def start_ns(self) -> int | None:
@@ -155,7 +158,8 @@ def summarize(
     can = summarize_can(state, intervals, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
     timeout_ns = state.lists.acknowledgement.timeout_ns
     capture = state.capture.summary(state.buses.frames)
-    return Summary(on_udp, addresses, order, scopes, capture, timeout_ns, can)
+    together = taken_together(state, intervals, intervals_ns)
+    return Summary(on_udp, addresses, order, scopes, capture, timeout_ns, can, together)
 
 
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
@@ -342,7 +346,7 @@ def _add_streams(
             last_ns=int(memory.last_ns[stream]),
             scope=scope,
             counter_scope=SCOPE_UNUSED if unused else SCOPE_NAMES[scope],
-            figures=_figures(state, stream, scope) if counting else dict.fromkeys(FIGURES, 0),
+            figures=_figures(state, stream, scope) if counting else dict.fromkeys(BY_SCOPE, 0),
             intervals=whole,
             items=signature & 0xFFFF,
             length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
@@ -356,7 +360,7 @@ def _add_streams(
 def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
     loss = state.senders.loss.streams
     walk = min(scope, Scope.NODE_TELEGRAM)
-    return {name: int(getattr(loss, name)[stream, scope if name == "duplicates" else walk]) for name in FIGURES}
+    return {name: int(getattr(loss, name)[stream, scope if name == "duplicates" else walk]) for name in BY_SCOPE}
 
 
 def _count(state: TrackerState, lists: list[ListSummary]) -> None:
@@ -373,13 +377,8 @@ def _count(state: TrackerState, lists: list[ListSummary]) -> None:
         mismatches[number] += mismatched
     table = state.lists.columns
     for entry in lists:
-        number, streams = entry.number, entry.streams
-        figures: dict[str, int | None] = {name: sum(stream.figures[name] for stream in streams) for name in FIGURES}
-        figures["lost_claimed"] = figures["lost"]
-        if any(stream.erratic for stream in streams):
-            figures["lost"] = None
-        figures["longest_gap"] = max((stream.figures["longest_gap"] for stream in streams), default=0)
-        entry.counters = figures | {
+        number = entry.number
+        entry.counters = counted_together(entry.streams) | {
             "malformed": malformed[number],
             "truncated": int(table.truncated[number]),
             "missing_acknowledgements": int(table.missing_acknowledgements[number]),

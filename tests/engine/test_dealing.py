@@ -22,8 +22,11 @@ from nvscope.engine.run import run
 from nvscope.findings.judge import judge
 from nvscope.simulate.scenario import load_scenario
 from nvscope.simulate.simulator import channels_of, simulate
+from nvscope.tracker.figures import figures_of
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
+from nvscope.tracker.subjects import subjects
+from nvscope.tracker.summary import summarize
 from nvscope.tracker.variables.values import Values
 from nvscope.view.documents.variables import variables_document
 from tests.definition.lists import INT, LREAL, list_of
@@ -66,7 +69,12 @@ def shown(state: TrackerState, definition: Definition | None = None) -> tuple[An
     overdue = judge(state, at_ns=None if end_ns is None else end_ns + 10_000_000_000, definition=definition)
     faults = state.buses.faults
     of_frames = sorted(zip(*faults.keys.words, faults.rows.column("count"), strict=True))
-    return document_of(state), overdue, of_frames, variables_document(state, state.values), of_streams, percentiles
+    measured = [
+        (one.list, one.node, one.subindex, [figure.read(one.measured) for figure in figures_of(one.of)])
+        for one in subjects(summarize(state))
+    ]
+    variables = variables_document(state, state.values)
+    return document_of(state), overdue, of_frames, variables, of_streams, percentiles, measured
 
 
 @given(st.integers(0, 10_000), st.integers(1, 5), st.sampled_from([None, "nv.index == 7", "frame.number % 3 != 0"]))

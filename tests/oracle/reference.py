@@ -21,6 +21,7 @@ begin with an underscore; ``compare`` knows them.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -421,6 +422,7 @@ class Tracker:
         self.nodes: dict[Address, Node] = {}
         self.acknowledgement_waits: dict[StreamKey, Wait] = {}
         self.boot_up_waits: list[Wait] = []
+        self.latencies: dict[StreamKey, list[int]] = defaultdict(list)
         self.findings: dict[tuple[str, ListKey | None, Address | None, int | None], Finding] = {}
 
     def find(
@@ -597,7 +599,8 @@ class Tracker:
             awaited = (stream_key.list_key, stream_key.subindex) == (key, seen.subindex)
             addressed = seen.broadcast or seen.destination == stream_key.node
             if awaited and addressed and seen.source != stream_key.node:
-                del self.acknowledgement_waits[stream_key]
+                wait = self.acknowledgement_waits.pop(stream_key)
+                self.latencies[stream_key].append(seen.time - wait.opened.time)
         if seen.flags & CHECKSUM_INVALID:
             blamed: Address | None = seen.destination
             if seen.broadcast:
@@ -896,6 +899,7 @@ def stream_report(tracker: Tracker, at: StreamKey, stream: Stream, uncertain: li
         "overtaken": len(figures.overtaken),
         "restarts": len(figures.restarts),
         "interval_ns": timing.report(),
+        "_latencies_ns": sorted(tracker.latencies[at]),
         "items": stream.last.items,
         "length": stream.last.length,
         "checksum": stream.last.checksum if stream.last.flags & CHECKSUM_PRESENT else None,

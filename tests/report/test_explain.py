@@ -8,10 +8,11 @@ import pytest
 from nvscope.errors import ExitCode, UsageError
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.report import explain
+from nvscope.tracker.figures import FIGURES, PLACES, Figure, Of
 from nvscope.view.lines.table import display_width
 
 
-@pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905"])
+@pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "lost", "jitter"])
 def test_golden(code: str, golden: Callable[[str, str], None]) -> None:
     golden(f"explain-{code}.txt", explain.render(code))
 
@@ -32,6 +33,36 @@ def test_everything_of_the_catalogue_is_told_within_the_width(code: str) -> None
         assert re.sub(r"\x1b\[[0-9;]+m", "", explain.render(code, width=width, colour=True)) == shown
 
 
+@pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.name)
+def test_every_figure_is_told_within_the_width(figure: Figure) -> None:
+    for width in (40, 80, 200):
+        shown = explain.render(figure.name, width=width)
+        assert max(display_width(line) for line in shown.splitlines()) <= width
+        told = " ".join(shown.split())
+        assert figure.help[1:] in told
+        assert figure.joins.value in told
+    for of in figure.of:
+        assert f" {of.value} in " in told
+        assert (of is Of.STREAM) is not (f"in expressions {of.value}.{figure.name}," in told)
+        assert (of in figure.keys) is (f"in report --json {PLACES[of]}.{figure.keys.get(of)} " in told)
+    assert told.count("in no report") == len(set(figure.of) - set(figure.keys))
+
+
+@pytest.mark.parametrize("word", ["lost", "LOST", "list.lost", " node.lost", "stream.lost"])
+def test_a_figure_may_be_written_as_in_expressions(word: str) -> None:
+    assert explain.render(word) == explain.render("lost")
+
+
+@pytest.mark.parametrize("word", ["bus.lost", "list.load", "lost.list", ".", "", "list."])
+def test_a_word_that_expressions_do_not_have_is_no_figure(word: str) -> None:
+    with pytest.raises(UsageError):
+        explain.render(word)
+
+
+def test_a_name_of_both_tells_finding_and_figure() -> None:
+    assert explain.render("jitter") == explain.render("NV502") + "\n" + explain.render("list.jitter")
+
+
 @pytest.mark.parametrize("code", ["NV301", "nv301", "301", " Nv301 ", "no-acknowledgement", "No-Acknowledgement"])
 def test_a_code_may_be_written_in_many_ways(code: str) -> None:
     assert explain.render(code) == explain.render("NV301")
@@ -39,7 +70,15 @@ def test_a_code_may_be_written_in_many_ways(code: str) -> None:
 
 @pytest.mark.parametrize(
     ("code", "nearest"),
-    [("NV310", "NV301"), ("no-acknowledgment", "NV301"), ("ack", "NV302"), ("jiter", "NV502"), ("NV999", "NV90")],
+    [
+        ("NV310", "NV301"),
+        ("no-acknowledgment", "NV301"),
+        ("ack", "NV302"),
+        ("jiter", "NV502"),
+        ("NV999", "NV90"),
+        ("lots", "lost"),
+        ("list.interval_p5", "interval_p50"),
+    ],
 )
 def test_an_unknown_code_is_answered_with_the_nearest(code: str, nearest: str) -> None:
     with pytest.raises(UsageError) as caught:

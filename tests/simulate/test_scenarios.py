@@ -9,7 +9,7 @@ import pytest
 
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario import load_scenario
-from nvscope.tracker.counters import LIST_COUNTERS
+from nvscope.tracker.figures import LIST_COUNTERS
 from tests.simulate.collected import run
 
 SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))

@@ -13,7 +13,10 @@ from nvscope.tracker.can.bus import BitRate, BusLoad, CanBusSummary
 from nvscope.tracker.can.canopen import CanOpenNode, Emergency
 from nvscope.tracker.can.errors import BusErrors
 from nvscope.tracker.can.summary import CanSummary
+from nvscope.tracker.figures import BUS_COUNTERS, Of
+from nvscope.tracker.measured import Measured
 from nvscope.view.documents.can_lists import canopen_label
+from nvscope.view.documents.figures import figure_row
 
 MOST_SECONDS = 86_400
 """The load of so many seconds is told one by one."""
@@ -54,12 +57,7 @@ def _bus(bus: CanBusSummary, known: _Names) -> dict[str, Any]:
         )
     return {
         "channel": bus.channel,
-        "frames": bus.frames,
-        "seconds": bus.seconds,
-        "bits": bus.bits,
-        "fast_bits": bus.fast_bits,
-        "peak_bits": bus.peak_bits,
-        "worst_bits": bus.worst_bits,
+        **figure_row(BUS_COUNTERS, Of.BUS, Measured(telegrams=bus.frames, bus=bus)),
         "bit_rate": _bit_rate(bus.bit_rate),
         "load": _load(bus.load),
         "identifiers": identifiers,

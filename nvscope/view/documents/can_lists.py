@@ -12,14 +12,14 @@ from dissectors.can.canopen import title_of
 from dissectors.can.pdo import EXTENDED
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
-from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
-from nvscope.view.documents.diagnosis import diagnosis_row
-from nvscope.view.documents.intervals import interval_row
+from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
+from nvscope.tracker.subjects import Measures
+from nvscope.view.documents.figures import figure_row
 
 
-def can_list(entry: CanListSummary, names: Mapping[ListKey, str]) -> dict[str, Any]:
+def can_list(entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures) -> dict[str, Any]:
     """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without."""
-    name = told_of(names, entry.key)
+    name, measured = told_of(names, entry.key), measures.of_list(entry)
     return {
         "key": str(entry.key),
         "transport": entry.key.transport.value,
@@ -29,10 +29,10 @@ def can_list(entry: CanListSummary, names: Mapping[ListKey, str]) -> dict[str, A
         "canopen": canopen_label(entry, entry.key.identifier, defined=name is not None),
         "senders": [],
         "readers": [],
-        "diag": diagnosis_row(entry.diagnosis),
-        "counters": dict.fromkeys(counter.name for counter in LIST_COUNTERS),
+        "diag": figure_row(DIAGNOSIS, Of.LIST, measured),
+        "counters": figure_row(LIST_COUNTERS, Of.LIST, measured),
         "nodes": [],
-        "streams": [_stream(stream) for stream in entry.streams],
+        "streams": [_stream(stream, measures) for stream in entry.streams],
     }
 
 
@@ -44,7 +44,8 @@ def canopen_label(entry: CanListSummary, cob_id: int, *, defined: bool) -> str |
     return None if defined or entry.extended else title_of(cob_id) or None
 
 
-def _stream(stream: CanStreamSummary) -> dict[str, Any]:
+def _stream(stream: CanStreamSummary, measures: Measures) -> dict[str, Any]:
+    measured = measures.of_stream(stream)
     return {
         "node": None,
         "subindex": stream.subindex,
@@ -53,8 +54,8 @@ def _stream(stream: CanStreamSummary) -> dict[str, Any]:
         "telegrams": stream.telegrams,
         "remote": stream.remote,
         "counter_scope": None,
-        **dict.fromkeys(STREAM_FIGURES),
-        "interval_ns": interval_row(stream.intervals),
+        **figure_row(STREAM_COUNTERS, Of.STREAM, measured),
+        "interval_ns": figure_row(INTERVALS, Of.STREAM, measured),
         "items": None,
         "length": stream.length,
         "checksum": None,

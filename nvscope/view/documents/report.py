@@ -14,13 +14,13 @@ from nvscope.capture.source import SourceInfo
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.can.summary import CanListSummary
-from nvscope.tracker.counters import LIST_COUNTERS, STREAM_FIGURES
+from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
+from nvscope.tracker.subjects import Measures
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 from nvscope.version import __version__
 from nvscope.view.documents.buses import can_buses
 from nvscope.view.documents.can_lists import can_list
-from nvscope.view.documents.diagnosis import diagnosis_row, time_text
-from nvscope.view.documents.intervals import interval_row
+from nvscope.view.documents.figures import figure_row, time_text
 
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
@@ -49,7 +49,7 @@ def report_document(
     def valued(entry: ListSummary | CanListSummary) -> dict[str, Any]:
         return {} if values is None else {"values": values.get(entry.key, [])}
 
-    capture = summary.capture
+    capture, measures = summary.capture, Measures(summary)
     document = {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
@@ -67,9 +67,9 @@ def report_document(
             "end_ns": time_text(capture.end_ns),
         },
         "lists": [
-            *(can_list(entry, names) | valued(entry) for entry in summary.can.lists),
+            *(can_list(entry, names, measures) | valued(entry) for entry in summary.can.lists),
             *(
-                _list(entry, summary, names.get(entry.key) or None, node_names) | valued(entry)
+                _list(entry, summary, measures, names.get(entry.key) or None, node_names) | valued(entry)
                 for entry in summary.lists
             ),
         ],
@@ -84,8 +84,10 @@ def _sum(counts: Iterable[int | None]) -> int | None:
     return None if None in known else sum(count for count in known if count is not None)
 
 
-def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Mapping[str, str]) -> dict[str, Any]:
-    address = summary.addresses
+def _list(
+    entry: ListSummary, summary: Summary, measures: Measures, name: str | None, node_names: Mapping[str, str]
+) -> dict[str, Any]:
+    address, measured = summary.addresses, measures.of_list(entry)
     return {
         "key": str(entry.key),
         "transport": entry.key.transport.value,
@@ -94,25 +96,29 @@ def _list(entry: ListSummary, summary: Summary, name: str | None, node_names: Ma
         "name": name,
         "senders": [address[node] for node in entry.senders],
         "readers": [address[node] for node in entry.readers],
-        "diag": diagnosis_row(entry.diagnosis),
-        "counters": {counter.name: entry.counters[counter.name] for counter in LIST_COUNTERS},
+        "diag": figure_row(DIAGNOSIS, Of.LIST, measured),
+        "counters": figure_row(LIST_COUNTERS, Of.LIST, measured),
         "nodes": [
-            {"address": address[node], "name": node_names.get(address[node]), "diag": diagnosis_row(diagnosis)}
+            {
+                "address": address[node],
+                "name": node_names.get(address[node]),
+                "diag": figure_row(DIAGNOSIS, Of.NODE, measures.of_node(entry, node, diagnosis)),
+            }
             for node, diagnosis in entry.nodes
         ],
-        "streams": [_stream(stream, summary) for stream in entry.streams],
+        "streams": [_stream(stream, summary, measures) for stream in entry.streams],
     }
 
 
-def _stream(stream: StreamSummary, summary: Summary) -> dict[str, Any]:
-    counters = stream.counters
+def _stream(stream: StreamSummary, summary: Summary, measures: Measures) -> dict[str, Any]:
+    measured = measures.of_stream(stream)
     return {
         "node": summary.addresses[stream.node],
         "subindex": stream.subindex,
         "telegrams": stream.telegrams,
         "counter_scope": stream.counter_scope,
-        **{name: counters[name] for name in STREAM_FIGURES},
-        "interval_ns": interval_row(stream.intervals),
+        **figure_row(STREAM_COUNTERS, Of.STREAM, measured),
+        "interval_ns": figure_row(INTERVALS, Of.STREAM, measured),
         "items": stream.items,
         "length": stream.length,
         "checksum": stream.checksum,

@@ -1,5 +1,5 @@
-"""What is known of a telegram's list, of its sender and of the findings it shows, as fields: ``list.lost``,
-``node.nErrorCount``, ``finding.code``.
+"""What is known of a telegram's list, of its sender, of its bus and of the findings it shows, as fields: ``list.lost``,
+``node.jitter``, ``bus.load``, ``finding.code``.
 
 Keys and names are known as a telegram is read, the rest when the whole capture was: such fields are ``judged``, and can
 be read where ``Verdicts`` are given. A telegram shows a finding where its frame is one of those that the finding names;
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +19,9 @@ from dissectors.carried import Carrier
 from nvscope.expression.columns import Column, FieldType, TextColumn
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, told_of
-from nvscope.tracker.counters import DIAGNOSIS, LIST_COUNTERS, Counter
+from nvscope.tracker.figures import Figure, Of, Unit, Value, figures_of
+from nvscope.tracker.measured import Measured
+from nvscope.tracker.subjects import Measures
 from nvscope.tracker.summary import Summary
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import FIELDS
@@ -46,18 +47,20 @@ class Verdicts:
 
     def __init__(self, summary: Summary, nodes: Sequence[NodeKey], findings: Sequence[Finding]) -> None:
         self.findings = list(findings)
-        self.lists: dict[ListKey, dict[str, Any]] = {}
-        self.nodes: dict[tuple[NodeKey, ListKey], dict[str, Any]] = {}
+        measures = Measures(summary)
+        self._lists: dict[ListKey, Measured] = {}
+        self._nodes: dict[tuple[NodeKey, ListKey], Measured] = {}
+        self._buses = {bus.channel: measures.of_bus(bus) for bus in summary.can.buses}
+        self._nobody = measures.of_nobody()
         keys: dict[int, ListKey] = {}
         for entry in summary.lists:
             key = keys[entry.number] = entry.key
-            self.lists[key] = entry.counters | {one.name: getattr(entry.diagnosis, one.name) for one in DIAGNOSIS}
+            self._lists[key] = measures.of_list(entry)
             for node, diagnosis in entry.nodes:
-                self.nodes[nodes[node], key] = {one.name: getattr(diagnosis, one.name) for one in DIAGNOSIS}
+                self._nodes[nodes[node], key] = measures.of_node(entry, node, diagnosis)
         for on_can in summary.can.lists:
             key = keys[on_can.number] = on_can.key
-            counted = {one.name: getattr(on_can.diagnosis, one.name) for one in DIAGNOSIS}
-            self.lists[key] = dict.fromkeys(counter.name for counter in LIST_COUNTERS) | counted
+            self._lists[key] = measures.of_list(on_can)
         frames = [(frame, number) for number, finding in enumerate(self.findings) for frame in finding.frames]
         frames.sort()
         self._frame = np.array([frame for frame, _ in frames], np.int64)
@@ -67,6 +70,17 @@ class Verdicts:
             for number, one in enumerate(self.findings)
             if not one.frames and one.list_number is not None
         ]
+
+    def measured(self, of: Of, node: NodeKey, key: ListKey) -> Measured:
+        """Return what was measured of a telegram's list, of its sender on that list, or of its bus.
+
+        A node that a list's diagnosis does not name has counted nothing there.
+        """
+        if of is Of.BUS:
+            found = self._buses.get(str(key.port))
+        else:
+            found = self._lists.get(key) if of is Of.LIST else self._nodes.get((node, key))
+        return found or self._nobody
 
     def findings_of(self, rows: FrameRows) -> tuple[I64, I64]:
         """Return positions of telegrams, each as often as it shows findings (at least once), and their numbers or -1.
@@ -112,7 +126,7 @@ class _Lasting:
 
 
 def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None) -> dict[str, TelegramField]:
-    """Return the fields ``list.*``, ``node.*`` and ``finding.*`` by name."""
+    """Return the fields ``list.*``, ``node.*``, ``bus.*`` and ``finding.*`` by name."""
     known = names or Names()
     lists = [
         TelegramField(
@@ -142,9 +156,10 @@ def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None)
             _of_both(lambda node, _: known.nodes.get(node, "")), _node_named(known), constant=True,
         ),
     ]  # fmt: skip
-    lists += [_figure("list", "of the list", counter, verdicts) for counter in (*DIAGNOSIS, *LIST_COUNTERS)]
-    nodes += [_figure("node", "of the sender on that list", counter, verdicts) for counter in DIAGNOSIS]
-    return {entry.name: entry for entry in (*lists, *nodes, *_finding_fields(verdicts))}
+    lists += [_figure(Of.LIST, "of the list", figure, verdicts) for figure in figures_of(Of.LIST)]
+    nodes += [_figure(Of.NODE, "of the sender on that list", figure, verdicts) for figure in figures_of(Of.NODE)]
+    buses = [_figure(Of.BUS, "of the CAN bus", figure, verdicts) for figure in figures_of(Of.BUS)]
+    return {entry.name: entry for entry in (*lists, *nodes, *buses, *_finding_fields(verdicts))}
 
 
 def _in_list(rows: FrameRows) -> Bool:
@@ -209,41 +224,58 @@ def _sent_by_node(rows: FrameRows) -> Bool:
     return sent
 
 
-def _figure(of: str, whose: str, counter: Counter, verdicts: Verdicts | None) -> TelegramField:
-    """Return the field of one counter; a node that a list's diagnosis does not name has counted nothing there."""
-    kind = FieldType.TIME if counter.unit == "ns" else _TEXT if not counter.unit else _SIGNED
+_TYPES: dict[Unit, FieldType] = {
+    "time": FieldType.TIME,
+    "ns": FieldType.DURATION,
+    "percent": FieldType.REAL,
+    "per second": FieldType.REAL,
+    "": _TEXT,
+}
+"""By unit; the others are whole numbers."""
 
-    def values(rows: FrameRows) -> tuple[list[Any], I64]:
+
+def _figure(of: Of, whose: str, figure: Figure, verdicts: Verdicts | None) -> TelegramField:
+    """Return the field of one figure of telegrams' lists, senders or buses."""
+    kind = _TYPES.get(figure.unit, _SIGNED)
+    name = f"{of.value}.{figure.name}"
+
+    def values(rows: FrameRows) -> tuple[list[Value], I64]:
         if verdicts is None:
-            raise LookupError(f"{of}.{counter.name} is read before the capture was judged")
+            raise LookupError(f"{name} is read before the capture was judged")
         keys, code = _keys(rows)
-        rows_of = [verdicts.lists.get(key) if of == "list" else verdicts.nodes.get((node, key)) for node, key in keys]
-        blank = None if kind is FieldType.TIME else "NOERROR" if kind is _TEXT else 0
-        return [blank if row is None else row[counter.name] for row in rows_of], code
+        return [figure.read(verdicts.measured(of, *key)) for key in keys], code
 
     def read(rows: FrameRows) -> Column:
         told, code = values(rows)
         if kind is _TEXT:
-            return TextColumn(code, tuple(value or "" for value in told))
-        return np.array([value or 0 for value in told], np.int64)[code]
+            return TextColumn(code, tuple(str(value or "") for value in told))
+        return np.array([value or 0 for value in told], np.float64 if kind is FieldType.REAL else np.int64)[code]
 
     def known(rows: FrameRows) -> Bool:
         told, code = values(rows)
-        belongs = _in_list(rows) if of == "list" else _on_udp(rows)
-        return np.array([value is not None for value in told], np.bool_)[code] & belongs
+        return np.array([value is not None for value in told], np.bool_)[code] & _BELONGS[of](rows)
 
-    name, label = f"{of}.{counter.name}", counter.name
     return TelegramField(
         name,
         kind,
-        label,
-        f"{counter.help}, {whose}",
+        figure.name,
+        f"{figure.help}, {whose}",
         read,
         known,
         calendar=kind is FieldType.TIME,
         constant=True,
         judged=True,
     )
+
+
+def _on_can(rows: FrameRows) -> Bool:
+    """Tell which rows are CAN frames, of any kind."""
+    own: Bool = rows.carried.carrier == Carrier.CAN
+    return own
+
+
+_BELONGS = {Of.LIST: _in_list, Of.NODE: _on_udp, Of.BUS: _on_can}
+"""Which telegrams have a list, a sender on a list, or a bus."""
 
 
 def _code(finding: Finding) -> str:

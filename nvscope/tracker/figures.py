@@ -1,0 +1,257 @@
+"""The table of figures: every number that is told of a stream, a list, a node on a list, or a CAN bus.
+
+JSON keys, columns, the words of expressions and rules, and ``explain`` are derived from here. A figure of a node is
+that of its streams on one list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from operator import attrgetter
+from types import MappingProxyType
+from typing import Literal
+
+from nvscope.tracker.measured import Measured
+
+Unit = Literal[
+    "telegrams", "frames", "intervals", "acknowledgements", "counters", "gaps", "events", "bits", "seconds", "percent",
+    "per second", "time", "ns", "",
+]  # fmt: skip
+"""``time`` is an absolute one in ns, ``ns`` a duration; "" are texts."""
+
+Value = int | float | str | None
+
+
+class Of(Enum):
+    """What a figure can be of."""
+
+    STREAM = "stream"
+    LIST = "list"
+    NODE = "node"
+    BUS = "bus"
+
+
+PLACES = {
+    Of.STREAM: "lists[].streams[]", Of.LIST: "lists[]", Of.NODE: "lists[].nodes[]", Of.BUS: "buses[]",
+}  # fmt: skip
+"""Where a report in JSON has each of them."""
+
+
+class Joins(Enum):
+    """How the figure of a whole follows from those of the windows that it is cut into."""
+
+    SUM = "the sum of theirs"
+    LEAST = "the least of theirs"
+    MAX = "the greatest of theirs"
+    LAST = "that of the last window that has one"
+    HISTOGRAM = "read from the histograms of all, added up"
+    DERIVED = "computed anew from other figures of the whole"
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One figure: its name, its unit, what it tells, of what, how windows join, and how it is read.
+
+    ``keys`` say where a report has it in JSON, as a path within ``PLACES``; what is not there is in no report.
+    ``width_bits`` is how wide a controller keeps it, 0 where it keeps none.
+    """
+
+    name: str
+    unit: Unit
+    help: str
+    of: tuple[Of, ...]
+    joins: Joins
+    read: Callable[[Measured], Value]
+    keys: Mapping[Of, str] = field(default_factory=lambda: MappingProxyType({}))
+    width_bits: int = 0
+
+    def key(self, of: Of) -> str:
+        """Return its key in the JSON object that holds it; KeyError where no report has it."""
+        return self.keys[of].rpartition(".")[2]
+
+
+_LISTS_AND_NODES = Of.LIST, Of.NODE
+_TRAFFIC = Of.STREAM, Of.LIST, Of.NODE
+
+
+def _diagnosis(name: str, unit: Unit, joins: Joins, text: str, width_bits: int = 0) -> Figure:
+    def read(row: Measured) -> Value:
+        value: Value = None if row.diagnosis is None else getattr(row.diagnosis, name)
+        return value
+
+    keys = {Of.LIST: f"diag.{name}", Of.NODE: f"diag.{name}"}
+    return Figure(name, unit, text, _LISTS_AND_NODES, joins, read, keys, width_bits)
+
+
+def _counter(name: str, unit: Unit, text: str, of: tuple[Of, ...] = (Of.LIST,), joins: Joins = Joins.SUM) -> Figure:
+    keys = {Of.LIST: f"counters.{name}"}
+    if name in _STREAM_KEYS:
+        keys[Of.STREAM] = name
+    return Figure(name, unit, text, of, joins, lambda row: row.counters.get(name), keys)
+
+
+def _interval(
+    key: str, attribute: str, joins: Joins, text: str, unit: Unit = "ns", of: tuple[Of, ...] = _TRAFFIC
+) -> Figure:
+    def read(row: Measured) -> Value:
+        value: Value = None if row.intervals is None else getattr(row.intervals, attribute)
+        return value
+
+    return Figure(f"interval_{key}", unit, text, of, joins, read, {Of.STREAM: f"interval_ns.{key}"})
+
+
+def _latency(key: str, attribute: str, joins: Joins, text: str, unit: Unit = "ns") -> Figure:
+    def read(row: Measured) -> Value:
+        value: Value = None if row.latency is None else getattr(row.latency, attribute)
+        return value
+
+    return Figure(f"latency_{key}", unit, text, _TRAFFIC, joins, read)
+
+
+def _bus(
+    name: str, unit: Unit, joins: Joins, text: str, path: str, key: str = "", *, otherwise: Value = None
+) -> Figure:
+    """Return a figure of buses, read from ``CanBusSummary`` along a path; ``otherwise`` is what it is without it."""
+
+    def read(row: Measured) -> Value:
+        value: object = row.bus
+        for part in path.split("."):
+            if value is None:
+                return otherwise
+            value = getattr(value, part)
+        assert value is None or isinstance(value, int | float | str)
+        return value
+
+    return Figure(name, unit, text, (Of.BUS,), joins, read, {Of.BUS: key or name})
+
+
+BY_SCOPE = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
+"""The counters that depend on what a sender's Counter counts; kept once for each scope."""
+
+_STREAM_KEYS = ("lost", "lost_claimed", "duplicates", "overtaken", "restarts")
+
+DIAGNOSIS = (
+    _diagnosis("nSendCount", "telegrams", Joins.SUM, "data telegrams sent, malformed ones included", 32),
+    _diagnosis("tLastSend", "time", Joins.LAST, "time of the last of them"),
+    _diagnosis(
+        "nReceiveCount", "telegrams", Joins.SUM, "telegrams received, of any service and malformed ones included", 32
+    ),
+    _diagnosis("tLastReceive", "time", Joins.LAST, "time of the last of them"),
+    _diagnosis(
+        "nWriteCount", "telegrams", Joins.SUM, "data telegrams that a reader would write into its variables", 32
+    ),
+    _diagnosis("sLastError", "", Joins.LAST, "name of the last error"),
+    _diagnosis("tLastError", "time", Joins.LAST, "time of the last error"),
+    _diagnosis("nErrorCount", "events", Joins.SUM, "errors of any kind", 16),
+    _diagnosis("nAcknowledges", "telegrams", Joins.SUM, "acknowledgements sent, negative ones included", 16),
+)
+"""NetVarUDPDiagStruct (Network Functionality in CoDeSys V2.3, 3.4), in the order of its components."""
+
+LIST_COUNTERS = (
+    _counter(
+        "lost", "counters", "telegrams that the counters say were sent and that never came; unknown where NV207",
+        _TRAFFIC,
+    ),
+    _counter(
+        "lost_claimed", "counters", "telegrams that the counters claim were sent and never came, believed or not",
+        _TRAFFIC,
+    ),
+    _counter("gaps", "gaps", "places where telegrams are missing", _TRAFFIC),
+    _counter("longest_gap", "counters", "most telegrams missing in one place", _TRAFFIC, Joins.MAX),
+    _counter("duplicates", "telegrams", "telegrams that came again", _TRAFFIC),
+    _counter("overtaken", "telegrams", "telegrams that came after a later one", _TRAFFIC),
+    _counter("restarts", "events", "counters that began anew", _TRAFFIC),
+    _counter("malformed", "telegrams", "telegrams too short, of a wrong Length or of an unknown service"),
+    _counter("truncated", "telegrams", "telegrams of which the capture holds only the beginning"),
+    _counter("missing_acknowledgements", "events", "data telegrams that nobody acknowledged in time"),
+    _counter("negative_acknowledgements", "events", "acknowledgements that say: checksum invalid"),
+    _counter("checksum_mismatches", "events", "data telegrams with another checksum than the list's"),
+    _counter("bootup_requests", "telegrams", "requests of readers for current values"),
+    _counter("bootup_unanswered", "events", "requests that no data telegram answered in time"),
+    _counter("send_rejected", "events", "telegrams that came back as undeliverable (ICMP)"),
+)  # fmt: skip
+"""The counters of a list, in the order of reports."""
+
+STREAM_COUNTERS = tuple(one for one in LIST_COUNTERS if Of.STREAM in one.keys)
+"""Those that reports have of a stream, too."""
+
+TELEGRAMS = Figure(
+    "telegrams", "telegrams", "well-formed data telegrams (on CAN data frames)", _TRAFFIC, Joins.SUM,
+    attrgetter("telegrams"), {Of.STREAM: "telegrams"},
+)  # fmt: skip
+
+RATE = Figure(
+    "rate", "per second", "well-formed data telegrams (on CAN frames) in a second, over the time that was watched",
+    (*_TRAFFIC, Of.BUS), Joins.DERIVED, attrgetter("per_second"),
+)  # fmt: skip
+
+INTERVALS = (
+    _interval("count", "count", Joins.SUM, "intervals between telegrams of one stream", "intervals"),
+    _interval("min", "minimum", Joins.LEAST, "shortest interval"),
+    _interval("mean", "mean", Joins.DERIVED, "mean interval"),
+    _interval("max", "maximum", Joins.MAX, "longest interval"),
+    _interval("stddev", "deviation", Joins.DERIVED, "standard deviation of the intervals", of=(Of.STREAM,)),
+    _interval("p50", "p50", Joins.HISTOGRAM, "median interval, within 1 %"),
+    _interval("p95", "p95", Joins.HISTOGRAM, "interval that 95 of 100 do not exceed, within 1 %"),
+    _interval("p99", "p99", Joins.HISTOGRAM, "interval that 99 of 100 do not exceed, within 1 %"),
+    _interval("nominal", "nominal", Joins.DERIVED, "interval of the definition; without one the median, if cyclic"),
+)
+"""The intervals between telegrams, in the order of reports."""
+
+JITTER = Figure(
+    "jitter", "percent", "how far p99 lies from p50, in percent of the nominal interval; the worst stream's", _TRAFFIC,
+    Joins.DERIVED, attrgetter("jitter_percent"),
+)  # fmt: skip
+
+LATENCIES = (
+    _latency("count", "count", Joins.SUM, "data telegrams that were acknowledged in time", "acknowledgements"),
+    _latency("p50", "p50", Joins.HISTOGRAM, "median time from a data telegram to its acknowledgement, within 1 %"),
+    _latency("p99", "p99", Joins.HISTOGRAM, "time to the acknowledgement that 99 of 100 do not exceed, within 1 %"),
+    _latency("max", "maximum", Joins.MAX, "longest time from a data telegram to its acknowledgement"),
+)
+
+BUS_COUNTERS = (
+    _bus("frames", "frames", Joins.SUM, "frames of any kind", "frames"),
+    _bus("seconds", "seconds", Joins.DERIVED, "seconds with frames", "seconds"),
+    _bus("bits", "bits", Joins.SUM, "bits on the wire, with stuff bits", "bits"),
+    _bus("fast_bits", "bits", Joins.SUM, "those at the data bit rate of CAN FD", "fast_bits"),
+    _bus("peak_bits", "bits", Joins.DERIVED, "bits of the busiest second", "peak_bits"),
+    _bus("worst_bits", "bits", Joins.DERIVED, "bits that it could have had with most stuff bits", "worst_bits"),
+)
+"""What is counted of a bus, in the order of reports."""
+
+LOADS = (
+    _bus("load", "percent", Joins.DERIVED, "busy part of the time from the first frame on", "load.mean", "load.mean"),
+    _bus("load_peak", "percent", Joins.DERIVED, "busy part of the busiest second", "load.peak", "load.peak"),
+    _bus(
+        "load_worst", "percent", Joins.DERIVED, "what that could have been with most stuff bits", "load.worst",
+        "load.worst",
+    ),
+)  # fmt: skip
+"""Where the bit rate is known."""
+
+BUS_ERRORS = (
+    _bus("error_frames", "frames", Joins.SUM, "error frames", "errors.count", "errors.frames", otherwise=0),
+    _bus(
+        "bus_off", "events", Joins.SUM, "times that a controller left the bus", "errors.bus_offs",
+        "errors.bus_off.count", otherwise=0,
+    ),
+    _bus(
+        "tx_errors", "events", Joins.MAX, "highest transmit error counter told", "errors.tx_errors", "errors.tx_errors"
+    ),
+    _bus(
+        "rx_errors", "events", Joins.MAX, "highest receive error counter told", "errors.rx_errors", "errors.rx_errors"
+    ),
+)  # fmt: skip
+
+FIGURES = (
+    *DIAGNOSIS, *LIST_COUNTERS, TELEGRAMS, RATE, *INTERVALS, JITTER, *LATENCIES, *BUS_COUNTERS, *LOADS, *BUS_ERRORS,
+)  # fmt: skip
+"""All of them."""
+
+
+def figures_of(of: Of) -> tuple[Figure, ...]:
+    """Return the figures that there are of a kind of thing, in the order of the table."""
+    return tuple(one for one in FIGURES if of in one.of)

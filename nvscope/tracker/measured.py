@@ -1,0 +1,38 @@
+"""Measured: what figures are read from, the same for a stream, a list, a node on a list, and a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # `explain` reads the table of figures, and starts without what these need
+    from nvscope.tracker.can.bus import CanBusSummary
+    from nvscope.tracker.diagnosis import Diagnosis
+    from nvscope.tracker.intervals import IntervalFigures
+    from nvscope.tracker.latency import LatencyFigures
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """What was measured of one of them; None for what it has not, or what nobody knows of it.
+
+    ``telegrams`` are its well-formed data telegrams, or its frames, ``span_ns`` is how long it was watched.
+    ``counters`` are by name. Of several streams, ``intervals`` and ``latency`` are those of all, ``jitter_percent`` is
+    that of the worst.
+    """
+
+    telegrams: int
+    span_ns: int | None = None
+    diagnosis: Diagnosis | None = None
+    counters: Mapping[str, int | None] = field(default_factory=lambda: MappingProxyType({}))
+    intervals: IntervalFigures | None = None
+    jitter_percent: float | None = None
+    latency: LatencyFigures | None = None
+    bus: CanBusSummary | None = None
+
+    @property
+    def per_second(self) -> float | None:
+        """How many telegrams or frames there were in a second; None where no time has passed."""
+        return self.telegrams * 1_000_000_000 / self.span_ns if self.span_ns else None

@@ -1,0 +1,74 @@
+"""Together: what the streams of a list, and those of one node on it, come to when they are taken together."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from nvscope.engine.keys import NOBODY_KEY
+from nvscope.list_key import ListKey, told_of
+from nvscope.tracker.figures import BY_SCOPE
+from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
+from nvscope.tracker.latency import LatencyFigures
+
+if TYPE_CHECKING:
+    from nvscope.tracker.state import TrackerState
+    from nvscope.tracker.summary import StreamSummary
+
+Member = tuple[int, int]
+"""Numbers of a list and of a node that sends it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Together:
+    """Intervals and latencies by number of list, and by list and node; latencies also by stream.
+
+    What has none is not there. On CAN, nobody knows who sends.
+    """
+
+    intervals: Mapping[int, IntervalFigures] = field(default_factory=dict)
+    intervals_of_node: Mapping[Member, IntervalFigures] = field(default_factory=dict)
+    latency: Mapping[int, LatencyFigures] = field(default_factory=dict)
+    latency_of_node: Mapping[Member, LatencyFigures] = field(default_factory=dict)
+    latency_of_stream: Mapping[int, LatencyFigures] = field(default_factory=dict)
+
+
+def taken_together(state: TrackerState, intervals: StreamIntervals, intervals_ns: Mapping[ListKey, int]) -> Together:
+    """Take the streams of a state together; ``intervals_ns`` are the nominal intervals of lists."""
+    keys, latencies = state.keys, state.lists.acknowledgement.latencies
+    list_of = keys.places.high[keys.streams.high.astype(np.int64)].astype(np.int64)
+    nominal = {number: told_of(intervals_ns, keys.list_key(number)) for number in range(len(keys.lists))}
+    of_list, latency_of_list = intervals.together(list_of, nominal), latencies.figures(list_of)
+    sent = np.flatnonzero(keys.streams.low != np.uint64(NOBODY_KEY))
+    pairs = np.stack([list_of[sent], keys.streams.low[sent].astype(np.int64)], axis=1)
+    found, number = np.unique(pairs, axis=0, return_inverse=True)
+    members: list[Member] = [(own_list, node) for own_list, node in found.tolist()]
+    # Where one node sends all streams of a list, both have the same.
+    alone = np.bincount(found[:, 0], minlength=1)[found[:, 0]] == 1
+    alike = [member for member, same in zip(members, alone.tolist(), strict=True) if same]
+    member_of = np.full(len(list_of), -1)
+    member_of[sent] = np.where(alone, -1, np.arange(len(members)))[number.ravel()]
+    nominal_of_member = {one: nominal[own_list] for one, (own_list, _) in enumerate(members)}
+    of_member, latency_of_member = intervals.together(member_of, nominal_of_member), latencies.figures(member_of)
+    return Together(
+        of_list,
+        {member: of_list[member[0]] for member in alike if member[0] in of_list}
+        | {members[one]: row for one, row in of_member.items()},
+        latency_of_list,
+        {member: latency_of_list[member[0]] for member in alike if member[0] in latency_of_list}
+        | {members[one]: row for one, row in latency_of_member.items()},
+        latencies.figures(np.arange(len(list_of))),
+    )
+
+
+def counted_together(streams: Collection[StreamSummary]) -> dict[str, int | None]:
+    """Return the counters of streams, by name; how many are lost is unknown where one of them is not believed."""
+    counters: dict[str, int | None] = {name: sum(stream.figures[name] for stream in streams) for name in BY_SCOPE}
+    counters["longest_gap"] = max((stream.figures["longest_gap"] for stream in streams), default=0)
+    counters["lost_claimed"] = counters["lost"]
+    if any(stream.erratic for stream in streams):
+        counters["lost"] = None
+    return counters
