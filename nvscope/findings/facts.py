@@ -23,7 +23,7 @@ from nvscope.list_key import ListKey, Transport, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.lists import event_key, event_parts
+from nvscope.tracker.list_log import event_key, event_parts
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 
@@ -177,7 +177,7 @@ class Facts:
 
 
 def _by_place(log: EventLog) -> dict[EventKind, dict[Place, Events]]:
-    """Return the events of a log that is keyed by ``nvscope.tracker.lists.event_key``."""
+    """Return the events of a log that is keyed by ``nvscope.tracker.list_log.event_key``."""
     found: dict[EventKind, dict[Place, Events]] = defaultdict(dict)
     for row, key in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
         event, number, node, subindex = event_parts(*key)

@@ -10,6 +10,8 @@ import numpy as np
 from dissectors.varieties import NO_TELEGRAM
 from nvscope.engine.dealing import SplitBy
 from nvscope.engine.told import Told
+from nvscope.tracker.event_batch import NOWHERE, EventBatch, Listeners, tell
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 
 
@@ -44,7 +46,8 @@ class CaptureState:
 
     SPLIT_BY: ClassVar = SplitBy.NOTHING
 
-    def __init__(self) -> None:
+    def __init__(self, listeners: Listeners = ()) -> None:
+        self._listeners = listeners
         self.frames = 0
         self.telegrams = 0
         self.chosen = 0
@@ -93,6 +96,8 @@ class CaptureState:
             one_key = np.zeros(len(back), np.uint64)
             self.steps_back.record(time_ns[back], back + told.first_frame, one_key, one_key)
             self.steps_back.settle()
+            nowhere, frame = np.full(len(back), NOWHERE), back + told.first_frame
+            tell(self._listeners, EventBatch.on_bus(EventKind.STEP_BACK, nowhere, time_ns[back], frame))
         earliest, latest = int(time_ns.min()), int(time_ns.max())
         self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
         self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)

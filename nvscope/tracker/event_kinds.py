@@ -12,7 +12,7 @@ FRAMES_KEPT = 10
 
 
 class EventKind(IntEnum):
-    """What happened to a telegram or frame, as far as it is worth a note by itself.
+    """What happened to a telegram or frame.
 
     The numbers order the log and stand nowhere else: neither files nor reports have them.
     """
@@ -33,3 +33,17 @@ class EventKind(IntEnum):
     CHECKSUM_CHANGED = 14
     FLAGS_INCONSISTENT = 15
     PDO_LENGTH_CHANGED = 16
+    GAP = 17
+    OVERTAKEN = 18
+    RESTART = 19
+    DUPLICATE = 20
+    STEP_BACK = 21
+    UNREADABLE_FRAME = 22
+    ERROR_FRAME = 23
+
+
+TELL_IN_NUMBERS = (
+    EventKind.GAP, EventKind.OVERTAKEN, EventKind.RESTART, EventKind.DUPLICATE, EventKind.STEP_BACK,
+    EventKind.UNREADABLE_FRAME, EventKind.ERROR_FRAME,
+)  # fmt: skip
+"""Those of which one alone says little: whether they are a finding depends on what a Counter counts, or how many."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U64
+from dissectors.batch import I64
 from dissectors.netvar import (
     CHECKSUM_INVALID,
     HEADER,
@@ -25,9 +25,10 @@ from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messag
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
+from nvscope.tracker.event_batch import EventBatch, Listeners, tell
 from nvscope.tracker.event_kinds import EventKind
-from nvscope.tracker.events import EventLog
 from nvscope.tracker.flows import Flows
+from nvscope.tracker.list_log import ListLog
 
 if TYPE_CHECKING:
     from nvscope.tracker.variables.values import Values
@@ -65,20 +66,21 @@ class ListColumns(KeyedColumns):
 class ListState:
     """All lists: their flows, what is wrong with headers, who did not answer, where senders disagree, and values.
 
-    ``events`` are the events that are findings as they stand, keyed by ``event_key``. ``values`` are those of the
-    variables, where their definition is known.
+    ``events`` are the events that are findings as they stand; ``listeners`` are told of each of them, too. ``values``
+    are those of the variables, where their definition is known.
     """
 
     SPLIT_BY: ClassVar = SplitBy.LIST
 
-    def __init__(self, timeout_ns: int = TIMEOUT_NS, values: Values | None = None) -> None:
+    def __init__(self, timeout_ns: int = TIMEOUT_NS, values: Values | None = None, listeners: Listeners = ()) -> None:
         self.values = values
         self.flows = Flows()
         self.columns = ListColumns()
         self.consistency = Consistency()
         self.acknowledgement = Acknowledgement(timeout_ns)
         self.errors = Errors()
-        self.events = EventLog()
+        self.events = ListLog()
+        self._listeners = (self.events, *listeners)
 
     @property
     def keys(self) -> Keys:
@@ -151,7 +153,7 @@ class ListState:
         np.add.at(self.columns.truncated, lists[truncated & (lists >= 0)], 1)
 
     def _log(self, event: EventKind, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
-        self.events.record(time_ns, frame, *event_key(event, lists, node, subindex))
+        tell(self._listeners, EventBatch.on_list(event, lists, node, subindex, time_ns, frame))
 
     def _observe_rejected(self, told: Told) -> list[ErrorEvents]:
         """Book the telegrams that ICMP messages say were not delivered."""
@@ -266,14 +268,3 @@ class ListState:
         place = self.keys.place_of(stream)
         node = self.keys.node_of(stream)
         return self.keys.list_of_place(place), node, self.keys.places.low[place].astype(np.int64)
-
-
-def event_key(event: EventKind, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
-    """Return the key of ``ListState.events``: kind, numbers of list and node, and SubIndex, -1 each for none."""
-    high = (np.uint64(event) << np.uint64(32)) | (lists + 1).astype(np.uint64)
-    return high, ((node + 1).astype(np.uint64) << np.uint64(32)) | (subindex + 1).astype(np.uint64)
-
-
-def event_parts(high: int, low: int) -> tuple[int, int, int, int]:
-    """Take a key of ``ListState.events`` apart: kind, list, node, SubIndex, -1 each for none."""
-    return high >> 32, (high & 0xFFFFFFFF) - 1, (low >> 32) - 1, (low & 0xFFFFFFFF) - 1

@@ -19,6 +19,8 @@ from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import order_by, runs_of_lengths
 from nvscope.engine.told import Told
 from nvscope.tracker.counters import Scope
+from nvscope.tracker.event_batch import EventBatch, Listeners, tell
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.sequence import walk
 from nvscope.tracker.steps import Step, Steps
@@ -27,6 +29,13 @@ _LOGGED = (
     *((step, scope) for step in (Step.GAP, Step.OVERTAKEN, Step.RESTART) for scope in list(Scope)[:2]),
     *((Step.LATE, scope) for scope in Scope),
 )
+
+_TOLD = {
+    Step.GAP: EventKind.GAP,
+    Step.OVERTAKEN: EventKind.OVERTAKEN,
+    Step.RESTART: EventKind.RESTART,
+    Step.LATE: EventKind.DUPLICATE,
+}
 
 WALKS = 2
 """The stream's own sequence, and the node's."""
@@ -90,9 +99,13 @@ class NodeSequences(KeyedColumns):
 
 
 class Loss:
-    """The sequences of all streams and nodes, and the events of their steps by stream (``events_of``)."""
+    """The sequences of all streams and nodes, and the events of their steps by stream (``events_of``).
 
-    def __init__(self) -> None:
+    ``listeners`` are told of each step that is not regular.
+    """
+
+    def __init__(self, listeners: Listeners = ()) -> None:
+        self._listeners = listeners
         self.streams = StreamSequences()
         self.nodes = NodeSequences()
         self._events = {key: EventRows() for key in _LOGGED}
@@ -106,14 +119,14 @@ class Loss:
         own = self._walk_streams(rows, rows.counter)
         nodes = self._walk_nodes(told, rows, keys)
         frame = rows.packet + first_frame
-        self._book(rows, own, Scope.STREAM, frame)
-        self._book(rows, nodes, Scope.NODE_TELEGRAM, frame)
+        self._book(rows, own, Scope.STREAM, frame, keys)
+        self._book(rows, nodes, Scope.NODE_TELEGRAM, frame, keys)
         late, again = _late(own.step), _again(rows, own.step)
-        self._book_duplicates(rows, late, again, Scope.STREAM, frame)
+        self._book_duplicates(rows, late, again, Scope.STREAM, frame, keys)
         late, again = _late(nodes.step), _again(rows, nodes.step)
-        self._book_duplicates(rows, late, again, Scope.NODE_TELEGRAM, frame)
+        self._book_duplicates(rows, late, again, Scope.NODE_TELEGRAM, frame, keys)
         again = again[~nodes.together(again)]
-        self._book_duplicates(rows, late, again, Scope.NODE_SEND, frame)
+        self._book_duplicates(rows, late, again, Scope.NODE_SEND, frame, keys)
         return own, nodes
 
     def take(self, part: Loss, share: Share) -> None:
@@ -188,7 +201,7 @@ class Loss:
         sent: I64 = same[(lists[now] == lists[earlier]) & (now != earlier)]
         return sent
 
-    def _book(self, rows: DataRows, steps: Steps | NodeSteps, scope: Scope, frame: I64) -> None:
+    def _book(self, rows: DataRows, steps: Steps | NodeSteps, scope: Scope, frame: I64, keys: Keys) -> None:
         streams = self.streams
         for kind in (Step.GAP, Step.OVERTAKEN, Step.RESTART):
             place = np.flatnonzero(steps.step == kind)
@@ -196,6 +209,7 @@ class Loss:
                 continue
             stream, start, stop = _runs(place, rows)
             count = stop - start
+            lost = None
             if kind == Step.GAP:
                 lost = steps.distance[place].astype(np.int64) - 1
                 streams.gaps[stream, scope] += count
@@ -208,14 +222,36 @@ class Loss:
             else:
                 streams.restarts[stream, scope] += count
             self._events[kind, scope].add(stream, start, stop, rows.time_ns, frame, place)
+            self._tell(kind, scope, rows, place, keys, frame, lost)
 
-    def _book_duplicates(self, rows: DataRows, late: I64, again: I64, scope: Scope, frame: I64) -> None:
+    def _book_duplicates(
+        self, rows: DataRows, late: I64, again: I64, scope: Scope, frame: I64, keys: Keys
+    ) -> None:  # fmt: skip
         """Book late counters, and the rows that are a duplicate ``again``."""
         place = np.sort(np.concatenate([late, again])) if len(again) else late
         if len(place):
             stream, start, stop = _runs(place, rows)
             self.streams.duplicates[stream, scope] += stop - start
             self._events[Step.LATE, scope].add(stream, start, stop, rows.time_ns, frame, place)
+            self._tell(Step.LATE, scope, rows, place, keys, frame, None)
+
+    def _tell(
+        self, step: Step, scope: Scope, rows: DataRows, place: I64, keys: Keys, frame: I64, lost: I64 | None
+    ) -> None:
+        """Tell listeners of the steps at some places, in the order of the capture."""
+        if not self._listeners:
+            return
+        order = np.argsort(frame[place], kind="stable")
+        place = place[order]
+        stream = rows.stream[place]
+        seen = keys.place_of(stream)
+        tell(
+            self._listeners,
+            EventBatch.on_list(
+                _TOLD[step], keys.list_of_place(seen), keys.node_of(stream), keys.places.low[seen].astype(np.int64),
+                rows.time_ns[place], frame[place], scope=scope, amount=None if lost is None else lost[order],
+            ),
+        )  # fmt: skip
 
     def events_of(self, step: Step, scope: Scope) -> EventRows:
         """Return the events of a step in a scope, by stream; those of duplicates are of the step LATE."""

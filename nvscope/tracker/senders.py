@@ -11,6 +11,7 @@ from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.tracker.can.cycles import CanCycles
 from nvscope.tracker.cycles import Cycles
+from nvscope.tracker.event_batch import Listeners
 from nvscope.tracker.loss import Loss, NodeSteps, no_steps
 from nvscope.tracker.recent import Recent
 from nvscope.tracker.steps import Steps
@@ -26,10 +27,10 @@ class SenderState:
 
     SPLIT_BY: ClassVar = SplitBy.SENDER
 
-    def __init__(self, *, recent: bool = False) -> None:
+    def __init__(self, *, recent: bool = False, listeners: Listeners = ()) -> None:
         self.data_telegrams = 0
         self.repeated = 0
-        self.loss = Loss()
+        self.loss = Loss(listeners)
         self.timing = Timing()
         self.recent = Recent() if recent else None
         self.cycles = Cycles()

@@ -17,6 +17,7 @@ from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Told
 from nvscope.tracker.can.state import BusState
 from nvscope.tracker.capture import CaptureState
+from nvscope.tracker.event_batch import Listeners
 from nvscope.tracker.lists import ListState
 from nvscope.tracker.senders import SenderState
 
@@ -30,7 +31,8 @@ class TrackerState:
 
     ``memory`` is what is known of the streams, ``values`` are those of the variables, where their definition is known;
     ``recent`` asks for the intervals of the last minute (``SenderState``). ``others`` count the protocols beside
-    network variables and CAN, by name. Frame numbers count from 1 across all that was observed.
+    network variables and CAN, by name. ``listeners`` are told of every event. Frame numbers count from 1 across all
+    that was observed.
 
     A filter chooses telegrams: flows count these, and only these give values; everything else looks at all telegrams,
     so that no filter makes up a loss.
@@ -40,13 +42,13 @@ class TrackerState:
 
     def __init__(
         self, timeout_ns: int = TIMEOUT_NS, *, values: Values | None = None, recent: bool = False,
-        others: Mapping[str, Accumulator] = MappingProxyType({}),
+        others: Mapping[str, Accumulator] = MappingProxyType({}), listeners: Listeners = (),
     ) -> None:  # fmt: skip
         self.memory = StreamMemory()
-        self.capture = CaptureState()
-        self.lists = ListState(timeout_ns, values)
-        self.senders = SenderState(recent=recent)
-        self.buses = BusState()
+        self.capture = CaptureState(listeners)
+        self.lists = ListState(timeout_ns, values, listeners)
+        self.senders = SenderState(recent=recent, listeners=listeners)
+        self.buses = BusState(listeners)
         self.others = others
 
     def observe(self, told: Told) -> None:
