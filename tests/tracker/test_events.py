@@ -153,7 +153,7 @@ def test_one_by_one() -> None:
         for kind, scope, own_list, _, subindex, _, time_ns, frame, amount in rows_of(columns.table())
     ] == [
         ("NEGATIVE_ACKNOWLEDGEMENT", NO_SCOPE, 0, 0, 5, 2, 1),
-        # The next telegram of the stream does not want to be acknowledged: it ends the wait.
+        # The next telegram of the stream finds the wait still open.
         ("NO_ACKNOWLEDGEMENT", NO_SCOPE, 0, 0, 7, 3, 1),
         ("SHAPE_CHANGED", NO_SCOPE, 0, 0, 10, 3, 1),
         ("GAP", Scope.STREAM, 0, 0, 10, 3, 3),
