@@ -13,6 +13,7 @@ from nvscope.cli import gvl
 from nvscope.cli.explain import explain
 from nvscope.cli.export import export
 from nvscope.cli.keys import keys
+from nvscope.cli.memory import leave_the_rest_at_exit
 from nvscope.cli.packets import packets
 from nvscope.cli.report import report
 from nvscope.cli.simulate import simulate
@@ -60,6 +61,7 @@ _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
     start_no_threads()
+    leave_the_rest_at_exit()
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # the shell closed it
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
