@@ -18,12 +18,20 @@ BUCKETS_A_DOUBLING = 1 << _MANTISSA_BITS
 
 def bucket_of(interval: I64) -> I64:
     """Return the bucket of each interval; 0 and negative ones have the buckets from -1 down."""
-    bucket = (interval.astype(np.float64).view(np.int64) >> _SHIFT) - _BIAS
+    bucket = upper_part(interval)
     odd = np.flatnonzero(interval <= 0)
     if len(odd):
-        size = np.maximum(-interval[odd], 1).astype(np.float64)
-        bucket[odd] = np.where(interval[odd] == 0, -1, -2 - ((size.view(np.int64) >> _SHIFT) - _BIAS))
+        size = np.maximum(-interval[odd], 1)
+        bucket[odd] = np.where(interval[odd] == 0, -1, -2 - upper_part(size))
     return bucket
+
+
+def upper_part(interval: I64) -> I64:
+    """Return the bucket of each interval above 0, and of all others some number below 0."""
+    part = interval.astype(np.float64).view(np.int64)
+    part >>= _SHIFT
+    part -= _BIAS
+    return part
 
 
 def bucket_bounds(bucket: I64) -> tuple[I64, I64]:

@@ -19,7 +19,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
-from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of
+from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.loss import NodeSteps
@@ -142,7 +142,7 @@ class Timing:
         run, start, last = kept.run, kept.start, kept.stop - 1
         time_ns = np.delete(rows.time_ns, kept.absent) if len(kept.absent) else rows.time_ns
         interval = np.empty_like(time_ns)
-        interval[1:] = time_ns[1:] - time_ns[:-1]
+        np.subtract(time_ns[1:], time_ns[:-1], out=interval[1:])
         interval[start] = time_ns[start] - columns.last_ns[run]
         columns.last_ns[run] = time_ns[last]
         loss = _LossBefore(kept, own, nodes, columns.node_gaps[run])
@@ -172,11 +172,13 @@ class Timing:
     def _add(self, interval: I64, stream: I64, start: I64, run: I64) -> None:
         columns = self.columns
         columns.total_ns[run] += np.add.reduceat(interval, start)
-        columns.least_ns[run] = np.minimum(columns.least_ns[run], np.minimum.reduceat(interval, start))
-        columns.most_ns[run] = np.maximum(columns.most_ns[run], np.maximum.reduceat(interval, start))
-        size = np.abs(interval)
-        large = np.flatnonzero(size >= _LARGE_NS)
-        if len(large):
+        least, most = np.minimum.reduceat(interval, start), np.maximum.reduceat(interval, start)
+        columns.least_ns[run] = np.minimum(columns.least_ns[run], least)
+        columns.most_ns[run] = np.maximum(columns.most_ns[run], most)
+        size = interval if least.min() >= 0 else np.abs(interval)
+        if max(most.max(), -least.min()) >= _LARGE_NS:
+            large = np.flatnonzero(size >= _LARGE_NS)
+            size = size.copy()
             for place in large.tolist():
                 number = int(stream[place])
                 self.large_squares[number] = self.large_squares.get(number, 0) + int(interval[place]) ** 2
@@ -201,26 +203,26 @@ class Timing:
         columns.count[run] += length
         young = before < LEARNED_INTERVALS
         learned = self._learn(interval, ends.start, length, run, before, young)
-        bucket = bucket_of(interval)
-        dense = bucket - np.repeat(columns.first_bucket[run], length)
+        dense = upper_part(interval)
+        dense -= np.repeat(columns.first_bucket[run], length)
         outside = dense.view(np.uint64) >= DENSE_BUCKETS
         outside[learned] = True
-        self._keep_usual(rows, ends, outside, bucket, loss, first_frame)
+        self._keep_usual(rows, ends, outside, interval, loss, first_frame)
         place = np.flatnonzero(outside)
-        dense += stream * DENSE_BUCKETS
+        dense += np.repeat(run * DENSE_BUCKETS, length)
         dense[place] = columns.dense.size - 1  # taken back below: cheaper than leaving them out
         flat = columns.dense.ravel()
         np.add.at(flat, dense, 1)
         flat[-1] -= len(place)
         if len(place):
             row = ends.rows(place)
-            key = stream[place] << UNUSUAL_STREAM_BIT | key_of(bucket[place], loss.bits(row))
+            key = stream[place] << UNUSUAL_STREAM_BIT | key_of(bucket_of(interval[place]), loss.bits(row))
             self.unusual.record(rows.time_ns[row], rows.packet[row] + first_frame, key.view(np.uint64))
             self.unusual.settle()
         return learned
 
     def _keep_usual(
-        self, rows: TimedRows, ends: _Kept, outside: Bool, bucket: I64, loss: _LossBefore, first_frame: int
+        self, rows: TimedRows, ends: _Kept, outside: Bool, interval: I64, loss: _LossBefore, first_frame: int
     ) -> None:
         """Keep the frames of the first intervals that are not ``outside`` of the dense buckets."""
         columns = self.columns
@@ -238,7 +240,7 @@ class Timing:
             place = inside[start[fits] + number]
             row, entry = ends.rows(place), before[fits] + number
             columns.usual_frames[run[fits], entry] = rows.packet[row] + first_frame
-            columns.usual_keys[run[fits], entry] = key_of(bucket[place], loss.bits(row))
+            columns.usual_keys[run[fits], entry] = key_of(bucket_of(interval[place]), loss.bits(row))
 
     def _learn(self, interval: I64, start: I64, length: I64, run: I64, before: I64, young: Bool) -> I64:
         """Take the first intervals of young streams, place their dense buckets, and return the places of these."""
