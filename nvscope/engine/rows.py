@@ -39,7 +39,8 @@ class DataRows:
     ``packet`` holds their rows in the packet batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound
     the runs of one stream, which is ``run_stream``; ``signature_before`` is that of the telegram before each run, and
     ``fresh`` where there is none. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
-    where no row is.
+    where no row is. ``others`` are the packets of the batch that hold no well-formed data telegram, rising; PDOs have
+    none.
     """
 
     packet: I64
@@ -54,6 +55,7 @@ class DataRows:
     time_ns: I64
     wanting: I64
     repeated: Bool | None
+    others: I64
 
     def __len__(self) -> int:
         return len(self.packet)
@@ -78,15 +80,25 @@ class DataRows:
         return DataRows(
             self.packet[row], self.stream[row], stop - length, stop, self.run_stream[run], self.signature_before[run],
             self.fresh[run], self.variety[row], self.counter[row], self.time_ns[row], np.flatnonzero(wants[row]),
-            repeated if repeated is not None and repeated.any() else None,
+            repeated if repeated is not None and repeated.any() else None, self.others,
         )  # fmt: skip
+
+    def where(self, chosen: Bool, stream_of: I64) -> I64:
+        """Return the rows of some varieties, rising; ``chosen`` is a mask over varieties, ``stream_of`` are theirs."""
+        streams = stream_of[chosen]
+        own = np.zeros(int(self.run_stream.max()) + 1, np.bool_)
+        own[streams[(streams >= 0) & (streams < len(own))]] = True
+        run = np.flatnonzero(own[self.run_stream])
+        # Only runs of their streams have to be looked at, and few streams have what is asked for.
+        row = spans(self.start[run], self.stop[run] - self.start[run])
+        return row[chosen[self.variety[row]]]
 
 
 def _no_rows() -> DataRows:
     number, word = np.empty(0, np.int64), np.empty(0, np.uint64)
     return DataRows(
         number, number, number, number, number, word, np.empty(0, np.bool_), number, np.empty(0, np.uint16), number,
-        number, None,
+        number, None, number,
     )  # fmt: skip
 
 
@@ -114,17 +126,18 @@ class StreamMemory:
         own = varieties.column("kind") == kind
         np.add.at(length, stream_of[own], count[own])
         if not length.any():
-            return NO_ROWS
+            return NO_ROWS if kind == FrameKind.PDO else replace(NO_ROWS, others=np.arange(len(batch)))
         # What is no data telegram goes behind all streams.
-        packet = order_by(np.where(own, stream_of, streams), batch.variety, streams)[: length.sum()]
+        packet, others = np.split(order_by(np.where(own, stream_of, streams), batch.variety, streams), [length.sum()])
         run, start, stop = runs_of_lengths(length)
         variety, counter, time_ns = batch.variety[packet], batch.counter[packet], batch.packets.ts_ns[packet]
         nothing = np.empty(0, np.int64)
         rows = DataRows(
             packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
-            variety, counter, time_ns,
-            np.flatnonzero(varieties.wants[variety]) if varieties.column("wants").any() else nothing, None,
+            variety, counter, time_ns, nothing, None, others,
         )  # fmt: skip
+        if varieties.column("wants").any():
+            rows = replace(rows, wanting=rows.where(varieties.column("wants"), stream_of))
         if kind == FrameKind.DATA:
             rows = replace(rows, repeated=self._repeated(batch, rows, keys))
         columns.first_ns[run[rows.fresh]] = time_ns[start[rows.fresh]]

@@ -98,12 +98,12 @@ class Consistency:
         reference = self.places.reference
         unknown = signed & (reference[place] < 0)
         if unknown.any():
-            first = np.flatnonzero(unknown[rows.variety])
+            first = rows.where(unknown, keys.varieties.column("stream"))
             first = first[np.argsort(rows.packet[first])][::-1]
             # Assigned backwards, so that the first checksum of each place is what stays.
             reference[place[rows.variety[first]]] = checksum[rows.variety[first]]
         wrong = signed & (checksum != reference[place])
-        return np.flatnonzero(wrong[rows.variety]) if wrong.any() else np.empty(0, np.int64)
+        return rows.where(wrong, keys.varieties.column("stream")) if wrong.any() else np.empty(0, np.int64)
 
 
 def _odd_flags(rows: DataRows, changes: I64, keys: Keys) -> I64:
@@ -111,7 +111,7 @@ def _odd_flags(rows: DataRows, changes: I64, keys: Keys) -> I64:
     varieties = keys.varieties
     signature, signed = varieties.column("signature"), varieties.column("signed")
     without_flag = (signature >> CHECKSUM_SHIFT != 0) & ~signed
-    odd = np.flatnonzero(without_flag[rows.variety]) if without_flag.any() else np.empty(0, np.int64)
+    odd = rows.where(without_flag, varieties.column("stream")) if without_flag.any() else np.empty(0, np.int64)
     runs = np.flatnonzero(~rows.fresh)
     place = np.concatenate([rows.start[runs], changes])
     earlier = rows.variety[changes - 1]

@@ -131,9 +131,15 @@ class ListState:
     def _observe_headers(self, told: Told) -> None:
         """Note what is wrong with headers, and count truncated telegrams."""
         ours, theirs, first_frame = self.keys.varieties, told.varieties.telegrams, told.first_frame
-        if not ours.column("odd").any():
+        strange = ours.column("odd")
+        if not strange.any():
             return
-        odd = np.flatnonzero(ours.odd[told.variety])
+        in_data = strange & (ours.column("kind") == FrameKind.DATA)
+        if told.count[in_data].any():
+            odd = np.flatnonzero(strange[told.variety])
+        else:
+            others = told.laid.data.others
+            odd = others[strange[told.variety[others]]]
         if not len(odd):
             return
         variety = told.variety[odd]
@@ -184,7 +190,8 @@ class ListState:
         """Pick the telegrams of one kind that is not DATA."""
         varieties, flows = self.keys.varieties, self.keys.columns
         mine = varieties.column("kind") == kind
-        row = np.flatnonzero(mine[told.variety]) if told.count[mine].any() else np.empty(0, np.int64)
+        others = told.laid.data.others
+        row = others[mine[told.variety[others]]]
         number = np.flatnonzero(mine)
         place, destination = varieties.place[number], flows.destination[varieties.flow[number]]
         target = np.full(len(varieties), -1)
