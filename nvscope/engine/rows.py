@@ -134,7 +134,7 @@ class StreamMemory:
         nothing = np.empty(0, np.int64)
         rows = DataRows(
             packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
-            variety, counter, time_ns, nothing, None, others,
+            variety, counter, time_ns, nothing, None, others if kind == FrameKind.DATA else nothing,
         )  # fmt: skip
         if varieties.column("wants").any():
             rows = replace(rows, wanting=rows.where(varieties.column("wants"), stream_of))

@@ -77,7 +77,13 @@ class EventLog:
         if len(waiting) > 1:
             time_ns, frame = (np.concatenate([part[place] for part in waiting]) for place in (0, 1))
             words = tuple(map(np.concatenate, zip(*(part[2] for part in waiting), strict=True)))
-        number = self.keys.numbers(*words)
+        # Events of one key often follow each other: it is looked up once for all of them.
+        again = np.ones(len(frame), np.bool_)
+        again[0] = False
+        for word in words:
+            again[1:] &= word[1:] == word[:-1]
+        head = np.flatnonzero(~again)
+        number = np.repeat(self.keys.numbers(*(word[head] for word in words)), np.diff(head, append=len(frame)))
         order = stable_order(number, len(self.keys))
         number = number[order]
         start, stop = runs_of(number)
