@@ -18,7 +18,7 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
-from nvscope.engine.runs import spans
+from nvscope.engine.runs import spans, stable_order
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents
 from nvscope.tracker.latency import Latencies
@@ -287,12 +287,15 @@ class Acknowledgement:
             direct = np.flatnonzero(messages.target >= 0)
             target = messages.target[direct]
             to_all = np.flatnonzero(messages.destination < 0)
-            for own, number, asking, wanted_ns in (
+            for answers, numbers, asking, wanted_ns in (
                 (direct, target, stream, self.waits.wanted_ns),
                 (to_all, messages.place[to_all], place, self.places.wanted_ns),
             ):
-                if not len(own):
+                if not len(answers):
                     continue
+                # Sorted, they are found many times as fast.
+                order = stable_order(numbers, len(wanted_ns))
+                own, number = answers[order], numbers[order]
                 wanted = Sightings(asking, packet, asking, len(clock))
                 latest = time_ns if clock.steady else _running_latest(time_ns, asking, wanted.order)
                 last = wanted.last_before(number, messages.packet[own])
