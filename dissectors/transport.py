@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -89,15 +90,12 @@ class DatagramBatch:
 
     def take(self, rows: I64 | Bool) -> DatagramBatch:
         """Return the datagrams at the given positions or where the mask is set."""
-        return DatagramBatch(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return _taken(DatagramBatch, self, rows)
 
-    @classmethod
-    def joined(cls, parts: list[DatagramBatch]) -> DatagramBatch:
+    @staticmethod
+    def joined(parts: Sequence[DatagramBatch]) -> DatagramBatch:
         """Return several batches of one buffer as one, in the order of the packets."""
-        if len(parts) == 1:
-            return parts[0]
-        whole = cls(*(np.concatenate([getattr(part, c.name) for part in parts]) for c in fields(cls)))
-        return whole.take(np.argsort(whole.row, kind="stable"))
+        return parts[0] if len(parts) == 1 else _joined(DatagramBatch, parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,15 +126,12 @@ class SegmentBatch:
 
     def take(self, rows: I64 | Bool) -> SegmentBatch:
         """Return the segments at the given positions or where the mask is set."""
-        return SegmentBatch(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return _taken(SegmentBatch, self, rows)
 
-    @classmethod
-    def joined(cls, parts: list[SegmentBatch]) -> SegmentBatch:
+    @staticmethod
+    def joined(parts: Sequence[SegmentBatch]) -> SegmentBatch:
         """Return several batches of one buffer as one, in the order of the packets."""
-        if len(parts) == 1:
-            return parts[0]
-        whole = cls(*(np.concatenate([getattr(part, c.name) for part in parts]) for c in fields(cls)))
-        return whole.take(np.argsort(whole.row, kind="stable"))
+        return parts[0] if len(parts) == 1 else _joined(SegmentBatch, parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,14 +149,24 @@ class IpEnds:
 
     def take(self, rows: I64 | Bool) -> IpEnds:
         """Return those at the given positions or where the mask is set."""
-        return IpEnds(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return _taken(IpEnds, self, rows)
 
-    @classmethod
-    def joined(cls, parts: Iterable[IpEnds | DatagramBatch | SegmentBatch]) -> IpEnds:
+    @staticmethod
+    def joined(parts: Sequence[IpEnds | DatagramBatch | SegmentBatch]) -> IpEnds:
         """Return those of several batches of one buffer as one, in the order of the packets."""
-        several = list(parts)
-        whole = cls(*(np.concatenate([getattr(part, c.name) for part in several]) for c in fields(cls)))
-        return whole.take(np.argsort(whole.row, kind="stable"))
+        return _joined(IpEnds, parts)
+
+
+AnyBatch = TypeVar("AnyBatch", DatagramBatch, SegmentBatch, IpEnds)
+
+
+def _taken(kind: type[AnyBatch], batch: AnyBatch, rows: I64 | Bool) -> AnyBatch:
+    return kind(*(getattr(batch, column.name)[rows] for column in fields(kind)))
+
+
+def _joined(kind: type[AnyBatch], parts: Sequence[Any]) -> AnyBatch:
+    whole = kind(*(np.concatenate([getattr(part, column.name) for part in parts]) for column in fields(kind)))
+    return _taken(kind, whole, np.argsort(whole.row, kind="stable"))
 
 
 def datagrams(data: U8, ip: IpPackets) -> DatagramBatch:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from dissectors.batch import Bool
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.canopen import FUNCTION_NAMES, function_of, node_of
 from dissectors.can.frame import CanBatch, Fault
@@ -27,13 +26,6 @@ def _channel(rows: FrameRows) -> TextColumn:
         code[found.positions(len(rows))] = own
         texts = tuple(str(visible(rows.channel(one))) for one in number.tolist())
     return TextColumn(code, texts)
-
-
-def _on_can(rows: FrameRows) -> Bool:
-    own = np.zeros(len(rows), np.bool_)
-    if found := rows.parts.get(CAN):
-        own[found.positions(len(rows))] = True
-    return own
 
 
 def _data(frames: CanBatch) -> BytesColumn:
@@ -64,7 +56,9 @@ def _fault(frames: CanBatch) -> TextColumn:
 _UNSIGNED, _BOOL, _TEXT = FieldType.UNSIGNED, FieldType.BOOL, FieldType.TEXT
 
 CAN_FIELDS = (
-    TelegramField("can.channel", _TEXT, "Channel", "name of the channel, such as can0", _channel, _on_can),
+    TelegramField(
+        "can.channel", _TEXT, "Channel", "name of the channel, such as can0", _channel, lambda rows: rows.have(CAN)
+    ),
     *(
         replace(field, of=CAN)
         for field in (

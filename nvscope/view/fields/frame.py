@@ -10,7 +10,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dissectors.batch import Bool
 from dissectors.headers import IPV4_HIGH, IPV4_LOW
 from dissectors.headers import UDP as LAYOUT
 from dissectors.transport import IpEnds
@@ -37,16 +36,6 @@ def _payload(rows: FrameRows) -> BytesColumn:
         start[at] = datagrams.payload
         stop[at] = datagrams.payload + datagrams.captured_bytes
     return BytesColumn(rows.packets.data, start, stop)
-
-
-def _on_udp(rows: FrameRows) -> Bool | None:
-    found = rows.parts.get(UDP)
-    if found is not None and found.at is None:
-        return None
-    own = np.zeros(len(rows), np.bool_)
-    if found:
-        own[found.positions(len(rows))] = True
-    return own
 
 
 def _ip_version(ends: IpEnds) -> Numbers:
@@ -89,7 +78,8 @@ _UDP_FIELDS = (
         lambda datagrams: datagrams.payload_bytes + LAYOUT.size_bytes, of=UDP, constant=True,
     ),
     TelegramField(
-        "udp.payload", FieldType.BYTES, "UDP payload", "captured bytes of header and data", _payload, _on_udp
+        "udp.payload", FieldType.BYTES, "UDP payload", "captured bytes of header and data", _payload,
+        lambda rows: rows.have(UDP),
     ),
 )  # fmt: skip
 

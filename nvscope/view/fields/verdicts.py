@@ -218,10 +218,7 @@ def _node_named(names: Names) -> Callable[[FrameRows], Bool]:
 
 def _sent_by_node(rows: FrameRows) -> Bool:
     """Tell which frames have a sender: nobody knows it on CAN."""
-    sent = np.zeros(len(rows), np.bool_)
-    if found := rows.parts.get(IP):
-        sent[found.positions(len(rows))] = True
-    return sent
+    return rows.have(IP)
 
 
 _TYPES: dict[Unit, FieldType] = {

@@ -174,6 +174,13 @@ class FrameRows:
         assert found.at is None, f"not all rows are of {name}"
         return found.part
 
+    def have(self, name: str) -> Bool:
+        """Tell which rows have a part of a protocol, or of what protocols are carried over."""
+        own = np.zeros(len(self), np.bool_)
+        if found := self.parts.get(name):
+            own[found.positions(len(self))] = True
+        return own
+
     @property
     def senders(self) -> tuple[U64, U64]:
         """The halves of the address that each frame comes from; 0 where there is none, as on CAN."""
