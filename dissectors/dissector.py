@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
+import numpy as np
+
 from dissectors.batch import I64, Bool, PacketBatch
 from dissectors.claims import Claims
 from dissectors.transport import DatagramBatch, SegmentBatch
@@ -31,8 +33,9 @@ class Dissector:
     """A protocol on ports of its own, read a frame at a time; ``name`` is what its fields begin with.
 
     ``dissect`` is given a packet batch, and the datagrams and segments in it that go over the ports of ``claims``. It
-    is total: no bytes raise, what is wrong with a message is a column of its part, and what is none is left out. It
-    keeps nothing from one batch to the next: what spans frames is for who observes them.
+    is total: no bytes raise, what is wrong with a message is a column of its part, and what is none is left out. Only
+    of what is ``holding`` so many bytes may so many be gathered. It keeps nothing from one batch to the next: what
+    spans frames is for who observes them.
     """
 
     name: str
@@ -40,10 +43,17 @@ class Dissector:
     dissect: Callable[[PacketBatch, DatagramBatch, SegmentBatch], Part]
 
     def part_of(self, packets: PacketBatch, datagrams: DatagramBatch, segments: SegmentBatch) -> Part:
-        """Return what it finds in datagrams and segments of which some are of its ports."""
+        """Return what it finds in datagrams and segments of which some are of its ports.
+
+        Raises ValueError for a dissector that does not keep what ``Part.row`` promises.
+        """
         claims = self.claims
-        return self.dissect(
-            packets,
-            datagrams.take(claims.claim_udp(datagrams.source_port, datagrams.destination_port)),
-            segments.take(claims.claim_tcp(segments.source_port, segments.destination_port)),
-        )
+        datagrams = datagrams.take(claims.claim_udp(datagrams.source_port, datagrams.destination_port))
+        segments = segments.take(claims.claim_tcp(segments.source_port, segments.destination_port))
+        part = self.dissect(packets, datagrams, segments)
+        given = np.zeros(len(packets), np.bool_)
+        given[datagrams.row] = given[segments.row] = True
+        row = part.row
+        if len(row) and not ((np.diff(row) > 0).all() and row[0] >= 0 and row[-1] < len(given) and given[row].all()):
+            raise ValueError(f"dissector {self.name}: rows have to rise, and to be of the frames that it was given")
+        return part

@@ -92,6 +92,10 @@ class DatagramBatch:
         """Return the datagrams at the given positions or where the mask is set."""
         return _taken(DatagramBatch, self, rows)
 
+    def holding(self, size_bytes: int) -> DatagramBatch:
+        """Return those of which so many bytes were captured: these can be gathered, whatever lies behind them."""
+        return self.take(self.captured_bytes >= size_bytes)
+
     @staticmethod
     def joined(parts: Sequence[DatagramBatch]) -> DatagramBatch:
         """Return several batches of one buffer as one, in the order of the packets."""
@@ -104,7 +108,8 @@ class SegmentBatch:
 
     ``row``, ``payload``, ``captured_bytes``, addresses and ports are as in ``DatagramBatch``; ``payload_bytes`` is what
     the IP header leaves for data, or, where hardware was to fill in its length, what was captured. ``sequence`` and
-    ``acknowledgement`` are uint32 as sent, ``flags`` uint8 as in ``TCP["flags"]``. All columns have shape (n,).
+    ``acknowledgement`` are uint32 as sent, ``flags`` uint8 as in ``TCP["flags"]``. Where nothing of the data was
+    captured, ``payload`` may lie behind all that was. All columns have shape (n,).
     """
 
     row: I64
@@ -127,6 +132,10 @@ class SegmentBatch:
     def take(self, rows: I64 | Bool) -> SegmentBatch:
         """Return the segments at the given positions or where the mask is set."""
         return _taken(SegmentBatch, self, rows)
+
+    def holding(self, size_bytes: int) -> SegmentBatch:
+        """Return those of which so many bytes were captured: these can be gathered, whatever lies behind them."""
+        return self.take(self.captured_bytes >= size_bytes)
 
     @staticmethod
     def joined(parts: Sequence[SegmentBatch]) -> SegmentBatch:

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dissectors import address
+from dissectors.batch import PacketBatch
 from dissectors.can.frame import dissect_can
 from dissectors.netvar import PortRules
 from nvscope.analysis.extent import Watch, latest_ns, part_of
@@ -23,6 +24,7 @@ from nvscope.capture.source import FileSource, Source, SourceInfo
 from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
 from nvscope.engine.reading import Reading
+from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.run import Observer, run
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
@@ -216,22 +218,28 @@ class Inquiry:
             document["hops_of_other_types"] = found.hops.untyped
         return document
 
-    @staticmethod
-    def default_fields(source: Source) -> Sequence[TelegramField]:
-        """Return what is written of each telegram or CAN frame where nobody says, by what the captures begin with."""
+    def default_fields(self, source: Source) -> Sequence[TelegramField]:
+        """Return what is written of each frame where nobody says, by what the captures begin with."""
         from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS  # noqa: PLC0415
 
         on_can = others = False
+        further: set[str] = set()
         for first in source.first_batches() if isinstance(source, FileSource) else ():
             frames = len(dissect_can(first))
             on_can |= frames > 0
             others |= frames < len(first)
-        if not on_can:
-            return DEFAULT_FIELDS
-        if not others:
-            return DEFAULT_CAN_FIELDS
+            further |= self._further_protocols(first)
+        fields = [*(DEFAULT_FIELDS if others or not on_can else ()), *(DEFAULT_CAN_FIELDS if on_can else ())]
+        fields += (field for one in self.protocols if one.name in further for field in one.fields())
         # Fields cannot be compared, their names can.
-        return tuple({field.name: field for field in (*DEFAULT_FIELDS, *DEFAULT_CAN_FIELDS)}.values())
+        return tuple({field.name: field for field in fields}.values())
+
+    def _further_protocols(self, first: PacketBatch) -> set[str]:
+        """Return which protocols with ports of their own some packets are of."""
+        reading = self.reading()
+        if not reading.dissectors:
+            return set()
+        return {name for told in Recogniser(reading, by_stream=False).tell(first) for name in told.parts}
 
     def _read(
         self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False

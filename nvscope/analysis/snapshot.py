@@ -11,7 +11,7 @@ from nvscope.definition.project import Project
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from nvscope.protocols.protocol import Protocol
-from nvscope.protocols.table import PROTOCOLS
+from nvscope.protocols.table import PROTOCOLS, judges_of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary, summarize
 
@@ -44,6 +44,6 @@ def snapshot(
     at_ns = summary.capture.at_ns
     findings = judge(
         state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition,
-        judges=[protocol.judge for protocol in protocols if protocol.judge],
+        judges=judges_of(protocols, state),
     )  # fmt: skip
     return Snapshot(summary, tuple(findings), infos, at_ns)

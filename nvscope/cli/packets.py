@@ -121,11 +121,14 @@ def packets(
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
     from nvscope.engine.reading import Reading
+    from nvscope.protocols.table import PROTOCOLS, dissectors_of
     from nvscope.view.rows.frames import PacketRows
 
     source = inquiry.open() if inquiry else open_source(paths)
     face = make(source)
-    reading = inquiry.reading(chosen_by) if inquiry else Reading(ports, pdos.rules())
+    reading = (
+        inquiry.reading(chosen_by) if inquiry else Reading(ports, pdos.rules(), dissectors=dissectors_of(PROTOCOLS))
+    )
     telegrams = PacketRows(limit=count)
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:

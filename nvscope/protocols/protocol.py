@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol:
-    """One protocol; ``name`` is what ``Told.parts``, ``FrameRows.parts`` and its fields have it by.
+    """One protocol; ``title`` is what people call it, ``name`` what ``Told.parts``, rows of frames and fields do.
 
     ``dissector`` is None where frames are recognised without being asked for (``dissectors.sorter``). ``observe`` makes
     what counts it, which then is ``TrackerState.others[name]``; None where the state itself does (``tracker.state``),

@@ -11,7 +11,9 @@ from nvscope.protocols.protocol import Protocol
 
 if TYPE_CHECKING:
     from dissectors.dissector import Dissector
+    from nvscope.findings.judge import Judge
     from nvscope.tracker.accumulator import Accumulator
+    from nvscope.tracker.state import TrackerState
     from nvscope.view.fields.field import TelegramField
 
 PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN)
@@ -28,8 +30,19 @@ def accumulators_of(protocols: Iterable[Protocol]) -> Mapping[str, Accumulator]:
     return {protocol.name: protocol.observe() for protocol in protocols if protocol.observe}
 
 
+def judges_of(protocols: Iterable[Protocol], state: TrackerState) -> Sequence[Judge]:
+    """Return the judges of what a state has counted of protocols."""
+    return [one.judge for one in protocols if one.judge and (one.observe is None or one.name in state.others)]
+
+
 def fields_of(protocols: Iterable[Protocol]) -> Sequence[TelegramField]:
-    """Return the fields of all frames, and of the protocols."""
+    """Return the fields of all frames, and of the protocols; one with ports of its own can be asked for by name."""
+    from nvscope.view.fields.field import presence  # noqa: PLC0415
     from nvscope.view.fields.frame import CARRIER_FIELDS  # noqa: PLC0415
 
-    return [*CARRIER_FIELDS, *(field for protocol in protocols for field in protocol.fields())]
+    fields = list(CARRIER_FIELDS)
+    for protocol in protocols:
+        if protocol.dissector:
+            fields.append(presence(protocol.name, protocol.title))
+        fields += protocol.fields()
+    return fields

@@ -38,7 +38,8 @@ class CaptureSummary:
 class CaptureState:
     """All frames, telegrams or not.
 
-    ``telegrams`` are those of UDP; ``chosen`` counts the telegrams and CAN frames that a filter chooses. ``start_ns``
+    ``telegrams`` are those of UDP; ``chosen`` counts the telegrams and CAN frames that a filter chooses,
+    ``chosen_protocols`` are those with ports of their own of which it chooses a frame. ``start_ns``
     and ``end_ns`` are the earliest and the latest time of any frame, ``last_ns`` that of the last one; ``until_ns`` is
     up to when a source says that time has passed, None where only frames tell. ``steps_back`` are the frames whose time
     is before that of the frame in front, under one key. ``unsupported`` counts frames by link types that nothing reads.
@@ -51,6 +52,7 @@ class CaptureState:
         self.frames = 0
         self.telegrams = 0
         self.chosen = 0
+        self.chosen_protocols: set[str] = set()
         self.fragments = 0
         self.unsupported: dict[int, int] = {}
         self.start_ns: int | None = None
@@ -70,7 +72,8 @@ class CaptureState:
         self.frames += len(told)
         self.telegrams += len(told) - int(told.count[NO_TELEGRAM]) - len(told.can or ())
         if told.chosen is not None:
-            self.chosen += int(np.count_nonzero(told.chosen))
+            self.chosen += int(np.count_nonzero(told.chosen & (told.variety != NO_TELEGRAM)))
+            self.chosen_protocols |= {name for name, part in told.parts.items() if told.chosen[part.row].any()}
         batch = told.batch
         self.fragments += batch.fragments
         if batch.unsupported is not None:

@@ -29,6 +29,7 @@ class Chosen:
         self.expression = chosen.text
         self._streams: set[int] = set()
         self._senders: set[int] = set()
+        self._protocols = state.capture.chosen_protocols
         self._places: set[_Place] = set()
         for number, stream, sender, receiver, subindex in _flows(state):
             self._streams.add(stream)
@@ -42,6 +43,8 @@ class Chosen:
     def _shows(self, number: int, finding: Finding) -> bool:
         if self._filter.findings:
             return self._filter.chooses_finding(number)
+        if finding.kind.protocol:
+            return finding.kind.protocol in self._protocols
         if finding.list_number is not None:
             return (finding.list_number, finding.node, finding.subindex) in self._places
         return finding.node in self._senders or finding.kind.of_capture

@@ -5,11 +5,12 @@ import subprocess
 from pathlib import Path
 
 from nvscope.expression.columns import FieldType
+from nvscope.protocols.table import PROTOCOLS, fields_of
 from nvscope.view.fields.frame import EITHER_OF
 from nvscope.view.fields.vocabulary import vocabulary
 from tests.program import run_text
 
-FIELDS = vocabulary()
+FIELDS = vocabulary(fields=fields_of(PROTOCOLS))
 
 
 def keys(*arguments: str) -> subprocess.CompletedProcess[str]:

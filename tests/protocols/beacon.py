@@ -16,9 +16,12 @@ from dissectors import address
 from dissectors.batch import I64, Bool, PacketBatch, Records
 from dissectors.claims import Claims
 from dissectors.dissector import Dissector
+from dissectors.keys import KeyTable
 from dissectors.layout import Field, Layout, take_rows
 from dissectors.transport import DatagramBatch, SegmentBatch
 from nvscope.engine.dealing import Share, SplitBy
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
 from nvscope.expression.columns import FieldType, TextColumn
 from nvscope.findings.facts import Facts
@@ -74,39 +77,53 @@ class BeaconBatch:
 
 def dissect(packets: PacketBatch, datagrams: DatagramBatch, _: SegmentBatch) -> BeaconBatch:
     """Read the datagrams that begin with the magic number, and hold all of the header."""
+    datagrams = datagrams.holding(BEACON_LAYOUT.size_bytes)
     header = BEACON_LAYOUT.gather(packets.data, datagrams.payload)
-    own = (header["magic"] == MAGIC) & (datagrams.captured_bytes >= BEACON_LAYOUT.size_bytes)
+    own = header["magic"] == MAGIC
     return BeaconBatch(datagrams.take(own), take_rows(header, own))
 
 
 # observe
 
 
-class BeaconCounts:
-    """How many beacons each sender sent, and how many of them never came, by the halves of its address."""
+class BeaconColumns(KeyedColumns):
+    """One row a sender: how many of its beacons came, how many never did, and the number of the last one."""
 
-    SPLIT_BY: ClassVar = SplitBy.LIST
+    count: I64
+    lost: I64
+    last: I64
+    COLUMNS: ClassVar = {name: (np.int64(0), 1) for name in ("count", "lost", "last")}
+
+
+class BeaconCounts:
+    """The beacons of all senders; ``keys`` are the halves of their addresses."""
+
+    SPLIT_BY: ClassVar = SplitBy.LIST  # of no list: all go to the first part
 
     def __init__(self) -> None:
-        self.count: dict[tuple[int, int], int] = {}
-        self.lost: dict[tuple[int, int], int] = {}
-        self.last: dict[tuple[int, int], int] = {}
+        self.keys = KeyTable()
+        self.columns = BeaconColumns()
 
     def observe(self, told: Told) -> None:
         if (part := told.parts.get(NAME)) is None:
             return
         assert isinstance(part, BeaconBatch)
-        halves = zip(part.datagram.source_hi.tolist(), part.datagram.source_lo.tolist(), strict=True)
-        for sender, number in zip(halves, part.header["number"].tolist(), strict=True):
-            missing = (number - self.last[sender] - 1) % 256 if sender in self.last else 0
-            self.count[sender] = self.count.get(sender, 0) + 1
-            self.lost[sender] = self.lost.get(sender, 0) + missing
-            self.last[sender] = number
+        sender = self.keys.numbers(part.datagram.source_hi, part.datagram.source_lo)
+        columns = self.columns
+        columns.resize(len(self.keys))
+        order = stable_order(sender, len(self.keys))
+        sender, number = sender[order], part.header["number"][order].astype(np.int64)
+        start, stop = runs_of(sender)
+        run = sender[start]
+        before = np.empty_like(number)
+        before[1:] = number[:-1]
+        before[start] = np.where(columns.count[run] > 0, columns.last[run], number[start] - 1)
+        columns.lost[run] += np.add.reduceat((number - before - 1) % 256, start)
+        columns.count[run] += stop - start
+        columns.last[run] = number[stop - 1]
 
     def take(self, part: BeaconCounts, share: Share) -> None:
-        self.count |= part.count
-        self.lost |= part.lost
-        self.last |= part.last
+        self.columns.take_keyed(self.keys, part.columns, part.keys.words)
 
 
 # findings
@@ -118,16 +135,18 @@ BEACON_GAP = FindingKind(
     meaning="The numbers of a sender's beacons jump.",
     causes=("beacons were lost",),
     next_steps=("Look for other losses at that time.",),
-    of_capture=True,
+    protocol=NAME,
 )
 
 
 def judge_beacons(facts: Facts) -> Iterator[Finding]:
     counts = facts.state.others[NAME]
     assert isinstance(counts, BeaconCounts)
-    for sender, lost in sorted(counts.lost.items()):
+    senders = zip(counts.keys.high.tolist(), counts.keys.low.tolist(), strict=True)
+    columns = (counts.columns.column(name).tolist() for name in ("lost", "count"))
+    for sender, lost, count in sorted(zip(senders, *columns, strict=True)):
         if lost:
-            message = f"{lost} of {lost + counts.count[sender]} beacons of {address.text(*sender)} never came."
+            message = f"{lost} of {lost + count} beacons of {address.text(*sender)} never came."
             yield Finding(BEACON_GAP, message, lost, None, None)
 
 

@@ -4,18 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from dissectors.batch import PacketBatch
+from dissectors.claims import Claims
+from dissectors.dissector import Dissector
+from dissectors.layout import Field, Layout
+from dissectors.transport import DatagramBatch, SegmentBatch
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.packets import packets
-from nvscope.protocols.table import PROTOCOLS
+from nvscope.cli.packets import packets as verb
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import run
+from nvscope.protocols import table
+from nvscope.protocols.table import PROTOCOLS, dissectors_of
 from nvscope.report.packets.records import JsonLines
 from nvscope.report.packets.text import Text
 from nvscope.view.rows.frames import PacketRows
 from tests.oracle.traffic import MILLISECOND, data_frame, telegram, write_pcap
+from tests.packets import Batches, batch_of
 from tests.protocols import beacon
 from tests.protocols.beacon import BEACON
 
+READING = Reading(dissectors=dissectors_of([BEACON]))
 START_NS = 1_700_000_000_000_000_000
 
 
@@ -63,7 +75,7 @@ def test_a_tree_and_its_dump(inquiry: Inquiry) -> None:
     ]  # fmt: skip
     assert [line.split() for line in tree[at + 1 : at + 6]] == [
         ["002a", "42", "43", "Magic", "0x4342", "BC"],
-        ["002c", "02", "Kind", "2", "leaving", "what", "it", "says"],
+        ["002c", "02", "Kind", "2", "leaving"],
         ["002d", "02", "Number", "2", "counts", "up"],
         ["002e", "00", "00", "Speed", "0", "in", "rounds", "a", "minute"],
         ["Data", "2", "bytes"],
@@ -100,6 +112,64 @@ def test_records(inquiry: Inquiry) -> None:
         '{"frame.number":4,"beacon.number":2,"beacon.kind":"leaving","nv.index":null,"ip.src":"10.0.0.2"}',
         '{"frame.number":5,"beacon.number":null,"beacon.kind":null,"nv.index":7,"ip.src":"10.0.0.1"}',
     ]
+
+
+def test_default_columns_are_those_of_what_the_capture_begins_with(inquiry: Inquiry) -> None:
+    names = [field.name for field in inquiry.default_fields(inquiry.open())]
+    assert names[-3:] == ["beacon.number", "beacon.kind", "beacon.speed"]
+    assert names[:-3] == [field.name for field in Inquiry(inquiry.paths).default_fields(inquiry.open())]
+
+
+@pytest.mark.parametrize(
+    ("expression", "shown"),
+    [("beacon", True), ("beacon.number == 2", True), ("beacon.number == 77", False), ("nv", False), ("udp", True)],
+)
+def test_a_filter_leaves_its_finding_where_it_chooses_a_frame(
+    inquiry: Inquiry, expression: str, shown: bool
+) -> None:  # fmt: skip
+    document = inquiry.report(inquiry.analyze(expression))
+    assert ("NV991" in {one["code"] for one in document["findings"]}) == shown
+    assert document["filter"]["telegrams"] == (2 if expression in ("nv", "udp") else 0)
+
+
+def test_plain_lines_of_the_program_show_it(
+    inquiry: Inquiry, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:  # fmt: skip
+    """The verb reads without an inquiry where nothing but lines is asked for."""
+    monkeypatch.setattr(table, "PROTOCOLS", inquiry.protocols)
+    monkeypatch.setattr(
+        Text.__init__, "__kwdefaults__", Text.__init__.__kwdefaults__ | {"protocols": inquiry.protocols}
+    )
+    verb(sources=[*inquiry.paths], quiet=True)
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["1", "2", "4", "5", "6"]
+
+
+@pytest.mark.parametrize("rows", [[1, 1], [2, 1], [4], [99], [-1]])
+def test_a_dissector_that_breaks_its_promise_is_told(inquiry: Inquiry, rows: list[int]) -> None:
+    """Frames twice, backwards, of others, or of no batch would make wrong figures."""
+
+    class Broken(beacon.BeaconBatch):
+        row = np.array(rows)
+
+    def dissect(packets: PacketBatch, datagrams: DatagramBatch, segments: SegmentBatch) -> Broken:
+        found = beacon.dissect(packets, datagrams, segments)
+        return Broken(found.datagram, found.header)
+
+    broken = Dissector(beacon.NAME, Claims(udp=(beacon.PORT,)), dissect)
+    (told,) = run(inquiry.open(), Reading(dissectors=(broken,)), ())
+    with pytest.raises(ValueError, match="dissector beacon"):
+        _ = told.parts
+
+
+@pytest.mark.parametrize("size_bytes", [66, 130, 5000])
+def test_what_was_not_captured_is_not_gathered(size_bytes: int) -> None:
+    """Behind the last packet of a buffer lie few bytes that can be read."""
+    (told,) = run(Batches([batch_of([data_frame(0, "10.0.0.1", "10.0.0.2", b"", port=beacon.PORT)])]), READING, ())
+    datagrams = told.batch.datagrams
+    assert len(datagrams) == 1
+    layout = Layout("large", (Field("all", f"V{size_bytes}", "All", "of it"),))
+    assert len(layout.gather(told.packets.data, datagrams.holding(size_bytes).payload)) == 0
+    assert len(datagrams.holding(0)) == 1
 
 
 def test_the_report_has_its_finding_and_is_otherwise_the_same(inquiry: Inquiry) -> None:

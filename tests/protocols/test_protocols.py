@@ -171,7 +171,7 @@ def test_who_else_is_looked_for_changes_nothing(seed: int) -> None:
     ]
     alone = [text for rows in rows_of(frames, 50, PROTOCOLS) for text in texts(number, rows)]
     assert sorted(among, key=int) == alone
-    states = TrackerState(others=accumulators_of(EVERY)), TrackerState()
+    states = TrackerState(others=accumulators_of(EVERY)), TrackerState(others=accumulators_of(PROTOCOLS))
     for state, protocols in zip(states, (EVERY, PROTOCOLS), strict=True):
         for _ in run(Batches([batch_of(frames)]), reading(protocols), [state]):
             pass

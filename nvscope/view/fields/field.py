@@ -70,6 +70,11 @@ class TelegramField:
         return everywhere
 
 
+def presence(name: str, title: str) -> TelegramField:
+    """Return the field that is true in the frames of a protocol, false in others."""
+    return TelegramField(name, FieldType.BOOL, title, "frames of this protocol", lambda rows: rows.have(name))
+
+
 def blank(kind: FieldType, count: int) -> Column:
     """Return a column of so many rows, of which it is not known what they hold."""
     nothing = np.zeros(count, np.int64)

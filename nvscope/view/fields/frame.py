@@ -159,18 +159,9 @@ def expression_names(fields: Mapping[str, TelegramField]) -> dict[str, Named]:
             for name, field in fields.items()
         },
         **{name: Named(fields[parts[0]].type, parts) for name, parts in EITHER_OF.items()},
-        **{name: Named(FieldType.BOOL, test=test) for name, test in (_further(fields) | PROTOCOLS).items()},
+        **{name: Named(FieldType.BOOL, test=test) for name, test in PROTOCOLS.items()},
         "frame.time_delta_displayed": Named(_DURATION, refused="what is displayed is still to be decided"),
     }
-
-
-def _further(fields: Mapping[str, TelegramField]) -> dict[str, str]:
-    """Return the names of protocols that ``PROTOCOLS`` does not have: a frame has one where it has its first field."""
-    tests: dict[str, str] = {}
-    for field in fields.values():
-        if field.of and field.type is not FieldType.BOOL:
-            tests.setdefault(field.of, field.name)
-    return tests
 
 
 def output_field(name: str, fields: Mapping[str, TelegramField] = FIELDS) -> TelegramField:

@@ -59,7 +59,7 @@ class MessageTree:
                 continue
             number = int.from_bytes(content, "big" if entry.dtype.startswith(">") else "little")
             named = f"  {entry.values[number]}" if number in entry.values else ""
-            yield Entry([*head, Cell(f"{number_text(entry, number)}{named}")], entry.help)
+            yield Entry([*head, Cell(f"{number_text(entry, number)}{named}")], "" if named else entry.help)
             if entry.bits:
                 yield from bit_entries(entry, number)
         if data < stop:
