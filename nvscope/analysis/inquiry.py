@@ -271,7 +271,9 @@ class Inquiry:
         state = TrackerState(reading.timeout_ns, others=accumulators_of(self.protocols))
 
         def look() -> Snapshot:
-            return snapshot(state, source, self.project, self.pdos, overdue=True, protocols=self.protocols)
+            return snapshot(
+                state, source, self.project, self.pdos, overdue=True, protocols=self.protocols, figures=True
+            )
 
         return Session(source, reading, [state], look)
 

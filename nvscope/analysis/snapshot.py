@@ -12,6 +12,7 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS, judges_of
+from nvscope.tracker.counted import Counted
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary, summarize
 
@@ -20,20 +21,26 @@ from nvscope.tracker.summary import Summary, summarize
 class Snapshot:
     """What follows from all that was observed up to ``at_ns``, what is wrong with it, and what its sources say.
 
-    ``at_ns`` is None where nothing was observed yet.
+    ``at_ns`` is None where nothing was observed yet. The difference of two snapshots' ``figures`` is what was counted
+    between them; None where nobody asked for them.
     """
 
     summary: Summary
     findings: Sequence[Finding]
     infos: Sequence[SourceInfo]
     at_ns: int | None
+    figures: Counted | None = None
 
 
 def snapshot(
     state: TrackerState, source: Source, project: Project, pdos: Pdos | None = None, *, overdue: bool = False,
-    protocols: Sequence[Protocol] = PROTOCOLS,
+    protocols: Sequence[Protocol] = PROTOCOLS, figures: bool = False,
 ) -> Snapshot:  # fmt: skip
-    """Look at a state; nothing in it changes. ``overdue``: what nobody answered in time counts, frame or not."""
+    """Look at a state; nothing in it changes.
+
+    ``overdue``: what nobody answered in time counts, frame or not. ``protocols`` are those that are judged.
+    ``figures``: what was counted is wanted too, so that it can be compared with that of other moments.
+    """
     definition = project.definition
     cob_ids = {key.identifier for key in (pdos or Pdos(definition)).by_cob_id}
     summary = summarize(
@@ -46,4 +53,4 @@ def snapshot(
         state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition,
         judges=judges_of(protocols, state),
     )  # fmt: skip
-    return Snapshot(summary, tuple(findings), infos, at_ns)
+    return Snapshot(summary, tuple(findings), infos, at_ns, Counted.of(state) if figures else None)

@@ -63,6 +63,17 @@ class KeyedColumns:
         for name in self.COLUMNS:
             getattr(self, name)[row] = getattr(other, name)[other_row]
 
+    def copied(self, *names: str) -> Self:
+        """Return a copy of the rows in use that shares nothing with this table; with ``names``, of these columns only.
+
+        Columns that are not copied hold nothing.
+        """
+        copy = type(self)()
+        copy._rows = self._rows
+        for name in names or self.COLUMNS:
+            setattr(copy, name, self.column(name).copy())
+        return copy
+
     def column(self, name: str) -> Any:
         """Return one column, cut to the rows in use."""
         return getattr(self, name)[: self._rows]

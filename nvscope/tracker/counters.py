@@ -1,4 +1,4 @@
-"""What a sender's Counter counts: the scopes it may have."""
+"""What a sender's Counter counts, and whether it counts at all."""
 
 from __future__ import annotations
 
@@ -15,3 +15,19 @@ class Scope(IntEnum):
 
 SCOPE_NAMES = {Scope.STREAM: "stream", Scope.NODE_TELEGRAM: "node-telegram", Scope.NODE_SEND: "node-send"}
 SCOPE_UNUSED = "unused"
+
+_ERRATIC_FROM = 100
+_ERRATIC_FACTOR = 10
+
+
+def is_erratic(lost: int, telegrams: int, duration_ns: int, median_ns: int | None) -> bool:
+    """Tell whether a stream lost more counters than there was time to send: then the sender does not count telegrams.
+
+    ``duration_ns`` is from its first telegram to its last, ``median_ns`` its median interval.
+    """
+    if lost <= telegrams:
+        return False
+    if median_ns is None or median_ns <= 0:
+        return lost > _ERRATIC_FROM
+    absent_ns = max(0, duration_ns - telegrams * median_ns)
+    return (lost - _ERRATIC_FROM) * median_ns > _ERRATIC_FACTOR * absent_ns

@@ -63,9 +63,13 @@ class Figure:
     help: str
     of: tuple[Of, ...]
     joins: Joins
-    read: Callable[[Measured], Value]
+    reads: Callable[[Measured], Value]
     keys: Mapping[Of, str] = field(default_factory=lambda: MappingProxyType({}))
     width_bits: int = 0
+
+    def read(self, row: Measured) -> Value:
+        """Return the figure of what was measured; extremes of a window are None where nobody kept them for it."""
+        return self.reads(row) if row.extremes or self.joins not in (Joins.LEAST, Joins.MAX) else None
 
     def key(self, of: Of) -> str:
         """Return its key in the JSON object that holds it; KeyError where no report has it."""

@@ -135,6 +135,10 @@ class Histogram:
     least_ns: int
     most_ns: int
 
+    def within(self, least_ns: int, most_ns: int) -> Histogram:
+        """Return the same with other extremes."""
+        return Histogram(self.bucket, self.count, least_ns, most_ns)
+
     def percentile_ns(self, percent: int) -> int | None:
         """Return the middle of the bucket of the nearest-rank percentile, within the extremes; None if empty."""
         total = int(self.count.sum())

@@ -20,7 +20,7 @@ class Measured:
 
     ``telegrams`` are its well-formed data telegrams, or its frames, ``span_ns`` is how long it was watched.
     ``counters`` are by name. Of several streams, ``intervals`` and ``latency`` are those of all, ``jitter_percent`` is
-    that of the worst.
+    that of the worst. Without ``extremes``, nobody kept the least and the most of the window.
     """
 
     telegrams: int
@@ -31,6 +31,7 @@ class Measured:
     jitter_percent: float | None = None
     latency: LatencyFigures | None = None
     bus: CanBusSummary | None = None
+    extremes: bool = True
 
     @property
     def per_second(self) -> float | None:

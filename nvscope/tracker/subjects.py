@@ -59,9 +59,10 @@ class Measures:
 
     def __init__(self, summary: Summary) -> None:
         self._together = summary.together
+        self._extremes = summary.extremes
         capture = summary.capture
-        self._span_ns = None
-        if capture.start_ns is not None and capture.at_ns is not None:
+        self._span_ns = summary.window_ns
+        if self._span_ns is None and capture.start_ns is not None and capture.at_ns is not None:
             self._span_ns = capture.at_ns - capture.start_ns
         self._streams: dict[tuple[int, int], list[StreamSummary]] = defaultdict(list)
         for entry in summary.lists:
@@ -73,6 +74,7 @@ class Measures:
         measured = Measured(
             telegrams=sum(stream.telegrams for stream in entry.streams),
             span_ns=self._span_ns,
+            extremes=self._extremes,
             diagnosis=entry.diagnosis,
             intervals=self._together.intervals.get(entry.number, NO_INTERVALS),
             jitter_percent=_worst(entry.streams),
@@ -88,6 +90,7 @@ class Measures:
         return Measured(
             telegrams=sum(stream.telegrams for stream in own),
             span_ns=self._span_ns,
+            extremes=self._extremes,
             diagnosis=diagnosis,
             counters=counted_together(own),
             intervals=self._together.intervals_of_node.get(member, NO_INTERVALS),
@@ -106,6 +109,7 @@ class Measures:
         measured = Measured(
             telegrams=stream.telegrams,
             span_ns=self._span_ns,
+            extremes=self._extremes,
             intervals=stream.intervals,
             jitter_percent=stream.intervals.jitter_percent,
         )
@@ -116,7 +120,7 @@ class Measures:
 
     def of_bus(self, bus: CanBusSummary) -> Measured:
         """Return what was measured of a bus."""
-        return Measured(telegrams=bus.frames, span_ns=self._span_ns, bus=bus)
+        return Measured(telegrams=bus.frames, span_ns=self._span_ns, extremes=self._extremes, bus=bus)
 
 
 def _worst(streams: Iterable[AnyStream]) -> float | None:

@@ -18,17 +18,16 @@ from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.capture import CaptureSummary
-from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope
+from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope, is_erratic
 from nvscope.tracker.diagnosis import ERROR_ORDER, Diagnosis
 from nvscope.tracker.errors import LastError
 from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
+from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.together import Together, counted_together, taken_together
 
 UNUSED_FROM_TELEGRAMS = 8
-_ERRATIC_FROM = 100
-_ERRATIC_FACTOR = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,18 +47,14 @@ class StreamSummary:
     items: int
     length: int
     checksum: int | None
+    whole_erratic: bool | None = field(default=None, compare=False)
 
     @property
     def erratic(self) -> bool:
-        """Whether more counters are lost than there was time to send: then the sender does not count telegrams."""
-        lost = self.figures["lost"]
-        if lost <= self.telegrams:
-            return False
-        median = self.intervals.p50
-        if median is None or median <= 0:
-            return lost > _ERRATIC_FROM
-        absent_ns = max(0, self.last_ns - self.first_ns - self.telegrams * median)
-        return (lost - _ERRATIC_FROM) * median > _ERRATIC_FACTOR * absent_ns
+        """Whether its counters are not believed, here or, of a window, in all that was seen up to its end."""
+        if self.whole_erratic is not None:
+            return self.whole_erratic
+        return is_erratic(self.figures["lost"], self.telegrams, self.last_ns - self.first_ns, self.intervals.p50)
 
     @property
     def counters(self) -> dict[str, int | None]:
@@ -89,7 +84,7 @@ class Summary:
     """What follows from a state; lists by port and Index, nodes by address, streams by node and SubIndex.
 
     ``addresses`` and ``address_order`` are by number of node: those of the state, and behind them readers of which it
-    knows nothing.
+    knows nothing. Of a window, ``window_ns`` is how long it was, and ``extremes`` says whether anybody kept its own.
     """
 
     lists: list[ListSummary]
@@ -100,6 +95,8 @@ class Summary:
     timeout_ns: int = TIMEOUT_NS
     can: CanSummary = field(default_factory=CanSummary)
     together: Together = field(default_factory=Together)
+    window_ns: int | None = None
+    extremes: bool = True
 
     @property
     def start_ns(self) -> int | None:
@@ -121,6 +118,8 @@ class _Tally:
     last: tuple[int, int | None] = (-1, None)
 
     def add(self, count: int, written: int, last: tuple[int, int | None]) -> None:
+        if not count:
+            return  # in a window, of what was seen before it
         self.count += count
         self.written += written
         self.last = max(self.last, last, key=lambda entry: entry[0])
@@ -133,12 +132,14 @@ def summarize(
     readers: Mapping[str, Collection[tuple[int | None, int]]] = MappingProxyType({}),
     buses: Buses | None = None,
     cob_ids: Collection[int] = (),
+    erratic: Collection[int] | None = None,
 ) -> Summary:
     """Compute the summary of a state.
 
     ``intervals_ns`` are the nominal intervals of lists that have to be sent at one. ``readers`` are the lists that
     nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on any port.
-    ``buses`` and ``cob_ids`` are as for ``summarize_can``.
+    ``buses`` and ``cob_ids`` are as for ``summarize_can``. ``erratic`` are the streams whose counters are not believed,
+    where that is not to be judged from this state.
     """
     keys = state.keys
     nodes = list(zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True))
@@ -150,7 +151,7 @@ def summarize(
     lists = [ListSummary(number, keys.list_key(number)) for number in range(len(keys.lists))]
     _diagnose(state, lists, order, reading)
     intervals = StreamIntervals(state.senders.timing)
-    _add_streams(state, lists, scopes, order, intervals_ns, intervals)
+    _add_streams(state, lists, scopes, order, intervals_ns, intervals, erratic)
     _count(state, lists)
     on_udp = [entry for entry in lists if entry.key.transport is Transport.UDP]
     on_udp.sort(key=lambda entry: entry.key)
@@ -160,37 +161,6 @@ def summarize(
     capture = state.capture.summary(state.buses.frames)
     together = taken_together(state, intervals, intervals_ns)
     return Summary(on_udp, addresses, order, scopes, capture, timeout_ns, can, together)
-
-
-def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
-    """Return, by node with streams, the scope in which most steps of its Counter are regular."""
-    keys, loss = state.keys, state.senders.loss
-    places, nodes = keys.streams.high.tolist(), keys.streams.low.tolist()
-    list_of_place = keys.places.high.tolist()
-    steps, regular = loss.streams.column("steps").tolist(), loss.streams.column("regular").tolist()
-    own: dict[int, list[int]] = defaultdict(lambda: [0, 0, 0])
-    lists: dict[int, set[int]] = defaultdict(set)
-    for stream, node in enumerate(nodes):
-        if node == NOBODY_KEY:
-            continue
-        tally = own[node]
-        tally[0] += regular[stream]
-        tally[1] += steps[stream]
-        tally[2] += 1
-        lists[node].add(list_of_place[places[stream]])
-    scopes = {}
-    for node, (own_regular, own_steps, streams) in own.items():
-        node_steps = int(loss.nodes.steps[node])
-        best, share = Scope.STREAM, (own_regular, own_steps or 1)
-        for scope, considered, regular_steps in (
-            (Scope.NODE_TELEGRAM, streams >= 2, int(loss.nodes.regular_telegram[node])),
-            (Scope.NODE_SEND, len(lists[node]) >= 2, int(loss.nodes.regular_send[node])),
-        ):
-            candidate = (regular_steps, node_steps or 1)
-            if considered and candidate[0] * share[1] > share[0] * candidate[1]:
-                best, share = scope, candidate
-        scopes[node] = best
-    return scopes
 
 
 @dataclass(slots=True)
@@ -324,6 +294,7 @@ def _add_streams(
     order: list[tuple[bool, int]],
     intervals_ns: Mapping[ListKey, int],
     intervals: StreamIntervals,
+    erratic: Collection[int] | None,
 ) -> None:
     keys, memory, loss = state.keys, state.memory.columns, state.senders.loss.streams
     telegrams = memory.column("telegrams").tolist()
@@ -351,6 +322,7 @@ def _add_streams(
             items=signature & 0xFFFF,
             length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
             checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_PRESENT.mask else None,
+            whole_erratic=None if erratic is None else stream in erratic,
         )
         entry.streams.append(summary)
     for entry in lists:

@@ -142,3 +142,13 @@ def test_variables_are_fields() -> None:
 def test_stdin_is_not_read_twice() -> None:
     with pytest.raises(UsageError, match="stdin cannot be read twice"):
         Inquiry(["-"]).analyze("list.lost > 0")
+
+
+def test_a_session_over_captures_ends_with_their_report_and_figures() -> None:
+    inquiry = Inquiry([PLANT])
+    session = inquiry.session()
+    session.start()
+    assert session.wait(30)
+    last, found = session.stop(), inquiry.analyze()
+    assert last.figures is not None
+    assert last.summary == found.summary == last.figures.summary()

@@ -127,6 +127,29 @@ def test_what_a_source_or_an_observer_raises_reaches_who_asks() -> None:
             ask()
 
 
+def test_snapshots_of_a_session_can_be_subtracted() -> None:
+    """The figures of a look stay as they were, and what came since is the rest."""
+    pauses = [pause(S + number) for number in range(1_000)]
+    batches = [batch_of(frames_from(1, 10)), *pauses, batch_of(frames_from(11, 3))]
+    state, source = TrackerState(), Steered(batches)
+    session = Session(source, Reading(), [state], lambda: snapshot(state, source, Project(), figures=True))
+    session.start()
+    first = session.snapshot(patience_s=5)
+    while not first.summary.capture.frames:
+        source.go_on()
+        first = session.snapshot(patience_s=5)
+    source.go_on(len(batches))
+    assert session.wait(30)
+    last = session.stop()
+    assert first.figures is not None
+    assert last.figures is not None
+    both = first.figures.summary(), (last.figures - first.figures).summary()
+    assert [summary.lists[0].diagnosis.nSendCount for summary in both] == [10, 3]
+    assert both[0].capture == first.summary.capture
+    assert shown(last) == document_of(tracked(batches))
+    assert snapshot(state, source, Project()).figures is None
+
+
 # --- time passes, and nothing comes
 
 

@@ -45,7 +45,7 @@ def expected(took_ns: list[int]) -> list[Any]:
 
 
 @given(st.integers(0, 10_000), st.sampled_from([1, 13, 1000]))
-@examples(60)
+@examples(25)
 def test_what_acknowledgements_took_is_what_each_wait_took(seed: int, packets: int) -> None:
     frames = generate(seed, frames=random.Random(seed).choice([60, 400]), link=None)
     streams: dict[tuple[Any, ...], list[int]] = {}

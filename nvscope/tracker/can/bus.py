@@ -103,7 +103,7 @@ def summarize_buses(
 
     ``name`` returns what a channel is called.
     """
-    given, rows = buses or Buses(), rows_by_channel(state.load.keys)
+    given, rows = buses or Buses(), _rows_with_frames(state)
     identifiers = rows_by_channel(state.load.identifiers.keys)
     errors, nodes = state.errors.by_channel(), state.canopen.by_channel(lists)
     found = [
@@ -114,6 +114,15 @@ def summarize_buses(
         for number in rows
     ]  # fmt: skip
     return sorted(found, key=lambda bus: bus.channel)
+
+
+def _rows_with_frames(state: BusState) -> dict[int, I64]:
+    """Return the seconds with frames of each channel; of one that has none, as in a window, its last second."""
+    frames, found = state.load.columns.frames, {}
+    for number, rows in rows_by_channel(state.load.keys).items():
+        own = rows[frames[rows] > 0]
+        found[number] = own if len(own) else rows[-1:]
+    return found
 
 
 def _percent(rate: BitRate, bits: I64, fast_bits: I64) -> F64:
@@ -150,9 +159,9 @@ def _bus(
             began_ns, percent, worst,
         )  # fmt: skip
     return CanBusSummary(
-        channel, int(columns.frames[rows].sum()), len(rows), int(exact.sum()), int(fast.sum()),
-        int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load, _identifiers(state, identifiers, rate),
-        errors, nodes,
+        channel, int(columns.frames[rows].sum()), int(np.count_nonzero(columns.frames[rows])), int(exact.sum()),
+        int(fast.sum()), int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load,
+        _identifiers(state, identifiers, rate), errors, nodes,
     )  # fmt: skip
 
 
@@ -170,7 +179,9 @@ def _duration_s(columns: IdentifierColumns, own: I64) -> float:
 
 
 def _identifiers(state: BusState, own: I64, rate: BitRate | None) -> list[IdentifierBits]:
-    keys, columns = state.load.identifiers.keys.low[own], state.load.identifiers.columns
+    columns = state.load.identifiers.columns
+    own = own[columns.frames[own] > 0]
+    keys = state.load.identifiers.keys.low[own]
     bits, fast = columns.bits[own], columns.fast_bits[own]
     part = _percent(rate, bits, fast) if rate else (bits + fast).astype(np.float64)
     share = part * (100 / max(float(part.sum()), 1e-9))

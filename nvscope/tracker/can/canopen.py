@@ -107,11 +107,11 @@ class CanOpenNode:
 
 
 class CanOpen:
-    """The CANopen nodes that were seen."""
+    """The CANopen nodes that were seen; ``nodes`` number the rows of ``columns``."""
 
     def __init__(self) -> None:
-        self._nodes = KeyTable()
-        self._columns = _NodeColumns()
+        self.nodes = KeyTable()
+        self.columns = _NodeColumns()
 
     def observe(self, batch: CanBatch, first_frame: int) -> None:
         """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
@@ -131,11 +131,11 @@ class CanOpen:
 
     def take(self, part: CanOpen) -> None:
         """Take over the nodes of other channels."""
-        self._columns.take_keyed(self._nodes, part._columns, part._nodes.words)
+        self.columns.take_keyed(self.nodes, part.columns, part.nodes.words)
 
     def _numbers(self, channel: U16, node: U32 | U8) -> I64:
-        number = self._nodes.numbers(channel.astype(np.uint64), node.astype(np.uint64))
-        self._columns.resize(len(self._nodes))
+        number = self.nodes.numbers(channel.astype(np.uint64), node.astype(np.uint64))
+        self.columns.resize(len(self.nodes))
         return number
 
     def _observe_heartbeats(self, batch: CanBatch, row: I64, _: int) -> None:
@@ -143,10 +143,10 @@ class CanOpen:
         known = np.isin(state, list(NODE_STATES))
         row, state = row[known], state[known]
         number = self._numbers(batch.channel[row], _node_of(batch, row, _HEARTBEAT))
-        order = stable_order(number, len(self._nodes))
+        order = stable_order(number, len(self.nodes))
         number, state, time_ns = number[order], state[order], batch.ts_ns[row[order]]
         start, stop = runs_of(number)
-        run, last, columns = number[start], stop - 1, self._columns
+        run, last, columns = number[start], stop - 1, self.columns
         before = np.empty_like(state)
         before[1:] = state[:-1]
         before[start] = columns.state[run]
@@ -162,10 +162,10 @@ class CanOpen:
 
     def _observe_emergencies(self, batch: CanBatch, row: I64, _: int) -> None:
         number = self._numbers(batch.channel[row], _node_of(batch, row, _EMCY))
-        order = stable_order(number, len(self._nodes))
+        order = stable_order(number, len(self.nodes))
         number, row = number[order], row[order]
         start, stop = runs_of(number)
-        run, last, columns = number[start], row[stop - 1], self._columns
+        run, last, columns = number[start], row[stop - 1], self.columns
         columns.emergencies[run] += stop - start
         columns.emergency[run] = gather_bytes(batch.data, batch.at[last], 8).view("<u8").reshape(-1)
         columns.emergency_ns[run] = batch.ts_ns[last]
@@ -175,10 +175,10 @@ class CanOpen:
         known = np.isin(command, list(NMT_COMMANDS)) & (node <= MAX_NODES)
         row, command, node = row[known], command[known], node[known]
         number = self._numbers(batch.channel[row], node)
-        order = stable_order(number, len(self._nodes))
+        order = stable_order(number, len(self.nodes))
         number, row, command = number[order], row[order], command[order]
         start, stop = runs_of(number)
-        run, last, columns = number[start], stop - 1, self._columns
+        run, last, columns = number[start], stop - 1, self.columns
         columns.commands[run] += stop - start
         columns.command[run] = command[last]
         columns.command_ns[run] = batch.ts_ns[row[last]]
@@ -187,7 +187,7 @@ class CanOpen:
     def by_channel(self, lists: Collection[int] = ()) -> dict[int, list[CanOpenNode]]:
         """Return the nodes of each channel that has some; the COB-IDs of ``lists`` are not CANopen's."""
         rows: dict[int, dict[int, int]] = defaultdict(dict)
-        for row, (channel, node) in enumerate(zip(self._nodes.high.tolist(), self._nodes.low.tolist(), strict=True)):
+        for row, (channel, node) in enumerate(zip(self.nodes.high.tolist(), self.nodes.low.tolist(), strict=True)):
             rows[channel][node] = row
         found = {}
         for channel, row_of in rows.items():
@@ -196,7 +196,7 @@ class CanOpen:
         return found
 
     def _node(self, node: int, row: int, everybody: int | None, lists: Collection[int]) -> CanOpenNode:
-        columns = self._columns
+        columns = self.columns
         heartbeats = 0 if _cob_id(_HEARTBEAT, node) in lists else int(columns.heartbeats[row])
         emergencies = 0 if _cob_id(_EMCY, node) in lists else int(columns.emergencies[row])
         state = since_ns = None

@@ -87,24 +87,27 @@ class BusErrors:
 
 
 class CanErrors:
-    """The error frames of all channels. ``classes`` are events by (channel, class bit), ``all`` by (channel, 0)."""
+    """The error frames of all channels. ``classes`` are events by (channel, class bit), ``all`` by (channel, 0).
+
+    ``channels`` number the rows of ``columns``.
+    """
 
     def __init__(self) -> None:
         self.classes = EventLog()
         self.all = EventLog()
-        self._channels = KeyTable(1)
-        self._columns = _ChannelColumns()
+        self.channels = KeyTable(1)
+        self.columns = _ChannelColumns()
 
     def observe(self, batch: CanBatch, first_frame: int) -> None:
         """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
         error = np.flatnonzero(batch.error)
-        if not len(error) and not self._columns.column("off").any():
+        if not len(error) and not self.columns.column("off").any():
             return
         details = error_details(batch)
         if len(error):
             channel = batch.channel[error].astype(np.uint64)
-            number = self._channels.numbers(channel)
-            self._columns.resize(len(self._channels))
+            number = self.channels.numbers(channel)
+            self.columns.resize(len(self.channels))
             self._count(details, channel, number, batch.ts_ns[error], batch.row[error] + first_frame)
             self.all.settle()
             self.classes.settle()
@@ -114,10 +117,10 @@ class CanErrors:
         """Take over the error frames of other channels."""
         self.classes.take(part.classes)
         self.all.take(part.all)
-        self._columns.take_keyed(self._channels, part._columns, part._channels.words)
+        self.columns.take_keyed(self.channels, part.columns, part.channels.words)
 
     def _count(self, details: ErrorDetails, channel: U64, number: I64, time_ns: I64, frame: I64) -> None:
-        columns = self._columns
+        columns = self.columns
         self.all.record(time_ns, frame, channel, np.zeros_like(channel))
         for bit in CLASSES:
             own = np.flatnonzero(details.classes & np.uint16(bit.mask))
@@ -135,16 +138,16 @@ class CanErrors:
 
     def _observe_bus_off(self, batch: CanBatch, details: ErrorDetails) -> None:
         """Note when controllers leave the bus and come back: told, or shown by any frame that is on the bus."""
-        columns = self._columns
+        columns = self.columns
         leaves: Bool = np.zeros(len(batch), np.bool_)
         leaves[details.position] = details.bus_off
         if not leaves.any() and not columns.column("off").any():
             return
         back = ~batch.error
         back[details.position] |= details.recovered
-        number = self._channels.find(batch.channel.astype(np.uint64))
+        number = self.channels.find(batch.channel.astype(np.uint64))
         row = np.flatnonzero((leaves | back) & (number >= 0))
-        row = row[stable_order(number[row], len(self._channels))]
+        row = row[stable_order(number[row], len(self.channels))]
         if not len(row):
             return
         number, time_ns, off = number[row], batch.ts_ns[row], leaves[row]
@@ -172,11 +175,14 @@ class CanErrors:
         classes: dict[int, dict[str, int]] = {}
         keys = zip(self.classes.keys.high.tolist(), self.classes.keys.low.tolist(), strict=True)
         for row, (channel, mask) in sorted(enumerate(keys), key=lambda pair: pair[1]):
-            classes.setdefault(channel, {})[_CLASS_OF_MASK[mask].name] = int(self.classes.rows.count[row])
+            if frames := int(self.classes.rows.count[row]):
+                classes.setdefault(channel, {})[_CLASS_OF_MASK[mask].name] = frames
         found = {}
-        events, columns, channels = self.all.rows, self._columns, self.all.keys.high
-        rows = zip(channels.tolist(), self._channels.find(channels).tolist(), strict=True)
+        events, columns, channels = self.all.rows, self.columns, self.all.keys.high
+        rows = zip(channels.tolist(), self.channels.find(channels).tolist(), strict=True)
         for row, (channel, number) in enumerate(rows):
+            if not events.count[row]:
+                continue  # of a window without any
             states = columns.states[number].tolist()
             found[channel] = BusErrors(
                 int(events.count[row]), int(events.first_ns[row]), int(events.last_ns[row]),

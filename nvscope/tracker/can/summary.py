@@ -64,7 +64,7 @@ class CanListSummary:
     def of(number: int, key: ListKey, streams: list[CanStreamSummary]) -> CanListSummary:
         """Return the list with the given streams, of which there is at least one."""
         frames = sum(stream.telegrams for stream in streams)
-        last_ns = max(stream.last_ns for stream in streams)
+        last_ns = max((stream.last_ns for stream in streams if stream.telegrams), default=None)
         diagnosis = Diagnosis(frames, last_ns, frames, last_ns, frames)
         return CanListSummary(number, key, diagnosis, sorted(streams, key=lambda stream: stream.subindex))
 
@@ -90,7 +90,7 @@ def summarize_can(
     ``intervals`` are those measured, ``intervals_ns`` the nominal ones of lists, ``buses`` the bit rates that are
     given, ``cob_ids`` those that defined lists take: they are not CANopen's.
     """
-    if not state.buses.frames:
+    if not len(state.buses.load.keys):
         return CanSummary()
     keys, memory = state.keys, state.memory.columns
     remotes = state.buses.remotes
