@@ -73,7 +73,8 @@ class CaptureState:
         self.telegrams += len(told) - int(told.count[NO_TELEGRAM]) - len(told.can or ())
         if told.chosen is not None:
             self.chosen += int(np.count_nonzero(told.chosen & (told.variety != NO_TELEGRAM)))
-            self.chosen_protocols |= {name for name, part in told.parts.items() if told.chosen[part.row].any()}
+            chosen = {name for name, part in told.parts.items() if told.chosen[part.row].any()}
+            self.chosen_protocols = self.chosen_protocols | chosen
         batch = told.batch
         self.fragments += batch.fragments
         if batch.unsupported is not None:
