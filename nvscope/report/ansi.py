@@ -18,9 +18,11 @@ _CODES = {
 
 def paint(lines: Iterable[Line], *, colour: bool) -> str:
     """Return the lines as text that ends with a line break; without colour the same text and nothing else."""
-    return "".join(f"{''.join(_cell(cell.text, cell.tone, colour) for cell in line)}\n" for line in lines)
+    if not colour:
+        return "".join(["".join([cell.text for cell in line]) + "\n" for line in lines])
+    return "".join(["".join([_cell(cell.text, cell.tone) for cell in line]) + "\n" for line in lines])
 
 
-def _cell(text: str, tone: Tone, colour: bool) -> str:
-    code = _CODES.get(tone) if colour else None
+def _cell(text: str, tone: Tone) -> str:
+    code = _CODES.get(tone)
     return f"\x1b[{code}m{text}\x1b[0m" if code else text

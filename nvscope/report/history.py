@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from nvscope import units
@@ -27,6 +28,8 @@ _FIRST = " (first)"
 _FIRST_FROM_WIDTH = 20
 _LIST_WIDTH = 16
 _SUBINDEX = "SubIndex"
+_S_NS = 1_000_000_000
+_MOST_COLUMNS = 1024
 _LEAST_REST = 33
 """Columns that variable and values keep: what else there is in a line has to fit beside them."""
 _SUMMARY = (
@@ -61,6 +64,9 @@ class Text:
         self._colour = colour
         self._utc = utc
         self._day = ""
+        self._second: int | None = None
+        # They come again in each telegram of a stream.
+        self._columns = lru_cache(_MOST_COLUMNS)(self._told_columns)
         shown = [visible(name) for name in set(names)]
         keys, labels = {key for key, _ in lists}, {name for _, name in lists}
         # Lists of one name are told apart by their keys.
@@ -99,25 +105,32 @@ class Text:
     def line(self, row: Row) -> str:
         time_ns = int(row["time_ns"])
         lines: list[Line] = []
-        day = units.date(time_ns, utc=self._utc)
-        if day != self._day:
-            if not self._day:
-                lines.append(self._headings())
-            self._day = day
-            lines.append([Cell(f"{day} ({'UTC' if self._utc else units.zone(time_ns, utc=False)})", Tone.FAINT)])
+        if time_ns // _S_NS != self._second:
+            self._second = time_ns // _S_NS
+            day = units.date(time_ns, utc=self._utc)
+            if day != self._day:
+                if not self._day:
+                    lines.append(self._headings())
+                self._day = day
+                lines.append([Cell(f"{day} ({'UTC' if self._utc else units.zone(time_ns, utc=False)})", Tone.FAINT)])
         clock = Cell(units.clock_time(time_ns, utc=self._utc).ljust(_CLOCK_WIDTH))
         cells = [clock, Cell("  ")]
         if self._frame:
             cells.append(Cell(f"{row['frame']:>{_FRAME_WIDTH}}  ", Tone.FAINT))
-        listed, sender, name = (visible(row[key]) for key in (self._label, "sender", "name"))
-        subindex = str(row["subindex"]).rjust(self._subindex)
-        columns = ((self._list, listed), (self._sender, sender), (self._subindex, subindex), (self._name, name))
-        for width, column in columns:
-            if width:
-                text = shorten(column, width)
-                cells.append(Cell(text + " " * (width - display_width(text) + 2)))
+        cells.append(self._columns(row[self._label], row["sender"], row["subindex"], row["name"]))
         lines.append([*cells, *self._values(row)])
         return paint(lines, colour=self._colour)
+
+    def _told_columns(self, label: str, sender: str, subindex: int, name: str) -> Cell:
+        """Return what a line says of where a variable is, in the columns that are shown."""
+        columns = (
+            (self._list, visible(label)),
+            (self._sender, visible(sender)),
+            (self._subindex, str(subindex).rjust(self._subindex)),
+            (self._name, visible(name)),
+        )
+        told = [(width, shorten(column, width)) for width, column in columns if width]
+        return Cell("".join(text + " " * (width - display_width(text) + 2) for width, text in told))
 
     def _values(self, row: Row) -> list[Cell]:
         new = visible(row["new_text"])
