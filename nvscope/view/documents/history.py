@@ -16,7 +16,7 @@ from nvscope.list_key import ListKey
 from nvscope.tracker.variables.history import Entry, History
 from nvscope.tracker.variables.moment import LastTelegram, Moment
 from nvscope.version import __version__
-from nvscope.view.documents.variables import filter_told, plain_value, value_text
+from nvscope.view.documents.variables import filter_told, plain_value, text_of, value_text
 
 HISTORY_SCHEMA = "nvscope.history/1"
 AT_SCHEMA = "nvscope.at/1"
@@ -30,7 +30,8 @@ def change_row(entry: Entry) -> dict[str, Any]:
     """Return one element of one telegram; ``old`` is None in its first one."""
     track = entry.track
     element, stream = track.layout.elements[entry.place], track.stream
-    kind, before = element.type, entry.before
+    kind = element.type
+    old, new = None if entry.before is None else value_of(kind, entry.before), value_of(kind, entry.now)
     return {
         "frame": entry.frame,
         "time_ns": str(entry.time_ns),
@@ -40,10 +41,10 @@ def change_row(entry: Entry) -> dict[str, Any]:
         "subindex": stream.subindex,
         "name": element.name,
         "changed": entry.changed,
-        "old": None if before is None else plain_value(value_of(kind, before)),
-        "new": plain_value(value_of(kind, entry.now)),
-        "old_text": None if before is None else value_text(kind, before),
-        "new_text": value_text(kind, entry.now),
+        "old": None if old is None else plain_value(old),
+        "new": plain_value(new),
+        "old_text": None if old is None else text_of(kind, old),
+        "new_text": text_of(kind, new),
     }
 
 

@@ -154,7 +154,11 @@ def plain_value(value: Value) -> bool | int | float | str | None:
 
 def value_text(kind: Elementary, raw: bytes) -> str:
     """Return the value of an element as an engineer writes it: ``TRUE``, ``12.5``, ``T#1s500ms``, ``eRun (2)``."""
-    value = value_of(kind, raw)
+    return text_of(kind, value_of(kind, raw))
+
+
+def text_of(kind: Elementary, value: Value) -> str:
+    """Return what ``value_text`` does, of a value that is known already."""
     if isinstance(kind, Enumeration) and isinstance(value, int):
         names = [name for name, number in kind.values.items() if number == value]
         return f"{names[0]} ({value})" if names else f"{value} (no value of {kind.name})"
