@@ -78,9 +78,8 @@ class Windows:
             return
         if self._start_ns is None:
             self._start_ns = int(packets.ts_ns[0])
+        # Where a clock stepped back, there may be more pieces than edges: that does no harm.
         time_ns = np.maximum.accumulate(packets.ts_ns)
-        if self._latest_ns is not None:
-            time_ns = np.maximum(time_ns, self._latest_ns)
         window = np.maximum((time_ns - self._start_ns) // self.length_ns, _BEFORE)
         bounds = [0, *(np.flatnonzero(np.diff(window)) + 1).tolist(), len(packets)]
         for start, stop in pairwise(bounds):

@@ -267,17 +267,24 @@ def test_each_window_has_the_highest_error_counters_of_its_own() -> None:
     assert [[figures(one, Of.BUS)[name] for name in names] for one in windows] == [
         [1, 1, 120, 3], [1, 1, 9, 40], [1, 0, None, None],
     ]  # fmt: skip
+    errors = [one.counted.summary().can.buses[0].errors for one in windows]
+    assert [told and told.classes for told in errors] == [{"counters": 1}, {"counters": 1}, None]
 
 
 def test_the_load_of_a_window_is_that_over_its_length() -> None:
     """Frames of 8 bytes in the first and the third of three windows, on a bus of 500 kbit/s."""
     frames = [(START + ms * MS, 0, 0x181, bytes(8)) for ms in (0, 100, 200, 2_100, 2_999)]
     windows = watched(Windows(S), [can_batch(frames)])
-    buses = [one.counted.summary(buses=Buses((("can0", BusSettings(500_000)),))).can.buses[0] for one in windows[:2]]
+    given = Buses((("can0", BusSettings(500_000)),))
+    buses = [one.counted.summary(buses=given).can.buses[0] for one in windows[:2]]
     assert [bus.frames for bus in buses] == [3, 0]
     assert [bus.seconds for bus in buses] == [1, 0]
     assert [bus.load and bus.load.mean for bus in buses] == [pytest.approx(100 * buses[0].bits / 500_000), 0]
     assert [len(bus.identifiers) for bus in buses] == [1, 0]
+    twice = watched(Windows(2 * S), [can_batch(frames)])[0].counted.summary(buses=given)
+    assert [bus.load and bus.load.mean for bus in twice.can.buses] == [pytest.approx(50 * buses[0].bits / 500_000)]
+    loads = [bus.load for one in windows for bus in one.counted.summary(buses=given).can.buses]
+    assert [len(load.second_ns) for load in loads if load] == [1, 1, 1]
     lists = [one.counted.summary().can.lists[0] for one in windows]
     assert [entry.diagnosis.nSendCount for entry in lists] == [3, 0, 2]
     last = [START + 200 * MS, None, START + 2_999 * MS]
