@@ -152,12 +152,12 @@ def names_of_lists(layouts: Layouts) -> list[tuple[ListKey, ListDefinition]]:
 def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> list[tuple[ListKey, ListDefinition]]:
     """Return the lists of a name (in any case), identifier or key (udp/1202/7); UsageError where there is none."""
     wanted = given.strip().lower()
-    found = [(key, entry) for key, entry in lists if wanted in (entry.name.lower(), *_as_written(key))]
+    found = [(key, entry) for key, entry in lists if wanted in (entry.name.lower(), *map(str.lower, _as_written(key)))]
     if not found:
         told = ", ".join(f"{entry.name} ({key})" for key, entry in lists[:_MOST_LISTS]) or "none"
         more = f" and {len(lists) - _MOST_LISTS} more" if len(lists) > _MOST_LISTS else ""
         next_step = f"there are {told}{more}"
-        if channel := _channel_of(wanted, lists):
+        if channel := _channel_of(given.strip(), lists):
             next_step += f"; frames of one channel are chosen by -Y 'can.channel == \"{channel}\"'"
         raise UsageError(f"no list is named {given[:80]!r}", next_step=next_step)
     return found
@@ -165,7 +165,7 @@ def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> 
 
 def _channel_of(wanted: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> str:
     """Return the channel that a key names, where its list is defined for any; else nothing."""
-    match = re.fullmatch(r"can/([^/\"']{1,60})/(\d{1,10})", wanted)
+    match = re.fullmatch(r"can/([^/\"']{1,60})/(\d{1,10})", wanted, re.IGNORECASE)
     return match[1] if match and ListKey.can(ANY_CHANNEL, int(match[2])) in [key for key, _ in lists] else ""
 
 

@@ -151,10 +151,12 @@ def _alike(facts: Facts, silent: Sequence[ListKey], unknown: Sequence[ListSummar
 def _unknown(
     facts: Facts, entry: ListSummary, defined: Mapping[ListKey, ListDefinition], alike: Sequence[ListKey]
 ) -> Finding:
+    from nvscope.list_key import Transport
+
     known = facts.defined.get(entry.key)
     first = min(entry.streams, key=lambda stream: facts.frames_of_stream[stream.stream])
     _, port, number = entry.key
-    other = [key.port for key in defined if key.identifier == number]
+    other = [key.port for key in defined if (key.transport, key.identifier) == (Transport.UDP, number)]
     near = f" The definition has list {number} on port {other[0]}." if other else ""
     message = f"No definition is for list {number} on port {port}.{near}"
     hint = ""

@@ -303,6 +303,16 @@ def test_lists_that_only_one_side_knows() -> None:
     assert found["NV407"] == ("List test (udp/1202/8) is defined, but not one telegram of it was seen.", 1)
 
 
+def test_a_list_on_can_is_not_near_one_on_udp() -> None:
+    on_can = replace(list_of([LREAL], list_id=7), protocol="CAN", channel="can0")
+    assert findings(on_can)["NV406"] == ("No definition is for list 7 on port 1202.", 1)
+    elsewhere = findings(replace(list_of(SENT), list_id=7, port=1300), on_can)
+    assert elsewhere["NV406"] == (
+        "No definition is for list 7 on port 1202. The definition has list 7 on port 1300.",
+        1,
+    )
+
+
 def hints(*lists: ListDefinition, sent: Sent = ((0, bytes(15), 4),)) -> dict[str, str]:
     return {finding.code: finding.hint for finding in all_findings(*lists, sent=sent)}
 
