@@ -93,9 +93,12 @@ def claimed_traffic(seed: int) -> list[Frame]:
             data = segment(chance, chance.choice((80, 443)), v6=chance.random() < 0.3)
         else:
             content = chance.choice((b"hello", b"\x00-S3", b"\x00-S3" + bytes(8), b""))
-            packet = internet_packet(
-                ip_address(V4[0]), ip_address(V4[1]), 17, udp(content, port=chance.choice((53, 4711)))
-            )
+            port = chance.choice((53, 4711))
+            datagram = udp(content, port=port)
+            if chance.random() < 0.2:
+                # Begins as a telegram does, and is too short for one: what follows is none of the datagram's.
+                datagram = udp(b"\x00-S3" + bytes(30), port=port, udp_length=8 + 4)
+            packet = internet_packet(ip_address(V4[0]), ip_address(V4[1]), 17, datagram)
             data = link_frame(packet, tags=chance.choice(((), (), (0x8100,))))
         frames.append(Frame(ts_ns, ETHERNET, data, len(data)))
     chance.shuffle(frames)

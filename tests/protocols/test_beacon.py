@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from dissectors.transport import DatagramBatch, SegmentBatch
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.packets import packets
 from nvscope.cli.packets import packets as verb
+from nvscope.engine.dealing import SplitBy, deal
 from nvscope.engine.reading import Reading
+from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.run import run
 from nvscope.protocols import table
 from nvscope.protocols.table import PROTOCOLS, dissectors_of
@@ -159,6 +162,21 @@ def test_a_dissector_that_breaks_its_promise_is_told(inquiry: Inquiry, rows: lis
     (told,) = run(inquiry.open(), Reading(dissectors=(broken,)), ())
     with pytest.raises(ValueError, match="dissector beacon"):
         _ = told.parts
+
+
+def test_a_frame_that_two_could_read_is_the_first_ones(inquiry: Inquiry) -> None:
+    (dissector,) = READING.dissectors
+    other = replace(dissector, name="other")
+    (told,) = run(inquiry.open(), Reading(dissectors=(dissector, other)), ())
+    assert {name: part.row.tolist() for name, part in told.parts.items()} == {"beacon": [1, 3, 5]}
+    (told,) = run(inquiry.open(), Reading(dissectors=(other, dissector)), ())
+    assert list(told.parts) == ["other"]
+
+
+@pytest.mark.parametrize("by", [SplitBy.LIST, SplitBy.SENDER, SplitBy.BUS])
+def test_messages_go_to_one_part(inquiry: Inquiry, by: SplitBy) -> None:
+    (told,) = Recogniser(READING).tell(next(iter(inquiry.open())))
+    assert [len(own.parts.get(beacon.NAME, ())) for _, own in deal(told, by, 3)] == [3, 0, 0]
 
 
 @pytest.mark.parametrize("size_bytes", [66, 130, 5000])
