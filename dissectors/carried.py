@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool
+from dissectors.columns import Columns
 
 
 class Carrier(IntEnum):
@@ -20,7 +21,7 @@ class Carrier(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Carried:
+class Carried(Columns):
     """What frames carry, as far as their headers say; of shape (n,), int64 unless said otherwise.
 
     A list is told by ``carrier`` (uint8), ``port`` (destination port of UDP, number of the CAN channel) and
@@ -41,21 +42,10 @@ class Carried:
     of_list: Bool
     is_data: Bool
 
-    def __len__(self) -> int:
-        return len(self.port)
-
     @property
     def truncated(self) -> Bool:
         """Tell of which data less was captured than sent."""
         return self.captured_bytes < self.size_bytes
-
-    def take(self, rows: I64 | Bool) -> Carried:
-        """Return what is carried at the given positions or where the mask is set."""
-        return Carried(*(getattr(self, column.name)[rows] for column in fields(self)))
-
-    def joined(self, more: Carried) -> Carried:
-        """Return this with more behind it."""
-        return Carried(*(np.concatenate([getattr(self, c.name), getattr(more, c.name)]) for c in fields(self)))
 
     def of_packets(self, variety: I64, offset: I64) -> PacketsCarried:
         """Return what packets of some varieties carry that begin at some offsets of a buffer; ``at`` is absolute."""

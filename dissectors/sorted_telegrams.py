@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, Records
+from dissectors.batch import I64, U8, U16, Bool, Records
 from dissectors.headers import UDP
 from dissectors.layout import gather_bytes
 from dissectors.netvar import HEADER, TelegramBatch
@@ -62,6 +62,9 @@ class _SortedDatagrams(DatagramBatch):
 
     _batch: SortedPackets
     _part: I64
+
+    def take(self, rows: I64 | Bool) -> _SortedDatagrams:
+        return _SortedDatagrams(self._batch, self.row[rows], self._part[rows])
 
     @cached_property
     def payload(self) -> I64:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, U64, Bool
+from dissectors.columns import Columns
 from dissectors.headers import TCP, UDP
 from dissectors.layout import take_rows
 
@@ -20,7 +21,7 @@ _OFFSET_SHIFT = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Place(Columns):
     """Rows at the start of a layer: absolute offsets of it and of the end of what was captured.
 
     ``group`` is 1 where the link layer says that a frame went to everybody, ``GROUP_UNKNOWN`` where none is there.
@@ -30,9 +31,6 @@ class Place:
     at: I64
     end: I64
     group: U8
-
-    def take(self, rows: I64 | Bool) -> Place:
-        return Place(self.row[rows], self.at[rows], self.end[rows], self.group[rows])
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,118 +62,69 @@ class IpPackets:
 
 
 @dataclass(frozen=True, slots=True)
-class DatagramBatch:
-    """UDP datagrams of a packet batch, in its order; also those that hold telegrams only (``dissectors.netvar``).
+class IpEnds(Columns):
+    """From which address to which frames went, in the order of the packets.
 
-    ``row`` is the row of the packet; ``payload`` the absolute offset of the UDP payload in the batch's buffer, int64.
-    ``payload_bytes`` is the length that the UDP header tells, ``captured_bytes`` how much of it was captured.
-    Addresses are two uint64 halves each, IPv4 ones as in ``IPV4_HIGH``; ports uint16; ``broadcast`` bool.
-    All columns have shape (n,).
+    ``row`` is the row of the packet in its batch, int64. Addresses are two uint64 halves each, IPv4 ones as in
+    ``IPV4_HIGH``.
     """
 
     row: I64
-    payload: I64
-    payload_bytes: I64
-    captured_bytes: I64
     source_hi: U64
     source_lo: U64
     destination_hi: U64
     destination_lo: U64
-    source_port: U16
-    destination_port: U16
-    broadcast: Bool
 
-    def __len__(self) -> int:
-        return len(self.row)
-
-    def take(self, rows: I64 | Bool) -> DatagramBatch:
-        """Return the datagrams at the given positions or where the mask is set."""
-        return _taken(DatagramBatch, self, rows)
-
-    def holding(self, size_bytes: int) -> DatagramBatch:
-        """Return those of which so many bytes were captured: these can be gathered, whatever lies behind them."""
-        return self.take(self.captured_bytes >= size_bytes)
-
-    @staticmethod
-    def joined(parts: Sequence[DatagramBatch]) -> DatagramBatch:
-        """Return several batches of one buffer as one, in the order of the packets."""
-        return parts[0] if len(parts) == 1 else _joined(DatagramBatch, parts)
+    @classmethod
+    def joined(cls, parts: Sequence[Any]) -> Self:
+        """Return several batches of one buffer, each in the order of the packets, as one in that order."""
+        if len(parts) == 1 and isinstance(parts[0], cls):
+            return parts[0]
+        whole = cls.stacked(parts)
+        return whole.take(np.argsort(whole.row, kind="stable"))
 
 
 @dataclass(frozen=True, slots=True)
-class SegmentBatch:
-    """TCP segments of a packet batch, in its order, those without data among them.
+class TransportBatch(IpEnds):
+    """What datagrams and segments have in common.
 
-    ``row``, ``payload``, ``captured_bytes``, addresses and ports are as in ``DatagramBatch``; ``payload_bytes`` is what
-    the IP header leaves for data, or, where hardware was to fill in its length, what was captured. ``sequence`` and
-    ``acknowledgement`` are uint32 as sent, ``flags`` uint8 as in ``TCP["flags"]``. Where nothing of the data was
-    captured, ``payload`` may lie behind all that was. All columns have shape (n,).
+    ``payload`` is the absolute offset of the payload in the batch's buffer, int64; ``payload_bytes`` how long it is,
+    ``captured_bytes`` how much of it was captured. Ports are uint16.
     """
 
-    row: I64
     payload: I64
     payload_bytes: I64
     captured_bytes: I64
-    source_hi: U64
-    source_lo: U64
-    destination_hi: U64
-    destination_lo: U64
     source_port: U16
     destination_port: U16
+
+    def holding(self, size_bytes: int) -> Self:
+        """Return those of which so many bytes were captured: these can be gathered, whatever lies behind them."""
+        return self.take(self.captured_bytes >= size_bytes)
+
+
+@dataclass(frozen=True, slots=True)
+class DatagramBatch(TransportBatch):
+    """UDP datagrams of a packet batch, in its order; also those that hold telegrams only (``dissectors.netvar``).
+
+    ``payload_bytes`` is the length that the UDP header tells; ``broadcast`` is bool.
+    """
+
+    broadcast: Bool
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentBatch(TransportBatch):
+    """TCP segments of a packet batch, in its order, those without data among them.
+
+    ``payload_bytes`` is what the IP header leaves for data, or, where hardware was to fill in its length, what was
+    captured. ``sequence`` and ``acknowledgement`` are uint32 as sent, ``flags`` uint8 as in ``TCP["flags"]``. Where
+    nothing of the data was captured, ``payload`` may lie behind all that was.
+    """
+
     sequence: U32
     acknowledgement: U32
     flags: U8
-
-    def __len__(self) -> int:
-        return len(self.row)
-
-    def take(self, rows: I64 | Bool) -> SegmentBatch:
-        """Return the segments at the given positions or where the mask is set."""
-        return _taken(SegmentBatch, self, rows)
-
-    def holding(self, size_bytes: int) -> SegmentBatch:
-        """Return those of which so many bytes were captured: these can be gathered, whatever lies behind them."""
-        return self.take(self.captured_bytes >= size_bytes)
-
-    @staticmethod
-    def joined(parts: Sequence[SegmentBatch]) -> SegmentBatch:
-        """Return several batches of one buffer as one, in the order of the packets."""
-        return parts[0] if len(parts) == 1 else _joined(SegmentBatch, parts)
-
-
-@dataclass(frozen=True, slots=True)
-class IpEnds:
-    """From which address to which frames went; as in ``DatagramBatch``."""
-
-    row: I64
-    source_hi: U64
-    source_lo: U64
-    destination_hi: U64
-    destination_lo: U64
-
-    def __len__(self) -> int:
-        return len(self.row)
-
-    def take(self, rows: I64 | Bool) -> IpEnds:
-        """Return those at the given positions or where the mask is set."""
-        return _taken(IpEnds, self, rows)
-
-    @staticmethod
-    def joined(parts: Sequence[IpEnds | DatagramBatch | SegmentBatch]) -> IpEnds:
-        """Return those of several batches of one buffer as one, in the order of the packets."""
-        return _joined(IpEnds, parts)
-
-
-AnyBatch = TypeVar("AnyBatch", DatagramBatch, SegmentBatch, IpEnds)
-
-
-def _taken(kind: type[AnyBatch], batch: AnyBatch, rows: I64 | Bool) -> AnyBatch:
-    return kind(*(getattr(batch, column.name)[rows] for column in fields(kind)))
-
-
-def _joined(kind: type[AnyBatch], parts: Sequence[Any]) -> AnyBatch:
-    whole = kind(*(np.concatenate([getattr(part, column.name) for part in parts]) for column in fields(kind)))
-    return _taken(kind, whole, np.argsort(whole.row, kind="stable"))
 
 
 def datagrams(data: U8, ip: IpPackets) -> DatagramBatch:
@@ -190,8 +139,8 @@ def datagrams(data: U8, ip: IpPackets) -> DatagramBatch:
     payload_bytes = length - UDP.size_bytes
     captured_bytes = np.minimum(ip.place.end - payload, payload_bytes)
     return DatagramBatch(
-        ip.place.row, payload, payload_bytes, captured_bytes,
-        ip.source_hi, ip.source_lo, ip.destination_hi, ip.destination_lo,
+        ip.place.row, ip.source_hi, ip.source_lo, ip.destination_hi, ip.destination_lo,
+        payload, payload_bytes, captured_bytes,
         head["source_port"].astype(np.uint16), head["destination_port"].astype(np.uint16), _broadcast(ip),
     )  # fmt: skip
 
@@ -206,8 +155,8 @@ def segments(data: U8, ip: IpPackets) -> SegmentBatch:
     if not whole.all():
         ip, head, payload = ip.take(whole), take_rows(head, whole), payload[whole]
     return SegmentBatch(
-        ip.place.row, payload, ip.stop - payload, np.maximum(ip.place.end - payload, 0),
-        ip.source_hi, ip.source_lo, ip.destination_hi, ip.destination_lo,
+        ip.place.row, ip.source_hi, ip.source_lo, ip.destination_hi, ip.destination_lo,
+        payload, ip.stop - payload, np.maximum(ip.place.end - payload, 0),
         head["source_port"].astype(np.uint16), head["destination_port"].astype(np.uint16),
         head["sequence"].astype(np.uint32), head["acknowledgement"].astype(np.uint32), head["flags"].astype(np.uint8),
     )  # fmt: skip

@@ -6,7 +6,7 @@ all frames of a kind stands here, with one row a kind; what comes out is as if e
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,12 +57,7 @@ class CommonTelegrams:
 
     def joined(self, more: CommonTelegrams) -> CommonTelegrams:
         """Return this with more kinds behind it."""
-        datagram = DatagramBatch(
-            *(
-                np.concatenate([getattr(self.datagram, column.name), getattr(more.datagram, column.name)])
-                for column in fields(DatagramBatch)
-            )
-        )
+        datagram = DatagramBatch.stacked([self.datagram, more.datagram])
         header, fault = np.concatenate([self.header, more.header]), np.concatenate([self.fault, more.fault])
         return CommonTelegrams(datagram, header, fault)
 
@@ -166,7 +161,7 @@ class Varieties:
     def _add(self, carried: Carried, part: I64) -> I64:
         """Add varieties, and return their numbers."""
         known = len(self)
-        self.carried = self.carried.joined(carried)
+        self.carried = Carried.stacked([self.carried, carried])
         self.part = np.append(self.part, part)
         return np.arange(known, len(self))
 

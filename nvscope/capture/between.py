@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Protocol
 
 from dissectors.batch import PacketBatch
-from nvscope.capture.source import Attachment, FileSource, SourceInfo
+from nvscope.capture.derived import DerivedSource
+from nvscope.capture.source import FileSource
 from nvscope.capture.time_span import TimeSpan
 
 
@@ -22,14 +23,16 @@ class Spanned(FileSource, Protocol):
         ...
 
 
-class Between:
+class Between(DerivedSource):
     """The packets of a source that lie in a span of time, in its order; everything else is that of the source.
 
     Also ``first_ts_ns`` and ``first_batches`` are: they tell of the files, not of the span.
     """
 
+    _source: Spanned
+
     def __init__(self, source: Spanned, span: TimeSpan) -> None:
-        self._source = source
+        super().__init__(source)
         self._span = span
 
     def __iter__(self) -> Iterator[PacketBatch]:
@@ -41,18 +44,6 @@ class Between:
     def between(self, start_ns: int | None, end_ns: int | None) -> Between:
         """Return the packets that lie in this span and in another."""
         return Between(self._source, self._span & TimeSpan.of(start_ns, end_ns))
-
-    @property
-    def infos(self) -> Sequence[SourceInfo]:
-        return self._source.infos
-
-    @property
-    def channels(self) -> Sequence[str]:
-        return self._source.channels
-
-    @property
-    def attachments(self) -> Sequence[Attachment]:
-        return self._source.attachments
 
     @property
     def size_bytes(self) -> int | None:
@@ -69,6 +60,3 @@ class Between:
     def first_batches(self) -> Iterator[PacketBatch]:
         """Yield what each file begins with, if anything."""
         return self._source.first_batches()
-
-    def stop(self) -> None:
-        self._source.stop()

@@ -259,20 +259,19 @@ class Keys:
         order = np.argsort(first)
         new, row = order + known, first[order]
         on_udp = varieties.carried.carrier[new] == Carrier.UDP
-        kind = np.full(len(new), FrameKind.NOTHING, np.uint8)
-        self._describe_telegrams(varieties, new[on_udp], kind, np.flatnonzero(on_udp))
-        self._describe_frames(varieties, new[~on_udp], kind, np.flatnonzero(~on_udp))
+        kind = np.empty(len(new), np.uint8)
+        kind[on_udp] = self._describe_telegrams(varieties, new[on_udp])
+        kind[~on_udp] = self._describe_frames(varieties, new[~on_udp])
         columns.kind[new] = kind
         own = np.flatnonzero((kind != FrameKind.PARAMETER) & (kind != FrameKind.NOTHING))
         return self._number(varieties, new[own], row[own])
 
-    def _describe_telegrams(self, varieties: Varieties, new: I64, kind: U8, at: I64) -> None:
-        """Fill in what headers tell of varieties on UDP, and what they are, into ``kind`` at some places."""
+    def _describe_telegrams(self, varieties: Varieties, new: I64) -> U8:
+        """Fill in what headers tell of varieties on UDP; return what they are (``FrameKind``)."""
         part, columns = varieties.part[new], self.varieties
         common = varieties.telegrams
         header, datagram = take_rows(common.header, part), common.datagram.take(part)
-        own = kinds(header["id"], common.fault[part])
-        kind[at] = own
+        kind = kinds(header["id"], common.fault[part])
         flags = header["flags"]
         signature = header.view(_SIGNATURE)["signature"].astype(np.uint64)
         columns.signature[new] = signature & ~(np.uint64(0xFFFF) << COUNTER_SHIFT)
@@ -280,7 +279,7 @@ class Keys:
             (common.fault[part] != Fault.NONE) | common.truncated[part] | (header["identity"] == IDENTITY_ASCII)
             | ((flags & RESERVED_FLAGS) != 0)
         )  # fmt: skip
-        is_data = own == FrameKind.DATA
+        is_data = kind == FrameKind.DATA
         columns.wants[new] = is_data & ((flags & ACKNOWLEDGE_WANTED.mask) != 0)
         columns.signed[new] = is_data & ((flags & CHECKSUM_PRESENT.mask) != 0)
         columns.node[new] = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
@@ -288,13 +287,12 @@ class Keys:
         columns.receiver[new[alone]] = self.nodes.numbers(
             datagram.destination_hi[alone], datagram.destination_lo[alone]
         )
+        return kind
 
-    def _describe_frames(self, varieties: Varieties, new: I64, kind: U8, at: I64) -> None:
-        """Fill in what is known of varieties on CAN, as for telegrams: nobody knows who sends them."""
-        pdo = varieties.carried.is_data[new]
-        kind[at[pdo]] = FrameKind.PDO
-        self.varieties.node[new] = self.varieties.receiver[new] = NOBODY
+    def _describe_frames(self, varieties: Varieties, new: I64) -> U8:
+        """The same for varieties on CAN, of which nobody knows who sends them."""
         self.varieties.signature[new] = varieties.carried.size_bytes[new].astype(np.uint64) << LENGTH_SHIFT
+        return np.where(varieties.carried.is_data[new], FrameKind.PDO, FrameKind.NOTHING).astype(np.uint8)
 
     def _number(self, varieties: Varieties, new: I64, row: I64) -> Begun:
         """Number lists, places, streams and flows of new varieties that are of a list; return the flows that begin."""

@@ -67,13 +67,17 @@ class DataRows:
         inside: Bool = self.start[np.minimum(starts, len(self.start) - 1)] != changed
         return changed[inside]
 
+    def of_runs(self, run: I64) -> I64:
+        """Return the rows of some runs, given by their places among the runs."""
+        return spans(self.start[run], self.stop[run] - self.start[run])
+
     def of(self, own: Bool) -> DataRows:
         """Return the rows of some streams; ``own`` is a mask over streams."""
         run = np.flatnonzero(own[self.run_stream])
         if len(run) == len(self.run_stream):
             return self
         length = self.stop[run] - self.start[run]
-        row, stop = spans(self.start[run], length), np.cumsum(length)
+        row, stop = self.of_runs(run), np.cumsum(length)
         wants = np.zeros(len(self), np.bool_)
         wants[self.wanting] = True
         repeated = None if self.repeated is None else self.repeated[row]
@@ -90,7 +94,7 @@ class DataRows:
         own[streams[(streams >= 0) & (streams < len(own))]] = True
         run = np.flatnonzero(own[self.run_stream])
         # Only runs of their streams have to be looked at, and few streams have what is asked for.
-        row = spans(self.start[run], self.stop[run] - self.start[run])
+        row = self.of_runs(run)
         return row[chosen[self.variety[row]]]
 
 
@@ -194,9 +198,9 @@ def _equal_payloads(batch: SortedPackets, rows: DataRows, which: I64) -> Bool:
     for size in distinct(length).tolist():
         places = np.flatnonzero(length == size)
         for begin in range(0, len(places), _COMPARE_ROWS):
-            part = places[begin : begin + _COMPARE_ROWS]
+            some = places[begin : begin + _COMPARE_ROWS]
             now, before = (
-                gather_bytes(packets.data, at[part], size).view(np.uint8).reshape(len(part), size) for at in payload
+                gather_bytes(packets.data, at[some], size).view(np.uint8).reshape(len(some), size) for at in payload
             )
-            equal[part] = (now == before).all(axis=1)
+            equal[some] = (now == before).all(axis=1)
     return equal

@@ -12,13 +12,14 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool
+from dissectors.columns import Columns
 from dissectors.netvar import CHECKSUM_INVALID
 from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
-from nvscope.engine.runs import spans, stable_order
+from nvscope.engine.runs import stable_order
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents
 from nvscope.tracker.latency import Latencies
@@ -71,7 +72,7 @@ class Messages:
 
 
 @dataclass(frozen=True, slots=True)
-class BootUpWaits:
+class BootUpWaits(Columns):
     """Boot-up requests that nobody has answered yet: by when, in which frame, for what, and who asked. Shapes (n,)."""
 
     deadline_ns: I64
@@ -79,18 +80,6 @@ class BootUpWaits:
     list: I64
     place: I64
     node: I64
-
-    def __len__(self) -> int:
-        return len(self.frame)
-
-    def take(self, rows: I64 | Bool) -> BootUpWaits:
-        """Return some of the waits."""
-        return BootUpWaits(*(getattr(self, column.name)[rows] for column in fields(self)))
-
-    def followed_by(self, other: BootUpWaits) -> BootUpWaits:
-        """Return these waits and others behind them."""
-        pairs = ((getattr(self, column.name), getattr(other, column.name)) for column in fields(self))
-        return BootUpWaits(*(np.concatenate(pair) for pair in pairs))
 
 
 NO_WAITS = BootUpWaits(*(np.empty(0, np.int64) for _ in fields(BootUpWaits)))
@@ -208,7 +197,7 @@ class Acknowledgement:
         """Take over the waits of a part for its share of the lists."""
         self.waits.take(part.waits, share.streams)
         self.places.take(part.places, share.places)
-        waits = self.boot_up_waits.followed_by(part.boot_up_waits)
+        waits = BootUpWaits.stacked([self.boot_up_waits, part.boot_up_waits])
         self.boot_up_waits = waits.take(np.argsort(waits.frame))
         self.latencies.take(part.latencies, share)
 
@@ -240,7 +229,7 @@ class Acknowledgement:
             return (nothing, nothing, nothing), []
         concerned = waits.column("open").copy()
         concerned[rows.stream[wanting]] = True
-        row = _rows_of(rows, concerned[rows.run_stream])
+        row = _new_rows_of(rows, concerned[rows.run_stream])
         stream, packet = rows.stream[row], rows.packet[row]
         opens = np.searchsorted(row, wanting if rows.repeated is None else wanting[~rows.repeated[wanting]])
         wait_stream = np.concatenate([open_streams, stream[opens]])
@@ -333,17 +322,16 @@ class Acknowledgement:
         known = len(self.boot_up_waits)
         if not known and not len(requests):
             return NO_WAITS, np.empty(0, np.int64)
-        waits = self.boot_up_waits.followed_by(
-            BootUpWaits(
-                requests.time_ns + self.timeout_ns, requests.packet + first_frame, requests.list, requests.place,
-                requests.source,
-            )
+        asked = BootUpWaits(
+            requests.time_ns + self.timeout_ns, requests.packet + first_frame, requests.list, requests.place,
+            requests.source,
         )  # fmt: skip
+        waits = BootUpWaits.stacked([self.boot_up_waits, asked])
         packet = np.concatenate([np.full(known, -1), requests.packet])
         expired = clock.first_behind(waits.deadline_ns, packet)
-        asked = np.zeros(len(keys.places), np.bool_)
-        asked[waits.place] = True
-        told = _rows_of(rows, asked[keys.place_of(rows.run_stream)])
+        concerned = np.zeros(len(keys.places), np.bool_)
+        concerned[waits.place] = True
+        told = _new_rows_of(rows, concerned[keys.place_of(rows.run_stream)])
         told = told[_within(rows.packet[told], packet, expired)]
         stream = rows.stream[told]
         place, sender = keys.place_of(stream), keys.node_of(stream)
@@ -356,10 +344,9 @@ class Acknowledgement:
         return unanswered.take(order), seen[order]
 
 
-def _rows_of(rows: DataRows, chosen: Bool) -> I64:
+def _new_rows_of(rows: DataRows, chosen: Bool) -> I64:
     """Return the rows of some runs, rising, those aside that repeat the one before."""
-    run = np.flatnonzero(chosen)
-    row = spans(rows.start[run], rows.stop[run] - rows.start[run])
+    row = rows.of_runs(np.flatnonzero(chosen))
     return row if rows.repeated is None else row[~rows.repeated[row]]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar
@@ -11,7 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import PacketBatch
-from nvscope.capture.source import Attachment, Source, SourceInfo
+from nvscope.capture.derived import DerivedSource
+from nvscope.capture.source import Source
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
@@ -174,31 +175,17 @@ class Windows:
         self._number = max(number, self._number)
 
 
-class _Cut:
+class _Cut(DerivedSource):
     """A source whose batches are cut at the edges of windows."""
 
     def __init__(self, source: Source, windows: Windows) -> None:
-        self._source, self._windows = source, windows
+        super().__init__(source)
+        self._windows = windows
 
     def __iter__(self) -> Iterator[PacketBatch]:
         for packets in self._source:
             yield from self._windows.pieces(packets)
 
-    @property
-    def infos(self) -> Sequence[SourceInfo]:
-        return self._source.infos
-
-    @property
-    def channels(self) -> Sequence[str]:
-        return self._source.channels
-
-    @property
-    def attachments(self) -> Sequence[Attachment]:
-        return self._source.attachments
-
     def between(self, start_ns: int | None, end_ns: int | None) -> Source:
         """Return the part of the source that lies between two times, cut in the same way."""
         return _Cut(self._source.between(start_ns, end_ns), self._windows)
-
-    def stop(self) -> None:
-        self._source.stop()
