@@ -16,7 +16,7 @@ from nvscope.capture.open import open_source
 from nvscope.errors import UsageError
 from nvscope.expression.columns import FieldType
 from nvscope.view.display_filter import DisplayFilter
-from nvscope.view.fields.frame import EITHER_OF, FIELDS, PROTOCOLS, expression_names
+from nvscope.view.fields.frame import EITHER_OF, FIELDS, PROTOCOL_TESTS, expression_names
 from tests.laws import examples
 from tests.oracle.traffic import LINKS, generate, mutate
 from tests.packets import Shown
@@ -260,7 +260,7 @@ def test_a_field_alone_is_there_or_true_in_broken_telegrams_too(seed: int, link:
 
 def test_every_field_can_be_named_but_the_one_that_the_filter_decides() -> None:
     names = expression_names(FIELDS)
-    assert set(names) == {*FIELDS, *EITHER_OF, *PROTOCOLS}
+    assert set(names) == {*FIELDS, *EITHER_OF, *PROTOCOL_TESTS}
     for name in names:
         if name != "frame.time_delta_displayed":
             numbers(INTERFACES, name)

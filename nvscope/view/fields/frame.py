@@ -141,7 +141,7 @@ DEFAULT_FIELDS = (
 EITHER_OF = MappingProxyType({"ip.addr": ("ip.src", "ip.dst"), "udp.port": ("udp.srcport", "udp.dstport")})
 """Names that expressions know beside the fields: each stands for the fields of both sides."""
 
-PROTOCOLS = MappingProxyType(
+PROTOCOL_TESTS = MappingProxyType(
     {
         "frame": "frame.number", "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "udp.dstport",
         "nv": "nv.id", "can": "can.id", "canfd": "can.fd", "canopen": "canopen.function",
@@ -159,7 +159,7 @@ def expression_names(fields: Mapping[str, TelegramField]) -> dict[str, Named]:
             for name, field in fields.items()
         },
         **{name: Named(fields[parts[0]].type, parts) for name, parts in EITHER_OF.items()},
-        **{name: Named(FieldType.BOOL, test=test) for name, test in PROTOCOLS.items()},
+        **{name: Named(FieldType.BOOL, test=test) for name, test in PROTOCOL_TESTS.items()},
         "frame.time_delta_displayed": Named(_DURATION, refused="what is displayed is still to be decided"),
     }
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from dissectors.layout import Layout
-from dissectors.transport import DatagramBatch
 from nvscope import units
-from nvscope.view.lines.layers import Layer, layers
-from nvscope.view.lines.shown import Spans
+from nvscope.view.lines.datagram_tree import DatagramTree
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.tree_lines import (
     Entry,
@@ -22,27 +20,17 @@ from nvscope.view.lines.tree_lines import (
 from nvscope.view.rows.frames import FrameRows
 
 
-class MessageTree:
+class MessageTree(DatagramTree):
     """A ``Tree`` of messages of the protocol ``name``, whose part has their ``datagram``.
 
     ``title`` stands above the fields of ``layout``; what is behind them is data.
     """
 
     def __init__(self, rows: FrameRows, name: str, title: str, layout: Layout, *, dumps: bool = True) -> None:
-        found = rows.parts[name]
-        self._packet_at = rows.packets.offset[rows.row[found.positions(len(rows))]]
-        self._datagram: DatagramBatch = found.part.datagram
+        super().__init__(rows, name, layout.size_bytes)
         self._title = title
         self._layout = layout
         self._dumps = dumps
-
-    def spans(self, place: int) -> Spans:
-        start = int(self._datagram.payload[place] - self._packet_at[place])
-        captured = int(self._datagram.captured_bytes[place])
-        return Spans(start, start + min(self._layout.size_bytes, captured), start + captured)
-
-    def layers(self, place: int, packet: bytes, link: int) -> Sequence[Layer]:
-        return layers(packet, link, self.spans(place).start)
 
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
         start, data, stop = self.spans(place)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from dissectors.layout import Field
 from dissectors.netvar import HEADER, IDENTITY, IDENTITY_ASCII, RESERVED_FLAGS, Fault, Service, TelegramBatch
@@ -11,8 +11,8 @@ from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.list_key import ListKey
 from nvscope.view.escape import visible
 from nvscope.view.lines import words
-from nvscope.view.lines.layers import Layer, layers
-from nvscope.view.lines.shown import Spans, Wording
+from nvscope.view.lines.datagram_tree import DatagramTree
+from nvscope.view.lines.shown import Wording
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.tree_lines import (
     INDENT,
@@ -28,29 +28,20 @@ from nvscope.view.lines.tree_lines import (
 from nvscope.view.rows.frames import NETVAR, FrameRows
 
 
-class TelegramTree:
+class TelegramTree(DatagramTree):
     """The part of a tree that is about a telegram on UDP, as a ``Tree``; ``wording`` has the defined lists."""
 
     def __init__(self, rows: FrameRows, wording: Wording, *, dumps: bool = True) -> None:
-        found = rows.parts[NETVAR]
-        self._packet_at = rows.packets.offset[rows.row[found.positions(len(rows))]]
-        self._telegrams: TelegramBatch = found.part
+        super().__init__(rows, NETVAR, HEADER.size_bytes)
+        self._telegrams: TelegramBatch = rows.parts[NETVAR].part
         self._layouts = wording.layouts
         self._dumps = dumps
         self._codes = words.word_codes(self._telegrams).tolist()
         self._remarks = words.remarks(self._telegrams)
 
-    def spans(self, place: int) -> Spans:
-        datagram = self._telegrams.datagram
-        start, captured = int(datagram.payload[place] - self._packet_at[place]), int(datagram.captured_bytes[place])
-        return Spans(start, start + min(HEADER.size_bytes, captured), start + captured)
-
-    def layers(self, place: int, packet: bytes, link: int) -> Sequence[Layer]:
-        return layers(packet, link, self.spans(place).start)
-
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
         start, _, stop = self.spans(place)
-        payload_bytes, data_at = int(self._telegrams.datagram.payload_bytes[place]), start + HEADER.size_bytes
+        payload_bytes, data_at = int(self._datagram.payload_bytes[place]), start + HEADER.size_bytes
         yield from self._header(place, packet[start:stop], start, payload_bytes)
         if stop > data_at:
             facts = [Cell(f"  {units.count_of(stop - data_at, 'byte')}")]

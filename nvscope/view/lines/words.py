@@ -13,6 +13,7 @@ from dissectors.netvar import (
     CHECKSUM_PRESENT,
     HEADER,
     IDENTITY,
+    IS_PARAMETER,
     KNOWN_SERVICE,
     RESERVED_FLAGS,
     Fault,
@@ -59,8 +60,7 @@ WORD_OF_CODE = (
 )
 """Words by the codes of ``word_codes``."""
 
-_LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
-PARAMETER_CODES = frozenset(map(int, Service)) - frozenset(map(int, _LIST_SERVICES))
+PARAMETER_CODES = frozenset(np.flatnonzero(IS_PARAMETER).tolist())
 """Codes of services whose Index is not a list but one of the Parameter Manager."""
 
 _FLAGS_END = HEADER.offset_of("flags") + HEADER["flags"].size_bytes
