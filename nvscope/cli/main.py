@@ -1,4 +1,4 @@
-"""The program: verbs, exit codes, and what a person sees when something goes wrong."""
+"""The program from start to end: exit codes, and what a person sees when something goes wrong."""
 
 from __future__ import annotations
 
@@ -9,45 +9,10 @@ from typing import NoReturn, cast
 
 import typer
 
-from nvscope.cli import gvl
-from nvscope.cli.explain import explain
-from nvscope.cli.export import export
-from nvscope.cli.keys import keys
 from nvscope.cli.memory import leave_the_rest_at_exit
-from nvscope.cli.packets import packets
-from nvscope.cli.report import report
-from nvscope.cli.simulate import simulate
+from nvscope.cli.program import program
 from nvscope.cli.threads import start_no_threads
-from nvscope.cli.vars import variables
 from nvscope.errors import CaptureError, ExitCode, NvscopeError
-from nvscope.version import __version__
-
-app = typer.Typer(
-    name="nvscope",
-    help="Analyze CODESYS network variables: who sends what, what is lost, who does not answer, and what to check.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-for verb in (report, packets, export, explain, keys, simulate):
-    app.command()(verb)
-app.command("vars")(variables)
-app.add_typer(gvl.app, name="gvl")
-
-
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"nvscope {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _program(
-    version: bool = typer.Option(False, "--version", callback=_show_version, is_eager=True, help="Show the version."),
-) -> None:
-    """Analyze CODESYS network variables: who sends what, what is lost, who does not answer, and what to check."""
-
 
 # Typer brings a click of its own, or uses the installed one, depending on its version.
 _CommandLineError = cast(
@@ -67,7 +32,7 @@ def main() -> NoReturn:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
         getattr(sys, name).reconfigure(errors="backslashreplace")
     try:
-        status = app(standalone_mode=False)
+        status = program(next(iter(sys.argv[1:]), None))(standalone_mode=False)
         sys.stdout.flush()
     except NvscopeError as error:
         _show(error)

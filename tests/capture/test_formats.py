@@ -16,7 +16,7 @@ from nvscope.capture.formats import CAN_LOGS, FORMATS, CaptureFormat, format_of,
 from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.reader import Reader
 from nvscope.capture.source import Attachment, FileSource
-from nvscope.cli.main import app
+from nvscope.cli.program import program
 from nvscope.errors import UnreadableInput, UsageError
 from tests.capture.can import logs
 from tests.capture.can.logs import Frame
@@ -103,7 +103,7 @@ def test_error_texts_come_from_the_table(tmp_path: Path) -> None:
 
 
 def test_the_help_of_simulate_names_what_it_can_write() -> None:
-    told = CliRunner().invoke(app, ["simulate", "--help"]).stdout
+    told = CliRunner().invoke(program(), ["simulate", "--help"]).stdout
     assert all(suffix in told for known in WRITTEN for suffix in known.suffixes)
 
 

@@ -213,8 +213,8 @@ def test_colours_are_for_terminals_and_as_asked_for() -> None:
 def test_a_short_capture_needs_no_heavy_library(form: list[str]) -> None:
     program = (
         "import sys\n"
-        "from nvscope.cli.main import app\n"
-        f"app(['packets', {PEERS!r}, *{form!r}], standalone_mode=False)\n"
+        "from nvscope.cli.program import program\n"
+        f"program()(['packets', {PEERS!r}, *{form!r}], standalone_mode=False)\n"
         "heavy = {'scapy', 'can', 'mcap', 'rich', 'textual', 'zstandard', 'lz4', 'lark', 'defusedxml'}\n"
         "print(heavy & set(sys.modules), file=sys.stderr)\n"
     )

@@ -10,7 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from nvscope.cli.program import VERBS, program
 from nvscope.errors import ExitCode
 from tests.program import COMMAND, run
 
@@ -175,6 +177,35 @@ def test_start_up_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, cwd=ROOT, check=True)
     assert done.stderr.strip() == b"set() 0"
+
+
+def test_a_report_without_definitions_imports_nothing_that_reads_them() -> None:
+    code = (
+        "import sys\nfrom nvscope.cli import main\n"
+        f"sys.argv = ['nvscope', 'report', '-q', {str(PEERS)!r}]\n"
+        "try:\n    main.main()\nexcept SystemExit as end:\n    status = end.code\n"
+        "reading = {'variables', 'project_file', 'packing'}\n"
+        "print([name for name in reading if f'nvscope.definition.{name}' in sys.modules], status, file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, cwd=ROOT, check=True)
+    assert done.stderr.strip() == b"[] 0"
+
+
+@pytest.mark.parametrize("options", [["--help"], ["--no-such-option"]])
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_verb_alone_is_as_in_the_whole_program(verb: str, options: list[str]) -> None:
+    alone, whole = (CliRunner().invoke(program(wanted), [verb, *options]) for wanted in (verb, None))
+    assert (alone.output, alone.exit_code) == (whole.output, whole.exit_code)
+    assert alone.output
+
+
+def test_whoever_asks_for_no_verb_is_told_of_all() -> None:
+    for arguments in ([], ["--help"], ["reprot"]):
+        told = CliRunner().invoke(program(next(iter(arguments), None)), arguments)
+        if arguments == ["reprot"]:
+            assert "No such command 'reprot'" in told.output
+        else:
+            assert [line.split()[0] for line in told.output.split("Commands:\n")[1].splitlines()] == [*VERBS]
 
 
 def test_a_full_disk_is_told_without_a_traceback() -> None:

@@ -1,0 +1,59 @@
+"""The verbs of the program, and the options that stand in front of them."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import typer
+
+from nvscope.version import __version__
+
+VERBS = {
+    "report": "nvscope.cli.report:report",
+    "packets": "nvscope.cli.packets:packets",
+    "export": "nvscope.cli.export:export",
+    "explain": "nvscope.cli.explain:explain",
+    "keys": "nvscope.cli.keys:keys",
+    "simulate": "nvscope.cli.simulate:simulate",
+    "vars": "nvscope.cli.vars:variables",
+    "gvl": "nvscope.cli.gvl:app",
+}
+"""Verbs in the order of ``--help``, and where each is: a function, or a program of verbs of its own."""
+
+_HELP = "Analyze CODESYS network variables: who sends what, what is lost, who does not answer, and what to check."
+
+
+def program(wanted: str | None = None) -> typer.Typer:
+    """Return the program with all its verbs; with that one alone if a verb is ``wanted``.
+
+    To import and to describe the others takes as long as a small report.
+    """
+    app = typer.Typer(
+        name="nvscope",
+        help=_HELP,
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback(help=_HELP)(_options)
+    for name in (wanted,) if wanted in VERBS else VERBS:
+        module, _, attribute = VERBS[name].partition(":")
+        verb = getattr(import_module(module), attribute)
+        if isinstance(verb, typer.Typer):
+            app.add_typer(verb, name=name)
+        else:
+            app.command(name)(verb)
+    return app
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"nvscope {__version__}")
+        raise typer.Exit
+
+
+def _options(
+    version: bool = typer.Option(False, "--version", callback=_show_version, is_eager=True, help="Show the version."),
+) -> None:
+    """Take the options in front of the verb; what they do is done when they are read."""
