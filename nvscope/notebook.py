@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.content import STDIN
 from nvscope.capture.open import open_source
-from nvscope.definition.project import find_project, read_project
+from nvscope.definition.project import find_project
+from nvscope.definition.project_file import read_project
 from nvscope.errors import UsageError
 from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
 

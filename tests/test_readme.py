@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.definition.project import read_project
+from nvscope.definition.project_file import read_project
 from nvscope.list_key import ListKey
 
 ROOT = Path(__file__).parents[1]

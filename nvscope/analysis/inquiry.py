@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 from dissectors import address
 from dissectors.batch import PacketBatch
 from dissectors.can.frame import dissect_can
+from dissectors.can.pdo import PdoRules
 from dissectors.netvar import PortRules
 from nvscope.analysis.extent import Watch, latest_ns, part_of
 from nvscope.analysis.snapshot import Snapshot, snapshot
 from nvscope.capture.content import STDIN
 from nvscope.capture.open import open_source
 from nvscope.capture.source import FileSource, Source, SourceInfo
-from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
 from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Recogniser
@@ -37,6 +37,7 @@ from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
     from nvscope.definition.layouts import Layouts
+    from nvscope.definition.pdos import Pdos
     from nvscope.engine.session import Session
     from nvscope.tracker.variables.hops import Hops
     from nvscope.tracker.variables.values import Values
@@ -103,8 +104,12 @@ class Inquiry:
         return self.layouts
 
     @cached_property
-    def pdos(self) -> Pdos:
-        """The frames of the lists that are defined on CAN."""
+    def pdos(self) -> Pdos | None:
+        """The frames of the lists that are defined on CAN, None where there are none."""
+        if not self.project.definition.on_can:
+            return None
+        from nvscope.definition.pdos import Pdos  # noqa: PLC0415
+
         return Pdos(self.project.definition)
 
     def reading(self, chosen: DisplayFilter | None = None) -> Reading:
@@ -115,7 +120,8 @@ class Inquiry:
 
             choose = PacketChoice(chosen)
         timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
-        return Reading(self.ports, self.pdos.rules(), choose, timeout_ns, dissectors_of(self.protocols))
+        rules = PdoRules() if self.pdos is None else self.pdos.rules()
+        return Reading(self.ports, rules, choose, timeout_ns, dissectors_of(self.protocols))
 
     def open(self) -> Source:
         """Return the captures, or the part of them that is asked for, as one source, to be read once."""

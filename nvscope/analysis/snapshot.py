@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from nvscope.capture.source import Source, SourceInfo
-from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
@@ -15,6 +15,9 @@ from nvscope.protocols.table import PROTOCOLS, judges_of
 from nvscope.tracker.counted import Counted
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary, summarize
+
+if TYPE_CHECKING:
+    from nvscope.definition.pdos import Pdos
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +41,16 @@ def snapshot(
 ) -> Snapshot:  # fmt: skip
     """Look at a state; nothing in it changes.
 
-    ``overdue``: what nobody answered in time counts, frame or not. ``protocols`` are those that are judged.
-    ``figures``: what was counted is wanted too, so that it can be compared with that of other moments.
+    ``pdos`` are those of the project, where they are known already. ``overdue``: what nobody answered in time counts,
+    frame or not. ``protocols`` are those that are judged. ``figures``: what was counted is wanted too, so that it can
+    be compared with that of other moments.
     """
     definition = project.definition
-    cob_ids = {key.identifier for key in (pdos or Pdos(definition)).by_cob_id}
+    if pdos is None and definition.on_can:
+        from nvscope.definition.pdos import Pdos  # noqa: PLC0415
+
+        pdos = Pdos(definition)
+    cob_ids = {key.identifier for key in pdos.by_cob_id} if pdos else set()
     summary = summarize(
         state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,
         cob_ids=cob_ids,

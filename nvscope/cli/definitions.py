@@ -44,18 +44,27 @@ def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
     ``path`` is that of --project; without it the file is looked for upwards from the working directory. Files of
     ``gvl`` take the place of the project's definitions; all else that it says stays. Raises ConfigurationError.
     """
-    from nvscope.definition.project import find_project, read_project
+    from nvscope.definition.project import Project
 
-    found = Path(path) if path is not None else None
-    if path is None:
-        try:
-            here = Path.cwd()
-        except OSError:  # the working directory is gone
-            return read_project(None, gvl)
-        upwards = find_project(here)
-        # As short as a person would write it: messages name it.
-        found = upwards and Path(os.path.relpath(upwards, here))
+    found = _next_project() if path is None else Path(path)
+    if found is None and not gvl:
+        return Project()
+    from nvscope.definition.project_file import read_project
+
     return read_project(found, gvl or None)
+
+
+def _next_project() -> Path | None:
+    """Return the project file that is found from the working directory, as short as a person would write it."""
+    from nvscope.definition.project import find_project
+
+    try:
+        here = Path.cwd()
+    except OSError:  # the working directory is gone
+        return None
+    upwards = find_project(here)
+    # Messages name it.
+    return upwards and Path(os.path.relpath(upwards, here))
 
 
 def tell_of_lists(inquiry: Inquiry) -> None:

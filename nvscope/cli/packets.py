@@ -92,18 +92,20 @@ def packets(
     paths = chosen(sources, read)
     ports = port_rules(decode)
     records = output is not None and output != "text"
-    from nvscope.definition.pdos import Pdos
-
     between = asked_range(from_time, to_time, utc=moment in ("u", "ud"))
     asked = trees or wanted is not None or bool(fields) or records or between is not None
 
     plant = project_of(project, gvl)
-    pdos = Pdos(plant.definition)
-    if gvl and not (trees or wanted is not None or fields or pdos.lists):
+    if gvl and not (trees or wanted is not None or fields or plant.definition.on_can):
         raise UsageError(
             "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",
             next_step="add one of them; `nvscope vars` shows last values",
         )
+    pdos = None
+    if plant.definition.on_can:
+        from nvscope.definition.pdos import Pdos
+
+        pdos = Pdos(plant.definition)
     inquiry = None
     if asked:
         from nvscope.analysis.inquiry import Inquiry
@@ -116,6 +118,7 @@ def packets(
     )  # fmt: skip
     chosen_by = inquiry.filter(wanted) if inquiry and wanted is not None else None
 
+    from dissectors.can.pdo import PdoRules
     from nvscope import units
     from nvscope.analysis.packets import packets as read_packets
     from nvscope.capture.open import open_source
@@ -126,9 +129,10 @@ def packets(
 
     source = inquiry.open() if inquiry else open_source(paths)
     face = make(source)
-    reading = (
-        inquiry.reading(chosen_by) if inquiry else Reading(ports, pdos.rules(), dissectors=dissectors_of(PROTOCOLS))
-    )
+    if inquiry:
+        reading = inquiry.reading(chosen_by)
+    else:
+        reading = Reading(ports, pdos.rules() if pdos else PdoRules(), dissectors=dissectors_of(PROTOCOLS))
     telegrams = PacketRows(limit=count)
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
@@ -167,7 +171,7 @@ def _face(
     colour: bool,
     node_names: Mapping[str, str],
     inquiry: Inquiry | None,
-    pdos: Pdos,
+    pdos: Pdos | None,
 ) -> Callable[[Source], Face]:
     """Return what makes the form that was asked for; UsageError where options contradict each other."""
     chosen_format = output or ("fields" if names else "text")

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
-from nvscope.definition.model import (
+from nvscope.definition.model import ListDefinition
+from nvscope.definition.packing import TelegramLayout
+from nvscope.definition.variables import (
     Array,
     Element,
     Elementary,
-    ListDefinition,
     Member,
     ScalarKind,
     String,
@@ -22,7 +23,6 @@ from nvscope.definition.model import (
     elements,
     scalar_of,
 )
-from nvscope.definition.packing import TelegramLayout
 
 _INDEX = re.compile(r"\[[^\]]*\]")
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from nvscope.definition.model import Array, ListDefinition, Position, String, Variable, elements
+from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout, pack
+from nvscope.definition.position import Position
 from nvscope.definition.scalars import unknown_raw
+from nvscope.definition.variables import Array, String, Variable, elements
 from nvscope.errors import ConfigurationError
 from nvscope.units import count_of
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from nvscope.definition.model import Scalar, ScalarKind
 from nvscope.definition.scalars import find_scalar
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import Conversion, Expression, Name, Number, Operation
+from nvscope.definition.variables import Scalar, ScalarKind
 
 INTEGERS = frozenset({ScalarKind.UNSIGNED, ScalarKind.SIGNED})
 """The kinds of elementary types that hold whole numbers."""

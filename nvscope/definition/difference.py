@@ -13,19 +13,9 @@ from functools import cached_property
 from itertools import zip_longest
 
 from nvscope.definition.byte_map import Relation, Run, meaning_of, names_of, runs_of
-from nvscope.definition.model import (
-    Array,
-    Definition,
-    Element,
-    Enumeration,
-    ListDefinition,
-    Structure,
-    Type,
-    Union,
-    Variable,
-    elements,
-)
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import TelegramLayout, pack
+from nvscope.definition.variables import Array, Element, Enumeration, Structure, Type, Union, Variable, elements
 
 SETTINGS = (
     "list_id", "protocol", "port", "address", "pack", "checksum", "acknowledge", "cyclic", "on_change", "on_event",

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 from nvscope.definition.gvl_file import gvl_file
 from nvscope.definition.infer import Field, Layout, Proposal
-from nvscope.definition.model import ListDefinition, Position, Scalar, String, Variable
+from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import pack
+from nvscope.definition.position import Position
+from nvscope.definition.variables import Scalar, String, Variable
 from nvscope.duration import format_duration
 from nvscope.units import count_of
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from dissectors.batch import I64, U8
 from nvscope.definition.field_evidence import Candidate, candidates, opaque_candidates
-from nvscope.definition.model import Scalar, String
 from nvscope.definition.packing import PACKED_DATA_BYTES
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.segmentation import probabilities, segmentations
+from nvscope.definition.variables import Scalar, String
 
 LAYOUTS = 3
 """Layouts that are proposed, the most plausible first."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from nvscope.definition.model import Definition, Element, ListDefinition
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_part, pack
 from nvscope.definition.pdos import frames_of, unplaced
+from nvscope.definition.variables import Element
 from nvscope.list_key import ListKey, told_of
 
 

@@ -14,10 +14,12 @@ from itertools import pairwise
 from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.cob_ids import CobIds, canopen_uses, overlaps, taken_by
 from nvscope.definition.difference import list_difference
-from nvscope.definition.model import Array, ListDefinition, Position, Structure, Union, elements
+from nvscope.definition.model import ListDefinition
 from nvscope.definition.named_sizes import named_sizes
 from nvscope.definition.packing import TelegramLayout, capacity_bytes
+from nvscope.definition.position import Position
 from nvscope.definition.syntax import FileSyntax
+from nvscope.definition.variables import Array, Structure, Union, elements
 from nvscope.units import cob_id, count, count_of, duration
 
 MOST_TELEGRAMS = 20

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nvscope.definition.model import Position
+from nvscope.definition.position import Position
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import (
     ArrayType,

@@ -19,16 +19,8 @@ from functools import cached_property
 
 from dissectors.layout import Field, Layout
 from dissectors.netvar import HEADER
-from nvscope.definition.model import (
-    MAX_ELEMENTS,
-    Element,
-    Elementary,
-    ListDefinition,
-    Scalar,
-    ScalarKind,
-    elements,
-    scalar_of,
-)
+from nvscope.definition.model import ListDefinition
+from nvscope.definition.variables import MAX_ELEMENTS, Element, Elementary, Scalar, ScalarKind, elements, scalar_of
 from nvscope.errors import ConfigurationError
 from nvscope.units import count
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 
 from dissectors.can.pdo import PdoList, PdoPart, PdoRules
-from nvscope.definition.model import Definition, Element, ListDefinition
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
+from nvscope.definition.variables import Element
 from nvscope.list_key import ListKey, told_of
 
 

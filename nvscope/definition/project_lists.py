@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from dissectors.can.canopen import MAX_COB_ID
-from nvscope.definition.model import ListDefinition, Position
+from nvscope.definition.model import ListDefinition
+from nvscope.definition.position import Position
 from nvscope.list_key import Transport
 from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, integer, key, mapping, read_table
 

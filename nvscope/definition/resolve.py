@@ -7,21 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from nvscope.definition.constants import INTEGERS, check_fits
-from nvscope.definition.model import (
-    DEFAULT_PORT,
-    MAX_ELEMENTS,
-    Array,
-    Definition,
-    Enumeration,
-    ListDefinition,
-    Member,
-    Scalar,
-    String,
-    Structure,
-    Type,
-    Union,
-    Variable,
-)
+from nvscope.definition.model import DEFAULT_PORT, Definition, ListDefinition
 from nvscope.definition.named_constants import MOST_COMPARED, CallDepth, NamedConstants
 from nvscope.definition.scalars import ALIASES, LIBRARY_BLOCKS, SCALARS, find_scalar, unknown_raw
 from nvscope.definition.source import Source
@@ -37,6 +23,18 @@ from nvscope.definition.syntax import (
     StructureType,
     TypeDeclaration,
     TypeSyntax,
+)
+from nvscope.definition.variables import (
+    MAX_ELEMENTS,
+    Array,
+    Enumeration,
+    Member,
+    Scalar,
+    String,
+    Structure,
+    Type,
+    Union,
+    Variable,
 )
 from nvscope.errors import ConfigurationError
 from nvscope.units import count

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from types import MappingProxyType
 
-from nvscope.definition.model import Scalar, ScalarKind
+from nvscope.definition.variables import Scalar, ScalarKind
 
 _MS_NS = 1_000_000
 _S_NS = 1_000_000_000

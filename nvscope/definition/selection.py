@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Element, ListDefinition
+from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
+from nvscope.definition.variables import Element
 from nvscope.errors import UsageError
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
 from nvscope.units import count

@@ -8,7 +8,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path, PureWindowsPath
 
-from nvscope.definition.model import Position
+from nvscope.definition.position import Position
 from nvscope.errors import ConfigurationError
 from nvscope.units import data_size
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from nvscope.definition.model import Elementary, ScalarKind, String, scalar_of
+from nvscope.definition.variables import Elementary, ScalarKind, String, scalar_of
 
 Value = bool | int | float | str | bytes
 """Of a BOOL, a number, a string, or of what nobody has described; times are numbers in the type's unit."""

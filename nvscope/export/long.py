@@ -22,7 +22,7 @@ import pyarrow as pa
 
 from dissectors.batch import I64
 from nvscope.capture.spans import stretches
-from nvscope.definition.model import Element, Enumeration
+from nvscope.definition.variables import Element, Enumeration
 from nvscope.export.arrays import LABEL, MOMENT, array_of, bits_of, labels, spread_parts, with_nulls
 from nvscope.export.files import TableFile
 from nvscope.export.names import value_names

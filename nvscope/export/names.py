@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.definition.model import Element, Enumeration
+from nvscope.definition.variables import Element, Enumeration
 from nvscope.expression.columns import Numbers
 
 _NAME_SUFFIX = ".name"

@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from dissectors.batch import I64
 from nvscope.capture.spans import stretches
-from nvscope.definition.model import Element, Enumeration, scalar_of
+from nvscope.definition.variables import Element, Enumeration, scalar_of
 from nvscope.export.arrays import LABEL, MOMENT, Spread, array_of, arrow_type, labels, spread_parts
 from nvscope.export.files import TableFile
 from nvscope.export.held import HeldTelegrams, OpenPart, Slabs

@@ -64,13 +64,11 @@ def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
 
     Of two lists that overlap, the finding is one of that which is defined first.
     """
-    if facts.definition is None:
+    if facts.definition is None or not facts.definition.on_can:
         return
     from nvscope.definition.cob_ids import canopen_ids, canopen_uses, overlaps, taken_in
 
     lists = taken_in(facts.definition)
-    if not lists:
-        return
     seen: _Seen = {
         bus.channel: {entry.cob_id: entry for entry in bus.identifiers if not entry.extended}
         for bus in facts.summary.can.buses

@@ -6,15 +6,13 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nvscope.capture.formats import CAN_LOGS
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
-from nvscope.definition.model import Definition, ListDefinition
-from nvscope.definition.pdos import Pdos
 from nvscope.findings.finding import Events, events_of
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.torn_cycles import CycleSizes
@@ -26,6 +24,10 @@ from nvscope.tracker.events import EventLog
 from nvscope.tracker.list_log import event_key, event_parts
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
+
+if TYPE_CHECKING:  # without definitions, nothing of them is imported
+    from nvscope.definition.model import Definition, ListDefinition
+    from nvscope.definition.pdos import Pdos
 
 AnyList = ListSummary | CanListSummary
 
@@ -72,6 +74,9 @@ class Facts:
     @cached_property
     def pdos(self) -> Pdos:
         """The frames of the lists that are defined on CAN."""
+        from nvscope.definition.model import Definition
+        from nvscope.definition.pdos import Pdos
+
         return Pdos(self.definition or Definition())
 
     @cached_property

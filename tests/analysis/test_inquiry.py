@@ -10,7 +10,8 @@ import pytest
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.open import open_source
-from nvscope.definition.project import Project, read_project
+from nvscope.definition.project import Project
+from nvscope.definition.project_file import read_project
 from nvscope.errors import UsageError
 from tests.packets import Shown
 

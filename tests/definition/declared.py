@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import Array, Definition, Enumeration, Scalar, Structure, Type, Union
+from nvscope.definition.model import Definition
+from nvscope.definition.variables import Array, Enumeration, Scalar, Structure, Type, Union
 from nvscope.errors import ConfigurationError
 
 SAMPLES = Path(__file__).parent / "samples"

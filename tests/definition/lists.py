@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 from hypothesis import strategies as st
 
-from nvscope.definition.model import (
+from nvscope.definition.model import ListDefinition
+from nvscope.definition.position import Position
+from nvscope.definition.variables import (
     Array,
     Enumeration,
-    ListDefinition,
     Member,
-    Position,
     Scalar,
     ScalarKind,
     String,

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from dissectors.batch import U8
-from nvscope.definition.model import String, Type
 from nvscope.definition.scalars import SCALARS
+from nvscope.definition.variables import String, Type
 
 Values = Callable[[random.Random, int], Iterator[float | int | str]]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import Scalar, ScalarKind, elements, size_bytes_of
 from nvscope.definition.scalars import SCALARS
+from nvscope.definition.variables import Scalar, ScalarKind, elements, size_bytes_of
 from nvscope.errors import ConfigurationError
 from tests.definition.declared import declared, problem, shown
 

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from nvscope.definition.byte_map import Relation, Run, Stretch, meaning_of
 from nvscope.definition.difference import Difference, ListDifference, difference, list_difference
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import Definition, ListDefinition, Type, Variable
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import pack
+from nvscope.definition.variables import Type, Variable
 from tests.definition.lists import INT, VARIABLES, list_of
 
 CONSTANTS = "TYPE Axis : STRUCT pos : LREAL; vel : REAL; END_STRUCT END_TYPE\n"

@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import ListDefinition, Position, elements, size_bytes_of
+from nvscope.definition.model import ListDefinition
+from nvscope.definition.position import Position
 from nvscope.definition.source import MAX_FILE_BYTES, decode
+from nvscope.definition.variables import elements, size_bytes_of
 from nvscope.errors import ConfigurationError
 from tests.definition.declared import SAMPLES, shown
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.definition.model import Array, Member, String, Structure, Type, elements, size_bytes_of
 from nvscope.definition.packing import PACKED_DATA_BYTES, pack
+from nvscope.definition.variables import Array, Member, String, Structure, Type, elements, size_bytes_of
 from nvscope.errors import ConfigurationError
 from tests.definition.lists import BOOL, BYTE, INT, LREAL, REAL, UDINT, VARIABLES, list_of
 

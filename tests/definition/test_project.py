@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from nvscope.definition.buses import BusSettings
 from nvscope.definition.limits import Limits
-from nvscope.definition.project import MAX_DEFINITION_FILES, Project, document, find_project, read_project
+from nvscope.definition.project import Project, find_project
+from nvscope.definition.project_file import MAX_DEFINITION_FILES, document, read_project
 from nvscope.errors import ConfigurationError
 from nvscope.list_key import ANY_CHANNEL, ListKey
 from nvscope.tracker.acknowledgement import TIMEOUT_NS

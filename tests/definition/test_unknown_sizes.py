@@ -7,8 +7,9 @@ import struct
 import pytest
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Definition, ListDefinition, Type
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.scalars import SCALARS
+from nvscope.definition.variables import Type
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
 from nvscope.view.documents.variables import variables_document

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import Enumeration, ListDefinition, Structure
+from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import pack
+from nvscope.definition.variables import Enumeration, Structure
 from nvscope.errors import ConfigurationError
 
 INT = "<type><INT/></type>"

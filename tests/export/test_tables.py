@@ -16,10 +16,11 @@ from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Definition, Enumeration, ListDefinition, String, Type, Union
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import known_fronts, known_part, pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
+from nvscope.definition.variables import Enumeration, String, Type, Union
 from nvscope.errors import UsageError
 from nvscope.export import held as held_module
 from nvscope.export import wide as wide_module

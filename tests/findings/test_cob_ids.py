@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from dissectors.can.canopen import PREDEFINED
 from nvscope.definition.cob_ids import canopen_ids, canopen_uses, overlaps, taken_in
-from nvscope.definition.model import Definition, ListDefinition, Position
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.pdos import Pdos
+from nvscope.definition.position import Position
 from nvscope.engine.reading import Reading
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 from nvscope.definition import causes
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Array, Definition, ListDefinition, Position, String, Type, Variable
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import pack
+from nvscope.definition.position import Position
+from nvscope.definition.variables import Array, String, Type, Variable
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState

@@ -14,7 +14,7 @@ from types import ModuleType
 import pytest
 
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.definition.project import read_project
+from nvscope.definition.project_file import read_project
 from nvscope.findings import catalogue, header, judge
 from nvscope.findings.catalogue import CATALOGUE, THEMES
 from nvscope.findings.facts import Facts

@@ -8,7 +8,8 @@ from typing import Any
 
 from dissectors.batch import PacketBatch
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.definition.project import Project, read_project
+from nvscope.definition.project import Project
+from nvscope.definition.project_file import read_project
 from nvscope.simulate.can.definition import can_definitions
 from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.simulator import open_capture, simulate

@@ -18,7 +18,7 @@ import numpy as np
 
 from dissectors.batch import I64, U8, U64, Bool
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Element, type_text
+from nvscope.definition.variables import Element, type_text
 from nvscope.engine.told import Told
 from nvscope.list_key import ANY_CHANNEL, ListKey
 from nvscope.tracker.buckets import bucket_of

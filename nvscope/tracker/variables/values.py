@@ -20,8 +20,8 @@ import numpy.typing as npt
 from dissectors.batch import I64, U8
 from dissectors.layout import gather_bytes
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Elementary, ScalarKind, String, scalar_of
 from nvscope.definition.packing import TelegramLayout
+from nvscope.definition.variables import Elementary, ScalarKind, String, scalar_of
 from nvscope.engine.dealing import Share
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told

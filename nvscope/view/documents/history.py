@@ -9,9 +9,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import type_text
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
 from nvscope.definition.value import value_of
+from nvscope.definition.variables import type_text
 from nvscope.list_key import ListKey
 from nvscope.tracker.variables.history import Entry, History
 from nvscope.tracker.variables.moment import LastTelegram, Moment

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from nvscope.definition.model import Definition, ListDefinition, type_text
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
+from nvscope.definition.variables import type_text
 
 
 def layout_document(definition: Definition) -> dict[str, Any]:

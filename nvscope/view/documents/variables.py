@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from nvscope.definition.model import Elementary, Enumeration, Scalar, ScalarKind, type_text
 from nvscope.definition.value import Value, value_of
+from nvscope.definition.variables import Elementary, Enumeration, Scalar, ScalarKind, type_text
 from nvscope.list_key import ListKey
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import StreamValues, Values

@@ -19,9 +19,9 @@ from dissectors.batch import I64, U8, Bool
 from dissectors.carried import Carrier
 from dissectors.layout import gather_bytes
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Element, Enumeration, ScalarKind, scalar_of
 from nvscope.definition.packing import TelegramLayout, known_fronts
 from nvscope.definition.value import value_of
+from nvscope.definition.variables import Element, Enumeration, ScalarKind, scalar_of
 from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
 from nvscope.tracker.variables.values import Block

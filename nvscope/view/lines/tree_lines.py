@@ -73,7 +73,7 @@ def trailer_entries(packet: bytes, stop: int, *, dumps: bool) -> Iterator[Entry]
 def variable_entries(layout: TelegramLayout, data: bytes, data_at: int) -> Iterator[Entry]:
     """Yield the variables of a telegram, whose data begin at ``data_at`` of the packet and have the layout's size."""
     # Not without definitions.
-    from nvscope.definition.model import type_text  # noqa: PLC0415
+    from nvscope.definition.variables import type_text  # noqa: PLC0415
     from nvscope.view.documents.variables import value_text  # noqa: PLC0415
 
     for offset, element in layout.spans():

@@ -18,8 +18,8 @@ from dissectors.netvar import Fault, Service
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.capture.spans import copy_spans
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Element
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
+from nvscope.definition.variables import Element
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey

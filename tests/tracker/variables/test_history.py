@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Definition, String, Type
+from nvscope.definition.model import Definition
 from nvscope.definition.packing import pack
 from nvscope.definition.selection import select
+from nvscope.definition.variables import String, Type
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.errors import UsageError

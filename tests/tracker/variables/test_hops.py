@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Definition, ListDefinition, String
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.pdos import Pdos
+from nvscope.definition.variables import String
 from nvscope.engine.reading import Reading
 from nvscope.tracker.variables.hops import Hops
 from nvscope.view.documents.hops import hop_rows

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Definition, Enumeration, ListDefinition, Scalar, ScalarKind, String, Type
+from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import pack
 from nvscope.definition.value import value_of
+from nvscope.definition.variables import Enumeration, Scalar, ScalarKind, String, Type
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import MOST_LAYOUTS, Values
 from nvscope.view.documents.variables import variables_document

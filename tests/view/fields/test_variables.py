@@ -13,20 +13,11 @@ from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import (
-    Array,
-    Definition,
-    Elementary,
-    Member,
-    ScalarKind,
-    String,
-    Structure,
-    Type,
-    scalar_of,
-)
+from nvscope.definition.model import Definition
 from nvscope.definition.packing import pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
+from nvscope.definition.variables import Array, Elementary, Member, ScalarKind, String, Structure, Type, scalar_of
 from nvscope.errors import UsageError
 from nvscope.expression.columns import BytesColumn, TextColumn
 from nvscope.report.fields import document, render

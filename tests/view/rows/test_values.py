@@ -9,10 +9,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nvscope.definition.model import Elementary, Enumeration, String
 from nvscope.definition.packing import pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import Value, value_of
+from nvscope.definition.variables import Elementary, Enumeration, String
 from nvscope.expression.columns import FieldType
 from nvscope.view.rows.utf8 import Utf8Column, latin_column, utf16_column
 from nvscope.view.rows.values import ColumnDecoder, ValueColumn, value_type

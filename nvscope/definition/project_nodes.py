@@ -1,0 +1,73 @@
+"""Nodes in the project file: what they are called, and which lists they read."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from nvscope.definition.project_lists import NAME
+from nvscope.toml_table import Place, ValueKind, array, integer, key, mapping, read_table
+
+_LIST_KEY = re.compile(r"udp/(\d{1,5})/(\d{1,5})")
+_U16_MAX = 0xFFFF
+
+Reading = tuple[int | None, int]
+"""A list that a node reads: port (None: whichever it has) and identifier."""
+
+
+def _reading(value: Any, place: Place) -> Reading:
+    if not isinstance(value, str):
+        return None, int(_IDENTIFIER.read(value, place))
+    match = _LIST_KEY.fullmatch(value)
+    port, index = (int(match[1]), int(match[2])) if match else (0, 0)
+    if match is None or not 0 < port <= _U16_MAX or index > _U16_MAX:
+        what = f"{value[:60]!r} is no list"
+        raise place.error(what, 'Write its identifier, such as 7, or port and identifier: "udp/1300/7".')
+    return port, index
+
+
+_IDENTIFIER = integer(0, _U16_MAX)
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A node of the plant. A quoted address names it: ``"192.168.1.10" = { name = "press", reads = [7] }``."""
+
+    name: str = key(NAME, "what people call the node; reports and telegrams show it", default="")
+    reads: tuple[Reading, ...] = key(
+        array(ValueKind('identifier or "udp/port/identifier"', _reading)),
+        "lists that the node reads, even if it never answers: it counts what is broadcast on them",
+        default=(),
+    )
+
+
+def _nodes(value: Any, place: Place) -> tuple[tuple[str, Node], ...]:
+    nodes: dict[str, Node] = {}
+    for text, table in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
+        here = place.below(f'"{text[:60]}"')
+        address = canonical_address(text)
+        if address is None:
+            what = f"{text[:60]!r} is no IP address"
+            raise here.error(what, 'Write one in quotes: "192.168.1.10" = { name = "press" }.')
+        if address in nodes:
+            raise here.error(f"the node {address} is there twice", "Leave one of the entries out.")
+        nodes[address] = read_table(Node, table, here)
+    return tuple(nodes.items())
+
+
+NODE_TABLES = ValueKind('{name}."ADDRESS"', _nodes, Node)
+
+
+def canonical_address(text: str) -> str | None:
+    """Return an IP address as reports write it, None where the text is none."""
+    try:
+        address = ipaddress.ip_address(text.strip())
+    except ValueError:
+        return None
+    if isinstance(address, ipaddress.IPv6Address):
+        if address.scope_id is not None:
+            return None
+        address = address.ipv4_mapped or address
+    return str(address)

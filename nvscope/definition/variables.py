@@ -1,0 +1,187 @@
+"""The variables of lists, and the types they have.
+
+Types are resolved: no aliases, no names, no constants are left in them. An element is what is sent as one item: a
+scalar, a string, or something whose bytes nobody has described.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from nvscope.definition.position import Position
+
+MAX_ELEMENTS = 100_000
+"""Elements of one list that are believed; a bound mistyped must not fill the memory."""
+
+
+class ScalarKind(Enum):
+    """What the bytes of a scalar mean."""
+
+    BOOL = "bool"
+    UNSIGNED = "unsigned"
+    SIGNED = "signed"
+    REAL = "real"
+    DURATION = "duration"  # in units of ``unit_ns``
+    TIME_OF_DAY = "time of day"
+    DATE = "date"  # since 1970-01-01
+    DATE_AND_TIME = "date and time"
+    RAW = "raw"  # pointers, BIT, function blocks: not described anywhere, shown as bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """An elementary type, under its IEC name; ``dtype`` is that of numpy, little-endian. ``unit_ns`` is 0 for numbers.
+
+    ``low`` and ``high`` bound a subrange. ``size_bytes`` is 0 where nobody knows it: pointers, BIT, function blocks.
+    """
+
+    name: str
+    kind: ScalarKind
+    dtype: str
+    size_bytes: int
+    unit_ns: int = 0
+    low: int | None = None
+    high: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class String:
+    """STRING(n) or WSTRING(n); ``length`` is n. Sent with the terminating NUL."""
+
+    length: int = 80
+    wide: bool = False
+
+    @property
+    def name(self) -> str:
+        return f"{'WSTRING' if self.wide else 'STRING'}({self.length})"
+
+    @property
+    def size_bytes(self) -> int:
+        return (self.length + 1) * (2 if self.wide else 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Enumeration:
+    """Named values of a scalar."""
+
+    name: str
+    base: Scalar
+    values: Mapping[str, int]
+
+    @property
+    def size_bytes(self) -> int:
+        return self.base.size_bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A member of a structure or union."""
+
+    name: str
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """Members in the order in which they are sent, those of the structure it extends first."""
+
+    name: str
+    members: tuple[Member, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Union:
+    """Members over the same bytes; how it is sent is unknown, taken for as many bytes as the largest member has."""
+
+    name: str
+    members: tuple[Member, ...]
+
+    @property
+    def size_bytes(self) -> int:
+        return size_bytes_of(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """``bounds`` has a (low, high) for each dimension; the last index changes fastest."""
+
+    bounds: tuple[tuple[int, int], ...]
+    element: Type
+
+
+Type = Scalar | String | Enumeration | Structure | Union | Array
+Elementary = Scalar | String | Enumeration | Union
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable of a list, as declared."""
+
+    name: str
+    type: Type
+    position: Position
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """One item as it is sent: its full name (``stAxis.pos[1, 2]``) and its type."""
+
+    name: str
+    type: Elementary
+
+
+def type_text(kind: Elementary) -> str:
+    """Return what a type is called, with what is special about it: of a UNION only the bytes are known."""
+    return f"UNION {kind.name}" if isinstance(kind, Union) else kind.name
+
+
+def scalar_of(kind: Elementary) -> Scalar | None:
+    """Return the scalar whose values an element has, None of strings and unions."""
+    if isinstance(kind, Enumeration):
+        return kind.base
+    return kind if isinstance(kind, Scalar) else None
+
+
+def size_bytes_of(kind: Type) -> int:
+    """Return how many bytes all elements of a type have without padding, 0 where that is not known."""
+    if isinstance(kind, Array):
+        count = 1
+        for low, high in kind.bounds:
+            count *= high - low + 1
+        return count * size_bytes_of(kind.element)
+    if isinstance(kind, Structure | Union):
+        sizes = [size_bytes_of(member.type) for member in kind.members]
+        if not all(sizes):
+            return 0
+        return max(sizes, default=0) if isinstance(kind, Union) else sum(sizes)
+    return kind.size_bytes
+
+
+def elements(variable: Variable) -> Iterator[Element]:
+    """Yield the elements of a variable in the order in which they are sent."""
+    return _elements(variable.name, variable.type)
+
+
+def _elements(name: str, kind: Type) -> Iterator[Element]:
+    if isinstance(kind, Structure):
+        for member in kind.members:
+            yield from _elements(f"{name}.{member.name}", member.type)
+    elif isinstance(kind, Array):
+        for index in _indexes(kind.bounds):
+            yield from _elements(f"{name}[{', '.join(map(str, index))}]", kind.element)
+    else:
+        yield Element(name, kind)
+
+
+def _indexes(bounds: tuple[tuple[int, int], ...]) -> Iterator[tuple[int, ...]]:
+    """Yield the indexes of an array, the last one fastest."""
+    if not bounds:
+        yield ()
+        return
+    low, high = bounds[0]
+    for first in range(low, high + 1):
+        for rest in _indexes(bounds[1:]):
+            yield (first, *rest)
