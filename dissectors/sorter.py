@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, U16, Bool, LinkType, PacketBatch
+from dissectors.batch import I64, U16, U64, Bool, LinkType, PacketBatch
 from dissectors.can.frame import CanBatch, dissect_can
 from dissectors.can.pdo import PdoRules
 from dissectors.claims import NO_CLAIMS, Claims
@@ -31,13 +31,13 @@ from dissectors.plain import (
     rows_of,
 )
 from dissectors.transport import NO_DATAGRAMS, DatagramBatch, SegmentBatch
-from dissectors.usual import WORDS, UsualRows
+from dissectors.usual import NOBODY, WORDS, UsualRows
 from dissectors.varieties import NO_TELEGRAM, Varieties
 
 MOST_VARIETIES = 1 << 16
 """With more than these, what was learned is let go: traffic in which nothing recurs must not fill the memory."""
 
-_UNKNOWN, _PECULIAR = -1, -2
+_UNKNOWN, _PECULIAR = NOBODY, -2
 _WITHOUT_CAN = frozenset(LinkType) - {LinkType.CAN_SOCKETCAN, LinkType.LINUX_SLL, LinkType.LINUX_SLL2}
 
 
@@ -86,8 +86,8 @@ class Sorter:
         self._varieties = Varieties()
         self._headers = KeyTable(WORDS)
         self._usual = UsualRows(TELLING_WORDS)
-        # By number of the headers; the last entry is that of headers without a number.
-        self._variety_of = np.array([_UNKNOWN])
+        # By number of the headers.
+        self._variety_of = np.empty(0, np.int64)
 
     def sort(self, packets: PacketBatch) -> SortedPackets:
         """Tell a packet batch by varieties. Total, as ``dissect`` is.
@@ -142,29 +142,46 @@ class Sorter:
 
     def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
         """Return the varieties that the headers of packets tell (or ``_UNKNOWN``, ``_PECULIAR``), and the counters."""
-        number, counter = np.empty(len(packets), np.int64), np.empty(len(packets), np.uint16)
+        variety, counter = np.empty(len(packets), np.int64), np.empty(len(packets), np.uint16)
         captured = np.minimum(packets.captured, MOST_CAPTURED).astype(np.uint16)
         for start in range(0, len(packets), BLOCK):
             part = slice(start, start + BLOCK)
             rows = rows_of(packets.data, packets.offset[part])
             counter[part] = counters_of(rows)
             make_keys(rows, captured[part])
-            number[part] = self._usual.find(rows)
-        other = np.flatnonzero(number < 0)
-        if len(other):
-            keys, captured = rows_of(packets.data, packets.offset[other]), captured[other]
-            make_keys(keys, captured)
-            told = have_identity(keys, captured)
-            known, other = len(self._headers), other[told]
-            number[other] = self._headers.numbers(*keys[told].T)
-            fresh = other[number[other] >= known]
-            if len(fresh):
-                self._learn(packets, fresh, number[fresh])
-        return self._variety_of[number], counter
+            variety[part] = self._usual.find(rows)
+        unknown = np.flatnonzero(variety == _UNKNOWN)
+        count = BLOCK
+        while len(unknown):
+            # To look rows up takes ten times as long as to find them; what some of them are, most of the others are.
+            some, unknown = unknown[:count], unknown[count:]
+            variety[some] = self._look_up(packets, some, captured[some])
+            for start in range(0, len(unknown), BLOCK):
+                again = unknown[start : start + BLOCK]
+                variety[again] = self._usual.find(_keys_of(packets, again, captured[again]))
+            unknown = unknown[variety[unknown] == _UNKNOWN]
+            count *= 2
+        return variety, counter
+
+    def _look_up(self, packets: PacketBatch, rows: I64, captured: U16) -> I64:
+        """Return the varieties of some packets, having learned those that are new; ``_UNKNOWN`` of what is no telegram.
+
+        In the order of the packets, so that numbers do not depend on how many are looked up at a time.
+        """
+        keys = _keys_of(packets, rows, captured)
+        told = np.flatnonzero(have_identity(keys, captured))
+        known = len(self._headers)
+        number = self._headers.numbers(*keys[told].T)
+        fresh = np.flatnonzero(number >= known)
+        if len(fresh):
+            self._learn(packets, rows[told[fresh]], number[fresh])
+        variety = np.full(len(rows), _UNKNOWN)
+        variety[told] = self._variety_of[number]
+        return variety
 
     def _learn(self, packets: PacketBatch, rows: I64, number: I64) -> None:
         """Find out what the packets are whose headers have new numbers."""
-        known = len(self._variety_of) - 1
+        known = len(self._variety_of)
         first = rows[first_rows(number - known, len(self._headers) - known)]
         head = heads_of(packets, first)
         plain = is_plain(head)
@@ -174,6 +191,13 @@ class Sorter:
         place = np.searchsorted(first, telegrams.datagram.row)
         own = np.flatnonzero(plain[place])
         learned[place[own]] = self._varieties.numbers(telegrams.take(own), packets)
-        self._variety_of = np.concatenate([self._variety_of[:-1], learned, [_UNKNOWN]])
+        self._variety_of = np.concatenate([self._variety_of, learned])
         rows_of_new = np.stack([word[known:] for word in self._headers.words], axis=1)
-        self._usual.add(rows_of_new, np.arange(known, len(self._headers)))
+        self._usual.add(rows_of_new, learned)
+
+
+def _keys_of(packets: PacketBatch, rows: I64, captured: U16) -> U64:
+    """Return what tells some packets apart, of whose bytes so many were captured."""
+    keys = rows_of(packets.data, packets.offset[rows])
+    make_keys(keys, captured)
+    return keys

@@ -9,7 +9,7 @@ from typing import NoReturn, cast
 
 import typer
 
-from nvscope.cli.memory import leave_the_rest_at_exit
+from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
 from nvscope.cli.program import program
 from nvscope.cli.threads import start_no_threads
 from nvscope.errors import CaptureError, ExitCode, NvscopeError
@@ -26,6 +26,7 @@ _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
     start_no_threads()
+    look_for_cycles_seldom()
     leave_the_rest_at_exit()
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # the shell closed it

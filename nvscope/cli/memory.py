@@ -1,4 +1,4 @@
-"""What the C library does with memory that is given back, and Python with what is left at the end."""
+"""What the C library does with memory that is given back, and how often Python looks for what nobody needs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import sys
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3  # malloc.h
 _KEPT_BYTES = 64 << 20
+_SELDOM = 50_000, 20, 100
 
 
 def keep_freed_memory() -> None:
@@ -26,6 +27,15 @@ def keep_freed_memory() -> None:
         return
     for parameter in (_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_TOP_PAD):
         mallopt(parameter, _KEPT_BYTES)
+
+
+def look_for_cycles_seldom() -> None:
+    """Let Python look less often for objects that only refer to each other: there are few, and no large ones.
+
+    By default it looks after each 700 objects more, which at the start, with all its classes and functions, is a
+    twentieth of the time.
+    """
+    gc.set_threshold(*_SELDOM)
 
 
 def leave_the_rest_at_exit() -> None:

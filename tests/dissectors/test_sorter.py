@@ -64,6 +64,19 @@ def test_told_is_dissected(seed: int) -> None:
         check(sorter, packets[begin : begin + 37])
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_how_many_are_looked_up_at_a_time_changes_no_number(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    packets = batch_of(traffic(seed))
+    at_once = Sorter().sort(packets)
+    monkeypatch.setattr(dissectors.sorter, "BLOCK", 4)
+    sorter = Sorter()
+    few = sorter.sort(packets)
+    assert few.variety.tolist() == at_once.variety.tolist()
+    assert few.counter.tolist() == at_once.counter.tolist()
+    assert few.varieties.part.tolist() == at_once.varieties.part.tolist()
+    check(sorter, packets)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_little_memory_changes_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dissectors.sorter, "MOST_VARIETIES", 5)
