@@ -89,25 +89,25 @@ class PacketBatch:
             until_ns=until_ns,
         )  # fmt: skip
 
-    def with_margin(self, lead_bytes: int = 0) -> PacketBatch:
+    def with_margin(self, lead_bytes: int = 0, rows: I64 | None = None) -> PacketBatch:
         """Return the batch over a buffer with at least ``MARGIN_BYTES`` bytes behind the end of every packet.
 
         Headers are gathered whole before it is known whether they were captured whole; the margin keeps that inside
         the buffer. In front of every packet there are at least ``lead_bytes``. Only a batch that reaches its buffer's
-        ends is copied.
+        ends is copied, or, where only some ``rows`` are to be gathered, one in which these do.
         """
-        if not len(self):
+        offset, captured = (self.offset, self.captured) if rows is None else (self.offset[rows], self.captured[rows])
+        if not len(offset):
             return self
-        start = int(self.offset.min())
-        stop = int(self.offset.max()) + int(self.captured.max())
-        if stop + MARGIN_BYTES > len(self.data):
-            stop = int((self.offset + self.captured).max())
+        start, stop = int(offset.min()), int(offset.max()) + int(captured.max())
+        if start >= lead_bytes and stop + MARGIN_BYTES <= len(self.data):
+            return self
+        start, stop = int(self.offset.min()), int((self.offset + self.captured).max())
         if start >= lead_bytes and stop + MARGIN_BYTES <= len(self.data):
             return self
         data = np.zeros(lead_bytes + stop - start + MARGIN_BYTES, np.uint8)
         data[lead_bytes : lead_bytes + stop - start] = self.data[start:stop]
-        offset = self.offset - start + lead_bytes
-        return replace(self, data=data, offset=offset)
+        return replace(self, data=data, offset=self.offset - start + lead_bytes)
 
     def packet(self, row: int) -> bytes:
         """Return a copy of the captured bytes of one packet."""

@@ -180,7 +180,7 @@ def dissect(
     Where ``rows`` (rising) are given, only these packets are looked at; ``claims`` are as for ``peel``. Total: wrong
     bytes are telegrams with a fault, or no telegrams; nothing raises.
     """
-    packets = packets.with_margin()
+    packets = packets.with_margin(rows=rows)
     peeled = peel(packets, rows, claims)
     telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES, ports)
     return Dissection(telegrams, _telegrams(packets, peeled.quoted, LEAST_QUOTED_BYTES, ports), peeled)

@@ -36,7 +36,7 @@ class UsualRows:
         """Return the numbers of rows, ``NOBODY`` of those that have no slot. Contiguous, of shape (n, ``WORDS``)."""
         slot = self._slots(rows)
         number = self._number[slot]
-        differs = rows.reshape(-1) != self._rows[slot].view(np.uint64)
+        differs = rows.reshape(-1) != self._rows.take(slot).view(np.uint64)
         # The eight truth values of a row are one word.
         number[np.flatnonzero(differs.view(np.uint64) != 0)] = NOBODY
         return number

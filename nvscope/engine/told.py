@@ -15,6 +15,7 @@ from dissectors.dissector import Dissector, Part
 from dissectors.netvar import TelegramBatch
 from dissectors.sorter import SortedPackets
 from dissectors.varieties import NO_TELEGRAM, Varieties
+from nvscope.engine.clock import Clock
 from nvscope.engine.keys import Begun, Keys, Rejected
 from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.reading import Choose
@@ -107,6 +108,11 @@ class Told:
     def quoted(self) -> TelegramBatch:
         """The telegrams that ICMP messages quote as not delivered."""
         return self.batch.quoted
+
+    @cached_property
+    def clock(self) -> Clock:
+        """The times of the packets."""
+        return Clock(self.packets.ts_ns)
 
     @cached_property
     def parts(self) -> Mapping[str, Part]:

@@ -14,6 +14,7 @@ import numpy as np
 from dissectors.batch import I64, U8, Bool
 from dissectors.columns import Columns
 from dissectors.netvar import CHECKSUM_INVALID
+from nvscope.engine.clock import Clock
 from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
@@ -114,54 +115,6 @@ class Answers:
     unanswered: BootUpWaits
 
 
-class Clock:
-    """The times of the frames of a batch: which is the first behind a moment?"""
-
-    def __init__(self, time_ns: I64) -> None:
-        self.time_ns = time_ns
-        self.steady = len(time_ns) < 2 or bool((time_ns[1:] >= time_ns[:-1]).all())
-        self.latest = time_ns if self.steady else np.maximum.accumulate(time_ns)
-
-    def __len__(self) -> int:
-        return len(self.time_ns)
-
-    def expired(self, deadline_ns: I64, packet: I64, until: I64) -> I64:
-        """Return the same as ``first_behind``, but the count of packets also where it lies after packet ``until``."""
-        found = np.full(len(packet), len(self))
-        last = np.minimum(until, len(self) - 1)
-        # Looking it up is only worth it where the deadline has passed at all.
-        passed = np.flatnonzero(self.latest[last] > deadline_ns)
-        first = self.first_behind(deadline_ns[passed], packet[passed])
-        found[passed] = np.where(first <= until[passed], first, len(self))
-        return found
-
-    def first_behind(self, deadline_ns: I64, packet: I64) -> I64:
-        """Return the first packet after each given one (-1: from the first) with a later time; their count if none."""
-        found = np.searchsorted(self.latest, deadline_ns, "right")
-        # The clock may have been ahead before the wait began: then the running maximum says nothing.
-        ahead = np.flatnonzero(found <= packet)
-        if len(ahead):
-            found[ahead] = _first_greater(self.time_ns, packet[ahead] + 1, deadline_ns[ahead])
-        return found
-
-
-def _first_greater(values: I64, start: I64, bound: I64) -> I64:
-    """Return, for each start, the first place from there on whose value is above the bound; the length if none.
-
-    The maxima of all stretches of 1, 2, 4 … values let every search skip by halving steps.
-    """
-    maxima = [values]
-    while 1 << len(maxima) <= len(values):
-        half = 1 << (len(maxima) - 1)
-        maxima.append(np.maximum(maxima[-1][:-half], maxima[-1][half:]))
-    place = start.copy()
-    for level in reversed(range(len(maxima))):
-        highest = maxima[level]
-        skips = (place < len(highest)) & (highest[np.minimum(place, len(highest) - 1)] <= bound)
-        place[skips] += 1 << level
-    return place
-
-
 class Acknowledgement:
     """The open waits of all streams and of all boot-up requests, and how long those took that were answered."""
 
@@ -173,13 +126,12 @@ class Acknowledgement:
         self.latencies = Latencies()
 
     def observe(
-        self, rows: DataRows, acknowledgements: Messages, requests: Messages, time_ns: I64, keys: Keys,
+        self, rows: DataRows, acknowledgements: Messages, requests: Messages, clock: Clock, keys: Keys,
         first_frame: int,
     ) -> Answers:  # fmt: skip
-        """Take a batch; ``time_ns`` are the times of all its frames, telegrams or not."""
+        """Take a batch; ``clock`` has the times of all its frames, telegrams or not."""
         self.waits.resize(len(keys.streams))
         self.places.resize(len(keys.places))
-        clock = Clock(time_ns)
         wanting = rows.wanting
         unexpected = self._unexpected(rows, wanting, acknowledgements, clock, keys)
         missing, errors = self._missing(rows, wanting, acknowledgements, clock, keys, first_frame)

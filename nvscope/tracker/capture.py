@@ -91,18 +91,19 @@ class CaptureState:
 
     def _observe_times(self, told: Told) -> None:
         time_ns = told.packets.ts_ns
-        before = np.empty_like(time_ns)
-        before[1:] = time_ns[:-1]
-        before[0] = time_ns[0] if self.last_ns is None else self.last_ns
-        back = np.flatnonzero(time_ns < before)
-        if len(back):
+        earliest, latest = int(time_ns[0]), int(time_ns[-1])
+        if not told.clock.steady or (self.last_ns is not None and earliest < self.last_ns):
+            before = np.empty_like(time_ns)
+            before[1:] = time_ns[:-1]
+            before[0] = time_ns[0] if self.last_ns is None else self.last_ns
+            back = np.flatnonzero(time_ns < before)
+            earliest, latest = int(time_ns.min()), int(time_ns.max())
             self.longest_step_back_ns = max(self.longest_step_back_ns, int((before[back] - time_ns[back]).max()))
             one_key = np.zeros(len(back), np.uint64)
             self.steps_back.record(time_ns[back], back + told.first_frame, one_key, one_key)
             self.steps_back.settle()
             nowhere, frame = np.full(len(back), NOWHERE), back + told.first_frame
             tell(self._listeners, EventBatch.on_bus(EventKind.STEP_BACK, nowhere, time_ns[back], frame))
-        earliest, latest = int(time_ns.min()), int(time_ns.max())
         self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
         self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)
         self.last_ns = int(time_ns[-1])

@@ -208,8 +208,8 @@ class ListState:
     def _observe_answers(self, told: Told, rows: DataRows) -> list[ErrorEvents]:
         acknowledgements = self._messages(told, FrameKind.ACKNOWLEDGEMENT)
         requests = self._messages(told, FrameKind.BOOT_UP_REQUEST)
-        time_ns, first_frame = told.packets.ts_ns, told.first_frame
-        answers = self.acknowledgement.observe(rows, acknowledgements, requests, time_ns, self.keys, first_frame)
+        first_frame = told.first_frame
+        answers = self.acknowledgement.observe(rows, acknowledgements, requests, told.clock, self.keys, first_frame)
         places = self.keys.places
         self._log_missing(*answers.missing)
         negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)

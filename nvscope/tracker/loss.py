@@ -121,9 +121,9 @@ class Loss:
         frame = rows.packet + first_frame
         self._book(rows, own, Scope.STREAM, frame, keys)
         self._book(rows, nodes, Scope.NODE_TELEGRAM, frame, keys)
-        late, again = _late(own.step), _again(rows, own.step)
+        late, again = own.at(Step.LATE), _again(rows, own.step)
         self._book_duplicates(rows, late, again, Scope.STREAM, frame, keys)
-        late, again = _late(nodes.step), _again(rows, nodes.step)
+        late, again = nodes.at(Step.LATE), _again(rows, nodes.step)
         self._book_duplicates(rows, late, again, Scope.NODE_TELEGRAM, frame, keys)
         again = again[~nodes.together(again)]
         self._book_duplicates(rows, late, again, Scope.NODE_SEND, frame, keys)
@@ -179,7 +179,7 @@ class Loss:
         nodes.regular_send[run] += regular + np.diff(np.searchsorted(together, bounds))
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
         nodes.last_stream[run] = keys.varieties.stream[told.variety[packet[stop - 1]]]
-        gaps = np.flatnonzero(steps.step == Step.GAP)
+        gaps = steps.at(Step.GAP)
         before = np.searchsorted(gaps, bounds)
         counted = nodes.gaps[run] - before[:-1]
         nodes.gaps[run] += np.diff(before)
@@ -189,7 +189,7 @@ class Loss:
 
     def _sent_together(self, told: Told, packet: I64, start: I64, run: I64, steps: Steps, keys: Keys) -> I64:
         """Return the places, in the nodes' order, of telegrams that were sent together with the one before."""
-        same = np.flatnonzero(steps.step == Step.SAME)
+        same = steps.at(Step.SAME)
         if not len(same):
             return same
         stream = keys.varieties.stream
@@ -204,14 +204,14 @@ class Loss:
     def _book(self, rows: DataRows, steps: Steps | NodeSteps, scope: Scope, frame: I64, keys: Keys) -> None:
         streams = self.streams
         for kind in (Step.GAP, Step.OVERTAKEN, Step.RESTART):
-            place = np.flatnonzero(steps.step == kind)
+            place = steps.at(kind)
             if not len(place):
                 continue
             stream, start, stop = _runs(place, rows)
             count = stop - start
             lost = None
             if kind == Step.GAP:
-                lost = steps.distance[place].astype(np.int64) - 1
+                lost = steps.distance_at(place).astype(np.int64) - 1
                 streams.gaps[stream, scope] += count
                 streams.lost[stream, scope] += np.add.reduceat(lost, start)
                 longest = np.maximum.reduceat(lost, start)
@@ -261,7 +261,7 @@ class Loss:
 
 
 class NodeSteps:
-    """The steps that the telegrams of a batch take in their nodes' sequences; ``step`` and ``distance`` by row.
+    """The steps that the telegrams of a batch take in their nodes' sequences; ``step`` by row.
 
     ``walked`` are these steps in the order of the nodes, in which the rows have their ``place``; ``start`` is where the
     nodes begin there. ``together`` and ``gaps`` are places, rising: of telegrams that were sent together with the one
@@ -270,8 +270,16 @@ class NodeSteps:
 
     def __init__(self, walked: Steps, place: I64, together: I64, gaps: I64, start: I64, counted: I64) -> None:
         self.step: U8 = walked.step[place]
-        self.distance: U16 = walked.distance[place]
+        self._walked = walked
         self._place, self._together, self._gaps, self._start, self._counted = place, together, gaps, start, counted
+
+    def at(self, kind: Step) -> I64:
+        """Return the rows of the steps of a kind, rising."""
+        return np.flatnonzero(self.step == kind)
+
+    def distance_at(self, row: I64) -> U16:
+        """Return the distances of the steps of some rows."""
+        return self._walked.distance_at(self._place[row])
 
     def together(self, row: I64) -> Bool:
         """Tell which rows were sent together with their node's telegram before."""
@@ -295,10 +303,6 @@ class NodeSteps:
         gap += np.repeat(self._counted, np.diff(self._start, append=len(gap)))
         gaps: I64 = gap[self._place]
         return gaps
-
-
-def _late(step: U8) -> I64:
-    return np.flatnonzero(step == Step.LATE)
 
 
 def _again(rows: DataRows, step: U8) -> I64:

@@ -55,6 +55,19 @@ class Steps:
     missing: U64
     irregular: I64
 
+    def at(self, kind: Step) -> I64:
+        """Return the places of the steps of a kind other than REGULAR, rising."""
+        if len(self.irregular) * 8 > len(self.step):  # the faster way where many are not
+            places: I64 = (self.step == kind).nonzero()[0]
+        else:
+            places = self.irregular[self.step[self.irregular] == kind]
+        return places
+
+    def distance_at(self, place: I64) -> U16:
+        """Return the distances at some places."""
+        distances: U16 = self.distance[place]
+        return distances
+
 
 def walk_one(counters: list[int], current: int | None, missing: int) -> tuple[list[int], list[int], int, int]:
     """Walk one sequence; return its steps, distances, and the current counter and missing word after them.
