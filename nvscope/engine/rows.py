@@ -38,7 +38,8 @@ class DataRows:
 
     ``packet`` holds their rows in the packet batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound
     the runs of one stream, which is ``run_stream``; ``signature_before`` is that of the telegram before each run, and
-    ``fresh`` where there is none. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
+    ``fresh`` where there is none. ``several`` are the runs, by their places among the runs, that are of more than one
+    variety, rising. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
     where no row is. ``others`` are the packets of the batch that hold no well-formed data telegram, rising; PDOs have
     none.
     """
@@ -50,6 +51,7 @@ class DataRows:
     run_stream: I64
     signature_before: U64
     fresh: Bool
+    several: I64
     variety: I64
     counter: U16
     time_ns: I64
@@ -62,10 +64,12 @@ class DataRows:
 
     def changes(self) -> I64:
         """Return the rows, starts of runs aside, whose variety is not that of the row before, rising."""
-        changed = np.flatnonzero(self.variety[1:] != self.variety[:-1]) + 1
-        starts = np.searchsorted(self.start, changed)
-        inside: Bool = self.start[np.minimum(starts, len(self.start) - 1)] != changed
-        return changed[inside]
+        row = self.of_runs(self.several)
+        differs = np.zeros(len(row), np.bool_)
+        variety = self.variety[row]
+        np.not_equal(variety[1:], variety[:-1], out=differs[1:])
+        differs[np.searchsorted(row, self.start[self.several])] = False
+        return row[differs]
 
     def of_runs(self, run: I64) -> I64:
         """Return the rows of some runs, given by their places among the runs."""
@@ -81,10 +85,12 @@ class DataRows:
         wants = np.zeros(len(self), np.bool_)
         wants[self.wanting] = True
         repeated = None if self.repeated is None else self.repeated[row]
+        mixed = np.zeros(len(self.run_stream), np.bool_)
+        mixed[self.several] = True
         return DataRows(
             self.packet[row], self.stream[row], stop - length, stop, self.run_stream[run], self.signature_before[run],
-            self.fresh[run], self.variety[row], self.counter[row], self.time_ns[row], np.flatnonzero(wants[row]),
-            repeated if repeated is not None and repeated.any() else None, self.others,
+            self.fresh[run], np.flatnonzero(mixed[run]), self.variety[row], self.counter[row], self.time_ns[row],
+            np.flatnonzero(wants[row]), repeated if repeated is not None and repeated.any() else None, self.others,
         )  # fmt: skip
 
     def where(self, chosen: Bool, stream_of: I64) -> I64:
@@ -101,8 +107,8 @@ class DataRows:
 def _no_rows() -> DataRows:
     number, word = np.empty(0, np.int64), np.empty(0, np.uint64)
     return DataRows(
-        number, number, number, number, number, word, np.empty(0, np.bool_), number, np.empty(0, np.uint16), number,
-        number, None, number,
+        number, number, number, number, number, word, np.empty(0, np.bool_), number, number, np.empty(0, np.uint16),
+        number, number, None, number,
     )  # fmt: skip
 
 
@@ -134,11 +140,20 @@ class StreamMemory:
         # What is no data telegram goes behind all streams.
         packet, others = np.split(order_by(np.where(own, stream_of, streams), batch.variety, streams), [length.sum()])
         run, start, stop = runs_of_lengths(length)
-        variety, counter, time_ns = batch.variety[packet], batch.counter[packet], batch.packets.ts_ns[packet]
+        seen = np.flatnonzero(own & (count > 0))
+        varieties_of = np.bincount(stream_of[seen], minlength=streams)
+        several = np.flatnonzero(varieties_of[run] > 1)
+        # Most runs are of one variety: there is nothing to look up.
+        only = np.empty(streams, np.int64)
+        only[stream_of[seen]] = seen
+        variety = np.repeat(only[run], stop - start)
+        mixed = spans(start[several], stop[several] - start[several])
+        variety[mixed] = batch.variety[packet[mixed]]
+        counter, time_ns = batch.counter[packet], batch.packets.ts_ns[packet]
         nothing = np.empty(0, np.int64)
         rows = DataRows(
             packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
-            variety, counter, time_ns, nothing, None, others if kind == FrameKind.DATA else nothing,
+            several, variety, counter, time_ns, nothing, None, others if kind == FrameKind.DATA else nothing,
         )  # fmt: skip
         if varieties.column("wants").any():
             rows = replace(rows, wanting=rows.where(varieties.column("wants"), stream_of))

@@ -27,6 +27,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.sightings import NO_PACKET, Sightings
 
 NEVER = np.iinfo(np.int64).min
+_FEW_PAIRS = 4096  # of waits and streams, of which few are of one place
 
 
 class WaitColumns(KeyedColumns):
@@ -281,19 +282,44 @@ class Acknowledgement:
         waits = BootUpWaits.stacked([self.boot_up_waits, asked])
         packet = np.concatenate([np.full(known, -1), requests.packet])
         expired = clock.first_behind(waits.deadline_ns, packet)
-        concerned = np.zeros(len(keys.places), np.bool_)
-        concerned[waits.place] = True
-        told = _new_rows_of(rows, concerned[keys.place_of(rows.run_stream)])
-        told = told[_within(rows.packet[told], packet, expired)]
-        stream = rows.stream[told]
-        place, sender = keys.place_of(stream), keys.node_of(stream)
-        data = Sightings(place, rows.packet[told], sender, len(clock))
-        answer = data.next_of_another(waits.place, packet, waits.node)
+        answer = _first_data(waits, packet, expired, rows, keys, len(clock))
         late = (expired < len(clock)) & (expired <= answer)
         self.boot_up_waits = waits.take(~late & (answer == NO_PACKET))
         unanswered, seen = waits.take(late), expired[late] + first_frame
         order = np.lexsort((unanswered.frame, unanswered.deadline_ns, seen))
         return unanswered.take(order), seen[order]
+
+
+def _first_data(waits: BootUpWaits, packet: I64, expired: I64, rows: DataRows, keys: Keys, packets: int) -> I64:
+    """Return the first data telegram of each wait's place behind a packet that another node sent, of ``packets``.
+
+    ``NO_PACKET`` without any. What lies behind ``expired`` comes too late, and need not be found.
+    """
+    if len(waits) * len(rows.run_stream) < _FEW_PAIRS:
+        return _first_data_along_streams(waits, packet, rows, keys)
+    concerned = np.zeros(len(keys.places), np.bool_)
+    concerned[waits.place] = True
+    told = _new_rows_of(rows, concerned[keys.place_of(rows.run_stream)])
+    told = told[_within(rows.packet[told], packet, expired)]
+    stream = rows.stream[told]
+    data = Sightings(keys.place_of(stream), rows.packet[told], keys.node_of(stream), packets)
+    return data.next_of_another(waits.place, packet, waits.node)
+
+
+def _first_data_along_streams(waits: BootUpWaits, packet: I64, rows: DataRows, keys: Keys) -> I64:
+    """Return the same, having looked at each stream by itself."""
+    place, node = keys.place_of(rows.run_stream), keys.node_of(rows.run_stream)
+    answer = np.full(len(waits), NO_PACKET)
+    for number, behind in enumerate(packet.tolist()):
+        for run in np.flatnonzero((place == waits.place[number]) & (node != waits.node[number])).tolist():
+            start, stop = int(rows.start[run]), int(rows.stop[run])
+            row = start + int(np.searchsorted(rows.packet[start:stop], behind, "right"))
+            if row < stop and rows.repeated is not None and rows.repeated[row]:
+                new = np.flatnonzero(~rows.repeated[row:stop])
+                row = row + int(new[0]) if len(new) else stop
+            if row < stop:
+                answer[number] = min(answer[number], rows.packet[row])
+    return answer
 
 
 def _new_rows_of(rows: DataRows, chosen: Bool) -> I64:

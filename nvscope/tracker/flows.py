@@ -48,8 +48,7 @@ class Flows:
             time_ns[begun.packet],
             begun.packet + told.first_frame,
         )
-        last = np.empty(len(varieties), np.int64)
-        last[told.variety] = np.arange(len(told))
+        last = _last_packets(told, len(varieties))
         seen = np.flatnonzero((told.count > 0) & (varieties.column("flow") >= 0))
         # A flow may be of several varieties: the last telegram of all is what stays.
         seen = seen[np.argsort(last[seen])]
@@ -65,3 +64,14 @@ class Flows:
         """Return a column by flow, of what it is or of what was counted."""
         table = self.counts if name in FlowCounts.COLUMNS else self.keys.columns
         return table.column(name)
+
+
+def _last_packets(told: Told, varieties: int) -> I64:
+    """Return the last packet of each variety that the batch has."""
+    last, rows = np.empty(varieties, np.int64), told.laid.data
+    # Of numbers that are assigned to one place, the last one stays.
+    last[told.variety[rows.others]] = rows.others
+    last[rows.variety[rows.stop - 1]] = rows.packet[rows.stop - 1]
+    mixed = rows.of_runs(rows.several)
+    last[rows.variety[mixed]] = rows.packet[mixed]
+    return last

@@ -22,6 +22,7 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_batch import EventBatch, Listeners, tell
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
+from nvscope.tracker.node_steps import NodeOrder, NodeSteps
 from nvscope.tracker.sequence import walk
 from nvscope.tracker.steps import Step, Steps
 
@@ -171,6 +172,8 @@ class Loss:
         length = stop - start
         fresh = nodes.last_stream[run] < 0
         steps = walk(told.counter[packet], start, nodes.current[run], nodes.missing[run], fresh)
+        run_of_stream = np.searchsorted(run, keys.node_of(np.arange(len(keys.streams))))
+        order = NodeOrder(packet, start, rows, run_of_stream, len(told))
         together = self._sent_together(told, packet, start, run, steps, keys)
         bounds = np.append(start, len(packet))
         regular = length - np.diff(np.searchsorted(steps.irregular, bounds))
@@ -183,9 +186,7 @@ class Loss:
         before = np.searchsorted(gaps, bounds)
         counted = nodes.gaps[run] - before[:-1]
         nodes.gaps[run] += np.diff(before)
-        place_of = np.empty(len(told), np.int64)
-        place_of[packet] = np.arange(len(packet))
-        return NodeSteps(steps, place_of[rows.packet], together, gaps, start, counted)
+        return NodeSteps(steps, order, together, gaps, counted)
 
     def _sent_together(self, told: Told, packet: I64, start: I64, run: I64, steps: Steps, keys: Keys) -> I64:
         """Return the places, in the nodes' order, of telegrams that were sent together with the one before."""
@@ -260,51 +261,6 @@ class Loss:
         return self._events[step, scope]
 
 
-class NodeSteps:
-    """The steps that the telegrams of a batch take in their nodes' sequences; ``step`` by row.
-
-    ``walked`` are these steps in the order of the nodes, in which the rows have their ``place``; ``start`` is where the
-    nodes begin there. ``together`` and ``gaps`` are places, rising: of telegrams that were sent together with the one
-    before, and of gaps. ``counted`` is what each node's gaps are numbered from, less those in front of it here.
-    """
-
-    def __init__(self, walked: Steps, place: I64, together: I64, gaps: I64, start: I64, counted: I64) -> None:
-        self.step: U8 = walked.step[place]
-        self._walked = walked
-        self._place, self._together, self._gaps, self._start, self._counted = place, together, gaps, start, counted
-
-    def at(self, kind: Step) -> I64:
-        """Return the rows of the steps of a kind, rising."""
-        return np.flatnonzero(self.step == kind)
-
-    def distance_at(self, row: I64) -> U16:
-        """Return the distances of the steps of some rows."""
-        return self._walked.distance_at(self._place[row])
-
-    def together(self, row: I64) -> Bool:
-        """Tell which rows were sent together with their node's telegram before."""
-        place = self._place[row]
-        together: Bool = np.append(self._together, -1)[np.searchsorted(self._together, place)] == place
-        return together
-
-    def gaps(self, row: I64) -> I64:
-        """Return how many gaps the nodes' counters have had up to some rows; best of few."""
-        place = self._place[row]
-        gaps: I64 = np.searchsorted(self._gaps, place, "right")
-        gaps += self._counted[np.searchsorted(self._start, place, "right") - 1]
-        return gaps
-
-    @property
-    def all_gaps(self) -> I64:
-        """How many gaps the nodes' counters have had up to each row."""
-        gap = np.zeros(len(self._place), np.int64)
-        gap[self._gaps] = 1
-        np.cumsum(gap, out=gap)
-        gap += np.repeat(self._counted, np.diff(self._start, append=len(gap)))
-        gaps: I64 = gap[self._place]
-        return gaps
-
-
 def _again(rows: DataRows, step: U8) -> I64:
     """Return the rows that repeat the one before, Counter and all."""
     if rows.repeated is None:
@@ -317,11 +273,3 @@ def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:
     bounds = np.searchsorted(place, np.append(rows.start, len(rows)))
     run = np.flatnonzero(bounds[1:] > bounds[:-1])
     return rows.run_stream[run], bounds[run], bounds[run + 1]
-
-
-def no_steps(count: int) -> tuple[Steps, NodeSteps]:
-    """Return the steps of frames that carry no counter, of their streams and nodes: each as if it were the next."""
-    step: U8 = np.full(count, Step.REGULAR, np.uint8)
-    nothing, none = np.zeros(0, np.uint16), np.empty(0, np.int64)
-    own = Steps(step, np.ones(count, np.uint16), nothing, nothing.astype(np.uint64), none)
-    return own, NodeSteps(own, np.arange(count), none, none, np.zeros(1, np.int64), np.zeros(1, np.int64))

@@ -12,7 +12,8 @@ from nvscope.engine.told import Told
 from nvscope.tracker.can.cycles import CanCycles
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.event_batch import Listeners
-from nvscope.tracker.loss import Loss, NodeSteps, no_steps
+from nvscope.tracker.loss import Loss
+from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps, no_steps
 from nvscope.tracker.recent import Recent
 from nvscope.tracker.steps import Steps
 from nvscope.tracker.timing import BatchIntervals, Timing
@@ -53,7 +54,9 @@ class SenderState:
             usual_ns = self.timing.columns.usual_ns
             self.can_cycles.observe_frames(frames, intervals.usual, usual_ns, keys, told.pdos, first_frame)
 
-    def _observe_intervals(self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps) -> BatchIntervals:
+    def _observe_intervals(
+        self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps | NoNodeSteps
+    ) -> BatchIntervals:
         intervals = self.timing.observe(rows, own, nodes, len(told.keys.streams), told.first_frame)
         if self.recent is not None and len(intervals.stream):
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)

@@ -22,7 +22,7 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.loss import NodeSteps
+from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
 from nvscope.tracker.steps import Step, Steps
 from nvscope.units import divide
 
@@ -130,7 +130,9 @@ class Timing:
         self.unusual = EventLog(words=1)
         self.large_squares: dict[int, int] = {}
 
-    def observe(self, rows: TimedRows, own: Steps, nodes: NodeSteps, streams: int, first_frame: int) -> BatchIntervals:
+    def observe(
+        self, rows: TimedRows, own: Steps, nodes: NodeSteps | NoNodeSteps, streams: int, first_frame: int
+    ) -> BatchIntervals:
         """Take the intervals of a batch, of whose telegrams ``own`` and ``nodes`` are the steps."""
         columns = self.columns
         columns.resize(streams)
@@ -311,7 +313,7 @@ class _Kept:
 class _LossBefore:
     """Tells where telegrams were lost since the one kept before; ``gaps`` are the node's at that of each run."""
 
-    def __init__(self, kept: _Kept, own: Steps, nodes: NodeSteps, gaps: I64) -> None:
+    def __init__(self, kept: _Kept, own: Steps, nodes: NodeSteps | NoNodeSteps, gaps: I64) -> None:
         self._kept, self._own, self._nodes, self._gaps = kept, own, nodes, gaps
 
     def bits(self, row: I64) -> I64:

@@ -1,0 +1,115 @@
+"""The steps that telegrams take in the sequences of their nodes, asked for by the rows of their streams."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from dissectors.batch import I64, U8, U16, Bool
+from nvscope.engine.rows import DataRows
+from nvscope.tracker.steps import Step, Steps
+
+AnyColumn = TypeVar("AnyColumn", I64, U8, U16)
+
+
+class NodeOrder:
+    """The telegrams of a batch of ``packets`` packets in the order of their nodes, and which of them the rows are.
+
+    ``packet`` are the packets in this order, ``start`` is where nodes begin in it; ``row_packet`` and ``row_run`` are
+    the packet of each row, and as which of these nodes it was sent: looked up for few rows, as nodes have many.
+    """
+
+    def __init__(self, packet: I64, start: I64, rows: DataRows, run_of_stream: I64, packets: int) -> None:
+        self.packet, self.start, self._packets = packet, start, packets
+        self._rows, self._run_of_stream = rows, run_of_stream
+
+    def by_row(self, column: AnyColumn) -> AnyColumn:
+        """Return a column that is in the order of the nodes by row."""
+        by_packet = np.empty(self._packets, column.dtype)
+        by_packet[self.packet] = column
+        found: AnyColumn = by_packet[self._rows.packet]
+        return found
+
+    def run(self, row: I64) -> I64:
+        """Return as which of the nodes some rows were sent."""
+        run: I64 = self._run_of_stream[self._rows.stream[row]]
+        return run
+
+    def place(self, row: I64) -> I64:
+        """Return the places of some rows; best of few."""
+        return np.searchsorted(self._keys, self.run(row) * self._packets + self._rows.packet[row])
+
+    @cached_property
+    def _keys(self) -> I64:
+        """Node and packet as one number each, rising."""
+        lengths = np.diff(self.start, append=len(self.packet))
+        return np.repeat(np.arange(len(self.start)) * self._packets, lengths) + self.packet
+
+
+class NodeSteps:
+    """The steps that the telegrams of a batch take in their nodes' sequences; ``step`` by row.
+
+    ``walked`` are these steps in the order of the nodes. ``together`` and ``gaps`` are places in it, rising: of
+    telegrams that were sent together with the one before, and of gaps. ``counted`` is what each node's gaps are
+    numbered from, less those in front of it here.
+    """
+
+    def __init__(self, walked: Steps, order: NodeOrder, together: I64, gaps: I64, counted: I64) -> None:
+        self.step: U8 = order.by_row(walked.step)
+        self._walked, self._order = walked, order
+        self._together, self._gaps, self._counted = together, gaps, counted
+
+    def at(self, kind: Step) -> I64:
+        """Return the rows of the steps of a kind, rising."""
+        return np.flatnonzero(self.step == kind)
+
+    def distance_at(self, row: I64) -> U16:
+        """Return the distances of the steps of some rows."""
+        distances: U16 = self._distance[row]
+        return distances
+
+    @cached_property
+    def _distance(self) -> U16:
+        return self._order.by_row(self._walked.distance)
+
+    def together(self, row: I64) -> Bool:
+        """Tell which rows were sent together with their node's telegram before."""
+        place = self._order.place(row)
+        together: Bool = np.append(self._together, -1)[np.searchsorted(self._together, place)] == place
+        return together
+
+    def gaps(self, row: I64) -> I64:
+        """Return how many gaps the nodes' counters have had up to some rows; best of few."""
+        gaps: I64 = np.searchsorted(self._gaps, self._order.place(row), "right")
+        gaps += self._counted[self._order.run(row)]
+        return gaps
+
+    @property
+    def all_gaps(self) -> I64:
+        """How many gaps the nodes' counters have had up to each row."""
+        order = self._order
+        gap = np.zeros(len(order.packet), np.int64)
+        gap[self._gaps] = 1
+        np.cumsum(gap, out=gap)
+        gap += np.repeat(self._counted, np.diff(order.start, append=len(gap)))
+        return order.by_row(gap)
+
+
+class NoNodeSteps:
+    """The same of frames that carry no counter, and are sent by nobody known: no gap is known."""
+
+    def __init__(self, rows: int) -> None:
+        self.all_gaps: I64 = np.zeros(rows, np.int64)
+
+    def gaps(self, row: I64) -> I64:
+        """Return how many gaps there have been up to some rows."""
+        return np.zeros(len(row), np.int64)
+
+
+def no_steps(rows: int) -> tuple[Steps, NoNodeSteps]:
+    """Return the steps of frames that carry no counter, of their streams and nodes: each as if it were the next."""
+    step: U8 = np.full(rows, Step.REGULAR, np.uint8)
+    nothing, none = np.zeros(0, np.uint16), np.empty(0, np.int64)
+    return Steps(step, np.ones(rows, np.uint16), nothing, nothing.astype(np.uint64), none), NoNodeSteps(rows)
