@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, U64, Bool
+from dissectors.batch import I64, U16, U64, Bool
 from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
@@ -122,9 +122,10 @@ class Loss:
         frame = rows.packet + first_frame
         self._book(rows, own, Scope.STREAM, frame, keys)
         self._book(rows, nodes, Scope.NODE_TELEGRAM, frame, keys)
-        late, again = own.at(Step.LATE), _again(rows, own.step)
+        repeated = np.empty(0, np.int64) if rows.repeated is None else np.flatnonzero(rows.repeated)
+        late, again = own.at(Step.LATE), repeated[own.step[repeated] == Step.SAME]
         self._book_duplicates(rows, late, again, Scope.STREAM, frame, keys)
-        late, again = nodes.at(Step.LATE), _again(rows, nodes.step)
+        late, again = nodes.at(Step.LATE), repeated[nodes.step[repeated] == Step.SAME]
         self._book_duplicates(rows, late, again, Scope.NODE_TELEGRAM, frame, keys)
         again = again[~nodes.together(again)]
         self._book_duplicates(rows, late, again, Scope.NODE_SEND, frame, keys)
@@ -259,13 +260,6 @@ class Loss:
         if step != Step.LATE:
             scope = min(scope, Scope.NODE_TELEGRAM)  # both node scopes take the same steps
         return self._events[step, scope]
-
-
-def _again(rows: DataRows, step: U8) -> I64:
-    """Return the rows that repeat the one before, Counter and all."""
-    if rows.repeated is None:
-        return np.empty(0, np.int64)
-    return np.flatnonzero(rows.repeated & (step == Step.SAME))
 
 
 def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:

@@ -16,7 +16,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from dissectors.batch import I64, Bool
+from dissectors.batch import I64, U64, Bool
 from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
@@ -35,6 +35,7 @@ _BUCKET_OFFSET = 1 << 20
 _LIMB_BITS = 23
 _LIMB = (1 << _LIMB_BITS) - 1
 _LARGE_NS = 1 << (2 * _LIMB_BITS)
+_SHORT_NS = 1 << 32
 
 UNUSUAL_STREAM_BIT = 32
 
@@ -178,21 +179,21 @@ class Timing:
         columns.least_ns[run] = np.minimum(columns.least_ns[run], least)
         columns.most_ns[run] = np.maximum(columns.most_ns[run], most)
         size = interval if least.min() >= 0 else np.abs(interval)
-        if max(most.max(), -least.min()) >= _LARGE_NS:
+        largest = max(int(most.max()), -int(least.min()))
+        if largest >= _LARGE_NS:
             large = np.flatnonzero(size >= _LARGE_NS)
             size = size.copy()
             for place in large.tolist():
                 number = int(stream[place])
                 self.large_squares[number] = self.large_squares.get(number, 0) + int(interval[place]) ** 2
             size[large] = 0
-        high, low = size >> _LIMB_BITS, size & _LIMB
+        low, middle, high = (_squares_of_short if largest < _SHORT_NS else _squares)(size, start)
         squares = columns.squares[run]
-        lowest = squares[:, 0] + np.add.reduceat(low * low, start)
-        middle = squares[:, 1].astype(np.uint64) + (lowest >> _LIMB_BITS).astype(np.uint64)
-        middle += np.uint64(2) * np.add.reduceat(high * low, start).astype(np.uint64)
-        squares[:, 0] = lowest & _LIMB
+        low += squares[:, 0]
+        middle += squares[:, 1].astype(np.uint64) + (low >> _LIMB_BITS).astype(np.uint64)
+        squares[:, 0] = low & _LIMB
         squares[:, 1] = (middle & np.uint64(_LIMB)).astype(np.int64)
-        squares[:, 2] += np.add.reduceat(high * high, start) + (middle >> np.uint64(_LIMB_BITS)).astype(np.int64)
+        squares[:, 2] += high + (middle >> np.uint64(_LIMB_BITS)).astype(np.int64)
         columns.squares[run] = squares
 
     def _sort_in(
@@ -279,6 +280,22 @@ class Timing:
         if 4 * scaled > twice * twice or (4 * scaled == twice * twice and root % 2):
             root += 1
         return root
+
+
+def _squares(size: I64, start: I64) -> tuple[I64, U64, I64]:
+    """Return the sums of squares of the stretches that begin at ``start``, in limbs that may be above their 23 bits."""
+    high, low = size >> _LIMB_BITS, size & _LIMB
+    middle = np.uint64(2) * np.add.reduceat(high * low, start).astype(np.uint64)
+    return np.add.reduceat(low * low, start), middle, np.add.reduceat(high * high, start)
+
+
+def _squares_of_short(size: I64, start: I64) -> tuple[I64, U64, I64]:
+    """Return the same of sizes below ``_SHORT_NS``, whose squares are one word each; with half the work."""
+    square = size.astype(np.uint64)
+    square *= square
+    low = np.add.reduceat(square & np.uint64(0xFFFFFFFF), start).astype(np.int64)
+    square >>= np.uint64(32)
+    return low, np.add.reduceat(square, start) << np.uint64(32 - _LIMB_BITS), np.zeros(len(start), np.int64)
 
 
 class _Kept:
