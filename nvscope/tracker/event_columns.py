@@ -1,4 +1,8 @@
-"""EventColumns: every event there was, as columns, up to a limit; causes are told from what happened, not from sums."""
+"""EventColumns: every event there was, as columns, up to a limit; causes are told from what happened, not from sums.
+
+What is no event of a frame but holds for a time, such as who is present, or which reader answers, is to be an
+``nvscope.tracker.accumulator.Accumulator`` of its own.
+"""
 
 from __future__ import annotations
 
