@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nvscope.errors import CaptureError, UsageError
+from nvscope.errors import CaptureError, NvscopeError, UsageError
 
 if TYPE_CHECKING:
     from nvscope.simulate.scenario import Scenario
@@ -62,7 +62,7 @@ def simulate(
     from nvscope.simulate.simulator import simulate as run
 
     # What stands under the name already stays until there is something whole to replace it.
-    unfinished = Path(write).with_name(f".{Path(write).name}.unfinished{Path(write).suffix}")
+    unfinished = Path(write).with_name(f".{Path(write).name[:200]}.unfinished{Path(write).suffix[:20]}")
     texts = can_definitions(plan)
     definitions = _definition_files(plan, gvl, texts) if gvl is not None else {}
     sink = open_capture(plan, str(unfinished), write)
@@ -80,6 +80,10 @@ def simulate(
             path.parent.mkdir(exist_ok=True)
             path.write_text(content, encoding="utf-8")
         unfinished.replace(write)
+    except NvscopeError as error:
+        if error.where == str(unfinished):
+            error.where = write  # nobody has heard of the other name
+        raise
     except OSError as error:
         where = error.filename or write
         raise CaptureError(error.strerror or str(error), where=str(where), next_step="name another file") from error

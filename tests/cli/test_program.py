@@ -234,6 +234,22 @@ def test_a_refused_scenario_leaves_what_was_there(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.toml", "good.pcap"]
 
 
+def test_a_capture_that_cannot_be_written_is_told_by_the_name_that_was_given(tmp_path: Path) -> None:
+    scenario = ROOT / "tests" / "scenarios" / "loss.toml"
+    command = f"ulimit -f 4; {sys.executable} -m nvscope simulate {scenario} -w {tmp_path}/plant.pcap"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, check=False, cwd=ROOT, timeout=60)
+    assert done.returncode == ExitCode.CAPTURE
+    assert done.stderr.startswith(f"nvscope: {tmp_path}/plant.pcap: cannot be written: ".encode())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_name_may_be_as_long_as_names_are(tmp_path: Path) -> None:
+    name = tmp_path / f"{'n' * 250}.pcap"
+    done = nvscope("simulate", ROOT / "tests" / "scenarios" / "loss.toml", "-w", name, "--truth", tmp_path / "truth")
+    assert done.returncode == ExitCode.GOOD, done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {name.name, "truth"}
+
+
 def test_truth_and_capture_are_two_files(tmp_path: Path) -> None:
     capture = tmp_path / "x.pcap"
     done = nvscope("simulate", ROOT / "captures" / "plant.toml", "-w", capture, "--truth", capture)
