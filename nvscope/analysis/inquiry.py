@@ -106,11 +106,7 @@ class Inquiry:
     @cached_property
     def pdos(self) -> Pdos | None:
         """The frames of the lists that are defined on CAN, None where there are none."""
-        if not self.project.definition.on_can:
-            return None
-        from nvscope.definition.pdos import Pdos  # noqa: PLC0415
-
-        return Pdos(self.project.definition)
+        return self.project.definition.pdos()
 
     def reading(self, chosen: DisplayFilter | None = None) -> Reading:
         """Return how the captures are read, with a filter or without."""

@@ -46,10 +46,7 @@ def snapshot(
     be compared with that of other moments.
     """
     definition = project.definition
-    if pdos is None and definition.on_can:
-        from nvscope.definition.pdos import Pdos  # noqa: PLC0415
-
-        pdos = Pdos(definition)
+    pdos = pdos or definition.pdos()
     cob_ids = {key.identifier for key in pdos.by_cob_id} if pdos else set()
     summary = summarize(
         state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,

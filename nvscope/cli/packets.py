@@ -96,16 +96,12 @@ def packets(
     asked = trees or wanted is not None or bool(fields) or records or between is not None
 
     plant = project_of(project, gvl)
-    if gvl and not (trees or wanted is not None or fields or plant.definition.on_can):
+    pdos = plant.definition.pdos()
+    if gvl and not (trees or wanted is not None or fields or pdos):
         raise UsageError(
             "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",
             next_step="add one of them; `nvscope vars` shows last values",
         )
-    pdos = None
-    if plant.definition.on_can:
-        from nvscope.definition.pdos import Pdos
-
-        pdos = Pdos(plant.definition)
     inquiry = None
     if asked:
         from nvscope.analysis.inquiry import Inquiry

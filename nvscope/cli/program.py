@@ -30,7 +30,6 @@ def program(wanted: str | None = None) -> typer.Typer:
     """
     app = typer.Typer(
         name="nvscope",
-        help=_HELP,
         no_args_is_help=True,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,

@@ -147,14 +147,14 @@ class StreamMemory:
         only = np.empty(streams, np.int64)
         only[stream_of[seen]] = seen
         variety = np.repeat(only[run], stop - start)
-        mixed = spans(start[several], stop[several] - start[several])
-        variety[mixed] = batch.variety[packet[mixed]]
         counter, time_ns = batch.counter[packet], batch.packets.ts_ns[packet]
         nothing = np.empty(0, np.int64)
         rows = DataRows(
             packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
             several, variety, counter, time_ns, nothing, None, others if kind == FrameKind.DATA else nothing,
         )  # fmt: skip
+        mixed = rows.of_runs(several)
+        variety[mixed] = batch.variety[packet[mixed]]
         if varieties.column("wants").any():
             rows = replace(rows, wanting=rows.where(varieties.column("wants"), stream_of))
         if kind == FrameKind.DATA:

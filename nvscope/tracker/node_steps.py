@@ -15,10 +15,10 @@ AnyColumn = TypeVar("AnyColumn", I64, U8, U16)
 
 
 class NodeOrder:
-    """The telegrams of a batch of ``packets`` packets in the order of their nodes, and which of them the rows are.
+    """The telegrams of a batch of ``packets`` packets in the order of their nodes, and which of them the ``rows`` are.
 
-    ``packet`` are the packets in this order, ``start`` is where nodes begin in it; ``row_packet`` and ``row_run`` are
-    the packet of each row, and as which of these nodes it was sent: looked up for few rows, as nodes have many.
+    ``packet`` are the packets in this order, ``start`` is where nodes begin in it; ``run_of_stream`` says which of
+    these nodes sends each stream.
     """
 
     def __init__(self, packet: I64, start: I64, rows: DataRows, run_of_stream: I64, packets: int) -> None:
