@@ -117,7 +117,9 @@ class PacketBatch:
     @staticmethod
     def link_column(link: int, count: int) -> U16:
         """Return one link type as a column of ``count`` rows that takes no memory."""
-        return np.broadcast_to(np.uint16(link), (count,))
+        value = np.array(link, np.uint16)
+        value.flags.writeable = False
+        return np.ndarray((count,), np.uint16, value, 0, (0,))
 
     @property
     def channels(self) -> U16:

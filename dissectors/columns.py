@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import Field, fields
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -19,18 +18,19 @@ class Columns:
     """
 
     __slots__ = ()
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+    # Of a dataclass: the names of the fields that its constructor takes, in this order.
+    __match_args__: ClassVar[tuple[str, ...]]
 
     def __len__(self) -> int:
-        return len(getattr(self, fields(self)[0].name))
+        return len(getattr(self, self.__match_args__[0]))
 
     def take(self, rows: I64 | Bool) -> Self:
         """Return the rows at the given positions or where the mask is set."""
         made: Callable[..., Self] = type(self)
-        return made(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return made(*[getattr(self, name)[rows] for name in self.__match_args__])
 
     @classmethod
     def stacked(cls, parts: Sequence[Any]) -> Self:
         """Return the rows of some parts, of which each has at least these columns, one part behind the other."""
         made: Callable[..., Self] = cls
-        return made(*(np.concatenate([getattr(part, column.name) for part in parts]) for column in fields(cls)))
+        return made(*[np.concatenate([getattr(part, name) for part in parts]) for name in cls.__match_args__])

@@ -75,6 +75,9 @@ class Peeled:
     unsupported: Bool | None
 
 
+NOTHING_PEELED = Peeled(NO_DATAGRAMS, NO_DATAGRAMS, NO_SEGMENTS, 0, None)
+
+
 @dataclass(slots=True)
 class _Found:
     """What was found so far, by IP version and link type."""

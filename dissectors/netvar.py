@@ -20,8 +20,8 @@ import numpy as np
 from dissectors.batch import I64, U8, U32, Bool, PacketBatch, Records
 from dissectors.claims import NO_CLAIMS, Claims
 from dissectors.layout import Bit, Field, Layout, take_rows
-from dissectors.link import Peeled, peel
-from dissectors.transport import DatagramBatch
+from dissectors.link import NOTHING_PEELED, Peeled, peel
+from dissectors.transport import NO_DATAGRAMS, DatagramBatch
 
 PORT = 1202
 IDENTITY = 0x33532D00  # b"\x00-S3" read as a little-endian number
@@ -153,6 +153,12 @@ class Dissection:
     peeled: Peeled
 
 
+NO_TELEGRAMS = TelegramBatch(
+    np.zeros(0, np.uint8), NO_DATAGRAMS, np.empty(0, np.int64), np.empty(0, HEADER.dtype), np.empty(0, np.uint8)
+)
+NOTHING = Dissection(NO_TELEGRAMS, NO_TELEGRAMS, NOTHING_PEELED)
+
+
 @dataclass(frozen=True, slots=True)
 class PortRules:
     """UDP ports, either side's, of which it was decided by hand what is on them.
@@ -180,6 +186,8 @@ def dissect(
     Where ``rows`` (rising) are given, only these packets are looked at; ``claims`` are as for ``peel``. Total: wrong
     bytes are telegrams with a fault, or no telegrams; nothing raises.
     """
+    if rows is not None and not len(rows):
+        return NOTHING
     packets = packets.with_margin(rows=rows)
     peeled = peel(packets, rows, claims)
     telegrams = _telegrams(packets, peeled.udp, LEAST_CAPTURED_BYTES, ports)
@@ -189,6 +197,8 @@ def dissect(
 def _telegrams(
     packets: PacketBatch, datagram: DatagramBatch, least_bytes: int, ports: PortRules | None = None
 ) -> TelegramBatch:
+    if not len(datagram):
+        return NO_TELEGRAMS
     header = HEADER.gather(packets.data, datagram.payload)
     identity = header["identity"]
     mine = (identity == IDENTITY) | (identity == IDENTITY_ASCII)

@@ -11,7 +11,7 @@ from dissectors.batch import I64, U64
 WORDS = 8
 """64-bit words in a row."""
 
-_BITS = 12
+_BITS = 14
 NOBODY = -1
 """The number of rows that are not found."""
 

@@ -24,6 +24,7 @@ from dissectors.netvar import (
     IDENTITY_ASCII,
     IS_PARAMETER,
     LIST_SERVICES,
+    NO_TELEGRAMS,
     RESERVED_FLAGS,
     Fault,
     Service,
@@ -141,6 +142,9 @@ class Rejected(NamedTuple):
     node: I64
 
 
+NONE_REJECTED = Rejected(NO_TELEGRAMS, np.empty(0, np.int64), np.empty(0, np.int64))
+
+
 def kinds(service: U32, fault: U8) -> U8:
     """Tell what telegrams are to their list, as uint8 (``FrameKind``)."""
     is_data = service == Service.ODStateFree
@@ -205,6 +209,8 @@ class Keys:
 
     def rejected(self, quoted: TelegramBatch) -> Rejected:
         """Number the lists and senders of the telegrams that ICMP messages quote; those of other services are none."""
+        if not len(quoted):
+            return NONE_REJECTED
         mine = np.isin(quoted.header["id"], LIST_SERVICES)
         quoted = quoted if mine.all() else quoted.take(mine)
         datagram = quoted.datagram

@@ -17,35 +17,26 @@ AnyColumn = TypeVar("AnyColumn", I64, U8, U16)
 class NodeOrder:
     """The telegrams of a batch of ``packets`` packets in the order of their nodes, and which of them the ``rows`` are.
 
-    ``packet`` are the packets in this order, ``start`` is where nodes begin in it; ``run_of_stream`` says which of
-    these nodes sends each stream.
+    ``packet`` are the packets in this order, and ``place`` says of each row where in it that is; ``start`` is where
+    nodes begin in it, and ``run_of_stream`` says which of these nodes sends each stream.
     """
 
     def __init__(self, packet: I64, start: I64, rows: DataRows, run_of_stream: I64, packets: int) -> None:
-        self.packet, self.start, self._packets = packet, start, packets
-        self._rows, self._run_of_stream = rows, run_of_stream
+        self.packet, self.start = packet, start
+        self._stream, self._run_of_stream = rows.stream, run_of_stream
+        place = np.empty(packets, np.int64)
+        place[packet] = np.arange(len(packet))
+        self.place: I64 = place[rows.packet]
 
     def by_row(self, column: AnyColumn) -> AnyColumn:
         """Return a column that is in the order of the nodes by row."""
-        by_packet = np.empty(self._packets, column.dtype)
-        by_packet[self.packet] = column
-        found: AnyColumn = by_packet[self._rows.packet]
+        found: AnyColumn = column[self.place]
         return found
 
     def run(self, row: I64) -> I64:
         """Return as which of the nodes some rows were sent."""
-        run: I64 = self._run_of_stream[self._rows.stream[row]]
+        run: I64 = self._run_of_stream[self._stream[row]]
         return run
-
-    def place(self, row: I64) -> I64:
-        """Return the places of some rows; best of few."""
-        return np.searchsorted(self._keys, self.run(row) * self._packets + self._rows.packet[row])
-
-    @cached_property
-    def _keys(self) -> I64:
-        """Node and packet as one number each, rising."""
-        lengths = np.diff(self.start, append=len(self.packet))
-        return np.repeat(np.arange(len(self.start)) * self._packets, lengths) + self.packet
 
 
 class NodeSteps:
@@ -76,13 +67,13 @@ class NodeSteps:
 
     def together(self, row: I64) -> Bool:
         """Tell which rows were sent together with their node's telegram before."""
-        place = self._order.place(row)
+        place = self._order.place[row]
         together: Bool = np.append(self._together, -1)[np.searchsorted(self._together, place)] == place
         return together
 
     def gaps(self, row: I64) -> I64:
-        """Return how many gaps the nodes' counters have had up to some rows; best of few."""
-        gaps: I64 = np.searchsorted(self._gaps, self._order.place(row), "right")
+        """Return how many gaps the nodes' counters have had up to some rows."""
+        gaps: I64 = np.searchsorted(self._gaps, self._order.place[row], "right")
         gaps += self._counted[self._order.run(row)]
         return gaps
 

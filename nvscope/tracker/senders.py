@@ -58,7 +58,7 @@ class SenderState:
         self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps | NoNodeSteps
     ) -> BatchIntervals:
         intervals = self.timing.observe(rows, own, nodes, len(told.keys.streams), told.first_frame)
-        if self.recent is not None and len(intervals.stream):
+        if self.recent is not None and len(intervals):
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
         return intervals
 

@@ -110,13 +110,22 @@ class TimedRows(Protocol):
 class BatchIntervals:
     """The intervals of a batch: of which stream, ending when, how long; columns of shape (n,).
 
-    ``usual`` tells of each row of the batch whether it ended one, while the stream's usual interval was known.
+    ``usual`` tells of each row of the batch whether it ended one, while the stream's usual interval was known. Those of
+    stream ``run[i]`` are ``length[i]`` in a row.
     """
 
     usual: Bool
-    stream: I64
+    run: I64
+    length: I64
     time_ns: I64
     interval_ns: I64
+
+    def __len__(self) -> int:
+        return len(self.interval_ns)
+
+    @property
+    def stream(self) -> I64:
+        return np.repeat(self.run, self.length)
 
 
 class Timing:
@@ -159,12 +168,10 @@ class Timing:
             interval, time_ns = np.delete(interval, start[fresh]), np.delete(time_ns, start[fresh])
         usual = np.ones(len(rows), np.bool_)
         usual[ends.absent] = False
-        if not len(interval):
-            return BatchIntervals(usual, np.empty(0, np.int64), time_ns, interval)
-        stream = np.repeat(ends.run, ends.stop - ends.start)
-        self._add(interval, stream, ends.start, ends.run)
-        usual[ends.rows(self._sort_in(rows, ends, interval, stream, loss, first_frame))] = False
-        return BatchIntervals(usual, stream, time_ns, interval)
+        if len(interval):
+            self._add(interval, ends)
+            usual[ends.rows(self._sort_in(rows, ends, interval, loss, first_frame))] = False
+        return BatchIntervals(usual, ends.run, ends.stop - ends.start, time_ns, interval)
 
     def take(self, part: Timing, share: Share) -> None:
         """Take over the intervals of a part's share of the senders."""
@@ -172,8 +179,8 @@ class Timing:
         self.unusual.take(part.unusual)
         self.large_squares |= part.large_squares
 
-    def _add(self, interval: I64, stream: I64, start: I64, run: I64) -> None:
-        columns = self.columns
+    def _add(self, interval: I64, ends: _Kept) -> None:
+        columns, run, start = self.columns, ends.run, ends.start
         columns.total_ns[run] += np.add.reduceat(interval, start)
         least, most = np.minimum.reduceat(interval, start), np.maximum.reduceat(interval, start)
         columns.least_ns[run] = np.minimum(columns.least_ns[run], least)
@@ -183,8 +190,7 @@ class Timing:
         if largest >= _LARGE_NS:
             large = np.flatnonzero(size >= _LARGE_NS)
             size = size.copy()
-            for place in large.tolist():
-                number = int(stream[place])
+            for place, number in zip(large.tolist(), ends.streams(large).tolist(), strict=True):
                 self.large_squares[number] = self.large_squares.get(number, 0) + int(interval[place]) ** 2
             size[large] = 0
         low, middle, high = (_squares_of_short if largest < _SHORT_NS else _squares)(size, start)
@@ -197,8 +203,8 @@ class Timing:
         columns.squares[run] = squares
 
     def _sort_in(
-        self, rows: TimedRows, ends: _Kept, interval: I64, stream: I64, loss: _LossBefore, first_frame: int
-    ) -> I64:
+        self, rows: TimedRows, ends: _Kept, interval: I64, loss: _LossBefore, first_frame: int
+    ) -> I64:  # fmt: skip
         """Put intervals into the buckets; return the places of those that were learned from."""
         columns = self.columns
         run, length = ends.run, ends.stop - ends.start
@@ -219,7 +225,7 @@ class Timing:
         flat[-1] -= len(place)
         if len(place):
             row = ends.rows(place)
-            key = stream[place] << UNUSUAL_STREAM_BIT | key_of(bucket_of(interval[place]), loss.bits(row))
+            key = ends.streams(place) << UNUSUAL_STREAM_BIT | key_of(bucket_of(interval[place]), loss.bits(row))
             self.unusual.record(rows.time_ns[row], rows.packet[row] + first_frame, key.view(np.uint64))
             self.unusual.settle()
         return learned
@@ -291,11 +297,13 @@ def _squares(size: I64, start: I64) -> tuple[I64, U64, I64]:
 
 def _squares_of_short(size: I64, start: I64) -> tuple[I64, U64, I64]:
     """Return the same of sizes below ``_SHORT_NS``, whose squares are one word each; with half the work."""
-    square = size.astype(np.uint64)
-    square *= square
-    low = np.add.reduceat(square & np.uint64(0xFFFFFFFF), start).astype(np.int64)
+    square = (size * size).view(np.uint64)
+    # Modulo 2^64: what the upper halves leave of it is the sum of the lower ones, which fits.
+    total = np.add.reduceat(square, start)
     square >>= np.uint64(32)
-    return low, np.add.reduceat(square, start) << np.uint64(32 - _LIMB_BITS), np.zeros(len(start), np.int64)
+    high = np.add.reduceat(square, start)
+    low = (total - (high << np.uint64(32))).astype(np.int64)
+    return low, high << np.uint64(32 - _LIMB_BITS), np.zeros(len(start), np.int64)
 
 
 class _Kept:
@@ -318,6 +326,13 @@ class _Kept:
             return place
         rows: I64 = place + np.searchsorted(self._absent_place, place, "right")
         return rows
+
+    def streams(self, place: I64) -> I64:
+        """Return the streams of places."""
+        if len(place) * _FEW > self.stop[-1]:
+            return np.repeat(self.run, self.stop - self.start)[place]
+        streams: I64 = self.run[np.searchsorted(self.start, place, "right") - 1]
+        return streams
 
     def places(self, row: I64) -> I64:
         """Return the places of rows that are not absent."""
