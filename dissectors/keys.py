@@ -54,8 +54,11 @@ class KeyTable:
         missing = np.flatnonzero(found == _EMPTY)
         if len(missing):
             new = tuple(word[missing] for word in words)
+            known = self._count
             self._append(new)
-            found[missing] = self.find(*new)
+            # Where all of them differ, they are the new ones in their order.
+            all_differ = self._count - known == len(missing)
+            found[missing] = np.arange(known, self._count) if all_differ else self.find(*new)
         return found
 
     def find(self, *words: U64) -> I64:

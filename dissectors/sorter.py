@@ -99,8 +99,7 @@ class Sorter:
         packets = packets.with_margin(LEAD_BYTES)
         rest: I64 | None = None
         if self._ports is None and packets.single_link == LinkType.ETHERNET:
-            variety, counter = self._recognise(packets)
-            rest = np.flatnonzero(variety < 0)
+            variety, counter, rest = self._recognise(packets)
             variety[rest] = NO_TELEGRAM
             counter[rest] = 0
             rest = self._not_idle(packets, rest)
@@ -140,8 +139,11 @@ class Sorter:
         wanted = self._claims.claim_udp(datagrams.source_port, datagrams.destination_port)
         return datagrams.take(wanted & (variety[datagrams.row] == NO_TELEGRAM))
 
-    def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
-        """Return the varieties that the headers of packets tell (or ``_UNKNOWN``, ``_PECULIAR``), and the counters."""
+    def _recognise(self, packets: PacketBatch) -> tuple[I64, U16, I64]:
+        """Return the varieties that the headers of packets tell (or ``_UNKNOWN``, ``_PECULIAR``), and the counters.
+
+        The third are the packets whose headers do not tell it, rising.
+        """
         variety, counter = np.empty(len(packets), np.int64), np.empty(len(packets), np.uint16)
         captured = np.minimum(packets.captured, MOST_CAPTURED).astype(np.uint16)
         for start in range(0, len(packets), BLOCK):
@@ -150,7 +152,8 @@ class Sorter:
             counter[part] = counters_of(rows)
             make_keys(rows, captured[part])
             variety[part] = self._usual.find(rows)
-        unknown = np.flatnonzero(variety == _UNKNOWN)
+        without = np.flatnonzero(variety < 0)
+        unknown = without[variety[without] == _UNKNOWN]
         count = BLOCK
         while len(unknown):
             # To look rows up takes ten times as long as to find them; what some of them are, most of the others are.
@@ -161,7 +164,7 @@ class Sorter:
                 variety[again] = self._usual.find(_keys_of(packets, again, captured[again]))
             unknown = unknown[variety[unknown] == _UNKNOWN]
             count *= 2
-        return variety, counter
+        return variety, counter, without[variety[without] < 0]
 
     def _look_up(self, packets: PacketBatch, rows: I64, captured: U16) -> I64:
         """Return the varieties of some packets, having learned those that are new; ``_UNKNOWN`` of what is no telegram.

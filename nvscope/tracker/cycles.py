@@ -102,15 +102,16 @@ class Cycles:
         row = np.flatnonzero(taken)
         if not len(row):
             return
-        pair = self.streams.pair[rows.stream[row]]
+        stream, packet = rows.stream[row], rows.packet[row]
+        pair = self.streams.pair[stream]
         # The rows of each stream are in order already: a sort that merges has little to do.
-        order = np.argsort(pair << _PACKET_BITS | rows.packet[row], kind="stable")
+        order = np.argsort(pair << _PACKET_BITS | packet, kind="stable")
         row, pair = row[order], pair[order]
         start, stop = runs_of(pair)
         subindex = keys.varieties.subindex[rows.variety[row]]
-        half_ns = (interval_ns // 2)[rows.stream[row]]
+        half_ns = (interval_ns // 2)[stream[order]]
         counter = None if counter is None else counter[row]
-        self._cut(pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, rows.packet[row] + first_frame)
+        self._cut(pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, packet[order] + first_frame)
 
     def take(self, part: Cycles, share: Share) -> None:
         """Take over the cycles of a part's share of the senders."""

@@ -27,10 +27,13 @@ class EventRows(KeyedColumns):
         "frames": (np.int64(0), FRAMES_KEPT),
     }
 
-    def add(self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64, place: I64 | None = None) -> None:
+    def add(
+        self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64, place: I64 | None = None, first_frame: int = 0
+    ) -> None:  # fmt: skip
         """Add the events ``start[i]`` to ``stop[i]`` to row ``row[i]`` of this table; rows differ.
 
-        Event j is described by the j-th entries of ``time_ns`` and ``frame``, or by those at ``place[j]``.
+        Event j is described by the j-th entries of ``time_ns`` and ``frame``, or by those at ``place[j]``; frames are
+        counted from ``first_frame``.
         """
         before = self.count[row]
         begins = before == 0
@@ -45,7 +48,7 @@ class EventRows(KeyedColumns):
         length = np.minimum(stop[room] - start, FRAMES_KEPT - before)
         within = np.arange(int(length.sum())) - np.repeat(np.cumsum(length) - length, length)
         entry = np.repeat(start, length) + within
-        frames = frame[entry if place is None else place[entry]]
+        frames = frame[entry if place is None else place[entry]] + first_frame
         self.frames[np.repeat(row, length), np.repeat(before, length) + within] = frames
 
 

@@ -119,16 +119,15 @@ class Loss:
             log.resize(len(keys.streams))
         own = self._walk_streams(rows, rows.counter)
         nodes = self._walk_nodes(told, rows, keys)
-        frame = rows.packet + first_frame
-        self._book(rows, own, Scope.STREAM, frame, keys)
-        self._book(rows, nodes, Scope.NODE_TELEGRAM, frame, keys)
+        self._book(rows, own, Scope.STREAM, first_frame, keys)
+        self._book(rows, nodes, Scope.NODE_TELEGRAM, first_frame, keys)
         repeated = np.empty(0, np.int64) if rows.repeated is None else np.flatnonzero(rows.repeated)
         late, again = own.at(Step.LATE), repeated[own.step[repeated] == Step.SAME]
-        self._book_duplicates(rows, late, again, Scope.STREAM, frame, keys)
+        self._book_duplicates(rows, late, again, Scope.STREAM, first_frame, keys)
         late, again = nodes.at(Step.LATE), repeated[nodes.step[repeated] == Step.SAME]
-        self._book_duplicates(rows, late, again, Scope.NODE_TELEGRAM, frame, keys)
+        self._book_duplicates(rows, late, again, Scope.NODE_TELEGRAM, first_frame, keys)
         again = again[~nodes.together(again)]
-        self._book_duplicates(rows, late, again, Scope.NODE_SEND, frame, keys)
+        self._book_duplicates(rows, late, again, Scope.NODE_SEND, first_frame, keys)
         return own, nodes
 
     def take(self, part: Loss, share: Share) -> None:
@@ -203,7 +202,7 @@ class Loss:
         sent: I64 = same[(lists[now] == lists[earlier]) & (now != earlier)]
         return sent
 
-    def _book(self, rows: DataRows, steps: Steps | NodeSteps, scope: Scope, frame: I64, keys: Keys) -> None:
+    def _book(self, rows: DataRows, steps: Steps | NodeSteps, scope: Scope, first_frame: int, keys: Keys) -> None:
         streams = self.streams
         for kind in (Step.GAP, Step.OVERTAKEN, Step.RESTART):
             place = steps.at(kind)
@@ -223,27 +222,27 @@ class Loss:
                 streams.lost[stream, scope] -= count
             else:
                 streams.restarts[stream, scope] += count
-            self._events[kind, scope].add(stream, start, stop, rows.time_ns, frame, place)
-            self._tell(kind, scope, rows, place, keys, frame, lost)
+            self._events[kind, scope].add(stream, start, stop, rows.time_ns, rows.packet, place, first_frame)
+            self._tell(kind, scope, rows, place, keys, first_frame, lost)
 
     def _book_duplicates(
-        self, rows: DataRows, late: I64, again: I64, scope: Scope, frame: I64, keys: Keys
+        self, rows: DataRows, late: I64, again: I64, scope: Scope, first_frame: int, keys: Keys
     ) -> None:  # fmt: skip
         """Book late counters, and the rows that are a duplicate ``again``."""
         place = np.sort(np.concatenate([late, again])) if len(again) else late
         if len(place):
             stream, start, stop = _runs(place, rows)
             self.streams.duplicates[stream, scope] += stop - start
-            self._events[Step.LATE, scope].add(stream, start, stop, rows.time_ns, frame, place)
-            self._tell(Step.LATE, scope, rows, place, keys, frame, None)
+            self._events[Step.LATE, scope].add(stream, start, stop, rows.time_ns, rows.packet, place, first_frame)
+            self._tell(Step.LATE, scope, rows, place, keys, first_frame, None)
 
     def _tell(
-        self, step: Step, scope: Scope, rows: DataRows, place: I64, keys: Keys, frame: I64, lost: I64 | None
+        self, step: Step, scope: Scope, rows: DataRows, place: I64, keys: Keys, first_frame: int, lost: I64 | None
     ) -> None:
         """Tell listeners of the steps at some places, in the order of the capture."""
         if not self._listeners:
             return
-        order = np.argsort(frame[place], kind="stable")
+        order = np.argsort(rows.packet[place], kind="stable")
         place = place[order]
         stream = rows.stream[place]
         seen = keys.place_of(stream)
@@ -251,7 +250,8 @@ class Loss:
             self._listeners,
             EventBatch.on_list(
                 _TOLD[step], keys.list_of_place(seen), keys.node_of(stream), keys.places.low[seen].astype(np.int64),
-                rows.time_ns[place], frame[place], scope=scope, amount=None if lost is None else lost[order],
+                rows.time_ns[place], rows.packet[place] + first_frame, scope=scope,
+                amount=None if lost is None else lost[order],
             ),
         )  # fmt: skip
 

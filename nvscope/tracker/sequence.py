@@ -17,6 +17,7 @@ _FAR = WINDOW + 1
 _MAX_ROUNDS = 24
 _EPOCH_BITS = np.int64(34)
 _FEW = 64  # of late counters, up to one in so many is few
+_FEW_ODD = 8  # of places whose distance is not 1, the same
 _MOST_IN_A_ROW = 16
 _PIECE = 256
 # From GAP down to the steps of smaller and of greater distances.
@@ -35,7 +36,7 @@ def walk(counter: U16, start: I64, current: U16, missing: U64, fresh: Bool) -> S
     before[start] = np.where(fresh, counter[start], current)
     distance = counter - before
     stop = np.append(start[1:], len(counter))
-    if (distance == 1).all():
+    if (distance == 1).all():  # as it mostly is
         step, shifted = np.full(len(counter), Step.REGULAR, np.uint8), _shifted_left(missing, stop - start)
         return Steps(step, distance, counter[stop - 1], shifted, np.empty(0, np.int64))
     return _Walk(counter, start, stop, current, missing, fresh, before, distance).steps()
@@ -53,15 +54,28 @@ class _Walk:
         # What is walked one by one in the end: whole sequences, and what is around some places.
         self.by_rule = np.zeros(len(start), np.bool_)
         self.by_rule_at: list[int] = []
+        self._look()
+
+    def _look(self) -> None:
+        """Find the places whose distance is not 1; where these are few, nothing else is looked at."""
+        self.odd = np.flatnonzero(self.distance != 1)
+        self.odd_are_few = len(self.odd) * _FEW_ODD < len(self.distance)
+        self.looked_at = self.odd if self.odd_are_few else slice(None)
+
+    def _where(self, holds: Bool) -> I64:
+        """Return the places of which something holds, as told of those that are looked at."""
+        found = np.flatnonzero(holds)
+        return self.odd[found] if self.odd_are_few else found
 
     def steps(self) -> Steps:
         """Return the steps; call once."""
         after = self.counter[self.stop - 1]
-        late = np.flatnonzero(self.distance >= LATE_FROM)
+        late = self._where(self.distance[self.looked_at] >= LATE_FROM)
         if len(late):
             if len(late) * _FEW >= len(self.counter) or not self._settle_few(after, late[self.counter[late] > 1]):
                 after = self._settle(after)
-            late = np.flatnonzero(self.distance >= LATE_FROM)
+            self._look()
+            late = self._where(self.distance[self.looked_at] >= LATE_FROM)
         step = self._judge()
         heights = self._heights(late, step)
         base = np.where(self.start > 0, heights.at(self.start - 1), 0)
@@ -70,18 +84,23 @@ class _Walk:
         steps = Steps(step, self.distance, after, missing, late)
         if self.by_rule.any() or self.by_rule_at:
             self._walk_by_rule(steps)
-        steps.irregular = np.flatnonzero(step != Step.REGULAR)
+            self._look()
+        steps.irregular = self._where(step[self.looked_at] != Step.REGULAR)
         return steps
 
     def _judge(self) -> U8:
         """Tell the steps, taking every late counter for one that was there before."""
-        distance = self.distance
+        distance = self.distance[self.looked_at]
         # Counted down from GAP: for all places at once that is faster than to assign where a mask is set.
         step = np.uint8(Step.GAP) - (distance >= 32768).view(np.uint8) * _TO_RESTART
         step -= (distance >= LATE_FROM).view(np.uint8) * _TO_LATE
         step -= (distance == 0).view(np.uint8) * _TO_SAME
         step -= (distance == 1).view(np.uint8) * _TO_REGULAR
-        lowest = np.flatnonzero(self.counter <= 1)
+        if self.odd_are_few:
+            odd_step, step = step, np.full(len(self.distance), Step.REGULAR, np.uint8)
+            step[self.odd] = odd_step
+        distance = self.distance
+        lowest = self._where(self.counter[self.looked_at] <= 1)
         before = self.before[lowest]
         wraps = (self.counter[lowest] == 0) & ((before == EARLY_WRAPS[0]) | (before == EARLY_WRAPS[1]))
         step[lowest[wraps]] = Step.REGULAR
@@ -95,15 +114,14 @@ class _Walk:
         That is no further than to the last step that leaves all behind it; where counters jump, nearly every one does.
         """
         asked = np.sort(np.concatenate([late, self.stop - 1]))
-        far = np.flatnonzero(self.distance - np.uint16(_FAR) < LATE_FROM - _FAR)
+        far = self._where(self.distance[self.looked_at] - np.uint16(_FAR) < LATE_FROM - _FAR)
         begin = np.maximum(
             self.start[np.searchsorted(self.start, asked, "right") - 1],
             np.append(far, 0)[np.searchsorted(far, asked, "right") - 1],
         )
-        irregular = np.flatnonzero(self.distance != 1)
-        first, last = np.searchsorted(irregular, begin), np.searchsorted(irregular, asked, "right")
+        first, last = np.searchsorted(self.odd, begin), np.searchsorted(self.odd, asked, "right")
         first[1:] = np.maximum(first[1:], last[:-1])
-        places = irregular[spans(first, last - first)]
+        places = self.odd[spans(first, last - first)]
         distance = self.distance[places]
         advance = np.minimum(distance, _FAR)
         advance[distance >= LATE_FROM] = 0
