@@ -46,10 +46,10 @@ class Framing(Protocol):
     longest: int
     alignment: int
 
-    def needle(self, data: U8, start: int) -> tuple[int, int]:
-        """Return where in a header which value stands that most headers near ``start`` share.
+    def needle(self, data: U8, start: int) -> tuple[int, tuple[int, ...]]:
+        """Return where in a header which values follow each other that most headers near ``start`` share.
 
-        The value is an unsigned number of ``alignment`` bytes in this machine's order.
+        A value is an unsigned number of ``alignment`` bytes in this machine's order.
         """
         ...
 
@@ -142,25 +142,38 @@ class LockstepWalker:
         search = min(lane_bytes, max(int(2 * self.record_bytes), 256)) // unit
         if search < 1:
             return np.array([start], np.int64)
-        offset, value = framing.needle(data, start)
+        offset, values = framing.needle(data, start)
         first = start + lane_bytes
         # The last lane could reach beyond what there is, which still is far behind stop.
-        lanes = min(lanes, (len(data) - first - offset - search * unit) // lane_bytes + 2)
+        lanes = min(lanes, (len(data) - first - offset - (search + len(values)) * unit) // lane_bytes + 2)
         if lanes < 2:
             return np.array([start], np.int64)
-        areas = np.ndarray((lanes - 1, search), f"u{unit}", data, first + offset, (lane_bytes, unit))
-        hits = np.flatnonzero(areas == np.array(value, areas.dtype))
-        lane = hits // search
-        at = first + lane * lane_bytes + (hits - lane * search) * unit
-        likely = np.flatnonzero(at < stop)
-        likely = likely[framing.plausible(data, at[likely], start)]
-        lane, at = lane[likely], at[likely]
-        if not len(at):
-            return np.array([start], np.int64)
-        leading = np.empty(len(lane), np.bool_)
-        leading[0] = True
-        np.not_equal(lane[1:], lane[:-1], out=leading[1:])
-        return np.concatenate((np.array([start], np.int64), at[leading]))
+        areas = [
+            np.ndarray((lanes - 1, search), f"u{unit}", data, first + offset + place * unit, (lane_bytes, unit))
+            for place in range(len(values))
+        ]
+        hits = areas[0] == values[0]
+        for area, value in zip(areas[1:], values[1:], strict=True):
+            hits &= area == value
+        lane = np.arange(lanes - 1)
+        begin_of = first + lane_bytes * lane
+        hit = hits.argmax(axis=1)
+        at = begin_of + unit * hit
+        found = np.flatnonzero(hits[lane, hit] & (at < stop))
+        found = found[framing.plausible(data, at[found], start)]
+        if len(found) < len(lane):
+            # Where the first hit is no header, another one may be.
+            without = np.delete(lane, found)
+            row, hit = hits[without].nonzero()
+            lane, hit_at = without[row], begin_of[without[row]] + unit * hit
+            likely = np.flatnonzero(hit_at < stop)
+            likely = likely[framing.plausible(data, hit_at[likely], start)]
+            # Assigned backwards, so that the first one of each lane is what stays.
+            at[lane[likely][::-1]] = hit_at[likely][::-1]
+            begun = np.zeros(len(at), np.bool_)
+            begun[found] = begun[lane[likely]] = True
+            found = np.flatnonzero(begun)
+        return np.concatenate((np.array([start], np.int64), at[found]))
 
     def _walk_lanes(self, start: int, stop: int, lanes: int) -> I64:
         starts = self._candidates(start, stop, lanes)

@@ -50,8 +50,8 @@ class RecordFraming:
     def __init__(self, byte_order: str, longest: int) -> None:
         self.byte_order = byte_order
         self.longest = longest
-        # The second highest byte of the seconds changes every 18 hours, and is seldom a letter or a zero.
-        self._needle_at = 2 if byte_order == "<" else 1
+        # The upper half of the seconds changes every 18 hours.
+        self._needle_at = 2 if byte_order == "<" else 0
 
     def headers(self, data: U8, at: I64) -> np.ndarray[tuple[int, int], np.dtype[np.uint32]]:
         """Return the record headers at ``at`` as (n, 4): seconds, fraction, captured, original."""
@@ -60,8 +60,9 @@ class RecordFraming:
         fields: np.ndarray[tuple[int, int], np.dtype[np.uint32]] = spans[at].view(self.byte_order + "u4").reshape(-1, 4)
         return fields
 
-    def needle(self, data: U8, start: int) -> tuple[int, int]:
-        return self._needle_at, int(data[start + self._needle_at])
+    def needle(self, data: U8, start: int) -> tuple[int, tuple[int, ...]]:
+        at = start + self._needle_at
+        return self._needle_at, (int(data[at]), int(data[at + 1]))
 
     def plausible(self, data: U8, at: I64, start: int) -> Bool:
         era = int(data[start : start + 4].view(self.byte_order + "u4")[0]) >> 16

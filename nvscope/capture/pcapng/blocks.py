@@ -73,8 +73,8 @@ class BlockFraming:
         words: U32 = spans[at].view(self.byte_order + "u4").reshape(-1, count)
         return words
 
-    def needle(self, data: U8, start: int) -> tuple[int, int]:
-        return 0, int.from_bytes(struct.pack(self.byte_order + "I", self.packet_type), sys.byteorder)
+    def needle(self, data: U8, start: int) -> tuple[int, tuple[int, ...]]:
+        return 0, (int.from_bytes(struct.pack(self.byte_order + "I", self.packet_type), sys.byteorder),)
 
     def plausible(self, data: U8, at: I64, start: int) -> Bool:
         length = self.words(data, at, 2)[:, 1].astype(np.int64)
