@@ -35,7 +35,7 @@ class UsualRows:
     def find(self, rows: U64) -> I64:
         """Return the numbers of rows, ``NOBODY`` of those that have no slot. Contiguous, of shape (n, ``WORDS``)."""
         slot = self._slots(rows)
-        number = self._number[slot]
+        number = self._number.take(slot)
         differs = rows.reshape(-1) != self._rows.take(slot).view(np.uint64)
         # The eight truth values of a row are one word.
         number[np.flatnonzero(differs.view(np.uint64) != 0)] = NOBODY

@@ -46,7 +46,7 @@ def order_by(number_of: I64, variety: I64, bound: int) -> I64:
     """Return the order that sorts rows by the numbers, 0 … ``bound``, of their varieties, equal ones as they came."""
     # Looked up in the width that they are sorted in.
     narrow: I64 = number_of.astype(np.uint8 if bound <= 0xFF else np.uint16 if bound <= 0xFFFF else np.int64)
-    return stable_order(narrow[variety], bound + 1)
+    return stable_order(narrow.take(variety), bound + 1)
 
 
 def spans(start: I64, length: I64) -> I64:

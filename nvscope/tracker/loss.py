@@ -171,7 +171,7 @@ class Loss:
         run, start, stop = runs_of_lengths(length)
         length = stop - start
         fresh = nodes.last_stream[run] < 0
-        steps = walk(told.counter[packet], start, nodes.current[run], nodes.missing[run], fresh)
+        steps = walk(told.counter.take(packet), start, nodes.current[run], nodes.missing[run], fresh)
         run_of_stream = np.searchsorted(run, keys.node_of(np.arange(len(keys.streams))))
         order = NodeOrder(packet, start, rows, run_of_stream, len(told))
         together = self._sent_together(told, packet, start, run, steps, keys)

@@ -26,11 +26,11 @@ class NodeOrder:
         self._stream, self._run_of_stream = rows.stream, run_of_stream
         place = np.empty(packets, np.int64)
         place[packet] = np.arange(len(packet))
-        self.place: I64 = place[rows.packet]
+        self.place: I64 = place.take(rows.packet)
 
     def by_row(self, column: AnyColumn) -> AnyColumn:
         """Return a column that is in the order of the nodes by row."""
-        found: AnyColumn = column[self.place]
+        found: AnyColumn = column.take(self.place)
         return found
 
     def run(self, row: I64) -> I64:
