@@ -10,6 +10,7 @@ from typing import Generic, TypeVar
 from nvscope.capture.source import Source
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import Observer, run
+from nvscope.errors import UsageError
 
 LEAST_BETWEEN_S = 0.1
 """Looks are at least so far apart: what a person sees need not be newer."""
@@ -20,9 +21,9 @@ Look = TypeVar("Look")
 class Session(Generic[Look]):
     """A source that is told to observers in a thread.
 
-    ``look`` makes a frozen value of what the observers know. It is called in that thread between two batches, before
-    the first one and after the last, so that nobody sees a state that is half changed; it must not change anything.
-    Looks are made when somebody asks, at most ten a second.
+    ``look`` makes a frozen value of what the observers know. It is called when the session starts, and then in that
+    thread between two batches and after the last, so that nobody sees a state that is half changed; it must not change
+    anything. Looks are made when somebody asks, at most ten a second.
 
     A source that has nothing for a while has to say so (``PacketBatch.until_ns``), or looks get old.
     """
@@ -47,33 +48,51 @@ class Session(Generic[Look]):
         return self._ended
 
     def start(self) -> None:
-        """Begin to read the source."""
+        """Begin to read the source. Raises what the first look raises, and UsageError where it was started before."""
+        if self._started:
+            raise UsageError("a session is started once", next_step="make another one to read the source again")
+        # Whoever asks at once, and has no patience, gets this one.
+        self._answer()
         self._thread.start()
 
     def snapshot(self, patience_s: float | None = None) -> Look:
         """Return a look that is not older than the call, or a tenth of a second older.
 
         Where the source says nothing, it returns the last one after ``patience_s`` (None: waits). Raises what the
-        source or an observer raised.
+        source or an observer raised, and UsageError before ``start``.
         """
+        if not self._started:
+            raise UsageError("the session was not started", next_step="call start() first")
         with self._changed:
+            if time.monotonic() - self._looked_at_s < LEAST_BETWEEN_S:
+                return self._told()
             self._asked += 1
             mine = self._asked
             self._changed.wait_for(lambda: self._answered >= mine or self._ended, patience_s)
             return self._told()
 
     def stop(self) -> Look:
-        """Stop the source, wait for the end of the loop, and return the last look. Raises as ``snapshot``."""
+        """Stop the source, wait for the end of the loop, and return the last look. Raises as ``snapshot``.
+
+        A session that was not started has nothing to stop but its source.
+        """
         self._stopping = True
         self._source.stop()
+        if not self._started:
+            return self._make()
         self._thread.join()
         with self._changed:
             return self._told()
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait for the end of the source; return whether it has come."""
-        self._thread.join(timeout_s)
+        if self._started:
+            self._thread.join(timeout_s)
         return self._ended
+
+    @property
+    def _started(self) -> bool:
+        return self._thread.ident is not None
 
     def _told(self) -> Look:
         if self._error is not None:
@@ -83,7 +102,6 @@ class Session(Generic[Look]):
 
     def _run(self) -> None:
         try:
-            self._answer()
             for _ in run(self._source, self._reading, self._observers):
                 if self._asked > self._answered:
                     self._answer(sparingly=True)

@@ -57,7 +57,7 @@ class Counted:
         ``extremes``: the state has forgotten those from before that moment. ValueError where the other one is no
         earlier moment of the same state.
         """
-        if not _follows(self.state, earlier.state):
+        if not _follows(self.state, earlier.state) or _has_less(self.state, earlier.state):
             raise ValueError("figures can be subtracted only from later ones of the same state")
         state = _kept(self.state)
         for (table, joins), (before, _) in zip(tables_of(state), tables_of(earlier.state), strict=True):
@@ -138,13 +138,23 @@ def _put(state: TrackerState, path: str, value: object) -> None:
 
 
 def _follows(later: TrackerState, earlier: TrackerState) -> bool:
-    """Tell whether one state can be what another one has become: the keys of that are the first ones of this."""
+    """Tell whether one state can be what another one has become.
+
+    The keys of that are the first ones of this, and what was seen of them begins at the same times.
+    """
     pairs = [(getattr(later.keys, name), getattr(earlier.keys, name)) for name in ("nodes", "places", "streams")]
-    return all(
-        len(own) >= len(before) and np.array_equal(word[: len(before)], known)
-        for own, before in pairs
-        for word, known in zip(own.words, before.words, strict=True)
-    )
+    columns = [
+        (own, before) for keys, known in pairs for own, before in zip(keys.words, known.words, strict=True)
+    ]  # fmt: skip
+    columns.append((later.memory.columns.column("first_ns"), earlier.memory.columns.column("first_ns")))
+    return all(np.array_equal(own[: len(before)], before) for own, before in columns)
+
+
+def _has_less(later: TrackerState, earlier: TrackerState) -> bool:
+    """Tell whether a state has counted less than another one: then it is none that followed."""
+    own, before = (state.memory.columns.column("telegrams") for state in (later, earlier))
+    frames = later.capture.frames < earlier.capture.frames or later.buses.frames < earlier.buses.frames
+    return frames or bool((own[: len(before)] < before).any())
 
 
 def _erratic(state: TrackerState, before: Extremes | None) -> frozenset[int]:

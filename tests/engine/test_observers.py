@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
@@ -34,6 +34,7 @@ from nvscope.view.fields.vocabulary import vocabulary
 from nvscope.view.rows.defined import DefinedTelegrams
 from nvscope.view.rows.frames import PacketRows
 from tests.definition.lists import INT, UDINT, list_of
+from tests.laws import examples
 from tests.oracle.traffic import LINKS, generate
 from tests.packets import Batches, batch_of, document_of
 
@@ -108,7 +109,7 @@ def batches_of(seed: int, chance: random.Random) -> list[PacketBatch]:
     return [whole[start:stop] for start, stop in zip([0, *cuts], [*cuts, len(whole)], strict=True) if stop > start]
 
 
-@settings(max_examples=25, deadline=None)
+@examples()
 @given(
     st.integers(0, 10_000),
     st.lists(st.sampled_from(NAMES), min_size=1, unique=True),
@@ -123,7 +124,7 @@ def test_any_set_of_observers_gives_each_the_same_as_alone(
         assert told([name], batches, reading_of(expression))[name] == together[name], name
 
 
-@settings(max_examples=25, deadline=None)
+@examples()
 @given(st.integers(0, 10_000), st.sampled_from(NAMES))
 def test_time_that_has_not_passed_a_deadline_changes_nothing(seed: int, name: str) -> None:
     """Batches without packets, saying a time that is no later than that of the frames before them."""

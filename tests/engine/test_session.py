@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
@@ -17,9 +17,11 @@ from nvscope.definition.project import Project
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.engine.session import Session
+from nvscope.errors import UsageError
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
+from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import LINKS, data_frame, generate, telegram
 from tests.packets import Batches, batch_of, cut, document_of, observed, tracked
@@ -42,7 +44,7 @@ def codes(state: TrackerState, **options: Any) -> dict[str, int]:
     return {finding.code: finding.count for finding in looked.findings}
 
 
-@settings(max_examples=20, deadline=None)
+@examples()
 @given(st.integers(0, 10_000), st.integers(1, 90))
 def test_snapshots_change_nothing(seed: int, packets: int) -> None:
     whole = batch_of(generate(seed, frames=200, link=LINKS[seed % len(LINKS)]))
@@ -52,7 +54,7 @@ def test_snapshots_change_nothing(seed: int, packets: int) -> None:
     assert document_of(state) == document_of(tracked([whole]))
 
 
-@settings(max_examples=20, deadline=None)
+@examples()
 @given(st.integers(0, 10_000), st.integers(1, 90))
 def test_a_session_ends_with_the_report_on_its_packets(seed: int, packets: int) -> None:
     whole = batch_of(generate(seed, frames=200, link=1))
@@ -112,6 +114,28 @@ def test_a_running_session_is_looked_at_between_its_batches_and_stopped() -> Non
     assert (last.frames, state.capture.until_ns) == (10, last.until_ns)
     with pytest.raises(AttributeError):
         last.frames = 3  # type: ignore[misc]  # a snapshot is a value
+
+
+def test_who_asks_at_once_and_does_not_wait_is_answered() -> None:
+    for _ in range(20):
+        state, source = TrackerState(), Steered([batch_of(frames_from(1, 10))])
+        session = Session(source, Reading(), [state], lambda state=state: state.capture.summary(0))
+        session.start()
+        assert session.snapshot(patience_s=0).frames == 0
+        session.stop()
+
+
+def test_a_session_that_was_not_started_says_so_and_can_be_stopped() -> None:
+    source = Steered([])
+    session = Session(source, Reading(), [TrackerState()], lambda: "nothing yet")
+    with pytest.raises(UsageError, match="not started"):
+        session.snapshot(patience_s=0)
+    assert not session.wait(0)
+    assert session.stop() == "nothing yet"
+    session.start()
+    assert session.wait(30)
+    with pytest.raises(UsageError, match="started once"):
+        session.start()
 
 
 def test_what_a_source_or_an_observer_raises_reaches_who_asks() -> None:

@@ -138,6 +138,17 @@ def test_only_moments_of_one_state_can_be_subtracted_or_joined() -> None:
         _ = one - more
 
 
+def test_a_state_that_has_counted_less_or_began_at_another_time_is_no_later_one() -> None:
+    few, many, begun_later = (
+        Counted.of(tracked([batch_of([at(number, 0, number) for number in range(*numbers)])]))
+        for numbers in ((3,), (10,), (1, 12))
+    )
+    assert (many - few).summary().lists[0].diagnosis.nSendCount == 7
+    for earlier, later in ((many, few), (few, begun_later)):
+        with pytest.raises(ValueError, match="same state"):
+            _ = later - earlier
+
+
 # --- worked out by hand
 
 
