@@ -164,8 +164,10 @@ class LockstepWalker:
         if len(found) < len(lane):
             # Where the first hit is no header, another one may be.
             without = np.delete(lane, found)
-            row, hit = hits[without].nonzero()
-            lane, hit_at = without[row], begin_of[without[row]] + unit * hit
+            # Flat: of two dimensions, numpy looks for them many times as long.
+            hit = np.flatnonzero(hits[without])
+            lane = without[hit // search]
+            hit_at = begin_of[lane] + unit * (hit % search)
             likely = np.flatnonzero(hit_at < stop)
             likely = likely[framing.plausible(data, hit_at[likely], start)]
             # Assigned backwards, so that the first one of each lane is what stays.
