@@ -16,7 +16,7 @@ import pytest
 
 from nvscope.capture.open import open_sink
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.simulate.scenario import load_scenario
+from nvscope.simulate.scenario_file import load_scenario
 from nvscope.simulate.simulator import open_capture, simulate
 from tests.packets import document_of, tracked
 from tests.simulate.collected import Collected, reported, run

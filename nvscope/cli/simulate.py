@@ -37,7 +37,7 @@ def simulate(
 
     Nothing is sent. The same scenario gives the same bytes.
     """
-    from nvscope.simulate.scenario import document, load_scenario
+    from nvscope.simulate.scenario_file import document, load_scenario
 
     if keys:
         typer.echo(document())

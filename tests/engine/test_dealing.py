@@ -20,7 +20,7 @@ from nvscope.engine.dealing import SplitBy, deal
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.findings.judge import judge
-from nvscope.simulate.scenario import load_scenario
+from nvscope.simulate.scenario_file import load_scenario
 from nvscope.simulate.simulator import channels_of, simulate
 from nvscope.tracker.figures import figures_of
 from nvscope.tracker.parted import PartedState

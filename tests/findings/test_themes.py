@@ -20,7 +20,7 @@ from nvscope.findings.catalogue import CATALOGUE, THEMES
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind
-from nvscope.simulate.scenario import load_scenario
+from nvscope.simulate.scenario_file import load_scenario
 from nvscope.tracker.event_kinds import TELL_IN_NUMBERS, EventKind
 from tests.simulate.collected import reported
 

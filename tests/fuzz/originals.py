@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from nvscope.capture.compressed import Decompressed, compression_of
-from nvscope.simulate.scenario import load_scenario
+from nvscope.simulate.scenario_file import load_scenario
 from tests.capture import build
 from tests.capture.reference import Packet
 from tests.oracle.frame import Frame

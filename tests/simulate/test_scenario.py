@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from nvscope.errors import ConfigurationError
-from nvscope.simulate.scenario import Duplicate, ListPlan, Scenario, document, load_scenario, read_scenario
+from nvscope.simulate.scenario import Duplicate, ListPlan, Scenario
+from nvscope.simulate.scenario_file import document, load_scenario, read_scenario
 from nvscope.simulate.simulator import simulate
 from tests.simulate.collected import Collected
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.simulate.scenario import load_scenario
+from nvscope.simulate.scenario_file import load_scenario
 from nvscope.tracker.figures import LIST_COUNTERS
 from tests.simulate.collected import run
 

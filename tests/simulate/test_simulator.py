@@ -15,7 +15,8 @@ import pytest
 
 from nvscope.capture.open import open_sink
 from nvscope.simulate.frames import LINKS
-from nvscope.simulate.scenario import Scenario, load_scenario, read_scenario
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from nvscope.simulate.simulator import packets, simulate
 from nvscope.simulate.timeline import make_timeline
 from tests.simulate.collected import Collected, run

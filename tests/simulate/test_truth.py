@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.simulate.scenario import load_scenario, read_scenario
+from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from tests.laws import some
 from tests.oracle.reference import SEVERITIES, reference_report
 from tests.simulate.collected import run

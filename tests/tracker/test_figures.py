@@ -11,7 +11,7 @@ import pytest
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.list_key import ListKey
-from nvscope.simulate.scenario import load_scenario
+from nvscope.simulate.scenario_file import load_scenario
 from nvscope.simulate.simulator import open_capture, simulate
 from nvscope.tracker.figures import (
     BY_SCOPE,

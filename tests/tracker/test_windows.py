@@ -20,7 +20,7 @@ from nvscope.definition.pdos import Pdos
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import Observer, run
 from nvscope.errors import UsageError
-from nvscope.simulate.scenario import load_scenario
+from nvscope.simulate.scenario_file import load_scenario
 from nvscope.simulate.simulator import channels_of, simulate
 from nvscope.tracker.counted import Counted
 from nvscope.tracker.counters import Scope

@@ -21,7 +21,7 @@ from nvscope.errors import ConfigurationError, ExitCode
 from nvscope.simulate.can.bus import priority_of, transmit
 from nvscope.simulate.can.definition import can_definitions
 from nvscope.simulate.can.timeline import frames_bits, make_can_timeline
-from nvscope.simulate.scenario import load_scenario, read_scenario
+from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from nvscope.simulate.simulator import channels_of, open_capture, simulate
 from nvscope.simulate.timeline import make_timeline
 from tests.capture.can.logs import frames_of

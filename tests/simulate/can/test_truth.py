@@ -11,7 +11,8 @@ import pytest
 
 from nvscope.definition.packing import pack
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.simulate.scenario import Scenario, load_scenario, read_scenario
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from nvscope.simulate.simulator import open_capture, simulate
 from tests.oracle.can_reference import DefinedList, findings, read
 from tests.simulate.can.random_scenario import random_can_scenario

@@ -1,0 +1,205 @@
+"""What a scenario may not contain: tables that contradict themselves or each other."""
+
+from __future__ import annotations
+
+import ipaddress
+
+from nvscope.simulate.can.check import check_can
+from nvscope.simulate.scenario import (
+    MAX_TELEGRAMS_PER_LIST,
+    ON_CAN,
+    SLOWEST_NS,
+    U16_MAX,
+    Late,
+    ListPlan,
+    Malformed,
+    Scenario,
+    Selection,
+    Shape,
+    Traffic,
+    WrongChecksum,
+    WrongDlc,
+)
+from nvscope.toml_table import Place, nearest
+
+
+def check_scenario(scenario: Scenario, place: Place) -> None:
+    """Raise ConfigurationError where tables contradict themselves or each other."""
+    if not scenario.node and not scenario.channels:
+        raise place.below("node").error("a scenario needs a node, or a list on CAN")
+    if not 0 < scenario.duration_ns <= SLOWEST_NS:
+        raise place.below("duration").error("the duration must be more than 0 and at most 31 days")
+    _check_nodes(scenario, place)
+    for position, entry in enumerate(scenario.list):
+        _check_list(scenario, entry, place.below("list").below(position))
+    _check_names(scenario, place)
+    check_can(scenario, place)
+    for where, fault in scenario.selections():
+        _check_choice(fault, place.below(where))
+        if fault.list in scenario.list_numbers:
+            _check_selection(scenario, fault, place.below(where))
+    for position, traffic in enumerate(scenario.traffic):
+        below = place.below("traffic").below(position)
+        if not traffic.interval_ns:
+            raise below.below("interval").error("the interval must be more than 0")
+        if traffic.kind == "arp" and (scenario.link not in {"ethernet", "sll", "sll2"} or _has_ipv6(scenario, traffic)):
+            raise below.below("kind").error("ARP needs IPv4 addresses and a link layer")
+    for position, sender in enumerate(scenario.second_sender):
+        below = place.below("second_sender").below(position)
+        owner = scenario.list[scenario.list_numbers[sender.list]]
+        if sender.node in owner.sender:
+            raise below.below("node").error(f"{sender.node!r} sends this list already")
+        if sender.interval_ns == 0:
+            raise below.below("interval").error("the interval must be more than 0")
+        for name, given in (("bytes", sender.data_bytes), ("items", sender.items)):
+            if given and len(given) != len(owner.shapes):
+                raise below.below(name).error(f"the list has {len(owner.shapes)} telegrams, not {len(given)}")
+        if sender.checksum and len(sender.checksum) not in {1, len(owner.shapes)}:
+            raise below.below("checksum").error("one value, or one for each telegram of the list")
+    for position, stop in enumerate(scenario.stop):
+        if not stop.node and not stop.list:
+            raise place.below("stop").below(position).error("a stop needs a node or a list")
+    for position, burst in enumerate(scenario.burst):
+        if burst.list not in scenario.list_numbers:
+            continue
+        owner = scenario.list[scenario.list_numbers[burst.list]]
+        if burst.gap_ns < owner.spacing_ns * len(owner.shapes):
+            raise place.below("burst").below(position).below("gap").error("the telegrams of one sending take longer")
+
+
+def _check_nodes(scenario: Scenario, place: Place) -> None:
+    names: set[str] = set()
+    addresses: set[str] = set()
+    for position, node in enumerate(scenario.node):
+        below = place.below("node").below(position)
+        try:
+            address = ipaddress.ip_address(node.address)
+        except ValueError:
+            raise below.below("address").error(f"{node.address[:60]!r} is no IP address") from None
+        if address.is_multicast or address.is_unspecified or node.address == "255.255.255.255":
+            raise below.below("address").error("a node's address is that of one host")
+        if address.version == 6 and address.scope_id:
+            raise below.below("address").error("an address without a scope is expected")
+        if node.name in names or node.name == "broadcast" or not node.name:
+            raise below.below("name").error(f"the name {node.name!r} is taken or empty")
+        if str(address) in addresses:
+            raise below.below("address").error(f"{node.address} belongs to another node already")
+        names.add(node.name)
+        addresses.add(str(address))
+        if node.mac and (len(node.mac.split(":")) != 6 or not _is_hex(node.mac.replace(":", ""), 12)):
+            raise below.below("mac").error(f"{node.mac[:60]!r} is no hardware address such as 02:00:00:00:00:01")
+        if node.first_value > node.last_value:
+            raise below.below("first_value").error("the first value is above last_value")
+        if node.carry_into_flags and node.last_value != U16_MAX:
+            raise below.below("carry_into_flags").error("a 32-bit counter does not wrap at last_value")
+        if len(node.vlan) > 2:
+            raise below.below("vlan").error("more than two tags")
+
+
+def _check_list(scenario: Scenario, entry: ListPlan, place: Place) -> None:
+    if bool(entry.data_bytes) == bool(entry.total_bytes):
+        raise place.error("one of bytes and total_bytes is needed")
+    if entry.items and len(entry.items) != len(entry.data_bytes):
+        raise place.below("items").error(f"bytes has {len(entry.data_bytes)} telegrams, items {len(entry.items)}")
+    if len(entry.checksum) not in {0, 1, len(entry.shapes)}:
+        raise place.below("checksum").error("one value, or one for each telegram of the list")
+    if len(entry.shapes) > MAX_TELEGRAMS_PER_LIST:
+        raise place.error(f"the list has {len(entry.shapes)} telegrams, more than {MAX_TELEGRAMS_PER_LIST}")
+    if not entry.interval_ns:
+        raise place.below("interval").error("the interval must be more than 0")
+    if entry.jitter_ns * 2 > entry.interval_ns:
+        raise place.below("jitter").error("the jitter is more than half the interval")
+    if entry.spacing_ns * (len(entry.shapes) - 1) * 2 > entry.interval_ns:
+        raise place.below("spacing").error("the telegrams of one sending take more than half the interval")
+    if not entry.sender or len(set(entry.sender)) != len(entry.sender):
+        raise place.below("sender").error("no sender, or the same one twice")
+    for position, other in enumerate(scenario.list):
+        if other is entry:
+            break
+        if other.name == entry.name:
+            raise place.below("name").error(f"list[{position}] is called {entry.name!r} already")
+        if (other.port, other.index) == (entry.port, entry.index) and set(other.sender) & set(entry.sender):
+            raise place.below("index").error(f"list[{position}] has the same index, port and sender")
+    if entry.destination != "broadcast" and entry.destination not in scenario.node_numbers:
+        try:
+            ipaddress.ip_address(entry.destination)
+        except ValueError:
+            raise place.below("destination").error(
+                f"{entry.destination[:60]!r} is neither an address nor a node",
+                nearest(entry.destination, scenario.node_numbers),
+            ) from None
+
+
+def _check_names(scenario: Scenario, place: Place) -> None:
+    """Raise ConfigurationError where a node or list is named that does not exist."""
+    known: dict[str, dict[str, int]] = {"node": scenario.node_numbers, "list": scenario.list_numbers}
+    known |= {"reader": known["node"], "host": known["node"]}
+    for table, position, entry in scenario.rows():
+        below = place.below(table).below(position)
+        named = [(attribute, getattr(entry, attribute, "")) for attribute in known]
+        if isinstance(entry, ListPlan):
+            named += [("sender", name) for name in entry.sender]
+        if isinstance(entry, Traffic):
+            named.append(("to", entry.to))
+        for attribute, name in named:
+            names = known.get(attribute, known["node"])
+            if attribute == "list" and isinstance(entry, ON_CAN):
+                names = scenario.can_numbers if isinstance(entry, WrongDlc) else names | scenario.can_numbers
+            if attribute == "list" and name in scenario.can_numbers and name not in names:
+                raise below.below(attribute).error(f"{name!r} is sent over CAN, where there is no such thing")
+            if not isinstance(name, str):
+                continue
+            if name and name not in names:
+                kind = "list" if attribute == "list" else "node"
+                raise below.below(attribute).error(f"there is no {kind} {name!r}", nearest(name, names))
+    versions = {node.name: ipaddress.ip_address(node.address).version for node in scenario.node}
+    for position, plan in enumerate(scenario.list):
+        below = place.below("list").below(position)
+        target = (
+            versions.get(plan.destination)
+            if plan.destination in versions or plan.destination == "broadcast"
+            else ipaddress.ip_address(plan.destination).version
+        )
+        people = [*plan.sender, *(s.node for s in scenario.second_sender if s.list == plan.name)]
+        people += [reader.node for reader in scenario.reader if reader.list == plan.name]
+        if len({versions[name] for name in people} | ({target} if target else set())) > 1:
+            raise below.error("senders, readers and destination of a list need the same version of IP")
+
+
+def _check_choice(fault: Selection, place: Place) -> None:
+    if (len(fault.telegrams) > 0) + (fault.every > 0) + (fault.probability > 0) > 1:
+        raise place.error("telegrams, every and probability exclude each other")
+    if fault.telegrams and (fault.from_ns or fault.until_ns is not None):
+        raise place.error("numbered telegrams need no times")
+
+
+def _check_selection(scenario: Scenario, fault: Selection, place: Place) -> None:
+    if isinstance(fault, Late) and fault.subindex is not None:
+        raise place.below("subindex").error("a sending is late with all its telegrams")
+    if isinstance(fault, Shape) and fault.items is None and fault.data_bytes is None:
+        raise place.error("a changed shape needs items or bytes")
+    owner = scenario.list[scenario.list_numbers[fault.list]]
+    if fault.subindex is not None and fault.subindex >= len(owner.shapes):
+        raise place.below("subindex").error(f"the list has {len(owner.shapes)} telegrams, 0 to {len(owner.shapes) - 1}")
+    senders = {*owner.sender, *(entry.node for entry in scenario.second_sender if entry.list == owner.name)}
+    if fault.node and fault.node not in senders:
+        raise place.below("node").error(f"{fault.node!r} does not send this list", nearest(fault.node, sorted(senders)))
+    if isinstance(fault, Late) and fault.by_ns >= owner.interval_ns:
+        raise place.below("by").error("a sending cannot be late by an interval or more", "Use [[pause]] for that.")
+    if isinstance(fault, WrongChecksum) and not owner.checksum:
+        raise place.error("the list has no checksum that could be wrong")
+    if isinstance(fault, Malformed) and fault.service not in {0, 5, 6}:
+        raise place.below("service").error("telegrams of the Parameter Manager belong to no list", "Use 0, 5 or 6.")
+    if isinstance(fault, Malformed) and fault.kind == "byte_swapped_length":
+        for _, size in owner.shapes:
+            if (20 + size) % 256 == (20 + size) // 256:
+                raise place.below("kind").error(f"the Length {20 + size} stays the same when its bytes are swapped")
+
+
+def _is_hex(text: str, length: int) -> bool:
+    return len(text) == length and all(digit in "0123456789abcdefABCDEF" for digit in text)
+
+
+def _has_ipv6(scenario: Scenario, traffic: Traffic) -> bool:
+    numbers = scenario.node_numbers
+    return any(":" in scenario.node[numbers[name]].address for name in (traffic.node, traffic.to))
