@@ -19,7 +19,7 @@ Port = int | str
 ANY_CHANNEL = ""
 """In place of a channel's name: the list is defined for whichever it is sent over."""
 
-Told = TypeVar("Told")
+Value = TypeVar("Value")
 
 
 class Transport(StrEnum):
@@ -67,7 +67,7 @@ class ListKey(NamedTuple):
         return ListKey.can(ANY_CHANNEL, self.identifier) if self.transport is Transport.CAN else self
 
 
-def told_of(table: Mapping[ListKey, Told], key: ListKey) -> Told | None:
+def told_of(table: Mapping[ListKey, Value], key: ListKey) -> Value | None:
     """Return what a table has for a list: on CAN for its channel, else for any channel."""
     found = table.get(key)
     return table.get(key.on_any_channel) if found is None else found

@@ -6,13 +6,13 @@ import random
 
 import pytest
 
-from nvscope.tracker.state import TrackerState
+from nvscope.engine.reading import Reading
 from tests.laws import some
 from tests.oracle.compare import differences
 from tests.oracle.frame import Frame
 from tests.oracle.reference import reference_report
 from tests.oracle.traffic import generate, mutate
-from tests.packets import batch_of, document_of, observed, tracked
+from tests.packets import batch_of, document_of, tracked
 
 
 def traffic(seed: int) -> list[Frame]:
@@ -30,6 +30,5 @@ def test_report_is_that_of_the_reference(seed: int) -> None:
 @pytest.mark.parametrize("timeout_ns", [1, 10_000_000, 3_000_000_000])
 def test_other_timeouts(timeout_ns: int) -> None:
     frames = traffic(7)
-    state = TrackerState(timeout_ns)
-    observed(state, [batch_of(frames)])
+    state = tracked([batch_of(frames)], Reading(timeout_ns=timeout_ns))
     assert differences(reference_report(frames, timeout_ns=timeout_ns), document_of(state)) == []

@@ -251,8 +251,8 @@ class Inquiry:
             from nvscope.tracker.variables.values import Values  # noqa: PLC0415
 
             taken = Values(self.layouts, wanted=values)
-        source, reading = self.open(), self.reading(chosen)
-        state = TrackerState(reading.timeout_ns, values=taken, others=accumulators_of(self.protocols))
+        source = self.open()
+        state = TrackerState(values=taken, others=accumulators_of(self.protocols))
         observers: list[Observer] = [state]
         hops = None
         if compare and self.layouts is not None:
@@ -270,7 +270,7 @@ class Inquiry:
         from nvscope.engine.session import Session  # noqa: PLC0415
 
         source, reading = self.open(), self.reading()
-        state = TrackerState(reading.timeout_ns, others=accumulators_of(self.protocols))
+        state = TrackerState(others=accumulators_of(self.protocols))
 
         def look() -> Snapshot:
             return snapshot(

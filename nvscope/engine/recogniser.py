@@ -55,7 +55,7 @@ class Recogniser:
             batch, first_frame=self._frames + 1, start_ns=self._start_ns, before_ns=self._last_ns,
             pdos=self._reading.pdos, choose=self._reading.choose,
             laid=None if self._keys is None else self._lay_out(batch, self._keys), until_ns=until_ns,
-            dissectors=self._reading.dissectors,
+            dissectors=self._reading.dissectors, timeout_ns=self._reading.timeout_ns,
         )  # fmt: skip
         if len(batch):
             self._frames += len(batch)

@@ -18,7 +18,7 @@ from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.clock import Clock
 from nvscope.engine.keys import Begun, Keys, Rejected
 from nvscope.engine.parameters import ParameterRows
-from nvscope.engine.reading import Choose
+from nvscope.engine.reading import TIMEOUT_NS, Choose
 from nvscope.engine.rows import DataRows, StreamMemory
 
 
@@ -49,7 +49,7 @@ class Told:
     1; ``start_ns`` the time of the capture's first frame, ``before_ns`` that of the frame before this batch (of the
     first one: its own). ``until_ns`` says that time has passed up to then, behind the packets; None where only they
     tell. ``pdos`` know which lists CAN frames belong to, and what channels are called; ``dissectors`` read the
-    protocols that have ports of their own.
+    protocols that have ports of their own; ``timeout_ns`` is how long an answer may take.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
     """
@@ -57,7 +57,7 @@ class Told:
     def __init__(
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
         choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
-        dissectors: Sequence[Dissector] = (),
+        dissectors: Sequence[Dissector] = (), timeout_ns: int = TIMEOUT_NS,
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -66,6 +66,7 @@ class Told:
         self.until_ns = until_ns
         self.pdos = pdos
         self.dissectors = dissectors
+        self.timeout_ns = timeout_ns
         self._choose = choose
         self._laid = laid
 
@@ -78,7 +79,7 @@ class Told:
         return Told(
             batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
             choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
-            dissectors=self.dissectors,
+            dissectors=self.dissectors, timeout_ns=self.timeout_ns,
         )  # fmt: skip
 
     @property

@@ -117,10 +117,13 @@ class Answers:
 
 
 class Acknowledgement:
-    """The open waits of all streams and of all boot-up requests, and how long those took that were answered."""
+    """The open waits of all streams and of all boot-up requests, and how long those took that were answered.
 
-    def __init__(self, timeout_ns: int = TIMEOUT_NS) -> None:
-        self.timeout_ns = timeout_ns
+    ``timeout_ns`` is that of the batch observed last: how frames are read says it.
+    """
+
+    def __init__(self) -> None:
+        self.timeout_ns = TIMEOUT_NS
         self.waits = WaitColumns()
         self.places = PlaceColumns()
         self.boot_up_waits = NO_WAITS
@@ -148,6 +151,7 @@ class Acknowledgement:
 
     def take(self, part: Acknowledgement, share: Share) -> None:
         """Take over the waits of a part for its share of the lists."""
+        self.timeout_ns = part.timeout_ns
         self.waits.take(part.waits, share.streams)
         self.places.take(part.places, share.places)
         waits = BootUpWaits.stacked([self.boot_up_waits, part.boot_up_waits])

@@ -110,7 +110,8 @@ def _within(bus: CanBusSummary, window_ns: int) -> CanBusSummary:
 
 def _kept(state: TrackerState) -> TrackerState:
     """Return a copy of a state that holds what figures are read from, and nothing else."""
-    kept = TrackerState(state.lists.acknowledgement.timeout_ns)
+    kept = TrackerState()
+    kept.lists.acknowledgement.timeout_ns = state.lists.acknowledgement.timeout_ns
     for path in TABLES:
         _put(kept, path, attrgetter(path)(state).copied(*(("count",) if path in _ONLY_COUNTED else ())))
     for path in KEYS:

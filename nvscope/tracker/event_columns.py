@@ -1,4 +1,6 @@
-"""EventColumns: every event there was, as columns, up to a limit; causes are told from what happened, not from sums.
+"""EventColumns: the events that listeners are told of, as columns, up to a limit.
+
+Causes are told from what happened, not from sums.
 
 What is no event of a frame but holds for a time, such as who is present, or which reader answers, is to be an
 ``nvscope.tracker.accumulator.Accumulator`` of its own.

@@ -18,7 +18,6 @@ from dissectors.netvar import (
 from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import FrameKind, Keys
-from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messages
@@ -72,12 +71,12 @@ class ListState:
 
     SPLIT_BY: ClassVar = SplitBy.LIST
 
-    def __init__(self, timeout_ns: int = TIMEOUT_NS, values: Values | None = None, listeners: Listeners = ()) -> None:
+    def __init__(self, values: Values | None = None, listeners: Listeners = ()) -> None:
         self.values = values
         self.flows = Flows()
         self.columns = ListColumns()
         self.consistency = Consistency()
-        self.acknowledgement = Acknowledgement(timeout_ns)
+        self.acknowledgement = Acknowledgement()
         self.errors = Errors()
         self.events = ListLog()
         self._listeners = (self.events, *listeners)
@@ -90,6 +89,7 @@ class ListState:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         errors: list[ErrorEvents] = []
+        self.acknowledgement.timeout_ns = told.timeout_ns
         if len(told):
             self.flows.observe(told)
             errors += self._observe_rejected(told)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import ClassVar, TypeVar
 
 from nvscope.engine.dealing import Share, SplitBy, deal
-from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Told
 from nvscope.tracker.accumulator import Accumulator
@@ -30,15 +29,14 @@ class PartedState:
     by_stream: ClassVar[bool] = True
 
     def __init__(
-        self, parts: int, timeout_ns: int = TIMEOUT_NS, values: Callable[[], Values] | None = None, *,
+        self, parts: int, values: Callable[[], Values] | None = None, *,
         recent: bool = False, others: Callable[[], Mapping[str, Accumulator]] = dict,
     ) -> None:  # fmt: skip
         self._count = parts
-        self._timeout_ns = timeout_ns
         self._values, self._recent = values, recent
         self._memory = StreamMemory()
         self._capture = CaptureState()
-        self._lists = [ListState(timeout_ns, values() if values else None) for _ in range(parts)]
+        self._lists = [ListState(values() if values else None) for _ in range(parts)]
         self._senders = [SenderState(recent=recent) for _ in range(parts)]
         self._buses = [BusState() for _ in range(parts)]
         self._make_others = others
@@ -66,7 +64,7 @@ class PartedState:
     def join(self) -> TrackerState:
         """Return the parts as one state."""
         values, others = self._values() if self._values else None, self._make_others()
-        state = TrackerState(self._timeout_ns, values=values, recent=self._recent, others=others)
+        state = TrackerState(values=values, recent=self._recent, others=others)
         state.memory, state.capture = self._memory, self._capture
         for part, share in self._dealt(self._lists):
             state.lists.take(part, share)

@@ -12,7 +12,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
 from nvscope.engine.keys import Keys
-from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Told
 from nvscope.tracker.can.state import BusState
@@ -31,8 +30,9 @@ class TrackerState:
 
     ``memory`` is what is known of the streams, ``values`` are those of the variables, where their definition is known;
     ``recent`` asks for the intervals of the last minute (``SenderState``). ``others`` count the protocols beside
-    network variables and CAN, by name. ``listeners`` are told of every event. Frame numbers count from 1 across all
-    that was observed.
+    network variables and CAN, by name. ``listeners`` are told of the events of ``nvscope.tracker.event_kinds``; of
+    unusual intervals, torn cycles and buses that are off, only these accumulators know. Frame numbers count from 1
+    across all that was observed.
 
     A filter chooses telegrams: flows count these, and only these give values; everything else looks at all telegrams,
     so that no filter makes up a loss.
@@ -41,12 +41,12 @@ class TrackerState:
     by_stream: ClassVar[bool] = True
 
     def __init__(
-        self, timeout_ns: int = TIMEOUT_NS, *, values: Values | None = None, recent: bool = False,
+        self, *, values: Values | None = None, recent: bool = False,
         others: Mapping[str, Accumulator] = MappingProxyType({}), listeners: Listeners = (),
     ) -> None:  # fmt: skip
         self.memory = StreamMemory()
         self.capture = CaptureState(listeners)
-        self.lists = ListState(timeout_ns, values, listeners)
+        self.lists = ListState(values, listeners)
         self.senders = SenderState(recent=recent, listeners=listeners)
         self.buses = BusState(listeners)
         self.others = others

@@ -13,7 +13,6 @@ import numpy as np
 from dissectors.batch import PacketBatch
 from nvscope.capture.derived import DerivedSource
 from nvscope.capture.source import Source
-from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
 from nvscope.tracker.counted import Counted
@@ -52,11 +51,11 @@ class Windows:
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, length_ns: int, start_ns: int | None = None, timeout_ns: int = TIMEOUT_NS) -> None:
+    def __init__(self, length_ns: int, start_ns: int | None = None) -> None:
         if length_ns <= 0:
             raise UsageError("a window has to be longer than 0 s", next_step="give a length such as 1s")
         self.length_ns = length_ns
-        self._state = TrackerState(timeout_ns)
+        self._state = TrackerState()
         self._start_ns = start_ns
         self._latest_ns: int | None = None
         self._number = _BEFORE
