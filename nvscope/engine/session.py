@@ -38,6 +38,8 @@ class Session(Generic[Look]):
         self._answered = 0
         self._look: Look | None = None
         self._looked_at_s = 0.0
+        # Whether a batch was told since the last look was made.
+        self._behind = False
         self._stopping = False
         self._ended = False
         self._error: BaseException | None = None
@@ -58,13 +60,14 @@ class Session(Generic[Look]):
     def snapshot(self, patience_s: float | None = None) -> Look:
         """Return a look that is not older than the call, or a tenth of a second older.
 
-        Where the source says nothing, it returns the last one after ``patience_s`` (None: waits). Raises what the
+        Where nothing was told since the last look, that is it. Where the source says nothing more, it returns the last
+        one after ``patience_s`` (None: waits). Raises what the
         source or an observer raised, and UsageError before ``start``.
         """
         if not self._started:
             raise UsageError("the session was not started", next_step="call start() first")
         with self._changed:
-            if time.monotonic() - self._looked_at_s < LEAST_BETWEEN_S:
+            if not self._behind:
                 return self._told()
             self._asked += 1
             mine = self._asked
@@ -103,6 +106,7 @@ class Session(Generic[Look]):
     def _run(self) -> None:
         try:
             for _ in run(self._source, self._reading, self._observers):
+                self._behind = True
                 if self._asked > self._answered:
                     self._answer(sparingly=True)
                 if self._stopping:
@@ -124,10 +128,10 @@ class Session(Generic[Look]):
         asked = self._asked
         now_s = time.monotonic()
         if not sparingly or now_s - self._looked_at_s >= LEAST_BETWEEN_S:
-            look = self._make()
+            look, behind = self._make(), False
             self._looked_at_s = time.monotonic()
         else:
-            look = self._told()
+            look, behind = self._told(), True
         with self._changed:
-            self._look, self._answered = look, asked
+            self._look, self._answered, self._behind = look, asked, behind
             self._changed.notify_all()

@@ -72,12 +72,15 @@ class Steered:
     def __init__(self, batches: list[PacketBatch]) -> None:
         self.infos: list[Any] = []
         self.channels: list[str] = []
-        self._batches = batches
-        self._turns = threading.Semaphore(0)
+        self._batches, self.left = batches, len(batches)
+        self._turns, self._taken = threading.Semaphore(0), threading.Semaphore(0)
         self._stopped = False
 
     def go_on(self, batches: int = 1) -> None:
+        """Give so many batches, and come back when the last one was asked for: all before it have been told."""
         self._turns.release(batches)
+        for _ in range(batches):
+            assert self._taken.acquire(timeout=30)
 
     def stop(self) -> None:
         self._stopped = True
@@ -86,8 +89,10 @@ class Steered:
     def __iter__(self) -> Iterator[PacketBatch]:
         for batch in self._batches:
             self._turns.acquire()
+            self.left -= 1
             if self._stopped:
                 return
+            self._taken.release()
             yield batch
 
 
@@ -162,7 +167,8 @@ def test_snapshots_of_a_session_can_be_subtracted() -> None:
     while not first.summary.capture.frames:
         source.go_on()
         first = session.snapshot(patience_s=5)
-    source.go_on(len(batches))
+    while source.left:
+        source.go_on()
     assert session.wait(30)
     last = session.stop()
     assert first.figures is not None
