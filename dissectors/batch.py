@@ -119,6 +119,7 @@ class PacketBatch:
         """Return one link type as a column of ``count`` rows that takes no memory."""
         value = np.array(link, np.uint16)
         value.flags.writeable = False
+        # As broadcast_to does it, which takes many times as long: a reader asks for one a batch.
         return np.ndarray((count,), np.uint16, value, 0, (0,))
 
     @property

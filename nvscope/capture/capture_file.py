@@ -10,6 +10,7 @@ from weakref import ReferenceType, ref
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.between import Between
+from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES
 from nvscope.capture.content import EXPECTED, STDIN, Content, ContentSizes
 from nvscope.capture.formats import NoCapture, format_of, near_miss
 from nvscope.capture.pieces import Stopped
@@ -17,7 +18,6 @@ from nvscope.capture.reader import Progress, Reader, ReadingSizes
 from nvscope.capture.source import Attachment, SourceInfo, Truncation
 from nvscope.capture.stoppable import StoppableBatches
 from nvscope.capture.time_span import TimeSpan
-from nvscope.capture.window import CHUNK_BYTES, SMALL_FILE_BYTES
 from nvscope.errors import UnreadableInput
 
 _READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 
+from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES, ByteWindow, MappedWindow, StreamWindow
 from nvscope.capture.compressed import COMPRESSIONS, Decompressed, compression_of
 from nvscope.capture.formats import READABLE, TEXT_HEAD_BYTES, NoCapture, either, is_enough
 from nvscope.capture.pieces import FilePieces, PipePieces, read_at
 from nvscope.capture.time_span import TimeSpan
-from nvscope.capture.window import CHUNK_BYTES, SMALL_FILE_BYTES, MappedWindow, StreamWindow, Window
 from nvscope.errors import UnreadableInput
 
 STDIN = "-"
@@ -49,7 +49,7 @@ class Content:
         self.span = span
         self._descriptor = descriptor
         self._sizes = sizes
-        self._window: Window | None = None
+        self._window: ByteWindow | None = None
         self._decompressed: Decompressed | None = None
         status = os.fstat(descriptor)
         if stat.S_ISDIR(status.st_mode):
@@ -105,14 +105,14 @@ class Content:
         self._by_pieces = True
         return self._pieces
 
-    def window(self) -> Window:
+    def window(self) -> ByteWindow:
         """Return a window over the bytes: a map of a regular file where it can be mapped, a buffer of all others."""
         if self._window is None:
             self._window = None if self._by_pieces else self._map()
             self._window = self._window or StreamWindow(self.pieces(), chunk_bytes=self._sizes.chunk_bytes)
         return self._window
 
-    def _map(self) -> Window | None:
+    def _map(self) -> ByteWindow | None:
         assert self.size_bytes is not None
         try:
             return MappedWindow(self._descriptor, self.size_bytes, small_file_bytes=self._sizes.small_file_bytes)

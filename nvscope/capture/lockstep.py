@@ -162,20 +162,28 @@ class LockstepWalker:
         found = np.flatnonzero(hits[lane, hit] & (at < stop))
         found = found[framing.plausible(data, at[found], start)]
         if len(found) < len(lane):
-            # Where the first hit is no header, another one may be.
             without = np.delete(lane, found)
-            # Flat: of two dimensions, numpy looks for them many times as long.
-            hit = np.flatnonzero(hits[without])
-            lane = without[hit // search]
-            hit_at = begin_of[lane] + unit * (hit % search)
-            likely = np.flatnonzero(hit_at < stop)
-            likely = likely[framing.plausible(data, hit_at[likely], start)]
-            # Assigned backwards, so that the first one of each lane is what stays.
-            at[lane[likely][::-1]] = hit_at[likely][::-1]
+            again = self._second_look(hits[without], begin_of[without], start, stop)
+            at[without] = again
             begun = np.zeros(len(at), np.bool_)
-            begun[found] = begun[lane[likely]] = True
+            begun[found] = True
+            begun[without] = again >= 0
             found = np.flatnonzero(begun)
         return np.concatenate((np.array([start], np.int64), at[found]))
+
+    def _second_look(self, hits: Bool, begin: I64, start: int, stop: int) -> I64:
+        """Return the first plausible header of lanes whose first hit is none, -1 for those that have no other."""
+        framing, search = self._framing, hits.shape[1]
+        # Flat: of two dimensions, numpy looks for them many times as long.
+        hit = np.flatnonzero(hits)
+        lane = hit // search
+        at = begin[lane] + framing.alignment * (hit % search)
+        likely = np.flatnonzero(at < stop)
+        likely = likely[framing.plausible(self._data, at[likely], start)]
+        found = np.full(len(begin), -1, np.int64)
+        # Assigned backwards, so that the first one of each lane is what stays.
+        found[lane[likely][::-1]] = at[likely][::-1]
+        return found
 
     def _walk_lanes(self, start: int, stop: int, lanes: int) -> I64:
         starts = self._candidates(start, stop, lanes)

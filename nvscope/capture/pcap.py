@@ -16,12 +16,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from dissectors.batch import I64, U8, Bool, LinkType, PacketBatch
+from nvscope.capture.byte_window import View
 from nvscope.capture.content import Content
 from nvscope.capture.output import FileSink
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.record_reader import MAX_PACKET_BYTES, MAX_SNAP_BYTES, RecordReader, Taken
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, put_blocks, stretches
-from nvscope.capture.window import View
 from nvscope.errors import UnreadableInput, UsageError
 
 FILE_HEADER_BYTES = 24

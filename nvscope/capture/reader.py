@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from dissectors.batch import PacketBatch
+from nvscope.capture.byte_window import View
 from nvscope.capture.content import Content
 from nvscope.capture.source import Attachment, Truncation
-from nvscope.capture.window import View
 
 TIME_LIMIT_NS = (1 << 62) - 1
 """Times are within ± this, so that the difference of any two is an int64; it lies in the year 2116."""

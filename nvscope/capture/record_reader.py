@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 from dissectors.batch import I64, PacketBatch
 from nvscope.capture.batch_builder import BatchBuilder
+from nvscope.capture.byte_window import View
 from nvscope.capture.content import Content
 from nvscope.capture.lockstep import Framing, LockstepWalker
 from nvscope.capture.reader import ReadingSizes, WindowReader
 from nvscope.capture.source import Truncation
-from nvscope.capture.window import View
 
 MAX_PACKET_BYTES = 262_144
 """Captured bytes of a packet that are believed without a larger snap length; tcpdump's and Wireshark's own limit."""

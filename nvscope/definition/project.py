@@ -13,7 +13,7 @@ from nvscope.definition.limits import Limits
 from nvscope.definition.model import DEFAULT_PORT, Definition
 
 if TYPE_CHECKING:  # where there is no project file, nothing that reads one is imported
-    from nvscope.definition.project_nodes import Node, Reading
+    from nvscope.definition.project_nodes import Node, ReadList
 
 PROJECT_NAME = "nvscope.toml"
 
@@ -41,7 +41,7 @@ class Project:
         return {address: node.name for address, node in self.nodes.items() if node.name}
 
     @property
-    def readers(self) -> dict[str, Collection[Reading]]:
+    def readers(self) -> dict[str, Collection[ReadList]]:
         """The lists that nodes read, by address."""
         return {address: node.reads for address, node in self.nodes.items() if node.reads}
 

@@ -13,11 +13,11 @@ from nvscope.toml_table import Place, ValueKind, array, integer, key, mapping, r
 _LIST_KEY = re.compile(r"udp/(\d{1,5})/(\d{1,5})")
 _U16_MAX = 0xFFFF
 
-Reading = tuple[int | None, int]
+ReadList = tuple[int | None, int]
 """A list that a node reads: port (None: whichever it has) and identifier."""
 
 
-def _reading(value: Any, place: Place) -> Reading:
+def _read_list(value: Any, place: Place) -> ReadList:
     if not isinstance(value, str):
         return None, int(_IDENTIFIER.read(value, place))
     match = _LIST_KEY.fullmatch(value)
@@ -36,8 +36,8 @@ class Node:
     """A node of the plant. A quoted address names it: ``"192.168.1.10" = { name = "press", reads = [7] }``."""
 
     name: str = key(NAME, "what people call the node; reports and telegrams show it", default="")
-    reads: tuple[Reading, ...] = key(
-        array(ValueKind('identifier or "udp/port/identifier"', _reading)),
+    reads: tuple[ReadList, ...] = key(
+        array(ValueKind('identifier or "udp/port/identifier"', _read_list)),
         "lists that the node reads, even if it never answers: it counts what is broadcast on them",
         default=(),
     )

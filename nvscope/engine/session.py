@@ -61,8 +61,8 @@ class Session(Generic[Look]):
         """Return a look that is not older than the call, or a tenth of a second older.
 
         Where nothing was told since the last look, that is it. Where the source says nothing more, it returns the last
-        one after ``patience_s`` (None: waits). Raises what the
-        source or an observer raised, and UsageError before ``start``.
+        one after ``patience_s`` (None: waits). Raises what the source or an observer raised, and UsageError before
+        ``start``.
         """
         if not self._started:
             raise UsageError("the session was not started", next_step="call start() first")

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from dissectors.batch import I64, Bool
-from nvscope.expression.columns import FieldType, Numbers
+from nvscope.expression.typed_columns import FieldType, Numbers
 from nvscope.view.rows.utf8 import Utf8Column
 from nvscope.view.rows.values import SpanColumn, ValueColumn, fits_time
 

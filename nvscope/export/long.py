@@ -26,7 +26,7 @@ from nvscope.definition.variables import Element, Enumeration
 from nvscope.export.arrays import LABEL, MOMENT, array_of, bits_of, labels, spread_parts, with_nulls
 from nvscope.export.files import TableFile
 from nvscope.export.names import value_names
-from nvscope.expression.columns import FieldType, Numbers
+from nvscope.expression.typed_columns import FieldType, Numbers
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
 from nvscope.view.rows.defined import DefinedRows, Place
 from nvscope.view.rows.utf8 import Utf8Column

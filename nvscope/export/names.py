@@ -8,7 +8,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.definition.variables import Element, Enumeration
-from nvscope.expression.columns import Numbers
+from nvscope.expression.typed_columns import Numbers
 
 _NAME_SUFFIX = ".name"
 

@@ -12,7 +12,7 @@ from dissectors import address
 from dissectors.batch import Bool
 from nvscope.export.arrays import LABEL, MOMENT, arrow_type, labels
 from nvscope.export.files import TableFile
-from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
+from nvscope.expression.typed_columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import FrameRows
 

@@ -18,7 +18,7 @@ from nvscope.export.arrays import LABEL, MOMENT, Spread, array_of, arrow_type, l
 from nvscope.export.files import TableFile
 from nvscope.export.held import HeldTelegrams, OpenPart, Slabs
 from nvscope.export.names import Names, value_names
-from nvscope.expression.columns import FieldType
+from nvscope.expression.typed_columns import FieldType
 from nvscope.view.rows.defined import DefinedRows, Place
 from nvscope.view.rows.values import ValueColumn, fits_time, value_type
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.batch import I32, I64, U8, Bool
-from nvscope.expression.columns import BytesColumn
 from nvscope.expression.pattern import Pattern
+from nvscope.expression.typed_columns import BytesColumn
 
 _ROWS = 8192
 _MAX_STATES = 1024

@@ -11,8 +11,8 @@ import numpy as np
 from dissectors.batch import U64, Bool
 from dissectors.headers import IPV4_HIGH, IPV4_LOW
 from nvscope.expression import spans
-from nvscope.expression.columns import AddressColumn, BytesColumn, Column, TextColumn
 from nvscope.expression.literals import Network, Value
+from nvscope.expression.typed_columns import AddressColumn, BytesColumn, Column, TextColumn
 
 COMPARE: Mapping[str, Callable[[Any, Any], Any]] = {
     "==": operator.eq,

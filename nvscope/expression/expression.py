@@ -18,7 +18,6 @@ from typing import cast
 from dissectors.batch import Bool
 from nvscope.expression import literals, spans
 from nvscope.expression.byte_pattern import BytePattern
-from nvscope.expression.columns import BytesColumn, FieldType, NameTable, TextColumn
 from nvscope.expression.comparison import compare, told
 from nvscope.expression.literals import Unfit
 from nvscope.expression.masks import Test, all_of, any_of, odd_of, over, over_pairs, present
@@ -26,6 +25,7 @@ from nvscope.expression.mistake import Span
 from nvscope.expression.pattern import Pattern, PatternError
 from nvscope.expression.syntax import Node, parse, span_of
 from nvscope.expression.terms import NUMBERS, WORDS, Terms, Typed, Written
+from nvscope.expression.typed_columns import BytesColumn, FieldType, NameTable, TextColumn
 from nvscope.expression.values import Evaluate, Operands, Read
 
 _SIGNS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}

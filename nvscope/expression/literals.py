@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import Literal
 
 from nvscope.duration import UNITS_NS, parse_duration
-from nvscope.expression.columns import FieldType
+from nvscope.expression.typed_columns import FieldType
 
 Number = int | Fraction
 LiteralKind = Literal[

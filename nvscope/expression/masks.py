@@ -8,7 +8,7 @@ from functools import reduce
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.expression.columns import Column
+from nvscope.expression.typed_columns import Column
 from nvscope.expression.values import Evaluate, Operands, both_known
 
 Test = Callable[[Operands], Bool]

@@ -8,7 +8,7 @@ from functools import reduce
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.expression.columns import BytesColumn, Numbers
+from nvscope.expression.typed_columns import BytesColumn, Numbers
 
 _JOINED_ROWS = 4096
 

@@ -11,12 +11,12 @@ import numpy as np
 from lark import Token
 
 from nvscope.expression import literals
-from nvscope.expression.columns import FieldType, Named, NameTable
 from nvscope.expression.folding import folded
 from nvscope.expression.literals import Constant, LiteralKind, Number, Unfit, Value
 from nvscope.expression.mistake import ExpressionError, Span
 from nvscope.expression.names import nearest
 from nvscope.expression.syntax import Node, span_of
+from nvscope.expression.typed_columns import FieldType, Named, NameTable
 from nvscope.expression.values import (
     Compute,
     Evaluate,

@@ -12,7 +12,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.expression import spans
-from nvscope.expression.columns import AddressColumn, BytesColumn, Column, Numbers, TextColumn
+from nvscope.expression.typed_columns import AddressColumn, BytesColumn, Column, Numbers, TextColumn
 
 Read = Callable[[str], tuple[Column, Bool | None]]
 

@@ -1,6 +1,6 @@
 """Expected findings: what the rules of diagnosis must find in simulated traffic.
 
-Codes and places only, with a count each; sentences are a matter of the report. Everything follows from the timeline:
+Codes and places only, with a count each; sentences are a matter of the report. Everything follows from the table:
 shapes from templates, lateness from the true times, torn cycles from which telegrams of a sending are seen.
 """
 
@@ -77,10 +77,10 @@ class ExpectedFindings:
 
 def expect_single(seen: Observation, key: ListKey, rows: I64, found: ExpectedFindings) -> None:
     """Expect what is wrong with single telegrams of a list; ``rows`` are all its frames."""
-    timeline = seen.timeline
+    table = seen.table
     judged = rows[seen.judged[rows]]
     data = judged[seen.data[judged]]
-    found.add_rows(header.RESERVED_FLAGS, key, seen, data[(timeline.flags[data] & RESERVED_FLAGS) != 0])
+    found.add_rows(header.RESERVED_FLAGS, key, seen, data[(table.flags[data] & RESERVED_FLAGS) != 0])
     found.add_rows(header.TRUNCATED_BY_CAPTURE, key, seen, rows[seen.truncated[rows]])
     found.add_rows(SHAPE_CHANGED, key, seen, _shape_changes(seen, data))
     found.add_rows(CHECKSUM_FLAG, key, seen, _flag_faults(seen, data))
@@ -94,7 +94,7 @@ def expect_swapped(seen: Observation, key: ListKey, stream: int, found: Expected
     """Expect what a Counter that is byte-swapped from 128 on looks like: huge gaps from there, a restart at 256."""
     entry = seen.streams[stream]
     setup = seen.scenario.node[entry.node]
-    numbers = seen.timeline.number[seen.rows_of_stream(stream)] + setup.first_value
+    numbers = seen.table.number[seen.rows_of_stream(stream)] + setup.first_value
     if setup.byte_swapped and setup.counter == "stream" and numbers.min() < 127:
         where = (key, seen.addresses[entry.node], entry.subindex)
         if numbers.max() > 128:
@@ -105,26 +105,26 @@ def expect_swapped(seen: Observation, key: ListKey, stream: int, found: Expected
 
 def checksum_mismatches(seen: Observation, rows: I64) -> I64:
     """Return the data telegrams whose checksum is not that of the first one of their SubIndex."""
-    timeline = seen.timeline
-    marked = rows[seen.data[rows] & ((timeline.flags[rows] & CHECKSUM_PRESENT.mask) != 0)]
+    table = seen.table
+    marked = rows[seen.data[rows] & ((table.flags[rows] & CHECKSUM_PRESENT.mask) != 0)]
     subindex = _subindexes(seen, marked)
     found = [np.empty(0, np.int64)]
     for number in np.unique(subindex).tolist():
         own = marked[subindex == number]
-        found.append(own[timeline.checksum[own] != timeline.checksum[own[0]]])
+        found.append(own[table.checksum[own] != table.checksum[own[0]]])
     mismatches: I64 = np.sort(np.concatenate(found))
     return mismatches
 
 
 def expect_timing(seen: Observation, key: ListKey, stream: int, found: ExpectedFindings) -> I64:
     """Expect what is unusual about the intervals of a stream, and return them."""
-    timeline, entry = seen.timeline, seen.streams[stream]
+    table, entry = seen.table, seen.streams[stream]
     rows = _timed(seen, stream)
-    intervals: I64 = np.diff(timeline.ts_ns[rows])
+    intervals: I64 = np.diff(table.ts_ns[rows])
     nominal_ns = nominal_of(intervals)
     if nominal_ns is None:
         return intervals
-    silent_ns = int(seen.end_ns - timeline.ts_ns[seen.rows_of_stream(stream)[-1]])
+    silent_ns = int(seen.end_ns - table.ts_ns[seen.rows_of_stream(stream)[-1]])
     excused = _loss_between(seen, rows) & (entry.scope != "unused")
     expect_intervals(
         (key, seen.addresses[entry.node], entry.subindex), intervals, nominal_ns, silent_ns, found, excused
@@ -152,16 +152,16 @@ def expect_torn(seen: Observation, key: ListKey, streams: list[int], found: Expe
     That a list is packed shows in more than one item; which telegrams belong together, in a regular interval. The last
     sending counts for nothing: the capture may have ended in it.
     """
-    timeline = seen.timeline
+    table = seen.table
     for number in sorted({seen.streams[stream].writer for stream in streams}):
-        writer = timeline.writers[number]
+        writer = table.writers[number]
         own = range(writer.first_stream, writer.first_stream + len(writer.shapes))
         rows = [seen.rows_of_stream(stream) for stream in own]
-        regular = all(nominal_of(np.diff(timeline.ts_ns[_timed(seen, stream)])) is not None for stream in own)
-        last_items = [seen.templates[timeline.template[some[-1]]].items for some in rows if len(some)]
+        regular = all(nominal_of(np.diff(table.ts_ns[_timed(seen, stream)])) is not None for stream in own)
+        last_items = [seen.templates[table.template[some[-1]]].items for some in rows if len(some)]
         if len(own) < 2 or not regular or max(last_items) < 2:
             continue
-        present = np.concatenate([np.unique(timeline.ordinal[some]) for some in rows])
+        present = np.concatenate([np.unique(table.ordinal[some]) for some in rows])
         _, telegrams = np.unique(present, return_counts=True)
         found.add(TORN_CYCLE, key, seen.addresses[writer.node], None, int((telegrams[:-1] < len(own)).sum()))
 
@@ -172,8 +172,8 @@ def kind_of_gaps(seen: Observation, stream: int, lost: int) -> FindingKind:
     A node that counts across lists can bring that about: the loss of a fast list is booked on a slow one.
     """
     rows = seen.rows_of_stream(stream)
-    times = seen.timeline.ts_ns[rows]
-    intervals: I64 = np.diff(seen.timeline.ts_ns[_timed(seen, stream)])
+    times = seen.table.ts_ns[rows]
+    intervals: I64 = np.diff(seen.table.ts_ns[_timed(seen, stream)])
     median = _percentile(intervals, 50) if len(intervals) else 0
     absent = max(0, int(times[-1] - times[0]) - len(rows) * median) if median > 0 else 0
     erratic = lost > len(rows) and (lost - 100) * max(median, 1) > 10 * absent
@@ -183,7 +183,7 @@ def kind_of_gaps(seen: Observation, stream: int, lost: int) -> FindingKind:
 def _timed(seen: Observation, stream: int) -> I64:
     """Return the telegrams of a stream between which intervals are taken."""
     rows = seen.rows_of_stream(stream)
-    timed: I64 = rows[(seen.timeline.label[rows] == Label.IN_ORDER) | seen.unstarted[rows]]
+    timed: I64 = rows[(seen.table.label[rows] == Label.IN_ORDER) | seen.unstarted[rows]]
     return timed
 
 
@@ -207,7 +207,7 @@ def expect_clock(ts_ns: I64, found: ExpectedFindings) -> None:
 
 def expect_capture(seen: Observation, found: ExpectedFindings) -> None:
     """Expect what concerns the whole capture, or a node in all its lists."""
-    expect_clock(seen.timeline.ts_ns, found)
+    expect_clock(seen.table.ts_ns, found)
     data, repeated = int(seen.data.sum()), int(seen.repeated.sum())
     found.add(MIRRORED_TWICE, None, None, None, repeated if 10 * repeated > 8 * (data - repeated) else 0)
     for template, count in seen.by_template(np.flatnonzero(seen.truncated & (seen.role == Role.PARAMETER))):
@@ -220,7 +220,7 @@ def expect_capture(seen: Observation, found: ExpectedFindings) -> None:
 
 
 def _subindexes(seen: Observation, rows: I64) -> I64:
-    return np.array([entry.subindex for entry in seen.templates] or [0], np.int64)[seen.timeline.template[rows]]
+    return np.array([entry.subindex for entry in seen.templates] or [0], np.int64)[seen.table.template[rows]]
 
 
 def _shape_changes(seen: Observation, data: I64) -> I64:
@@ -228,7 +228,7 @@ def _shape_changes(seen: Observation, data: I64) -> I64:
     shapes = np.array([(entry.items << 16) + entry.frame.payload_bytes for entry in seen.templates] or [0], np.int64)
     subindex = _subindexes(seen, data)
     order = order_by(subindex)
-    shape = shapes[seen.timeline.template[data[order]]]
+    shape = shapes[seen.table.template[data[order]]]
     changed = (np.diff(shape) != 0) & (np.diff(subindex[order]) == 0)
     found: I64 = data[order[1:][changed]]
     return found
@@ -236,21 +236,21 @@ def _shape_changes(seen: Observation, data: I64) -> I64:
 
 def _flag_faults(seen: Observation, data: I64) -> I64:
     """Return the telegrams with a checksum that Flags denies, or with Flags that changed as Counter wrapped."""
-    timeline = seen.timeline
-    denied = data[((timeline.flags[data] & CHECKSUM_PRESENT.mask) == 0) & (timeline.checksum[data] != 0)]
+    table = seen.table
+    denied = data[((table.flags[data] & CHECKSUM_PRESENT.mask) == 0) & (table.checksum[data] != 0)]
     order = data[order_by(seen.stream[data])]
     before, after = order[:-1], order[1:]
-    counter, previous = timeline.counter[after].astype(np.int64), timeline.counter[before].astype(np.int64)
+    counter, previous = table.counter[after].astype(np.int64), table.counter[before].astype(np.int64)
     wrapped = (counter < previous) & ((counter - previous) % 65536 < 32768)
     wrapped |= (counter == 0) & np.isin(previous, (255, 65534))
     wrapped &= seen.stream[before] == seen.stream[after]
-    wrapped &= timeline.flags[before] != timeline.flags[after]
+    wrapped &= table.flags[before] != table.flags[after]
     return np.union1d(denied, after[wrapped])
 
 
 def _loss_between(seen: Observation, rows: I64) -> Bool:
     """Return where telegrams of the stream itself are missing between two that are seen."""
-    timeline = seen.timeline
-    step = np.diff(timeline.ordinal[rows])
-    lost: Bool = (step > 1) & (timeline.epoch[rows[1:]] == timeline.epoch[rows[:-1]])
+    table = seen.table
+    step = np.diff(table.ordinal[rows])
+    lost: Bool = (step > 1) & (table.epoch[rows[1:]] == table.epoch[rows[:-1]])
     return lost

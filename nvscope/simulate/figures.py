@@ -35,10 +35,10 @@ def count_figures(seen: Observation) -> Figures:
     A loss lies between two telegrams of one sequence that are seen in order; it is booked on the stream of the later
     one. A copy counts from a stream's second counter value on, where the stream is what the sender counts.
     """
-    timeline, streams = seen.timeline, len(seen.streams)
-    rows = seen.in_order[order_by(timeline.sequence_of[seen.stream[seen.in_order]])]
-    sequence = timeline.sequence_of[seen.stream[rows]]
-    number, epoch = timeline.number[rows], timeline.epoch[rows]
+    table, streams = seen.table, len(seen.streams)
+    rows = seen.in_order[order_by(table.sequence_of[seen.stream[seen.in_order]])]
+    sequence = table.sequence_of[seen.stream[rows]]
+    number, epoch = table.number[rows], table.epoch[rows]
     same, restart = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.bool_)
     missing = np.zeros(len(rows), np.int64)
     same[1:] = sequence[1:] == sequence[:-1]
@@ -46,8 +46,8 @@ def count_figures(seen: Observation) -> Figures:
     missing[1:] = number[1:].astype(np.int64) - number[:-1] - 1
     missing[~same | restart | (missing < 0)] = 0
     counts_itself = np.array([entry.scope == "stream" for entry in seen.streams] or [False], np.bool_)
-    copies = seen.data & (timeline.label == Label.COPY) & ~(seen.unstarted & counts_itself[seen.stream])
-    overtaken = seen.data & (timeline.label == Label.OVERTAKEN)
+    copies = seen.data & (table.label == Label.COPY) & ~(seen.unstarted & counts_itself[seen.stream])
+    overtaken = seen.data & (table.label == Label.OVERTAKEN)
 
     def per_stream(rows: I64, weights: I64 | None = None) -> I64:
         counts = np.bincount(seen.stream[rows], weights, streams).astype(np.int64)
@@ -82,7 +82,7 @@ def is_recognisable(seen: Observation, node: int) -> bool:
     width = seen.scenario.node[node].last_value + 1
     writer = np.array([entry.writer for entry in seen.streams])[seen.stream[rows]]
     same_send = (np.diff(writer) == 0) & (np.diff(seen.stream[rows]) != 0)
-    counter = seen.timeline.counter[rows].astype(np.int64)
+    counter = seen.table.counter[rows].astype(np.int64)
     step = np.diff(counter) % width
     order = order_by(seen.stream[rows])
     own_step = (np.diff(counter[order]) % width)[np.diff(seen.stream[rows][order]) == 0]

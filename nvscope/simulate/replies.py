@@ -32,7 +32,7 @@ def missing_acknowledgements(
     seen: Observation, key: ListKey, rows: I64, found: ExpectedFindings
 ) -> Counter[IPAddress | None]:
     """Count by sender the telegrams of a list that wanted an acknowledgement and had none in time."""
-    ts_ns = seen.timeline.ts_ns
+    ts_ns = seen.table.ts_ns
     waiting = rows[seen.data[rows] & ~seen.repeated[rows]]
     answers = _acknowledgements(seen, rows)
     missing: Counter[IPAddress | None] = Counter()
@@ -67,12 +67,12 @@ def negative_acknowledgements(
     blamed: Counter[IPAddress | None] = Counter()
     data = rows[seen.data[rows]]
     answers = _acknowledgements(seen, rows)
-    for row in answers[(seen.timeline.flags[answers] & CHECKSUM_INVALID.mask) != 0].tolist():
-        reply = seen.templates[seen.timeline.template[row]]
+    for row in answers[(seen.table.flags[answers] & CHECKSUM_INVALID.mask) != 0].tolist():
+        reply = seen.templates[seen.table.template[row]]
         node: IPAddress | None = reply.destination
         if reply.broadcast:
             before = seen.where(data[data < row], lambda entry, reply=reply: entry.subindex == reply.subindex)  # type: ignore[misc]
-            node = seen.templates[seen.timeline.template[before[-1]]].source if len(before) else None
+            node = seen.templates[seen.table.template[before[-1]]].source if len(before) else None
         blamed[node] += 1
         found.add(NEGATIVE_ACKNOWLEDGEMENT, key, node, reply.subindex)
     return blamed
@@ -80,13 +80,13 @@ def negative_acknowledgements(
 
 def unexpected_acknowledgements(seen: Observation, key: ListKey, rows: I64, found: ExpectedFindings) -> int:
     """Count the acknowledgements of a list that follow no telegram which wanted one, within the timeout."""
-    ts_ns = seen.timeline.ts_ns
+    ts_ns = seen.table.ts_ns
     answers = _acknowledgements(seen, rows)
     wanting = rows[seen.data[rows] & seen.wants[rows]]
     total = 0
-    for number in np.unique(seen.timeline.template[answers]).tolist():
+    for number in np.unique(seen.table.template[answers]).tolist():
         reply = seen.templates[number]
-        own = answers[seen.timeline.template[answers] == number]
+        own = answers[seen.table.template[answers] == number]
         wanted = seen.where(
             wanting,
             lambda entry, reply=reply: (  # type: ignore[misc]
@@ -103,11 +103,11 @@ def unexpected_acknowledgements(seen: Observation, key: ListKey, rows: I64, foun
 
 def unanswered_requests(seen: Observation, key: ListKey, requests: I64, rows: I64, found: ExpectedFindings) -> int:
     """Count the boot-up requests of a list that no data telegram of another node answered in time."""
-    ts_ns = seen.timeline.ts_ns
+    ts_ns = seen.table.ts_ns
     data = rows[seen.data[rows] & ~seen.repeated[rows]]
     unanswered = 0
     for row in requests.tolist():
-        request = seen.templates[seen.timeline.template[row]]
+        request = seen.templates[seen.table.template[row]]
         answers = seen.where(
             data,
             lambda entry, request=request: (  # type: ignore[misc]

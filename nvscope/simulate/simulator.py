@@ -1,7 +1,7 @@
 """Simulator: from a scenario to frames and to the truth about them.
 
-The same scenario gives the same bytes on every machine. Frames are rendered in batches; what stays in memory is the
-timeline.
+The same scenario gives the same bytes on every machine. Frames are rendered in batches; what stays in memory is their
+table.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from nvscope.capture.formats import suffixes_that, written_as
 from nvscope.capture.open import open_sink
 from nvscope.capture.source import Sink
 from nvscope.errors import CaptureError, UsageError
+from nvscope.simulate.can.frame_table import CanFrameTable, make_can_frame_table
 from nvscope.simulate.can.tables import ETHERNET
-from nvscope.simulate.can.timeline import CanTimeline, make_can_timeline
+from nvscope.simulate.frame_table import FrameTable, make_frame_table
 from nvscope.simulate.frames import LINKS, render
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.scenario import Scenario
-from nvscope.simulate.timeline import Timeline, make_timeline
 from nvscope.simulate.truth import make_truth
 
 BATCH_FRAMES = 32_768
@@ -40,11 +40,11 @@ def simulate(
     The sink stays open. ``progress`` is told frames written and frames in all after each batch. Raises
     ConfigurationError before anything is written where faults of the scenario contradict each other.
     """
-    timeline = make_timeline(scenario) if scenario.has_network else None
-    can = make_can_timeline(scenario) if scenario.channels else None
-    truth = make_truth(scenario, timeline, can)
+    table = make_frame_table(scenario) if scenario.has_network else None
+    can = make_can_frame_table(scenario) if scenario.channels else None
+    truth = make_truth(scenario, table, can)
     written = 0
-    for batch in all_packets(scenario, timeline, can, batch_frames):
+    for batch in all_packets(scenario, table, can, batch_frames):
         sink.write(batch)
         written += len(batch)
         if progress is not None:
@@ -89,26 +89,26 @@ def channels_of(scenario: Scenario) -> tuple[str, ...]:
 
 
 def all_packets(
-    scenario: Scenario, timeline: Timeline | None, can: CanTimeline | None, batch_frames: int = BATCH_FRAMES
+    scenario: Scenario, table: FrameTable | None, can: CanFrameTable | None, batch_frames: int = BATCH_FRAMES
 ) -> Iterator[PacketBatch]:
     """Yield the frames of a scenario's buses and of its network in the order of time."""
     link = int(LINKS[scenario.link])
     if can is None:
-        yield from packets(timeline, link, batch_frames) if timeline is not None else ()
+        yield from packets(table, link, batch_frames) if table is not None else ()
         return
-    if timeline is None:
+    if table is None:
         for start in range(0, len(can), batch_frames):
             yield can.frames.take(slice(start, start + batch_frames)).packets()
         return
-    is_can = np.repeat([False, True], [len(timeline), len(can)])
-    is_can = is_can[np.argsort(np.concatenate([timeline.ts_ns, can.frames.ts_ns]), kind="stable")]
+    is_can = np.repeat([False, True], [len(table), len(can)])
+    is_can = is_can[np.argsort(np.concatenate([table.ts_ns, can.frames.ts_ns]), kind="stable")]
     here = there = 0
     for start in range(0, len(is_can), batch_frames):
         of_can = is_can[start : start + batch_frames]
         frames = int(of_can.sum())
         others = len(of_can) - frames
         yield interleaved(
-            _rendered(timeline, slice(here, here + others), link),
+            _rendered(table, slice(here, here + others), link),
             can.frames.take(slice(there, there + frames)).packets(first_channel=1),
             of_can,
         )
@@ -128,22 +128,22 @@ def interleaved(first: PacketBatch, second: PacketBatch, is_second: Bool) -> Pac
     return PacketBatch(np.concatenate([first.data, second.data]), offset, captured, original, ts_ns, link, channel)
 
 
-def packets(timeline: Timeline, link: int, batch_frames: int = BATCH_FRAMES) -> Iterator[PacketBatch]:
-    """Yield the frames of a timeline, rendered; the bytes of a batch stand in it grouped by template."""
-    for start in range(0, len(timeline), batch_frames):
-        yield _rendered(timeline, slice(start, min(start + batch_frames, len(timeline))), link)
+def packets(table: FrameTable, link: int, batch_frames: int = BATCH_FRAMES) -> Iterator[PacketBatch]:
+    """Yield the frames of a scenario, rendered; the bytes of a batch stand in it grouped by template."""
+    for start in range(0, len(table), batch_frames):
+        yield _rendered(table, slice(start, min(start + batch_frames, len(table))), link)
 
 
-def _rendered(timeline: Timeline, rows: slice, link: int) -> PacketBatch:
-    template = timeline.template[rows]
+def _rendered(table: FrameTable, rows: slice, link: int) -> PacketBatch:
+    template = table.template[rows]
     order = order_by(template)
     numbers, starts = np.unique(template[order], return_index=True)
     stops = np.append(starts[1:], len(order))
-    sizes = np.array([len(timeline.templates[number].frame.data) for number in numbers.tolist()], np.int64)
+    sizes = np.array([len(table.templates[number].frame.data) for number in numbers.tolist()], np.int64)
     data = np.empty(int((sizes * (stops - starts)).sum()), np.uint8)
     offset = np.empty(len(order), np.int64)
-    ordinal = timeline.ordinal[rows].astype(np.int64)
-    counter, flags, checksum = timeline.counter[rows], timeline.flags[rows], timeline.checksum[rows]
+    ordinal = table.ordinal[rows].astype(np.int64)
+    counter, flags, checksum = table.counter[rows], table.flags[rows], table.checksum[rows]
     end = 0
     for number, first, last, size in zip(
         numbers.tolist(), starts.tolist(), stops.tolist(), sizes.tolist(), strict=True
@@ -151,10 +151,10 @@ def _rendered(timeline: Timeline, rows: slice, link: int) -> PacketBatch:
         own = order[first:last]
         begin, end = end, end + size * len(own)
         out = data[begin:end].reshape(len(own), size)
-        render(timeline.templates[number].frame, ordinal[own], counter[own], flags[own], checksum[own], out)
+        render(table.templates[number].frame, ordinal[own], counter[own], flags[own], checksum[own], out)
         offset[own] = begin + size * np.arange(len(own))
     original = np.empty(len(order), np.int64)
     original[order] = np.repeat(sizes, stops - starts)
     return PacketBatch(
-        data, offset, timeline.captured[rows], original, timeline.ts_ns[rows], PacketBatch.link_column(link, len(order))
+        data, offset, table.captured[rows], original, table.ts_ns[rows], PacketBatch.link_column(link, len(order))
     )

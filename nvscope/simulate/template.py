@@ -1,4 +1,4 @@
-"""Template: what many frames of a timeline have in common, and what each is to an observer."""
+"""Template: what many frames of a scenario have in common, and what each is to an observer."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from nvscope.findings.answers import SEND_REJECTED
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS
 from nvscope.findings.loss import COUNTER_UNUSED, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART
 from nvscope.list_key import ListKey
-from nvscope.simulate.can.timeline import CanTimeline
+from nvscope.simulate.can.frame_table import CanFrameTable
 from nvscope.simulate.can.truth import can_buses, can_lists
 from nvscope.simulate.expected import (
     UNUSED_TELEGRAMS,
@@ -33,6 +33,7 @@ from nvscope.simulate.expected import (
 )
 from nvscope.simulate.faults import Label
 from nvscope.simulate.figures import Figures, count_figures, is_recognisable, seems_to_count_sends
+from nvscope.simulate.frame_table import FrameTable
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.observation import Observation
 from nvscope.simulate.replies import (
@@ -43,7 +44,6 @@ from nvscope.simulate.replies import (
 )
 from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.template import Role, Template
-from nvscope.simulate.timeline import Timeline
 
 SCHEMA = "nvscope.truth/1"
 _FIGURES = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
@@ -51,16 +51,16 @@ _STREAM_FIGURES = ("lost", "duplicates", "overtaken", "restarts")
 _FIGURE_KINDS = {"duplicates": DUPLICATE_TELEGRAM, "overtaken": OVERTAKEN_TELEGRAM, "restarts": SENDER_RESTART}
 
 
-def make_truth(scenario: Scenario, timeline: Timeline | None, can: CanTimeline | None = None) -> dict[str, Any]:
+def make_truth(scenario: Scenario, table: FrameTable | None, can: CanFrameTable | None = None) -> dict[str, Any]:
     """Return the truth as values for JSON; keys are those of a report (``nvscope.report/1``) where they mean the same.
 
-    ``timeline`` are the frames of all links but CAN, ``can`` those of CAN: of these it is the truth for who knows the
+    ``table`` are the frames of all links but CAN, ``can`` those of CAN: of these it is the truth for who knows the
     definitions of their lists (``can_definition``).
     ``exact`` is false for a wild scenario: its figures of loss are then what was put in, not what can be observed.
     Values are null where the rules leave an observer without a chance: figures of a sender whose way of counting cannot
     be told, intervals where a node that counts across streams was restarted.
     """
-    parts = ([] if timeline is None else [timeline.ts_ns]) + ([] if can is None else [can.frames.ts_ns])
+    parts = ([] if table is None else [table.ts_ns]) + ([] if can is None else [can.frames.ts_ns])
     ends = [(int(part.min()), int(part.max())) for part in parts if len(part)]
     start_ns, end_ns = min((first for first, _ in ends), default=0), max((last for _, last in ends), default=0)
     found = ExpectedFindings()
@@ -68,8 +68,8 @@ def make_truth(scenario: Scenario, timeline: Timeline | None, can: CanTimeline |
     telegrams = 0
     if can is not None:
         lists += can_lists(scenario, can, end_ns, found)
-    if timeline is not None:
-        seen = Observation(scenario, timeline, end_ns)
+    if table is not None:
+        seen = Observation(scenario, table, end_ns)
         telling = _Telling(seen, found)
         lists += [telling.list_truth(key) for key in seen.rows_of_lists]
         expect_capture(seen, found)
@@ -105,7 +105,7 @@ class _Telling:
         self.found = found
         self.figures: Figures = count_figures(seen)
         self.recognisable = [is_recognisable(seen, node) for node in range(len(seen.addresses))]
-        arrived = seen.data & (seen.timeline.label != Label.COPY)
+        arrived = seen.data & (seen.table.label != Label.COPY)
         self.arrived_of = np.bincount(seen.stream[arrived], minlength=len(seen.streams))
 
     def list_truth(self, key: ListKey) -> dict[str, Any]:
@@ -181,7 +181,7 @@ class _Telling:
         """Return how many telegrams of a list were sent, and how many of them are never seen."""
         lists = self.seen.scenario.list
         own = [number for number, entry in enumerate(self.seen.streams) if lists[entry.entry].list_key == key]
-        sent, arrived = int(self.seen.timeline.sent_of[own].sum()), int(self.arrived_of[own].sum())
+        sent, arrived = int(self.seen.table.sent_of[own].sum()), int(self.arrived_of[own].sum())
         return {"telegrams_sent": sent, "telegrams_lost": sent - arrived}
 
     def _diag(self, own: I64, received: I64, written: Bool, errors: int) -> dict[str, Any]:
@@ -199,7 +199,7 @@ class _Telling:
         }
 
     def _last_time(self, rows: I64) -> str | None:
-        return str(self.seen.timeline.ts_ns[rows[-1]]) if len(rows) else None
+        return str(self.seen.table.ts_ns[rows[-1]]) if len(rows) else None
 
     def _nodes(
         self, judged: I64, written: Bool, errors: Counter[IPAddress | None], readers: set[IPAddress]
@@ -221,11 +221,11 @@ class _Telling:
         return nodes
 
     def _stream_truth(self, key: ListKey, number: int) -> dict[str, Any]:
-        seen, timeline = self.seen, self.seen.timeline
+        seen, table = self.seen, self.seen.table
         entry = seen.streams[number]
         rows = seen.rows_of_stream(number)
         address, last = seen.addresses[entry.node], rows[-1]
-        template = seen.templates[timeline.template[last]]
+        template = seen.templates[table.template[last]]
         scope: str | None = entry.scope
         if scope == "unused" and len(rows) < UNUSED_TELEGRAMS:
             scope = "node-send" if seems_to_count_sends(seen, entry.node) else "stream"
@@ -249,7 +249,7 @@ class _Telling:
             "interval_ns": self._intervals(key, number),
             "items": template.items,
             "length": template.frame.payload_bytes,
-            "checksum": int(timeline.checksum[last]) if timeline.flags[last] & CHECKSUM_PRESENT.mask else None,
+            "checksum": int(table.checksum[last]) if table.flags[last] & CHECKSUM_PRESENT.mask else None,
         }
 
     def _intervals(self, key: ListKey, number: int) -> dict[str, int | None]:

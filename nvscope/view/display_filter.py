@@ -10,8 +10,8 @@ from dissectors.batch import I64, Bool
 from dissectors.netvar import Fault
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.told import Told
-from nvscope.expression.columns import Column
 from nvscope.expression.expression import compile_expression
+from nvscope.expression.typed_columns import Column
 from nvscope.view.fields.field import TelegramField, blank
 from nvscope.view.fields.frame import FIELDS, expression_names
 from nvscope.view.fields.verdicts import Verdicts

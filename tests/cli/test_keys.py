@@ -4,7 +4,7 @@ import json
 import subprocess
 from pathlib import Path
 
-from nvscope.expression.columns import FieldType
+from nvscope.expression.typed_columns import FieldType
 from nvscope.protocols.table import PROTOCOLS, fields_of
 from nvscope.view.fields.frame import EITHER_OF
 from nvscope.view.fields.vocabulary import vocabulary

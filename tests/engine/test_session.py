@@ -76,11 +76,10 @@ class Steered:
         self._turns, self._taken = threading.Semaphore(0), threading.Semaphore(0)
         self._stopped = False
 
-    def go_on(self, batches: int = 1) -> None:
-        """Give so many batches, and come back when the last one was asked for: all before it have been told."""
-        self._turns.release(batches)
-        for _ in range(batches):
-            assert self._taken.acquire(timeout=30)
+    def go_on(self) -> None:
+        """Give a batch, and come back when it was asked for: all before it have been told."""
+        self._turns.release()
+        assert self._taken.acquire(timeout=30)
 
     def stop(self) -> None:
         self._stopped = True

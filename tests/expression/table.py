@@ -9,8 +9,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from dissectors.batch import Bool
-from nvscope.expression.columns import AddressColumn, BytesColumn, Column, FieldType, Named, TextColumn
 from nvscope.expression.expression import compile_expression
+from nvscope.expression.typed_columns import AddressColumn, BytesColumn, Column, FieldType, Named, TextColumn
 
 Row = dict[str, Any]
 """What a telegram has, by name; a field that it lacks is not in it. Addresses are (version, number)."""

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from nvscope.errors import UsageError
 from nvscope.expression import literals
-from nvscope.expression.columns import BytesColumn, FieldType, Named
 from nvscope.expression.expression import compile_expression
 from nvscope.expression.mistake import ExpressionError
 from nvscope.expression.pattern import Pattern, PatternError
+from nvscope.expression.typed_columns import BytesColumn, FieldType, Named
 from tests.expression.random_expression import TESTS, Said
 from tests.expression.table import NAMES, Row, Table, rows
 from tests.laws import examples

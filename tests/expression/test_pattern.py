@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.expression.byte_pattern import BytePattern
-from nvscope.expression.columns import BytesColumn
 from nvscope.expression.pattern import Pattern, PatternError
+from nvscope.expression.typed_columns import BytesColumn
 from tests.laws import examples
 
 ATOMS = st.sampled_from(

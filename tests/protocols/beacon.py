@@ -23,7 +23,7 @@ from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
-from nvscope.expression.columns import FieldType, TextColumn
+from nvscope.expression.typed_columns import FieldType, TextColumn
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity

@@ -22,7 +22,7 @@ from dissectors.netvar import HEADER
 from nvscope.capture.open import open_source
 from nvscope.capture.source import Source
 from nvscope.errors import UsageError
-from nvscope.expression.columns import FieldType, TextColumn
+from nvscope.expression.typed_columns import FieldType, TextColumn
 from nvscope.report.ansi import paint
 from nvscope.report.packets.records import Csv, Face, JsonArray, JsonLines, SeparatedFields, separation
 from nvscope.report.packets.text import Text

@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 
 from nvscope.capture.open import open_sink
+from nvscope.simulate.frame_table import make_frame_table
 from nvscope.simulate.frames import LINKS
 from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from nvscope.simulate.simulator import packets, simulate
-from nvscope.simulate.timeline import make_timeline
 from tests.simulate.collected import Collected, run
 from tests.simulate.random_scenario import random_scenario
 
@@ -131,13 +131,13 @@ def test_a_node_that_counts_by_list_counts_each_of_its_telegrams() -> None:
 
 def test_frames_are_in_the_order_of_time_and_batches_of_any_size_are_the_same() -> None:
     scenario = read_scenario(random_scenario(5))
-    timeline = make_timeline(scenario)
+    table = make_frame_table(scenario)
     link = int(LINKS[scenario.link])
 
     def frames(batch_frames: int) -> list[tuple[int, bytes]]:
         return [
             (int(batch.ts_ns[row]), batch.packet(row))
-            for batch in packets(timeline, link, batch_frames)
+            for batch in packets(table, link, batch_frames)
             for row in range(len(batch))
         ]
 

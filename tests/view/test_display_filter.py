@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from nvscope.capture.open import open_source
 from nvscope.errors import UsageError
-from nvscope.expression.columns import FieldType
+from nvscope.expression.typed_columns import FieldType
 from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields.frame import EITHER_OF, FIELDS, PROTOCOL_TESTS, expression_names
 from tests.laws import examples

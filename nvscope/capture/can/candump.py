@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import I64, U8, PacketBatch
+from nvscope.capture.byte_window import View
 from nvscope.capture.can.candump_columns import Prefix, Shape
 from nvscope.capture.can.candump_line import LineFault, is_silent, parse
-from nvscope.capture.can.frame import MAX_CHANNELS, CanFrame, FrameBatches, FrameRows
+from nvscope.capture.can.frame import MAX_CHANNELS, CanFrame, CanRows, FrameBatches
 from nvscope.capture.content import Content
 from nvscope.capture.reader import ReadingSizes, WindowReader
 from nvscope.capture.source import Truncation
-from nvscope.capture.window import View
 
 MAX_LINE_BYTES = 64 << 10
 """A longer line is none of a log, but what a crash or another program left in it."""
@@ -48,12 +48,12 @@ class _Stretch:
         self._whole_end = whole_end
         count = len(start)
         self.is_frame = np.zeros(count, np.bool_)
-        self._rows = FrameRows.empty(count)
+        self._rows = CanRows.empty(count)
 
     def line(self, row: int) -> bytes:
         return self.data[self.start[row] : self._whole_end[row]].tobytes()
 
-    def put(self, rows: I64 | None, frames: FrameRows) -> None:
+    def put(self, rows: I64 | None, frames: CanRows) -> None:
         """Take the frames of some lines, None for all of them."""
         if rows is None:
             self._rows = frames
@@ -62,7 +62,7 @@ class _Stretch:
         self._rows.put(rows, frames)
         self.is_frame[rows] = True
 
-    def frames(self) -> FrameRows:
+    def frames(self) -> CanRows:
         """Return the frames, in the order of their lines."""
         if self.is_frame.all():
             return self._rows
@@ -130,7 +130,7 @@ class CandumpReader(WindowReader):
         self.finished = view.ends_file and here >= view.end
         self._tell()
 
-    def _add(self, batches: FrameBatches, frames: FrameRows) -> Iterator[PacketBatch]:
+    def _add(self, batches: FrameBatches, frames: CanRows) -> Iterator[PacketBatch]:
         self.progress.frames += len(frames)
         yield from batches.add(frames)
 
@@ -190,7 +190,7 @@ class CandumpReader(WindowReader):
                 assert rest is not None
                 at = 0
         if singly.rows:
-            stretch.put(np.array(singly.rows, np.int64), FrameRows.of(singly.frames, singly.channels))
+            stretch.put(np.array(singly.rows, np.int64), CanRows.of(singly.frames, singly.channels))
         self._lines += count
         self._shapes.sort(key=lambda shape: -shape.hits)
         for shape in self._shapes:

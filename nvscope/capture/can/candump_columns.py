@@ -12,7 +12,7 @@ import re
 import numpy as np
 
 from dissectors.batch import I64, PAD_BYTES, U8, U64, Bool, Records
-from nvscope.capture.can.frame import CLASSIC_WORDS, FD_FRAME, FD_WORDS, HEAD_BYTES, FrameRows
+from nvscope.capture.can.frame import CLASSIC_WORDS, FD_FRAME, FD_WORDS, HEAD_BYTES, CanRows
 from nvscope.capture.digits import ZEROS, decimal, hexadecimal, last_characters
 from nvscope.capture.reader import TIME_LIMIT_NS
 
@@ -85,7 +85,7 @@ class Shape:
         self._names.append((list(np.frombuffer(padded, np.uint64)), number))
         return True
 
-    def take(self, data: U8, start: I64, length: I64) -> tuple[FrameRows, Bool | None]:
+    def take(self, data: U8, start: I64, length: I64) -> tuple[CanRows, Bool | None]:
         """Return the frames of those lines at ``start`` that are of the shape, and which ones they are, None for all.
 
         Of each line ``length`` characters count. At least ``PAD_BYTES`` bytes follow each start.
@@ -100,7 +100,7 @@ class Shape:
             chosen = fits
             fitting = np.flatnonzero(fits)
             if not len(fitting):
-                return FrameRows.empty(0), chosen
+                return CanRows.empty(0), chosen
             block, start, length = block[fitting], start[fitting], length[fitting]
         rows, wrong, channel_known = self._decode(data, block, start, length)
         good = (wrong == 0) & channel_known
@@ -112,7 +112,7 @@ class Shape:
                 chosen[np.flatnonzero(chosen)[~good]] = False
         return rows, chosen
 
-    def _decode(self, data: U8, block: Records, start: I64, length: I64) -> tuple[FrameRows, U64, Bool]:
+    def _decode(self, data: U8, block: Records, start: I64, length: I64) -> tuple[CanRows, U64, Bool]:
         """Return the frames of lines of the shape, what is not 0 where they are wrong, and whose channel is known."""
         ts_ns, wrong = self._times(block)
         word = last_characters(_words(block, self._identifier_at), self._identifier)
@@ -146,7 +146,7 @@ class Shape:
                 wrong |= bad
         channel, known = self._channels(block)
         captured = (size + HEAD_BYTES).astype(np.int32)
-        return FrameRows(frames, captured, captured.astype(np.int64), ts_ns, channel), wrong, known
+        return CanRows(frames, captured, captured.astype(np.int64), ts_ns, channel), wrong, known
 
     def _times(self, block: Records) -> tuple[I64, U64]:
         low = min(self._seconds, 8)

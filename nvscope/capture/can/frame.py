@@ -67,7 +67,7 @@ class CanFrame(NamedTuple):
 
 
 @dataclass(slots=True)
-class FrameRows:
+class CanRows:
     """Frames as columns of equal length: ``words`` (n, 4 or 18) is a row of memory for each, in the order of bytes."""
 
     words: Frames
@@ -79,16 +79,14 @@ class FrameRows:
     def __len__(self) -> int:
         return len(self.ts_ns)
 
-    def __getitem__(self, rows: slice | I64 | Bool) -> FrameRows:
+    def __getitem__(self, rows: slice | I64 | Bool) -> CanRows:
         """Return the frames of a slice, of some row numbers, or those that a mask chooses."""
-        return FrameRows(
-            self.words[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.channel[rows]
-        )
+        return CanRows(self.words[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.channel[rows])
 
     @staticmethod
-    def empty(count: int) -> FrameRows:
+    def empty(count: int) -> CanRows:
         """Return rows for classic frames that are still to be put in."""
-        return FrameRows(
+        return CanRows(
             np.zeros((count, CLASSIC_WORDS), np.uint32),
             np.empty(count, np.int32),
             np.empty(count, np.int64),
@@ -96,7 +94,7 @@ class FrameRows:
             np.empty(count, np.uint16),
         )
 
-    def put(self, rows: I64 | slice, frames: FrameRows) -> None:
+    def put(self, rows: I64 | slice, frames: CanRows) -> None:
         """Replace some rows; all become wide where a frame that comes is."""
         width, room = frames.words.shape[1], self.words.shape[1]
         if width > room:
@@ -110,11 +108,11 @@ class FrameRows:
         self.channel[rows] = frames.channel
 
     @staticmethod
-    def of(frames: list[CanFrame], channels: list[int]) -> FrameRows:
+    def of(frames: list[CanFrame], channels: list[int]) -> CanRows:
         """Return frames, at least one, and the number of the channel of each, as columns."""
         words = max(frame.words for frame in frames)
         packed = b"".join(frame.packed().ljust(4 * words, b"\0") for frame in frames)
-        return FrameRows(
+        return CanRows(
             np.frombuffer(packed, np.uint32).reshape(-1, words),
             np.array([frame.captured_bytes for frame in frames], np.int32),
             np.array([frame.original_bytes for frame in frames], np.int64),
@@ -132,9 +130,9 @@ class FrameBatches:
 
     def _renew(self) -> None:
         self.rows = 0
-        self._columns = FrameRows.empty(self._capacity)
+        self._columns = CanRows.empty(self._capacity)
 
-    def add(self, part: FrameRows) -> Iterator[PacketBatch]:
+    def add(self, part: CanRows) -> Iterator[PacketBatch]:
         """Take all rows of ``part`` and yield the batches that become full."""
         done = 0
         while done < len(part):

@@ -25,7 +25,7 @@ from urllib.parse import quote
 from dissectors.batch import PacketBatch
 from nvscope.capture.byte_stream import ByteStream
 from nvscope.capture.can.blf_containers import BlfContainers
-from nvscope.capture.can.frame import MAX_CHANNEL_BYTES, MAX_CHANNELS, CanFrame, FrameBatches, FrameRows
+from nvscope.capture.can.frame import MAX_CHANNEL_BYTES, MAX_CHANNELS, CanFrame, CanRows, FrameBatches
 from nvscope.capture.can.message import MessageFault, described, frame_of
 from nvscope.capture.content import Content
 from nvscope.capture.formats import NoCapture, format_of
@@ -156,7 +156,7 @@ class CanLogReader(Reader):
 
     def _add(self, batches: FrameBatches, frames: list[CanFrame], channels: list[int]) -> Iterator[PacketBatch]:
         self.progress.frames += len(frames)
-        yield from batches.add(FrameRows.of(frames, channels))
+        yield from batches.add(CanRows.of(frames, channels))
 
     def _fault(self, what: str, place: str | None = None) -> None:
         if not self._wrong:

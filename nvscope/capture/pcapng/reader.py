@@ -11,6 +11,7 @@ import numpy as np
 
 from dissectors.batch import I64, U32, PacketBatch
 from nvscope.capture.batch_builder import join
+from nvscope.capture.byte_window import View
 from nvscope.capture.content import Content
 from nvscope.capture.pcapng.blocks import (
     BYTE_ORDERS,
@@ -37,7 +38,6 @@ from nvscope.capture.pcapng.interfaces import Interface, InterfaceTable
 from nvscope.capture.pcapng.packet_blocks import PacketBlocks
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.record_reader import RecordReader, Taken
-from nvscope.capture.window import View
 from nvscope.errors import UnreadableInput
 
 MAX_INTERFACES = 65_536

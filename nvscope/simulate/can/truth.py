@@ -20,8 +20,8 @@ from nvscope.findings.can import DLC_MISMATCH, INCOMPLETE_CYCLE
 from nvscope.findings.can_bus import ERROR_FRAMES
 from nvscope.findings.cob_ids import CANOPEN_COLLISION
 from nvscope.list_key import ListKey
+from nvscope.simulate.can.frame_table import CanFrames, CanFrameTable, frames_bits
 from nvscope.simulate.can.tables import CanList
-from nvscope.simulate.can.timeline import CanFrames, CanTimeline, frames_bits
 from nvscope.simulate.expected import ExpectedFindings, expect_intervals, nominal_of
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.scenario import Scenario
@@ -47,13 +47,13 @@ class _Place:
 
 
 def can_lists(
-    scenario: Scenario, timeline: CanTimeline, end_ns: int, found: ExpectedFindings
+    scenario: Scenario, table: CanFrameTable, end_ns: int, found: ExpectedFindings
 ) -> Iterator[dict[str, Any]]:
     """Yield what is true of the lists on CAN, in the order of a report; their findings go to ``found``.
 
     ``end_ns`` is the end of the capture.
     """
-    frames = timeline.frames
+    frames = table.frames
     places = _places(scenario)
     lists: dict[ListKey, list[tuple[_Place, _Identity, I64]]] = {}
     remote = dict(_by_identity(scenario, frames, np.flatnonzero(frames.remote)))
@@ -96,13 +96,13 @@ def can_lists(
             "counters": {},
             "nodes": [],
             "streams": told,
-            "designed": _designed(scenario, timeline, key, plan),
+            "designed": _designed(scenario, table, key, plan),
         }
 
 
-def can_buses(scenario: Scenario, timeline: CanTimeline, found: ExpectedFindings) -> Iterator[dict[str, Any]]:
+def can_buses(scenario: Scenario, table: CanFrameTable, found: ExpectedFindings) -> Iterator[dict[str, Any]]:
     """Yield what is true of the buses on which anything is seen; error frames go to ``found``."""
-    frames = timeline.frames
+    frames = table.frames
     rates = {bus.channel: bus.bit_rate for bus in scenario.bus}
     for number, channel in enumerate(scenario.channels):
         own = frames.take(frames.channel == number)
@@ -197,10 +197,10 @@ def _expect_cycles(scenario: Scenario, frames: CanFrames, key: ListKey, plan: Ca
             found.add(INCOMPLETE_CYCLE, key, None, None, int((telegrams[begins:-1] < len(plan.data_bytes)).sum()))
 
 
-def _designed(scenario: Scenario, timeline: CanTimeline, key: ListKey, plan: CanList | None) -> dict[str, int] | None:
+def _designed(scenario: Scenario, table: CanFrameTable, key: ListKey, plan: CanList | None) -> dict[str, int] | None:
     """Return how many PDOs of a list were sent, and how many of them are never seen."""
     for number, entry in enumerate(scenario.can_list):
         if plan is not None and entry.channel == key.port and entry.cob_id == plan.cob_id:
-            seen = int((timeline.frames.entry == number).sum())
-            return {"telegrams_sent": timeline.sent_of[number], "telegrams_lost": timeline.sent_of[number] - seen}
+            seen = int((table.frames.entry == number).sum())
+            return {"telegrams_sent": table.sent_of[number], "telegrams_lost": table.sent_of[number] - seen}
     return None

@@ -10,7 +10,7 @@ import numpy as np
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.canopen import FUNCTION_NAMES, function_of, node_of
 from dissectors.can.frame import CanBatch, Fault
-from nvscope.expression.columns import BytesColumn, FieldType, Numbers, TextColumn
+from nvscope.expression.typed_columns import BytesColumn, FieldType, Numbers, TextColumn
 from nvscope.view.escape import visible
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import CAN, FrameRows

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.expression.columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
+from nvscope.expression.typed_columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
 from nvscope.view.rows.frames import FrameRows
 
 

@@ -14,14 +14,14 @@ from dissectors.headers import IPV4_HIGH, IPV4_LOW
 from dissectors.headers import UDP as LAYOUT
 from dissectors.transport import IpEnds
 from nvscope.errors import UsageError
-from nvscope.expression.columns import (
+from nvscope.expression.names import nearest
+from nvscope.expression.typed_columns import (
     AddressColumn,
     BytesColumn,
     FieldType,
     Named,
     Numbers,
 )
-from nvscope.expression.names import nearest
 from nvscope.view.escape import visible
 from nvscope.view.fields.can import CAN_FIELDS
 from nvscope.view.fields.field import TelegramField

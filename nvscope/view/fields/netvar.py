@@ -13,7 +13,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.layout import Bit, Field
 from dissectors.netvar import HEADER, KNOWN_SERVICE, LEAST_CAPTURED_BYTES, Fault, TelegramBatch
-from nvscope.expression.columns import BytesColumn, FieldType, Numbers, TextColumn
+from nvscope.expression.typed_columns import BytesColumn, FieldType, Numbers, TextColumn
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import NETVAR
 

@@ -22,7 +22,7 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout, known_fronts
 from nvscope.definition.value import value_of
 from nvscope.definition.variables import Element, Enumeration, ScalarKind, scalar_of
-from nvscope.expression.columns import BytesColumn, Column, FieldType, Numbers, TextColumn
+from nvscope.expression.typed_columns import BytesColumn, Column, FieldType, Numbers, TextColumn
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
 from nvscope.tracker.variables.values import Block
 from nvscope.view.fields.field import TelegramField

@@ -16,7 +16,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.can.pdo import EXTENDED
 from dissectors.carried import Carrier
-from nvscope.expression.columns import Column, FieldType, TextColumn
+from nvscope.expression.typed_columns import Column, FieldType, TextColumn
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.figures import Figure, Of, Unit, Value, figures_of

@@ -10,7 +10,7 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import Bool
-from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, Numbers, TextColumn
+from nvscope.expression.typed_columns import AddressColumn, BytesColumn, FieldType, Numbers, TextColumn
 from nvscope.view.escape import visible
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.lines import moments

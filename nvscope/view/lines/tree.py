@@ -18,7 +18,7 @@ from dissectors.batch import I64
 from dissectors.headers import PROTOCOL_TCP, PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
 from dissectors.layout import Field, Layout
 from nvscope import units
-from nvscope.expression.columns import FieldType
+from nvscope.expression.typed_columns import FieldType
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments
 from nvscope.view.lines.fit import cut

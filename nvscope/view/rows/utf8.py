@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, U8, U32, Bool
-from nvscope.expression.columns import Numbers
+from nvscope.expression.typed_columns import Numbers
 
 _PIECE_BYTES = 1 << 20  # what is made of a piece of text is some ten times as large
 _REPLACEMENT = 0xFFFD

@@ -12,7 +12,7 @@ import numpy as np
 from dissectors.batch import I64, U8, Bool
 from nvscope.definition.packing import TelegramLayout
 from nvscope.definition.variables import Elementary, ScalarKind, String, scalar_of
-from nvscope.expression.columns import FieldType, Numbers
+from nvscope.expression.typed_columns import FieldType, Numbers
 from nvscope.tracker.variables.values import Block, blocks_of
 from nvscope.view.rows.utf8 import Utf8Column, latin_column, utf16_column
 

@@ -20,10 +20,10 @@ from nvscope.definition.packing import pack
 from nvscope.errors import ConfigurationError, ExitCode
 from nvscope.simulate.can.bus import priority_of, transmit
 from nvscope.simulate.can.definition import can_definitions
-from nvscope.simulate.can.timeline import frames_bits, make_can_timeline
+from nvscope.simulate.can.frame_table import frames_bits, make_can_frame_table
+from nvscope.simulate.frame_table import make_frame_table
 from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from nvscope.simulate.simulator import channels_of, open_capture, simulate
-from nvscope.simulate.timeline import make_timeline
 from tests.capture.can.logs import frames_of
 from tests.program import run_text
 from tests.simulate.can.random_scenario import random_can_scenario
@@ -74,7 +74,7 @@ def test_standard_frames_go_before_extended_ones_and_data_before_requests() -> N
 @pytest.mark.parametrize("seed", range(12))
 def test_frames_are_as_near_as_their_bits_allow_and_never_nearer(seed: int) -> None:
     scenario = read_scenario(random_can_scenario(seed).replace('"-2s"', '"1ms"'))
-    frames = make_can_timeline(scenario).frames
+    frames = make_can_frame_table(scenario).frames
     rates = {bus.channel: bus.bit_rate for bus in scenario.bus}
     for number, channel in enumerate(scenario.channels):
         own = frames.take((frames.channel == number) & ~frames.error & (frames.fd_flags == 0))
@@ -97,7 +97,7 @@ def test_a_sending_is_written_back_to_back() -> None:
     assert [frame[16:24] for frame in frames] == ["00000000"] * 3
     assert [len(frame) for frame in frames] == [32, 32, 24]
     times_us = (batch.ts_ns - scenario.start_ns) // 1000
-    bits, _ = frames_bits(make_can_timeline(scenario).frames)
+    bits, _ = frames_bits(make_can_frame_table(scenario).frames)
     assert times_us.tolist() == np.cumsum(bits).tolist()
 
 
@@ -141,7 +141,7 @@ def test_a_pcapng_file_holds_buses_and_the_network_in_the_order_of_time(tmp_path
         for row in range(len(batch))
     ]
     assert Counter((channel, link) for _, channel, link in seen) == {
-        ("eth0", 1): len(make_timeline(scenario)),
+        ("eth0", 1): len(make_frame_table(scenario)),
         ("can0", LinkType.CAN_SOCKETCAN): truth["capture"]["can_frames"],
     }
     assert all(before[0] <= after[0] for before, after in pairwise(seen))

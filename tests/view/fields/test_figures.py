@@ -11,7 +11,7 @@ import pytest
 
 from dissectors import address
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.expression.columns import FieldType, TextColumn
+from nvscope.expression.typed_columns import FieldType, TextColumn
 from nvscope.tracker.figures import FIGURES, Figure, Of, Value
 from nvscope.tracker.subjects import subjects
 from nvscope.view.fields.verdicts import Verdicts, verdict_fields

@@ -13,7 +13,7 @@ from dissectors.batch import PacketBatch
 from dissectors.netvar import HEADER, PortRules
 from nvscope.engine.reading import Reading
 from nvscope.errors import UsageError
-from nvscope.expression.columns import AddressColumn, BytesColumn, FieldType, TextColumn
+from nvscope.expression.typed_columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS, output_field
 from nvscope.view.rows.frames import FrameRows
 from tests.laws import examples

@@ -19,7 +19,7 @@ from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
 from nvscope.definition.variables import Array, Elementary, Member, ScalarKind, String, Structure, Type, scalar_of
 from nvscope.errors import UsageError
-from nvscope.expression.columns import BytesColumn, TextColumn
+from nvscope.expression.typed_columns import BytesColumn, TextColumn
 from nvscope.report.fields import document, render
 from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields import variables as module

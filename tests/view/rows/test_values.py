@@ -13,7 +13,7 @@ from nvscope.definition.packing import pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import Value, value_of
 from nvscope.definition.variables import Elementary, Enumeration, String
-from nvscope.expression.columns import FieldType
+from nvscope.expression.typed_columns import FieldType
 from nvscope.view.rows.utf8 import Utf8Column, latin_column, utf16_column
 from nvscope.view.rows.values import ColumnDecoder, ValueColumn, value_type
 from tests.definition.lists import SCALARS as DRAWN

@@ -1,4 +1,4 @@
-"""Timeline of CAN: every frame of a scenario's buses in the order of the capture, as columns.
+"""FrameTable of CAN: every frame of a scenario's buses in the order of the capture, as columns.
 
 Every list has sendings; each of them is one PDO per identifier, all of them due at once, so that they follow each other
 at the bit rate of the bus. Times are whole microseconds, rounded up: no two frames are nearer than their bits allow.
@@ -104,7 +104,7 @@ class CanFrames:
 
 
 @dataclass(frozen=True, slots=True)
-class CanTimeline:
+class CanFrameTable:
     """What passes the buses and is seen, in the order of the capture, and how many PDOs each list sent in all."""
 
     frames: CanFrames
@@ -114,7 +114,7 @@ class CanTimeline:
         return len(self.frames)
 
 
-def make_can_timeline(scenario: Scenario) -> CanTimeline:
+def make_can_frame_table(scenario: Scenario) -> CanFrameTable:
     """Return all frames on CAN of a scenario; ConfigurationError where it contradicts itself."""
     _check_size(scenario)
     draft = _Draft(scenario)
@@ -134,7 +134,7 @@ def make_can_timeline(scenario: Scenario) -> CanTimeline:
     if len(ts_ns) and ts_ns.min() < 0:
         raise scenario.error("clock_step", "the clock would show a time before 1970")
     columns = (getattr(frames, column.name) for column in fields(frames)[2:])
-    return CanTimeline(CanFrames(frames.payloads, ts_ns, *columns), sent_of)
+    return CanFrameTable(CanFrames(frames.payloads, ts_ns, *columns), sent_of)
 
 
 def frames_bits(frames: CanFrames) -> tuple[I64, I64]:

@@ -1,4 +1,4 @@
-"""Timeline: every frame of a scenario in the order of the capture, as columns and patterns.
+"""FrameTable: every frame of a scenario in the order of the capture, as columns and patterns.
 
 Bytes come into being only when a batch is rendered; until then a frame takes about 130 bytes of memory.
 """
@@ -22,7 +22,7 @@ from nvscope.simulate.template import Role, Template
 
 
 @dataclass(frozen=True, slots=True)
-class Timeline:
+class FrameTable:
     """The frames of a scenario, shape (n,), in the order of the capture.
 
     ``ordinal``, ``counter``, ``flags`` and ``checksum`` fill the template. ``label``, ``number`` and ``epoch`` are what
@@ -50,7 +50,7 @@ class Timeline:
         return len(self.ts_ns)
 
 
-def make_timeline(scenario: Scenario) -> Timeline:
+def make_frame_table(scenario: Scenario) -> FrameTable:
     """Return all frames of a scenario; ConfigurationError where its faults contradict each other."""
     schedule = make_schedule(scenario)
     draft = Draft(scenario, schedule, make_journey(scenario, schedule))
@@ -71,7 +71,7 @@ def make_timeline(scenario: Scenario) -> Timeline:
     return _finished(draft)
 
 
-def _finished(draft: Draft) -> Timeline:
+def _finished(draft: Draft) -> FrameTable:
     """Return everything in the order of the capture, with its clock. The draft is of no use afterwards."""
     scenario, writers, streams = draft.scenario, draft.schedule.writers, draft.schedule.streams
     sequence_of = np.zeros(max(len(streams), 1), np.int64)
@@ -97,7 +97,9 @@ def _finished(draft: Draft) -> Timeline:
     if len(ts_ns) and ts_ns.min() < 0:
         raise scenario.error("clock_step", "the clock would show a time before 1970")
     captured = _captured(columns, draft)
-    return Timeline(writers, streams, sequence_of, sent_of, tuple(draft.templates), ts_ns, captured=captured, **columns)
+    return FrameTable(
+        writers, streams, sequence_of, sent_of, tuple(draft.templates), ts_ns, captured=captured, **columns
+    )
 
 
 def _doubled(

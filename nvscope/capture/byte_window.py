@@ -35,7 +35,7 @@ class View:
     ends_file: bool
 
 
-class Window(Protocol):
+class ByteWindow(Protocol):
     """The bytes of a file, in order."""
 
     def view(self, position: int) -> View:
