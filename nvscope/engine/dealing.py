@@ -116,7 +116,7 @@ def _telegrams(told: Told, share: Share) -> Told:
         data=laid.data.of(share.owns_streams),
         pdos=laid.pdos.of(share.owns_streams),
         parameters=laid.parameters.of(own),
-        rejected=Rejected(rejected.telegrams.take(back), rejected.list[back], rejected.node[back]),
+        rejected=Rejected(rejected.telegrams.take(back), *(column[back] for column in rejected[1:])),
     )
     variety = np.where(own[told.variety], told.variety, NO_TELEGRAM)
     return told.part(replace(_of_no_list(told, share), variety=variety), others)

@@ -135,14 +135,15 @@ NONE_BEGUN = Begun(np.empty(0, np.int64), np.empty(0, np.int64))
 
 
 class Rejected(NamedTuple):
-    """Telegrams of lists that came back as undeliverable, with the numbers of their list and of who sent them."""
+    """Telegrams of lists that came back as undeliverable, with the numbers of their list, and from and to whom."""
 
     telegrams: TelegramBatch
     list: I64
     node: I64
+    receiver: I64
 
 
-NONE_REJECTED = Rejected(NO_TELEGRAMS, np.empty(0, np.int64), np.empty(0, np.int64))
+NONE_REJECTED = Rejected(NO_TELEGRAMS, np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, np.int64))
 
 
 def kinds(service: U32, fault: U8) -> U8:
@@ -218,7 +219,8 @@ class Keys:
             np.full(len(quoted), Carrier.UDP, np.uint64),
             datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64),
         )  # fmt: skip
-        return Rejected(quoted, lists, self.nodes.numbers(datagram.source_hi, datagram.source_lo))
+        sender = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
+        return Rejected(quoted, lists, sender, self.nodes.numbers(datagram.destination_hi, datagram.destination_lo))
 
     @property
     def list_ports(self) -> I64:
@@ -236,6 +238,11 @@ class Keys:
     def node_of(self, stream: I64) -> I64:
         """Return the nodes that send streams."""
         return self.streams.low[stream].astype(np.int64)
+
+    def described(self, stream: I64) -> tuple[I64, I64, I64]:
+        """Return the lists, the nodes and the SubIndexes of streams."""
+        place = self.place_of(stream)
+        return self.list_of_place(place), self.node_of(stream), self.places.low[place].astype(np.int64)
 
     def list_key(self, number: int) -> ListKey:
         """Return the key of a list."""

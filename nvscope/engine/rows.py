@@ -37,9 +37,9 @@ class DataRows:
     """Well-formed data telegrams, by stream, within a stream as captured.
 
     ``packet`` holds their rows in the packet batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound
-    the runs of one stream, which is ``run_stream``; ``signature_before`` is that of the telegram before each run, and
-    ``fresh`` where there is none. ``several`` are the runs, by their places among the runs, that are of more than one
-    variety, rising. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
+    the runs of one stream, which is ``run_stream``; ``signature_before`` and ``before_ns`` are of the telegram before
+    each run, and ``fresh`` where there is none. ``several`` are the runs, by their places among the runs, that are of
+    more than one variety, rising. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
     where no row is. ``others`` are the packets of the batch that hold no well-formed data telegram, rising; PDOs have
     none.
     """
@@ -50,6 +50,7 @@ class DataRows:
     stop: I64
     run_stream: I64
     signature_before: U64
+    before_ns: I64
     fresh: Bool
     several: I64
     variety: I64
@@ -75,6 +76,14 @@ class DataRows:
         """Return the rows of some runs, given by their places among the runs."""
         return spans(self.start[run], self.stop[run] - self.start[run])
 
+    def times_before(self, row: I64) -> I64:
+        """Return the time of the telegram before some rows in their streams; of the first of all, its own."""
+        run = np.searchsorted(self.start, row, "right") - 1
+        first = row == self.start[run]
+        before = np.where(self.fresh[run], self.time_ns[row], self.before_ns[run])
+        times: I64 = np.where(first, before, self.time_ns[row - 1])
+        return times
+
     def of(self, own: Bool) -> DataRows:
         """Return the rows of some streams; ``own`` is a mask over streams."""
         run = np.flatnonzero(own[self.run_stream])
@@ -89,8 +98,9 @@ class DataRows:
         mixed[self.several] = True
         return DataRows(
             self.packet[row], self.stream[row], stop - length, stop, self.run_stream[run], self.signature_before[run],
-            self.fresh[run], np.flatnonzero(mixed[run]), self.variety[row], self.counter[row], self.time_ns[row],
-            np.flatnonzero(wants[row]), repeated if repeated is not None and repeated.any() else None, self.others,
+            self.before_ns[run], self.fresh[run], np.flatnonzero(mixed[run]), self.variety[row], self.counter[row],
+            self.time_ns[row], np.flatnonzero(wants[row]),
+            repeated if repeated is not None and repeated.any() else None, self.others,
         )  # fmt: skip
 
     def where(self, chosen: Bool, stream_of: I64) -> I64:
@@ -107,8 +117,8 @@ class DataRows:
 def _no_rows() -> DataRows:
     number, word = np.empty(0, np.int64), np.empty(0, np.uint64)
     return DataRows(
-        number, number, number, number, number, word, np.empty(0, np.bool_), number, number, np.empty(0, np.uint16),
-        number, number, None, number,
+        number, number, number, number, number, word, number, np.empty(0, np.bool_), number, number,
+        np.empty(0, np.uint16), number, number, None, number,
     )  # fmt: skip
 
 
@@ -151,8 +161,9 @@ class StreamMemory:
         counter, time_ns = batch.counter.take(packet), batch.packets.ts_ns.take(packet)
         nothing = np.empty(0, np.int64)
         rows = DataRows(
-            packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.telegrams[run] == 0,
-            several, variety, counter, time_ns, nothing, None, others if kind == FrameKind.DATA else nothing,
+            packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.last_ns[run],
+            columns.telegrams[run] == 0, several, variety, counter, time_ns, nothing, None,
+            others if kind == FrameKind.DATA else nothing,
         )  # fmt: skip
         mixed = rows.of_runs(several)
         variety[mixed] = batch.variety[packet[mixed]]

@@ -16,6 +16,7 @@ from dissectors.netvar import TelegramBatch
 from dissectors.sorter import SortedPackets
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.clock import Clock
+from nvscope.engine.events import EventBatch, Listeners
 from nvscope.engine.keys import Begun, Keys, Rejected
 from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.reading import TIMEOUT_NS, Choose
@@ -52,7 +53,12 @@ class Told:
     protocols that have ports of their own; ``timeout_ns`` is how long an answer may take.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
+
+    Events pass through it, too: what counts something tells what happened (``tell``), and those whom the state's owner
+    has named hear of it (``heard_by``).
     """
+
+    __slots__ = ("__dict__", "_listeners")
 
     def __init__(
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
@@ -69,6 +75,7 @@ class Told:
         self.timeout_ns = timeout_ns
         self._choose = choose
         self._laid = laid
+        self._listeners: Listeners = ()
 
     def __len__(self) -> int:
         return len(self.batch)
@@ -76,11 +83,31 @@ class Told:
     def part(self, batch: SortedPackets, laid: Laid) -> Told:
         """Return what is told of a part of the batch, of which the filter chooses as it does of the whole."""
         chosen = self.chosen
-        return Told(
+        told = Told(
             batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
             choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
             dissectors=self.dissectors, timeout_ns=self.timeout_ns,
         )  # fmt: skip
+        return told.heard_by(self._listeners)
+
+    def heard_by(self, listeners: Listeners) -> Told:
+        """Return the same batch for who tells events to listeners, and to nobody else."""
+        told = object.__new__(Told)
+        # Nothing is found twice: whatever is looked for in one of them is found in both.
+        told.__dict__ = self.__dict__
+        told._listeners = listeners
+        return told
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether anybody listens: what takes time to tell need not be told to nobody."""
+        return bool(self._listeners)
+
+    def tell(self, events: EventBatch) -> None:
+        """Tell events to all who listen; of none, nothing is told."""
+        if len(events):
+            for listener in self._listeners:
+                listener.hear(events)
 
     @property
     def packets(self) -> PacketBatch:

@@ -168,10 +168,10 @@ class Facts:
             return {}
         lists, log = self.state.lists, EventLog()
         over = lists.acknowledgement.overdue(self.at_ns)
-        requests, nobody = over.requests, np.full(len(over.requests), -1)
+        waits, requests, nobody = over.waits, over.requests, np.full(len(over.requests), -1)
         asked = self.state.keys.places.low[requests.place].astype(np.int64)
         for event, place, deadline_ns, frame in (
-            (EventKind.NO_ACKNOWLEDGEMENT, lists.described(over.stream), over.deadline_ns, over.frame),
+            (EventKind.NO_ACKNOWLEDGEMENT, self.state.keys.described(waits.stream), waits.end_ns, waits.frame),
             (EventKind.BOOT_UP_UNANSWERED, (requests.list, nobody, asked), requests.deadline_ns, requests.frame),
         ):
             order = np.argsort(deadline_ns, kind="stable")

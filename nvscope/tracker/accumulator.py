@@ -13,6 +13,8 @@ class Accumulator(Protocol):
 
     ``SPLIT_BY`` is what frames may be dealt out by: parts that counted a share each, joined, are what counting all at
     once gives. What is of no list, such as the messages of protocols with ports of their own, goes to the first part.
+
+    What happened, it tells (``Told.tell``): kinds of events are members of an enumeration of its own.
     """
 
     SPLIT_BY: ClassVar[SplitBy]

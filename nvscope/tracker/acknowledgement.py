@@ -31,16 +31,21 @@ _FEW_PAIRS = 4096  # of waits and streams, of which few are of one place
 
 
 class WaitColumns(KeyedColumns):
-    """One row a stream: its open wait, if any, and when it last wanted an acknowledgement (``NEVER``: not yet)."""
+    """One row a stream: its open wait, if any, and when it last wanted an acknowledgement (``NEVER``: not yet).
+
+    ``peer`` is the node to which the waiting telegram was sent, -1 for all.
+    """
 
     open: Bool
     since_ns: I64
     frame: I64
+    peer: I64
     wanted_ns: I64
     COLUMNS: ClassVar = {
         "open": (np.False_, 1),
         "since_ns": (np.int64(0), 1),
         "frame": (np.int64(0), 1),
+        "peer": (np.int64(-1), 1),
         "wanted_ns": (np.int64(NEVER), 1),
     }
 
@@ -88,15 +93,27 @@ NO_WAITS = BootUpWaits(*(np.empty(0, np.int64) for _ in fields(BootUpWaits)))
 
 
 @dataclass(frozen=True, slots=True)
-class Overdue:
-    """Waits whose deadline has passed without a frame that shows it.
+class Waits(Columns):
+    """Waits of data telegrams that have ended: from when to when, and in which frame. Shapes (n,).
 
-    Of each data telegram that was not acknowledged its ``stream``, deadline and ``frame``; and the boot-up requests.
+    ``peer`` is the node that ended it, or of one that nobody did, the node to which the telegram was sent; -1 for all.
     """
 
     stream: I64
-    deadline_ns: I64
+    since_ns: I64
+    end_ns: I64
     frame: I64
+    peer: I64
+
+
+_NO_WAITS = Waits(*(np.empty(0, np.int64) for _ in fields(Waits)))
+
+
+@dataclass(frozen=True, slots=True)
+class Overdue:
+    """Waits whose deadline has passed without a frame that shows it, of data telegrams and of boot-up requests."""
+
+    waits: Waits
     requests: BootUpWaits
 
 
@@ -104,13 +121,14 @@ class Overdue:
 class Answers:
     """What a batch showed about answers.
 
-    ``errors`` are error events. ``missing`` holds, for each data telegram that was not acknowledged, its stream, the
-    time of the event and its own frame; ``negative_node`` whom each negative acknowledgement blames (-1: nobody);
-    ``unexpected`` are positions among the acknowledgements; ``unanswered`` are boot-up requests.
+    ``errors`` are error events. ``missing`` are the waits that nobody ended, with the frames that waited, ``answered``
+    those of the others, with the frames that ended them; ``negative_node`` is whom each negative acknowledgement blames
+    (-1: nobody); ``unexpected`` are positions among the acknowledgements; ``unanswered`` are boot-up requests.
     """
 
     errors: list[ErrorEvents]
-    missing: tuple[I64, I64, I64]
+    missing: Waits
+    answered: Waits
     negative_node: I64
     unexpected: I64
     unanswered: BootUpWaits
@@ -131,14 +149,17 @@ class Acknowledgement:
 
     def observe(
         self, rows: DataRows, acknowledgements: Messages, requests: Messages, clock: Clock, keys: Keys,
-        first_frame: int,
+        first_frame: int, *, heard: bool = False,
     ) -> Answers:  # fmt: skip
-        """Take a batch; ``clock`` has the times of all its frames, telegrams or not."""
+        """Take a batch; ``clock`` has the times of all its frames, telegrams or not.
+
+        ``heard``: somebody wants to know of the waits that were answered; without, they are only counted.
+        """
         self.waits.resize(len(keys.streams))
         self.places.resize(len(keys.places))
         wanting = rows.wanting
         unexpected = self._unexpected(rows, wanting, acknowledgements, clock, keys)
-        missing, errors = self._missing(rows, wanting, acknowledgements, clock, keys, first_frame)
+        missing, answered, errors = self._follow(rows, wanting, acknowledgements, clock, keys, first_frame, heard=heard)
         negative, negative_node = self._negative(rows, acknowledgements, clock, keys, first_frame)
         unanswered, seen = self._boot_up(rows, requests, clock, keys, first_frame)
         last = rows.run_stream[np.argsort(rows.packet[rows.stop - 1])]
@@ -147,7 +168,7 @@ class Acknowledgement:
         answered_error = DiagError.UDPANSWERBOOTUPREQUEST
         errors.append(negative)
         errors.append(ErrorEvents(answered_error, False, unanswered.list, nobody, unanswered.deadline_ns, seen))
-        return Answers(errors, missing, negative_node, unexpected, unanswered)
+        return Answers(errors, missing, answered, negative_node, unexpected, unanswered)
 
     def take(self, part: Acknowledgement, share: Share) -> None:
         """Take over the waits of a part for its share of the lists."""
@@ -165,25 +186,26 @@ class Acknowledgement:
         deadline = waits.since_ns[stream] + self.timeout_ns
         late = deadline < at_ns
         stream = stream[late]
+        over = Waits(stream, waits.since_ns[stream], deadline[late], waits.frame[stream], waits.peer[stream])
         requests = self.boot_up_waits
-        return Overdue(stream, deadline[late], waits.frame[stream], requests.take(requests.deadline_ns < at_ns))
+        return Overdue(over, requests.take(requests.deadline_ns < at_ns))
 
     def expire(self, at_ns: int) -> Overdue:
         """Close the waits whose deadline is before a time that has passed, and return them."""
         over = self.overdue(at_ns)
-        self.waits.open[over.stream] = False
+        self.waits.open[over.waits.stream] = False
         self.boot_up_waits = self.boot_up_waits.take(self.boot_up_waits.deadline_ns >= at_ns)
         return over
 
-    def _missing(
-        self, rows: DataRows, wanting: I64, acknowledgements: Messages, clock: Clock, keys: Keys, first_frame: int
-    ) -> tuple[tuple[I64, I64, I64], list[ErrorEvents]]:
-        """Follow every wait to its end, and keep those that stay open."""
+    def _follow(
+        self, rows: DataRows, wanting: I64, acknowledgements: Messages, clock: Clock, keys: Keys, first_frame: int, *,
+        heard: bool,
+    ) -> tuple[Waits, Waits, list[ErrorEvents]]:  # fmt: skip
+        """Follow every wait to its end, and keep those that stay open; return those that nobody ended, and others."""
         waits = self.waits
-        nothing = np.empty(0, np.int64)
         open_streams = np.flatnonzero(waits.column("open"))
         if not len(wanting) and not len(open_streams):
-            return (nothing, nothing, nothing), []
+            return _NO_WAITS, _NO_WAITS, []
         concerned = waits.column("open").copy()
         concerned[rows.stream[wanting]] = True
         row = _new_rows_of(rows, concerned[rows.run_stream])
@@ -206,12 +228,24 @@ class Acknowledgement:
         answered = np.flatnonzero(~late & ~again & (answer != NO_PACKET))
         took_ns = clock.time_ns[answer[answered]] - wait_since[answered]
         self.latencies.observe(wait_stream[answered], took_ns, len(keys.streams))
+        ended = _NO_WAITS
+        if heard:
+            answered_by = acknowledgements.source[np.searchsorted(acknowledgements.packet, answer[answered])]
+            frame, since_ns = answer[answered] + first_frame, wait_since[answered]
+            ended = Waits(wait_stream[answered], since_ns, since_ns + took_ns, frame, answered_by)
+        over = np.flatnonzero(late | again)
+        over = over[np.lexsort((wait_packet[over], wait_stream[over]))]
+        kept = np.concatenate([stays, over])
+        peer = np.empty(len(kept), np.int64)
+        begun = kept >= len(open_streams)
+        peer[~begun] = waits.peer[open_streams[kept[~begun]]]
+        variety = rows.variety[row[opens[kept[begun] - len(open_streams)]]]
+        peer[begun] = keys.columns.destination[keys.varieties.flow[variety]]
         waits.open[open_streams] = False
         waits.open[wait_stream[stays]] = True
         waits.since_ns[wait_stream[stays]] = wait_since[stays]
         waits.frame[wait_stream[stays]] = wait_frame[stays]
-        over = np.flatnonzero(late | again)
-        over = over[np.lexsort((wait_packet[over], wait_stream[over]))]
+        waits.peer[wait_stream[stays]] = peer[: len(stays)]
         time = np.where(late, deadline, clock.time_ns[np.minimum(following, len(clock) - 1)])[over]
         seen = np.where(late, expired, following)[over] + first_frame
         blamed = wait_stream[over]
@@ -221,7 +255,7 @@ class Acknowledgement:
         for own, part in ((False, late[over]), (True, again[over])):
             events = (lists[part], sender[part], time[part], seen[part])
             errors.append(ErrorEvents(DiagError.NOACKNOWLEDGEMENT, own, *events))
-        return (blamed, time, wait_frame[over]), errors
+        return Waits(blamed, wait_since[over], time, wait_frame[over], peer[len(stays) :]), ended, errors
 
     def _unexpected(self, rows: DataRows, wanting: I64, messages: Messages, clock: Clock, keys: Keys) -> I64:
         """Find the acknowledgements that nobody asked for within the timeout before them."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from dissectors.varieties import NO_TELEGRAM
 from nvscope.engine.dealing import SplitBy
+from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
-from nvscope.tracker.event_batch import NOWHERE, EventBatch, Listeners, tell
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 
@@ -47,8 +47,7 @@ class CaptureState:
 
     SPLIT_BY: ClassVar = SplitBy.NOTHING
 
-    def __init__(self, listeners: Listeners = ()) -> None:
-        self._listeners = listeners
+    def __init__(self) -> None:
         self.frames = 0
         self.telegrams = 0
         self.chosen = 0
@@ -98,12 +97,13 @@ class CaptureState:
             before[0] = time_ns[0] if self.last_ns is None else self.last_ns
             back = np.flatnonzero(time_ns < before)
             earliest, latest = int(time_ns.min()), int(time_ns.max())
-            self.longest_step_back_ns = max(self.longest_step_back_ns, int((before[back] - time_ns[back]).max()))
+            now_ns, before_ns, frame = time_ns[back], before[back], back + told.first_frame
+            far_ns = before_ns - now_ns
+            self.longest_step_back_ns = max(self.longest_step_back_ns, int(far_ns.max()))
             one_key = np.zeros(len(back), np.uint64)
-            self.steps_back.record(time_ns[back], back + told.first_frame, one_key, one_key)
+            self.steps_back.record(now_ns, frame, one_key, one_key)
             self.steps_back.settle()
-            nowhere, frame = np.full(len(back), NOWHERE), back + told.first_frame
-            tell(self._listeners, EventBatch.on_bus(EventKind.STEP_BACK, nowhere, time_ns[back], frame))
+            told.tell(EventBatch.of(EventKind.STEP_BACK, now_ns, frame, since_ns=before_ns, amount=far_ns))
         self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
         self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)
         self.last_ns = int(time_ns[-1])

@@ -10,19 +10,23 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 
-from dissectors.batch import I64, U16, Bool
+from dissectors.batch import I64, U16, U64, Bool
 from dissectors.keys import KeyTable
 from nvscope.engine.dealing import Share
+from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import runs_of
+from nvscope.engine.told import Told
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 
 AnyColumn = TypeVar("AnyColumn", I64, U16)
 
 NEVER = np.iinfo(np.int64).max
 _PACKET_BITS = 40
+_LAST_BIT = 62
 
 
 class PairColumns(KeyedColumns):
@@ -30,7 +34,7 @@ class PairColumns(KeyedColumns):
 
     ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle.
     ``partial``: the open cycle may have begun before the capture. ``skew_ns`` is the longest time between the first and
-    the last telegram of a cycle.
+    the last telegram of a cycle. ``present`` are bits of the SubIndexes in the open one, where somebody listens.
     """
 
     streams: I64
@@ -43,6 +47,7 @@ class PairColumns(KeyedColumns):
     begin_frame: I64
     partial: Bool
     skew_ns: I64
+    present: U64
     COLUMNS: ClassVar = {
         "streams": (np.int64(0), 1),
         "active_from": (np.int64(NEVER), 1),
@@ -54,14 +59,17 @@ class PairColumns(KeyedColumns):
         "begin_frame": (np.int64(0), 1),
         "partial": (np.False_, 1),
         "skew_ns": (np.int64(0), 1),
+        "present": (np.uint64(0), 1),
     }
 
 
 class StreamPairs(KeyedColumns):
-    """One row a stream: its pair, -1 of one that is not looked at."""
+    """One row a stream: its pair, -1 of one that is not looked at, its first frame, and the bit of its SubIndex."""
 
     pair: I64
-    COLUMNS: ClassVar = {"pair": (np.int64(-1), 1)}
+    first_frame: I64
+    bit: U64
+    COLUMNS: ClassVar = {"pair": (np.int64(-1), 1), "first_frame": (np.int64(0), 1), "bit": (np.uint64(0), 1)}
 
 
 class Cycles:
@@ -74,21 +82,16 @@ class Cycles:
         self.events = EventLog()
 
     def observe(
-        self,
-        rows: DataRows,
-        counter: U16 | None,
-        usual: Bool,
-        interval_ns: I64,
-        keys: Keys,
-        first_frame: int,
+        self, told: Told, rows: DataRows, counter: U16 | None, usual: Bool, interval_ns: I64,
         several: Bool | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Take a batch; ``usual`` are the rows of streams whose interval is known, ``interval_ns`` theirs by stream.
 
         ``counter`` is None for what has none; then a cycle is told by time and SubIndex alone, and the first one counts
         only from its first SubIndex on, since the capture may have begun within it. ``several`` (by stream) are those
         of lists that are known to have several SubIndexes, whether these are sent or not.
         """
+        keys, first_frame = told.keys, told.first_frame
         self._number(rows, keys, first_frame, several)
         columns = self.columns
         if not (columns.column("streams") > 1).any():
@@ -111,7 +114,8 @@ class Cycles:
         subindex = keys.varieties.subindex[rows.variety[row]]
         half_ns = (interval_ns // 2)[stream[order]]
         counter = None if counter is None else counter[row]
-        self._cut(pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, packet[order] + first_frame)
+        frame = packet[order] + first_frame
+        self._cut(told, pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, frame)
 
     def take(self, part: Cycles, share: Share) -> None:
         """Take over the cycles of a part's share of the senders."""
@@ -138,6 +142,8 @@ class Cycles:
         columns.resize(len(self.pairs))
         # New streams are numbered in the order of their first telegrams.
         first = rows.packet[rows.start[np.searchsorted(rows.run_stream, new)]] + first_frame
+        self.streams.first_frame[new] = first
+        self.streams.bit[new] = _bit_of(keys.places.low[place].astype(np.int64))
         for stream, frame in zip(new.tolist(), first.tolist(), strict=True):
             pair = self.streams.pair[stream]
             columns.streams[pair] += 1
@@ -148,8 +154,8 @@ class Cycles:
                 columns.active_from[pair] = frame
 
     def _cut(
-        self, pair: I64, start: I64, stop: I64, subindex: I64, counter: U16 | None, time_ns: I64, half_ns: I64,
-        frame: I64,
+        self, told: Told, pair: I64, start: I64, stop: I64, subindex: I64, counter: U16 | None, time_ns: I64,
+        half_ns: I64, frame: I64,
     ) -> None:  # fmt: skip
         """Cut the telegrams of each pair into cycles, and count those that are over."""
         columns = self.columns
@@ -201,12 +207,58 @@ class Cycles:
         self.events.settle()
         np.maximum.at(columns.skew_ns, over_pair, over_skew)
         open_piece = np.flatnonzero(last_piece)
+        if told.is_heard:
+            present = np.bitwise_or.reduceat(_bit_of(subindex), piece_start)
+            present[carried] |= columns.present[run[goes_on]]
+            over_present = np.concatenate([columns.present[run[closed]], present[over]])[counts]
+            self._tell_torn(told, over_pair, over_size, over_ns[counts], over_skew, over_frame[counts], over_present)
+            columns.present[run] = present[open_piece]
         columns.size[run], columns.begin_ns[run] = size[open_piece], begin_ns[open_piece]
         columns.begin_frame[run], columns.partial[run] = begin_frame[open_piece], partial[open_piece]
         columns.subindex[run] = subindex[stop - 1]
         if counter is not None:
             columns.counter[run] = counter[stop - 1]
         columns.last_ns[run] = time_ns[stop - 1]
+
+    def _tell_torn(
+        self, told: Told, pair: I64, size: I64, begin_ns: I64, skew_ns: I64, frame: I64, present: U64
+    ) -> None:  # fmt: skip
+        """Tell of the cycles that are over and have fewer telegrams than SubIndexes were known when they began."""
+        torn = np.flatnonzero(size < self.columns.streams[pair])
+        if not len(torn):
+            return
+        known, several = self._known(pair[torn], frame[torn])
+        absent = known & ~present[torn]
+        kept = np.flatnonzero(size[torn] < several)
+        kept = kept[np.argsort(frame[torn[kept]], kind="stable")]
+        torn, absent = torn[kept], absent[kept]
+        pair, begin_ns = pair[torn], begin_ns[torn]
+        lists, node = self.pairs.high[pair].astype(np.int64), self.pairs.low[pair].astype(np.int64)
+        told.tell(
+            EventBatch.of(
+                EventKind.TORN_CYCLE, begin_ns + skew_ns[torn], frame[torn], lists=lists, node=node,
+                since_ns=begin_ns, amount=size[torn], detail=absent.view(np.int64),
+            )
+        )  # fmt: skip
+
+    def _known(self, pair: I64, frame: I64) -> tuple[U64, I64]:
+        """Return the bits of the SubIndexes that pairs had sent up to some frames, and how many they must have."""
+        bits, count = np.zeros(len(pair), np.uint64), np.zeros(len(pair), np.int64)
+        pair_of = self.streams.column("pair")
+        for number in np.unique(pair).tolist():
+            own, stream = np.flatnonzero(pair == number), np.flatnonzero(pair_of == number)
+            first = self.streams.first_frame[stream]
+            order = np.argsort(first, kind="stable")
+            count[own] = np.searchsorted(first[order], frame[own], "right")
+            bits[own] = np.append(np.uint64(0), np.bitwise_or.accumulate(self.streams.bit[stream[order]]))[count[own]]
+        # Of some lists a definition says that they have several, whatever was seen.
+        return bits, np.maximum(count, np.where(self.columns.active_from[pair] == 0, 2, 0))
+
+
+def _bit_of(subindex: I64) -> U64:
+    """Return the bit of each SubIndex; those from 62 on share one, so that bits are a number that is not negative."""
+    bits: U64 = np.uint64(1) << np.minimum(subindex, _LAST_BIT).astype(np.uint64)
+    return bits
 
 
 def _before(column: AnyColumn, start: I64, kept: AnyColumn) -> AnyColumn:

@@ -1,4 +1,4 @@
-"""What the log of a tracker tells of: the kinds of events, named by what happened.
+"""What the tracker tells of: the kinds of events, named by what happened.
 
 Whether something is a finding, and of which code, is for ``nvscope.findings`` to say; nothing here knows codes.
 """
@@ -12,10 +12,22 @@ FRAMES_KEPT = 10
 
 
 class EventKind(IntEnum):
-    """What happened to a telegram or frame.
+    """What happened to a telegram or frame, and what the columns of ``EventBatch`` tell of it beside time and place.
 
-    The numbers order the log and stand nowhere else: neither files nor reports have them.
+    ``since``, ``amount``, ``peer`` and ``detail`` say what stands in the columns of these names, "" where there is
+    nothing. The numbers order the log and stand nowhere else: neither files nor reports have them.
     """
+
+    since: str
+    amount: str
+    peer: str
+    detail: str
+
+    def __new__(cls, number: int, since: str = "", amount: str = "", peer: str = "", detail: str = "") -> EventKind:
+        kind = int.__new__(cls, number)
+        kind._value_ = number
+        kind.since, kind.amount, kind.peer, kind.detail = since, amount, peer, detail
+        return kind
 
     SHORT = 1
     LENGTH_MISMATCH = 2
@@ -24,26 +36,39 @@ class EventKind(IntEnum):
     LENGTH_BYTE_SWAPPED = 5
     ASCII_IDENTITY = 6
     TRUNCATED = 7
-    NO_ACKNOWLEDGEMENT = 8
-    NEGATIVE_ACKNOWLEDGEMENT = 9
-    UNEXPECTED_ACKNOWLEDGEMENT = 10
-    BOOT_UP_UNANSWERED = 11
-    SEND_REJECTED = 12
-    SHAPE_CHANGED = 13
-    CHECKSUM_CHANGED = 14
-    FLAGS_INCONSISTENT = 15
-    PDO_LENGTH_CHANGED = 16
-    GAP = 17
-    OVERTAKEN = 18
-    RESTART = 19
-    DUPLICATE = 20
-    STEP_BACK = 21
-    UNREADABLE_FRAME = 22
-    ERROR_FRAME = 23
+
+    NO_ACKNOWLEDGEMENT = (8, "when the telegram was sent", "", "to whom it was sent", "")
+    NEGATIVE_ACKNOWLEDGEMENT = (9, "", "", "who rejects it", "")
+    UNEXPECTED_ACKNOWLEDGEMENT = (10, "", "", "to whom it was sent", "")
+    BOOT_UP_UNANSWERED = (11, "when it was asked", "", "who asked", "")
+    SEND_REJECTED = (12, "", "", "to whom the telegram was sent", "")
+    ACKNOWLEDGED = (13, "when the telegram was sent", "", "who acknowledged it, or rejects it", "")
+
+    SHAPE_CHANGED = (14, "", "", "", "Length << 16 | Items")
+    CHECKSUM_CHANGED = (15, "", "", "", "Checksum")
+    FLAGS_INCONSISTENT = (16, "", "", "", "Flags")
+    PDO_LENGTH_CHANGED = (17, "", "", "", "Length << 16 | Items")
+
+    GAP = (18, "the telegram before", "how many were left out", "", "")
+    OVERTAKEN = (19, "the telegram before", "how many lost ones it takes back", "", "")
+    RESTART = (20, "the telegram before", "", "", "")
+    DUPLICATE = (21, "the telegram before", "", "", "")
+
+    UNUSUAL_INTERVAL = (22, "its beginning", "how long it was, in ns", "", "nvscope.tracker.timing: bits of loss in it")
+    TORN_CYCLE = (23, "its first telegram", "how many telegrams it has", "", "bits of the SubIndexes that it lacks")
+
+    STEP_BACK = (24, "the frame before", "how far back, in ns", "", "")
+
+    UNREADABLE_FRAME = (25, "", "", "", "dissectors.can.frame.Fault")
+    ERROR_FRAME = (26, "", "", "", "dissectors.can.error: classes")
+    BUS_OFF = 27
+    BUS_BACK = (28, "when it left the bus", "", "", "1 where a frame says so, 0 where it sends again")
+    NODE_STATE = (29, "", "the state of a CANopen node, 0 at boot-up", "", "the node")
+    EMERGENCY = (30, "", "the error code", "", "the node")
+    NODE_COMMAND = (31, "", "the NMT command", "", "the node, 0 for all")
 
 
-TELL_IN_NUMBERS = (
-    EventKind.GAP, EventKind.OVERTAKEN, EventKind.RESTART, EventKind.DUPLICATE, EventKind.STEP_BACK,
-    EventKind.UNREADABLE_FRAME, EventKind.ERROR_FRAME,
+TELL_IN_NUMBERS = tuple(
+    kind for kind in EventKind if kind is EventKind.ACKNOWLEDGED or kind >= EventKind.GAP
 )  # fmt: skip
-"""Those of which one alone says little: whether they are a finding depends on what a Counter counts, or how many."""
+"""Those of which one alone says little, or nothing bad: whether they are a finding takes more than the event."""

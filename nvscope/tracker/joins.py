@@ -54,8 +54,8 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
         "longest_gap": MOST, "overtaken": SUM, "restarts": SUM, "duplicates": SUM,
     },
     "senders.loss.nodes": {
-        "current": LAST, "missing": LAST, "last_stream": LAST, "gaps": LAST, "steps": LAST, "regular_telegram": LAST,
-        "regular_send": LAST,
+        "current": LAST, "missing": LAST, "last_stream": LAST, "last_ns": LAST, "gaps": LAST, "steps": LAST,
+        "regular_telegram": LAST, "regular_send": LAST,
     },
     "senders.timing.columns": {
         "last_ns": LAST, "node_gaps": LAST, "count": SUM, "total_ns": SUM, "least_ns": LEAST, "most_ns": MOST,

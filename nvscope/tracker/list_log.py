@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 import numpy as np
 
 from dissectors.batch import I64, U64
-from nvscope.tracker.event_batch import EventBatch
-from nvscope.tracker.event_kinds import EventKind
+from nvscope.engine.events import EventBatch
 from nvscope.tracker.events import EventLog
 
 
@@ -19,7 +20,7 @@ class ListLog(EventLog):
         self.record(events.time_ns, events.frame, *words)
 
 
-def event_key(event: EventKind, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
+def event_key(event: IntEnum, lists: I64, node: I64, subindex: I64) -> tuple[U64, U64]:
     """Return the key of events: kind, numbers of list and node, and SubIndex, -1 each for none."""
     high = (np.uint64(event) << np.uint64(32)) | (lists + 1).astype(np.uint64)
     return high, ((node + 1).astype(np.uint64) << np.uint64(32)) | (subindex + 1).astype(np.uint64)

@@ -16,15 +16,15 @@ from dissectors.netvar import (
     Service,
 )
 from nvscope.engine.dealing import Share, SplitBy
+from nvscope.engine.events import NOWHERE, EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
-from nvscope.engine.keys import FrameKind, Keys
+from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, SHAPE_MASK, FrameKind, Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
-from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messages
+from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messages, Waits
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
-from nvscope.tracker.event_batch import EventBatch, Listeners, tell
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.list_log import ListLog
@@ -46,6 +46,16 @@ _REJECTED = {
 }
 
 
+_NO_SHIFT, _BYTE = np.uint64(0), np.uint64(0xFF)
+_PART_OF_SIGNATURE = {
+    EventKind.SHAPE_CHANGED: (_NO_SHIFT, SHAPE_MASK),
+    EventKind.PDO_LENGTH_CHANGED: (_NO_SHIFT, SHAPE_MASK),
+    EventKind.CHECKSUM_CHANGED: (CHECKSUM_SHIFT, _BYTE),
+    EventKind.FLAGS_INCONSISTENT: (FLAGS_SHIFT, _BYTE),
+}
+"""What is told of a telegram's signature, by what is wrong with it."""
+
+
 class ListColumns(KeyedColumns):
     """One row a list: the counts that are no sums over flows."""
 
@@ -65,13 +75,13 @@ class ListColumns(KeyedColumns):
 class ListState:
     """All lists: their flows, what is wrong with headers, who did not answer, where senders disagree, and values.
 
-    ``events`` are the events that are findings as they stand; ``listeners`` are told of each of them, too. ``values``
-    are those of the variables, where their definition is known.
+    ``events`` are those that are findings as they stand. ``values`` are those of the variables, where their definition
+    is known.
     """
 
     SPLIT_BY: ClassVar = SplitBy.LIST
 
-    def __init__(self, values: Values | None = None, listeners: Listeners = ()) -> None:
+    def __init__(self, values: Values | None = None) -> None:
         self.values = values
         self.flows = Flows()
         self.columns = ListColumns()
@@ -79,7 +89,6 @@ class ListState:
         self.acknowledgement = Acknowledgement()
         self.errors = Errors()
         self.events = ListLog()
-        self._listeners = (self.events, *listeners)
 
     @property
     def keys(self) -> Keys:
@@ -117,20 +126,20 @@ class ListState:
         rows = told.laid.data
         errors = self._observe_answers(told, rows)
         if len(rows):
-            errors.append(self._observe_consistency(rows, told.first_frame))
+            errors.append(self._observe_consistency(told, rows))
             if self.values is not None:
                 self.values.observe(told, rows)
         frames = told.laid.pdos
         if len(frames):
             changed = self.consistency.changed_shapes(frames, frames.changes(), self.keys)
-            self._log_rows(EventKind.PDO_LENGTH_CHANGED, frames, changed, told.first_frame)
+            self._log_rows(told, EventKind.PDO_LENGTH_CHANGED, frames, changed)
             if self.values is not None:
                 self.values.observe(told, frames)
         return errors
 
     def _observe_headers(self, told: Told) -> None:
         """Note what is wrong with headers, and count truncated telegrams."""
-        ours, theirs, first_frame = self.keys.varieties, told.varieties.telegrams, told.first_frame
+        ours, theirs = self.keys.varieties, told.varieties.telegrams
         strange = ours.column("odd")
         if not strange.any():
             return
@@ -154,24 +163,33 @@ class ListState:
         for event, mask in masks:
             row = np.flatnonzero(mask)
             if len(row):
-                when, frame = told.packets.ts_ns[odd[row]], odd[row] + first_frame
-                self._log(event, lists[row], node[row], subindex[row], when, frame)
+                events = EventBatch.of(
+                    event, told.packets.ts_ns[odd[row]], odd[row] + told.first_frame, lists=lists[row],
+                    node=node[row], subindex=subindex[row],
+                )  # fmt: skip
+                self._log(told, events)
         np.add.at(self.columns.truncated, lists[truncated & (lists >= 0)], 1)
 
-    def _log(self, event: EventKind, lists: I64, node: I64, subindex: I64, time_ns: I64, frame: I64) -> None:
-        tell(self._listeners, EventBatch.on_list(event, lists, node, subindex, time_ns, frame))
+    def _log(self, told: Told, events: EventBatch) -> None:
+        """Note events that are findings as they stand, and tell them."""
+        if len(events):
+            self.events.hear(events)
+            told.tell(events)
 
     def _observe_rejected(self, told: Told) -> list[ErrorEvents]:
         """Book the telegrams that ICMP messages say were not delivered."""
         errors: list[ErrorEvents] = []
-        quoted, lists, node = told.laid.rejected
+        quoted, lists, node, receiver = told.laid.rejected
         if not len(quoted):
             return errors
         datagram, service = quoted.datagram, quoted.header["id"]
         frame = datagram.row + told.first_frame
         known = datagram.captured_bytes >= HEADER.offset_of("items")
         subindex = np.where(known, quoted.header["subindex"].astype(np.int64), -1)
-        self._log(EventKind.SEND_REJECTED, lists, node, subindex, quoted.ts_ns, frame)
+        rejected = EventBatch.of(
+            EventKind.SEND_REJECTED, quoted.ts_ns, frame, lists=lists, node=node, subindex=subindex, peer=receiver
+        )  # fmt: skip
+        self._log(told, rejected)
         self.columns.resize(len(self.keys.lists))
         np.add.at(self.columns.send_rejected, lists, 1)
         for kind, error in _REJECTED.items():
@@ -179,12 +197,18 @@ class ListState:
             errors.append(ErrorEvents(error, True, lists[row], node[row], quoted.ts_ns[row], frame[row]))
         return errors
 
-    def _log_rows(self, event: EventKind, rows: DataRows, place: I64, first_frame: int) -> None:
+    def _log_rows(self, told: Told, kind: EventKind, rows: DataRows, place: I64) -> None:
         """Note something of some rows, in the order of the capture."""
         if len(place):
             row = place[np.argsort(rows.packet[place])]
-            lists, node, subindex = self.described(rows.stream[row])
-            self._log(event, lists, node, subindex, rows.time_ns[row], rows.packet[row] + first_frame)
+            lists, node, subindex = self.keys.described(rows.stream[row])
+            shift, mask = _PART_OF_SIGNATURE[kind]
+            detail = (self.keys.varieties.signature[rows.variety[row]] >> shift & mask).astype(np.int64)
+            events = EventBatch.of(
+                kind, rows.time_ns[row], rows.packet[row] + told.first_frame, lists=lists, node=node,
+                subindex=subindex, detail=detail,
+            )  # fmt: skip
+            self._log(told, events)
 
     def _messages(self, told: Told, kind: FrameKind) -> Messages:
         """Pick the telegrams of one kind that is not DATA."""
@@ -209,54 +233,71 @@ class ListState:
         acknowledgements = self._messages(told, FrameKind.ACKNOWLEDGEMENT)
         requests = self._messages(told, FrameKind.BOOT_UP_REQUEST)
         first_frame = told.first_frame
-        answers = self.acknowledgement.observe(rows, acknowledgements, requests, told.clock, self.keys, first_frame)
+        answers = self.acknowledgement.observe(
+            rows, acknowledgements, requests, told.clock, self.keys, first_frame, heard=told.is_heard
+        )
         places = self.keys.places
-        self._log_missing(*answers.missing)
+        self._log_missing(told, answers.missing)
+        told.tell(self._waits(EventKind.ACKNOWLEDGED, answers.answered))
         negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)
-        for event, row, node in (
-            (EventKind.NEGATIVE_ACKNOWLEDGEMENT, negative, answers.negative_node),
-            (EventKind.UNEXPECTED_ACKNOWLEDGEMENT, answers.unexpected, acknowledgements.source[answers.unexpected]),
+        source, destination, unexpected = acknowledgements.source, acknowledgements.destination, answers.unexpected
+        for kind, row, node, peer in (
+            (EventKind.NEGATIVE_ACKNOWLEDGEMENT, negative, answers.negative_node, source[negative]),
+            (EventKind.UNEXPECTED_ACKNOWLEDGEMENT, unexpected, source[unexpected], destination[unexpected]),
         ):
             subindex = places.low[acknowledgements.place[row]].astype(np.int64)
-            frame = acknowledgements.packet[row] + first_frame
-            self._log(event, acknowledgements.list[row], node, subindex, acknowledgements.time_ns[row], frame)
+            time_ns, frame = acknowledgements.time_ns[row], acknowledgements.packet[row] + first_frame
+            lists = acknowledgements.list[row]
+            self._log(
+                told, EventBatch.of(kind, time_ns, frame, lists=lists, node=node, subindex=subindex, peer=peer)
+            )  # fmt: skip
         np.add.at(self.columns.negative_acknowledgements, acknowledgements.list[negative], 1)
-        self._log_unanswered(answers.unanswered)
+        self._log_unanswered(told, answers.unanswered)
         return answers.errors
 
-    def _log_missing(self, stream: I64, time_ns: I64, frame: I64) -> None:
+    def _log_missing(self, told: Told, waits: Waits) -> None:
         """Note data telegrams that were not acknowledged."""
-        if len(stream):
-            lists, sender, subindex = self.described(stream)
-            self._log(EventKind.NO_ACKNOWLEDGEMENT, lists, sender, subindex, time_ns, frame)
-            np.add.at(self.columns.missing_acknowledgements, lists, 1)
+        if len(waits):
+            events = self._waits(EventKind.NO_ACKNOWLEDGEMENT, waits)
+            self._log(told, events)
+            np.add.at(self.columns.missing_acknowledgements, events.list, 1)
 
-    def _log_unanswered(self, waits: BootUpWaits) -> None:
+    def _waits(self, kind: EventKind, waits: Waits) -> EventBatch:
+        lists, sender, subindex = self.keys.described(waits.stream)
+        return EventBatch.of(
+            kind, waits.end_ns, waits.frame, lists=lists, node=sender, subindex=subindex, since_ns=waits.since_ns,
+            peer=waits.peer,
+        )  # fmt: skip
+
+    def _log_unanswered(self, told: Told, waits: BootUpWaits) -> None:
         """Note boot-up requests that brought nothing."""
         if len(waits):
-            nobody = np.full(len(waits), -1)
             subindex = self.keys.places.low[waits.place].astype(np.int64)
-            self._log(EventKind.BOOT_UP_UNANSWERED, waits.list, nobody, subindex, waits.deadline_ns, waits.frame)
+            events = EventBatch.of(
+                EventKind.BOOT_UP_UNANSWERED, waits.deadline_ns, waits.frame, lists=waits.list, subindex=subindex,
+                since_ns=waits.deadline_ns - self.acknowledgement.timeout_ns, peer=waits.node,
+            )  # fmt: skip
+            self._log(told, events)
             np.add.at(self.columns.bootup_unanswered, waits.list, 1)
 
     def _expire(self, told: Told) -> list[ErrorEvents]:
         """End the waits whose deadline has passed without a frame that would have shown it."""
         assert told.until_ns is not None
         over = self.acknowledgement.expire(told.until_ns)
-        self._log_missing(over.stream, over.deadline_ns, over.frame)
-        self._log_unanswered(over.requests)
-        lists, sender, _ = self.described(over.stream)
-        requests, nobody = over.requests, np.full(len(over.requests), -1)
+        self._log_missing(told, over.waits)
+        self._log_unanswered(told, over.requests)
+        lists, sender, _ = self.keys.described(over.waits.stream)
+        requests, nobody = over.requests, np.full(len(over.requests), NOWHERE)
         # No frame has shown it: the next one would have.
-        seen, seen_requests = (np.full(len(one), told.first_frame + len(told)) for one in (over.stream, requests))
+        seen, seen_requests = (np.full(len(one), told.first_frame + len(told)) for one in (over.waits, requests))
         return [
-            ErrorEvents(DiagError.NOACKNOWLEDGEMENT, False, lists, sender, over.deadline_ns, seen),
+            ErrorEvents(DiagError.NOACKNOWLEDGEMENT, False, lists, sender, over.waits.end_ns, seen),
             ErrorEvents(
                 DiagError.UDPANSWERBOOTUPREQUEST, False, requests.list, nobody, requests.deadline_ns, seen_requests
             ),
         ]
 
-    def _observe_consistency(self, rows: DataRows, first_frame: int) -> ErrorEvents:
+    def _observe_consistency(self, told: Told, rows: DataRows) -> ErrorEvents:
         """Note changes of shape, checksum and flags."""
         changed, mismatch, strange = self.consistency.observe(rows, self.keys)
         for event, place in (
@@ -264,14 +305,8 @@ class ListState:
             (EventKind.CHECKSUM_CHANGED, mismatch),
             (EventKind.FLAGS_INCONSISTENT, strange),
         ):
-            self._log_rows(event, rows, place, first_frame)
+            self._log_rows(told, event, rows, place)
         np.add.at(self.flows.counts.mismatches, self.keys.varieties.flow[rows.variety[mismatch]], 1)
-        lists, node, _ = self.described(rows.stream[mismatch])
-        frame = rows.packet[mismatch] + first_frame
+        lists, node, _ = self.keys.described(rows.stream[mismatch])
+        frame = rows.packet[mismatch] + told.first_frame
         return ErrorEvents(DiagError.CHECKSUM, True, lists, node, rows.time_ns[mismatch], frame)
-
-    def described(self, stream: I64) -> tuple[I64, I64, I64]:
-        """Return the list number, node number and SubIndex of streams."""
-        place = self.keys.place_of(stream)
-        node = self.keys.node_of(stream)
-        return self.keys.list_of_place(place), node, self.keys.places.low[place].astype(np.int64)

@@ -13,13 +13,13 @@ import numpy as np
 
 from dissectors.batch import I64, U16, U64, Bool
 from nvscope.engine.dealing import Share
+from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import order_by, runs_of_lengths
 from nvscope.engine.told import Told
 from nvscope.tracker.counters import Scope
-from nvscope.tracker.event_batch import EventBatch, Listeners, tell
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.node_steps import NodeOrder, NodeSteps
@@ -78,12 +78,13 @@ class StreamSequences(KeyedColumns):
 class NodeSequences(KeyedColumns):
     """One row a node: the sequence of all its telegrams, and the gaps in it.
 
-    ``last_stream`` is that of its last telegram, -1 before.
+    ``last_stream`` is that of its last telegram, -1 before; ``last_ns`` is when that came.
     """
 
     current: U16
     missing: U64
     last_stream: I64
+    last_ns: I64
     gaps: I64
     steps: I64
     regular_telegram: I64
@@ -92,6 +93,7 @@ class NodeSequences(KeyedColumns):
         "current": (np.uint16(0), 1),
         "missing": (np.uint64(0), 1),
         "last_stream": (np.int64(-1), 1),
+        "last_ns": (np.int64(0), 1),
         "gaps": (np.int64(0), 1),
         "steps": (np.int64(0), 1),
         "regular_telegram": (np.int64(0), 1),
@@ -100,34 +102,31 @@ class NodeSequences(KeyedColumns):
 
 
 class Loss:
-    """The sequences of all streams and nodes, and the events of their steps by stream (``events_of``).
+    """The sequences of all streams and nodes, and the events of their steps by stream (``events_of``)."""
 
-    ``listeners`` are told of each step that is not regular.
-    """
-
-    def __init__(self, listeners: Listeners = ()) -> None:
-        self._listeners = listeners
+    def __init__(self) -> None:
         self.streams = StreamSequences()
         self.nodes = NodeSequences()
         self._events = {key: EventRows() for key in _LOGGED}
 
-    def observe(self, told: Told, rows: DataRows, keys: Keys, first_frame: int) -> tuple[Steps, NodeSteps]:
+    def observe(self, told: Told, rows: DataRows) -> tuple[Steps, NodeSteps]:
         """Walk the counters of a batch; return the streams' own steps, and the nodes' steps, row by row."""
+        keys = told.keys
         self.streams.resize(len(keys.streams))
         self.nodes.resize(len(keys.nodes))
         for log in self._events.values():
             log.resize(len(keys.streams))
         own = self._walk_streams(rows, rows.counter)
         nodes = self._walk_nodes(told, rows, keys)
-        self._book(rows, own, Scope.STREAM, first_frame, keys)
-        self._book(rows, nodes, Scope.NODE_TELEGRAM, first_frame, keys)
+        self._book(told, rows, own, Scope.STREAM)
+        self._book(told, rows, nodes, Scope.NODE_TELEGRAM)
         repeated = np.empty(0, np.int64) if rows.repeated is None else np.flatnonzero(rows.repeated)
         late, again = own.at(Step.LATE), repeated[own.step[repeated] == Step.SAME]
-        self._book_duplicates(rows, late, again, Scope.STREAM, first_frame, keys)
+        self._book_duplicates(told, rows, own, late, again, Scope.STREAM)
         late, again = nodes.at(Step.LATE), repeated[nodes.step[repeated] == Step.SAME]
-        self._book_duplicates(rows, late, again, Scope.NODE_TELEGRAM, first_frame, keys)
+        self._book_duplicates(told, rows, nodes, late, again, Scope.NODE_TELEGRAM)
         again = again[~nodes.together(again)]
-        self._book_duplicates(rows, late, again, Scope.NODE_SEND, first_frame, keys)
+        self._book_duplicates(told, rows, nodes, late, again, Scope.NODE_SEND)
         return own, nodes
 
     def take(self, part: Loss, share: Share) -> None:
@@ -173,7 +172,9 @@ class Loss:
         fresh = nodes.last_stream[run] < 0
         steps = walk(told.counter.take(packet), start, nodes.current[run], nodes.missing[run], fresh)
         run_of_stream = np.searchsorted(run, keys.node_of(np.arange(len(keys.streams))))
-        order = NodeOrder(packet, start, rows, run_of_stream, len(told))
+        time_ns = told.packets.ts_ns
+        before_ns = np.where(fresh, time_ns[packet[start]], nodes.last_ns[run])
+        order = NodeOrder(packet, start, rows, run_of_stream, time_ns, before_ns)
         together = self._sent_together(told, packet, start, run, steps, keys)
         bounds = np.append(start, len(packet))
         regular = length - np.diff(np.searchsorted(steps.irregular, bounds))
@@ -182,6 +183,7 @@ class Loss:
         nodes.regular_send[run] += regular + np.diff(np.searchsorted(together, bounds))
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
         nodes.last_stream[run] = keys.varieties.stream[told.variety[packet[stop - 1]]]
+        nodes.last_ns[run] = time_ns[packet[stop - 1]]
         gaps = steps.at(Step.GAP)
         before = np.searchsorted(gaps, bounds)
         counted = nodes.gaps[run] - before[:-1]
@@ -202,8 +204,8 @@ class Loss:
         sent: I64 = same[(lists[now] == lists[earlier]) & (now != earlier)]
         return sent
 
-    def _book(self, rows: DataRows, steps: Steps | NodeSteps, scope: Scope, first_frame: int, keys: Keys) -> None:
-        streams = self.streams
+    def _book(self, told: Told, rows: DataRows, steps: Steps | NodeSteps, scope: Scope) -> None:
+        streams, first_frame = self.streams, told.first_frame
         for kind in (Step.GAP, Step.OVERTAKEN, Step.RESTART):
             place = steps.at(kind)
             if not len(place):
@@ -223,36 +225,36 @@ class Loss:
             else:
                 streams.restarts[stream, scope] += count
             self._events[kind, scope].add(stream, start, stop, rows.time_ns, rows.packet, place, first_frame)
-            self._tell(kind, scope, rows, place, keys, first_frame, lost)
+            self._tell(told, kind, scope, rows, steps, place, lost)
 
     def _book_duplicates(
-        self, rows: DataRows, late: I64, again: I64, scope: Scope, first_frame: int, keys: Keys
+        self, told: Told, rows: DataRows, steps: Steps | NodeSteps, late: I64, again: I64, scope: Scope
     ) -> None:  # fmt: skip
         """Book late counters, and the rows that are a duplicate ``again``."""
         place = np.sort(np.concatenate([late, again])) if len(again) else late
         if len(place):
             stream, start, stop = _runs(place, rows)
             self.streams.duplicates[stream, scope] += stop - start
-            self._events[Step.LATE, scope].add(stream, start, stop, rows.time_ns, rows.packet, place, first_frame)
-            self._tell(Step.LATE, scope, rows, place, keys, first_frame, None)
+            self._events[Step.LATE, scope].add(stream, start, stop, rows.time_ns, rows.packet, place, told.first_frame)
+            self._tell(told, Step.LATE, scope, rows, steps, place)
 
     def _tell(
-        self, step: Step, scope: Scope, rows: DataRows, place: I64, keys: Keys, first_frame: int, lost: I64 | None
-    ) -> None:
-        """Tell listeners of the steps at some places, in the order of the capture."""
-        if not self._listeners:
+        self, told: Told, step: Step, scope: Scope, rows: DataRows, steps: Steps | NodeSteps, place: I64,
+        lost: I64 | None = None,
+    ) -> None:  # fmt: skip
+        """Tell of the steps at some places, in the order of the capture."""
+        if not told.is_heard:
             return
         order = np.argsort(rows.packet[place], kind="stable")
         place = place[order]
-        stream = rows.stream[place]
-        seen = keys.place_of(stream)
-        tell(
-            self._listeners,
-            EventBatch.on_list(
-                _TOLD[step], keys.list_of_place(seen), keys.node_of(stream), keys.places.low[seen].astype(np.int64),
-                rows.time_ns[place], rows.packet[place] + first_frame, scope=scope,
-                amount=None if lost is None else lost[order],
-            ),
+        before = steps if isinstance(steps, NodeSteps) else rows
+        lists, node, subindex = told.keys.described(rows.stream[place])
+        told.tell(
+            EventBatch.of(
+                _TOLD[step], rows.time_ns[place], rows.packet[place] + told.first_frame, lists=lists, node=node,
+                subindex=subindex, since_ns=before.times_before(place),
+                amount=None if lost is None else lost[order], scope=scope,
+            )
         )  # fmt: skip
 
     def events_of(self, step: Step, scope: Scope) -> EventRows:

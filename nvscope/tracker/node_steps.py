@@ -15,16 +15,20 @@ AnyColumn = TypeVar("AnyColumn", I64, U8, U16)
 
 
 class NodeOrder:
-    """The telegrams of a batch of ``packets`` packets in the order of their nodes, and which of them the ``rows`` are.
+    """The telegrams of a batch in the order of their nodes, and which of them the ``rows`` are.
 
     ``packet`` are the packets in this order, and ``place`` says of each row where in it that is; ``start`` is where
-    nodes begin in it, and ``run_of_stream`` says which of these nodes sends each stream.
+    nodes begin in it, and ``run_of_stream`` says which of these nodes sends each stream. ``time_ns`` are the times of
+    all packets of the batch, ``before_ns`` those of the nodes' telegrams before it.
     """
 
-    def __init__(self, packet: I64, start: I64, rows: DataRows, run_of_stream: I64, packets: int) -> None:
+    def __init__(
+        self, packet: I64, start: I64, rows: DataRows, run_of_stream: I64, time_ns: I64, before_ns: I64
+    ) -> None:  # fmt: skip
         self.packet, self.start = packet, start
         self._stream, self._run_of_stream = rows.stream, run_of_stream
-        place = np.empty(packets, np.int64)
+        self._time_ns, self._before_ns = time_ns, before_ns
+        place = np.empty(len(time_ns), np.int64)
         place[packet] = np.arange(len(packet))
         self.place: I64 = place.take(rows.packet)
 
@@ -37,6 +41,13 @@ class NodeOrder:
         """Return as which of the nodes some rows were sent."""
         run: I64 = self._run_of_stream[self._stream[row]]
         return run
+
+    def times_before(self, row: I64) -> I64:
+        """Return when the telegram before some rows in their nodes' order came; of the first of all, its own time."""
+        place, run = self.place[row], self.run(row)
+        earlier = self._time_ns[self.packet[place - 1]]
+        times: I64 = np.where(place == self.start[run], self._before_ns[run], earlier)
+        return times
 
 
 class NodeSteps:
@@ -64,6 +75,10 @@ class NodeSteps:
     @cached_property
     def _distance(self) -> U16:
         return self._order.by_row(self._walked.distance)
+
+    def times_before(self, row: I64) -> I64:
+        """Return when the telegrams before some rows came, in the sequences of their nodes."""
+        return self._order.times_before(row)
 
     def together(self, row: I64) -> Bool:
         """Tell which rows were sent together with their node's telegram before."""

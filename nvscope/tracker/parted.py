@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import ClassVar, TypeVar
 
 from nvscope.engine.dealing import Share, SplitBy, deal
+from nvscope.engine.events import Listeners
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Told
 from nvscope.tracker.accumulator import Accumulator
@@ -22,8 +23,9 @@ AnyPart = TypeVar("AnyPart", bound=Accumulator)
 class PartedState:
     """What is on the wire, counted in ``parts`` parts by each key that it may be split by.
 
-    ``values`` and ``others`` make those of a part, where they are wanted; ``recent`` as for ``TrackerState``. ``join``
-    gives the state that folding all at once gives; it uses the parts up.
+    ``values`` and ``others`` make those of a part, where they are wanted; ``recent`` and ``listeners`` are as for
+    ``TrackerState``: what parts tell comes part by part. ``join`` gives the state that folding all at once gives; it
+    uses the parts up.
     """
 
     by_stream: ClassVar[bool] = True
@@ -31,6 +33,7 @@ class PartedState:
     def __init__(
         self, parts: int, values: Callable[[], Values] | None = None, *,
         recent: bool = False, others: Callable[[], Mapping[str, Accumulator]] = dict,
+        listeners: Listeners = (),
     ) -> None:  # fmt: skip
         self._count = parts
         self._values, self._recent = values, recent
@@ -43,9 +46,11 @@ class PartedState:
         made = [others() for _ in range(parts)]
         self._others = {name: [one[name] for one in made] for name in made[0]}
         self._shares: dict[SplitBy, list[Share]] = {}
+        self._listeners = listeners
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far, and deal it out."""
+        told = told.heard_by(self._listeners)
         self._memory = told.laid.memory
         self._capture.observe(told)
         self._deal(told, self._lists)

@@ -11,7 +11,6 @@ from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.tracker.can.cycles import CanCycles
 from nvscope.tracker.cycles import Cycles
-from nvscope.tracker.event_batch import Listeners
 from nvscope.tracker.loss import Loss
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps, no_steps
 from nvscope.tracker.recent import Recent
@@ -28,10 +27,10 @@ class SenderState:
 
     SPLIT_BY: ClassVar = SplitBy.SENDER
 
-    def __init__(self, *, recent: bool = False, listeners: Listeners = ()) -> None:
+    def __init__(self, *, recent: bool = False) -> None:
         self.data_telegrams = 0
         self.repeated = 0
-        self.loss = Loss(listeners)
+        self.loss = Loss()
         self.timing = Timing()
         self.recent = Recent() if recent else None
         self.cycles = Cycles()
@@ -39,25 +38,25 @@ class SenderState:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        rows, keys, first_frame = told.laid.data, told.keys, told.first_frame
+        rows, keys = told.laid.data, told.keys
         if len(rows):
             self.data_telegrams += len(rows)
             self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
-            own, nodes = self.loss.observe(told, rows, keys, first_frame)
+            own, nodes = self.loss.observe(told, rows)
             intervals = self._observe_intervals(told, rows, own, nodes)
-            self.cycles.observe(rows, rows.counter, intervals.usual, self.timing.columns.usual_ns, keys, first_frame)
+            self.cycles.observe(told, rows, rows.counter, intervals.usual, self.timing.columns.usual_ns)
         frames = told.laid.pdos
         if len(frames):
             # They have a time, a length and variables, and nothing else to go by.
             self.loss.streams.resize(len(keys.streams))
             intervals = self._observe_intervals(told, frames, *no_steps(len(frames)))
             usual_ns = self.timing.columns.usual_ns
-            self.can_cycles.observe_frames(frames, intervals.usual, usual_ns, keys, told.pdos, first_frame)
+            self.can_cycles.observe_frames(told, frames, intervals.usual, usual_ns)
 
     def _observe_intervals(
         self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps | NoNodeSteps
     ) -> BatchIntervals:
-        intervals = self.timing.observe(rows, own, nodes, len(told.keys.streams), told.first_frame)
+        intervals = self.timing.observe(told, rows, own, nodes)
         if self.recent is not None and len(intervals):
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
         return intervals

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
+from nvscope.engine.events import Listeners
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Told
 from nvscope.tracker.can.state import BusState
 from nvscope.tracker.capture import CaptureState
-from nvscope.tracker.event_batch import Listeners
 from nvscope.tracker.lists import ListState
 from nvscope.tracker.senders import SenderState
 
@@ -30,9 +30,9 @@ class TrackerState:
 
     ``memory`` is what is known of the streams, ``values`` are those of the variables, where their definition is known;
     ``recent`` asks for the intervals of the last minute (``SenderState``). ``others`` count the protocols beside
-    network variables and CAN, by name. ``listeners`` are told of the events of ``nvscope.tracker.event_kinds``; of
-    unusual intervals, torn cycles and buses that are off, only these accumulators know. Frame numbers count from 1
-    across all that was observed.
+    network variables and CAN, by name. ``listeners`` are told of the events of all of them
+    (``nvscope.tracker.event_kinds``, and those that protocols have of their own). Frame numbers count from 1 across all
+    that was observed.
 
     A filter chooses telegrams: flows count these, and only these give values; everything else looks at all telegrams,
     so that no filter makes up a loss.
@@ -45,14 +45,16 @@ class TrackerState:
         others: Mapping[str, Accumulator] = MappingProxyType({}), listeners: Listeners = (),
     ) -> None:  # fmt: skip
         self.memory = StreamMemory()
-        self.capture = CaptureState(listeners)
-        self.lists = ListState(values, listeners)
-        self.senders = SenderState(recent=recent, listeners=listeners)
-        self.buses = BusState(listeners)
+        self.capture = CaptureState()
+        self.lists = ListState(values)
+        self.senders = SenderState(recent=recent)
+        self.buses = BusState()
         self.others = others
+        self._listeners = listeners
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        told = told.heard_by(self._listeners)
         self.memory = told.laid.memory
         self.capture.observe(told)
         self.lists.observe(told)

@@ -18,9 +18,11 @@ import numpy as np
 
 from dissectors.batch import I64, U64, Bool
 from nvscope.engine.dealing import Share
+from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.told import Told
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
-from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
 from nvscope.tracker.steps import Step, Steps
@@ -141,11 +143,11 @@ class Timing:
         self.large_squares: dict[int, int] = {}
 
     def observe(
-        self, rows: TimedRows, own: Steps, nodes: NodeSteps | NoNodeSteps, streams: int, first_frame: int
-    ) -> BatchIntervals:
+        self, told: Told, rows: TimedRows, own: Steps, nodes: NodeSteps | NoNodeSteps
+    ) -> BatchIntervals:  # fmt: skip
         """Take the intervals of a batch, of whose telegrams ``own`` and ``nodes`` are the steps."""
         columns = self.columns
-        columns.resize(streams)
+        columns.resize(len(told.keys.streams))
         step = own.step[own.irregular]
         skipped = (step == Step.LATE) | (step == Step.OVERTAKEN)
         if rows.repeated is not None:
@@ -170,7 +172,7 @@ class Timing:
         usual[ends.absent] = False
         if len(interval):
             self._add(interval, ends)
-            usual[ends.rows(self._sort_in(rows, ends, interval, loss, first_frame))] = False
+            usual[ends.rows(self._sort_in(told, rows, ends, interval, loss))] = False
         return BatchIntervals(usual, ends.run, ends.stop - ends.start, time_ns, interval)
 
     def take(self, part: Timing, share: Share) -> None:
@@ -202,9 +204,7 @@ class Timing:
         squares[:, 2] += high + (middle >> np.uint64(_LIMB_BITS)).astype(np.int64)
         columns.squares[run] = squares
 
-    def _sort_in(
-        self, rows: TimedRows, ends: _Kept, interval: I64, loss: _LossBefore, first_frame: int
-    ) -> I64:  # fmt: skip
+    def _sort_in(self, told: Told, rows: TimedRows, ends: _Kept, interval: I64, loss: _LossBefore) -> I64:
         """Put intervals into the buckets; return the places of those that were learned from."""
         columns = self.columns
         run, length = ends.run, ends.stop - ends.start
@@ -216,7 +216,7 @@ class Timing:
         dense -= np.repeat(columns.first_bucket[run], length)
         outside = dense.view(np.uint64) >= DENSE_BUCKETS
         outside[learned] = True
-        self._keep_usual(rows, ends, outside, interval, loss, first_frame)
+        self._keep_usual(rows, ends, outside, interval, loss, told.first_frame)
         place = np.flatnonzero(outside)
         dense += np.repeat(run * DENSE_BUCKETS, length)
         dense[place] = columns.dense.size - 1  # taken back below: cheaper than leaving them out
@@ -224,10 +224,19 @@ class Timing:
         np.add.at(flat, dense, 1)
         flat[-1] -= len(place)
         if len(place):
-            row = ends.rows(place)
-            key = ends.streams(place) << UNUSUAL_STREAM_BIT | key_of(bucket_of(interval[place]), loss.bits(row))
-            self.unusual.record(rows.time_ns[row], rows.packet[row] + first_frame, key.view(np.uint64))
+            row, stream, took_ns = ends.rows(place), ends.streams(place), interval[place]
+            time_ns, frame, lost = rows.time_ns[row], rows.packet[row] + told.first_frame, loss.bits(row)
+            key = stream << UNUSUAL_STREAM_BIT | key_of(bucket_of(took_ns), lost)
+            self.unusual.record(time_ns, frame, key.view(np.uint64))
             self.unusual.settle()
+            if told.is_heard:
+                lists, node, subindex = told.keys.described(stream)
+                told.tell(
+                    EventBatch.of(
+                        EventKind.UNUSUAL_INTERVAL, time_ns, frame, lists=lists, node=node, subindex=subindex,
+                        since_ns=time_ns - took_ns, amount=took_ns, detail=lost,
+                    )
+                )  # fmt: skip
         return learned
 
     def _keep_usual(

@@ -13,6 +13,7 @@ import numpy as np
 from dissectors.batch import PacketBatch
 from nvscope.capture.derived import DerivedSource
 from nvscope.capture.source import Source
+from nvscope.engine.events import Listeners
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
 from nvscope.tracker.counted import Counted
@@ -46,16 +47,17 @@ class Windows:
     later frame comes, or the source says that time has passed. A clock that jumps by years leaves many of them.
 
     Batches have to be cut at the edges: whoever runs this observer runs it on ``cut(source)``. It folds a state of its
-    own, which forgets the extremes at each edge: nobody could tell those of a window otherwise.
+    own, which forgets the extremes at each edge: nobody could tell those of a window otherwise. ``listeners`` are told
+    of the events of that state, as those of ``TrackerState``.
     """
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, length_ns: int, start_ns: int | None = None) -> None:
+    def __init__(self, length_ns: int, start_ns: int | None = None, *, listeners: Listeners = ()) -> None:
         if length_ns <= 0:
             raise UsageError("a window has to be longer than 0 s", next_step="give a length such as 1s")
         self.length_ns = length_ns
-        self._state = TrackerState()
+        self._state = TrackerState(listeners=listeners)
         self._start_ns = start_ns
         self._latest_ns: int | None = None
         self._number = _BEFORE

@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
@@ -20,6 +21,7 @@ from dissectors.keys import KeyTable
 from dissectors.layout import Field, Layout, take_rows
 from dissectors.transport import DatagramBatch, SegmentBatch
 from nvscope.engine.dealing import Share, SplitBy
+from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
@@ -86,13 +88,20 @@ def dissect(packets: PacketBatch, datagrams: DatagramBatch, _: SegmentBatch) -> 
 # observe
 
 
+class BeaconEvent(IntEnum):
+    """What happens to beacons; the amount is how many never came, the time since is that of the one before."""
+
+    LOST = 1
+
+
 class BeaconColumns(KeyedColumns):
-    """One row a sender: how many of its beacons came, how many never did, and the number of the last one."""
+    """One row a sender: how many of its beacons came, how many never did, and number and time of the last one."""
 
     count: I64
     lost: I64
     last: I64
-    COLUMNS: ClassVar = {name: (np.int64(0), 1) for name in ("count", "lost", "last")}
+    last_ns: I64
+    COLUMNS: ClassVar = {name: (np.int64(0), 1) for name in ("count", "lost", "last", "last_ns")}
 
 
 class BeaconCounts:
@@ -112,15 +121,22 @@ class BeaconCounts:
         columns = self.columns
         columns.resize(len(self.keys))
         order = stable_order(sender, len(self.keys))
-        sender, number = sender[order], part.header["number"][order].astype(np.int64)
+        sender, number, row = sender[order], part.header["number"][order].astype(np.int64), part.row[order]
+        time_ns = told.packets.ts_ns[row]
         start, stop = runs_of(sender)
         run = sender[start]
-        before = np.empty_like(number)
-        before[1:] = number[:-1]
+        before, before_ns = np.roll(number, 1), np.roll(time_ns, 1)
         before[start] = np.where(columns.count[run] > 0, columns.last[run], number[start] - 1)
-        columns.lost[run] += np.add.reduceat((number - before - 1) % 256, start)
+        before_ns[start] = columns.last_ns[run]
+        lost = (number - before - 1) % 256
+        columns.lost[run] += np.add.reduceat(lost, start)
         columns.count[run] += stop - start
-        columns.last[run] = number[stop - 1]
+        columns.last[run], columns.last_ns[run] = number[stop - 1], time_ns[stop - 1]
+        gap = np.flatnonzero(lost)
+        events = EventBatch.of(
+            BeaconEvent.LOST, time_ns[gap], row[gap] + told.first_frame, since_ns=before_ns[gap], amount=lost[gap]
+        )
+        told.tell(events)
 
     def take(self, part: BeaconCounts, share: Share) -> None:
         self.columns.take_keyed(self.keys, part.columns, part.keys.words)

@@ -21,9 +21,12 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.run import run
 from nvscope.protocols import table
-from nvscope.protocols.table import PROTOCOLS, dissectors_of
+from nvscope.protocols.table import PROTOCOLS, accumulators_of, dissectors_of
 from nvscope.report.packets.records import JsonLines
 from nvscope.report.packets.text import Text
+from nvscope.tracker.evidence.event_columns import EventTable
+from nvscope.tracker.evidence.evidence import OTHERS, Evidence
+from nvscope.tracker.state import TrackerState
 from nvscope.view.rows.frames import PacketRows
 from tests.oracle.traffic import MILLISECOND, data_frame, telegram, write_pcap
 from tests.packets import Batches, batch_of
@@ -52,6 +55,21 @@ def inquiry(tmp_path: Path) -> Inquiry:
     ]
     write_pcap(frames, tmp_path / "a.pcap")
     return Inquiry([str(tmp_path / "a.pcap")], protocols=(*PROTOCOLS, BEACON))
+
+
+def test_events(inquiry: Inquiry) -> None:
+    """What it tells of its own is heard beside what the state tells, under its own name."""
+    evidence = Evidence()
+    state = TrackerState(others=accumulators_of([BEACON]), listeners=[evidence])
+    for _ in run(inquiry.open(), READING, [state]):
+        pass
+    columns = evidence.columns[OTHERS]
+    (event,) = zip(*(column.tolist() for column in columns.table()), strict=True)
+    told = EventTable(*event)
+    assert columns.kinds[told.kind] is beacon.BeaconEvent.LOST
+    assert (told.frame, told.amount) == (6, 1)
+    assert (told.since_ns - START_NS, told.time_ns - START_NS) == (3 * MILLISECOND, 5 * MILLISECOND)
+    assert not evidence.columns["steps"].count
 
 
 def written(inquiry: Inquiry, face: Text | JsonLines, expression: str | None = None) -> str:

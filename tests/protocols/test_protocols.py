@@ -20,6 +20,7 @@ from nvscope.findings.catalogue import CATALOGUE
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS, accumulators_of, dissectors_of, fields_of
 from nvscope.report.packets.text import Text
+from nvscope.tracker.evidence.evidence import OTHERS, Evidence
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
 from nvscope.view.documents.report import report_document
@@ -143,17 +144,22 @@ def test_dissecting_is_total_and_the_same_however_a_capture_is_cut(protocol: Pro
 def test_counted_in_parts_it_comes_to_the_same(protocol: Protocol, seed: int) -> None:
     """Law 8, and law 1, for what a protocol keeps and what is judged of it."""
     whole, chance = batch_of(mixed(seed)), random.Random(seed)
-    once = TrackerState(others=accumulators_of([protocol]))
-    parted = PartedState(chance.randint(1, 4), others=lambda: accumulators_of([protocol]))
+    heard = Evidence(), Evidence(), Evidence()
+    once = TrackerState(others=accumulators_of([protocol]), listeners=heard[:1])
+    parted = PartedState(chance.randint(1, 4), others=lambda: accumulators_of([protocol]), listeners=heard[1:2])
     source = Batches(cut(whole, chance.randint(1, 60)))
     for _ in run(source, reading([protocol]), [once, parted]):
         pass
-    in_one = TrackerState(others=accumulators_of([protocol]))
+    in_one = TrackerState(others=accumulators_of([protocol]), listeners=heard[2:])
     for _ in run(Batches([whole]), reading([protocol]), [in_one]):
         pass
     told = [document(state, [protocol]) for state in (once, parted.join(), in_one)]
     assert told[0] == told[1]
     assert told[0] == told[2]
+    left, right, whole_at_once = (one.columns[OTHERS] for one in heard)
+    for other in (right, whole_at_once):
+        assert all(map(np.array_equal, left.table(), other.table()))
+        assert left.kinds == other.kinds
 
 
 @examples(20)

@@ -5,21 +5,26 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissectors import address
 from dissectors.batch import LinkType, PacketBatch
+from dissectors.can.frame import Fault as CanFault
+from nvscope.engine.events import NOWHERE
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.counters import Scope
-from nvscope.tracker.event_batch import NOWHERE
-from nvscope.tracker.event_columns import NO_SCOPE, EventColumns, EventTable
 from nvscope.tracker.event_kinds import FRAMES_KEPT, TELL_IN_NUMBERS, EventKind
+from nvscope.tracker.evidence.event_columns import NO_SCOPE, EventColumns, EventTable
 from nvscope.tracker.list_log import event_parts
+from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
+from nvscope.tracker.windows import Windows
 from tests.can_frames import batches_of_log
 from tests.engine.test_observers import batches_of
 from tests.laws import examples
@@ -39,17 +44,39 @@ def heard(batches: Sequence[PacketBatch], most: int = 1 << 20) -> tuple[TrackerS
     return state, columns
 
 
-def rows_of(table: EventTable) -> list[tuple[int, ...]]:
-    return list(zip(*(column.tolist() for column in table), strict=True))
+class Event(NamedTuple):
+    """One event with what its numbers stand for: numbers are given as things appear in a batch."""
+
+    kind: str
+    scope: int
+    list: str
+    node: str
+    subindex: int
+    channel: int
+    since_ns: int
+    time_ns: int
+    frame: int
+    amount: int
+    peer: str
+    detail: int
 
 
-def named(state: TrackerState, table: EventTable) -> list[tuple[object, ...]]:
-    """Return events with what their numbers stand for: numbers are given as things appear in a batch."""
-    nodes = list(zip(state.keys.nodes.high.tolist(), state.keys.nodes.low.tolist(), strict=True))
+def rows_of(table: EventTable) -> list[EventTable]:
+    """Return the rows of a table, with a number in each column."""
+    return [EventTable(*row) for row in zip(*(column.tolist() for column in table), strict=True)]
+
+
+def named(state: TrackerState, columns: EventColumns) -> list[Event]:
+    keys = state.keys
+    nodes = [address.text(*halves) for halves in zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True)]
     return [
-        (kind, scope, str(state.keys.list_key(own_list)) if own_list >= 0 else "", nodes[node] if node >= 0 else None,
-         *others)
-        for kind, scope, own_list, node, *others in rows_of(table)
+        Event(**row._asdict() | {
+            "kind": columns.kinds[row.kind].name,
+            "list": str(keys.list_key(row.list)) if row.list >= 0 else "",
+            "node": nodes[row.node] if row.node >= 0 else "",
+            "peer": nodes[row.peer] if row.peer >= 0 else "",
+        })
+        for row in rows_of(columns.table())
     ]  # fmt: skip
 
 
@@ -63,8 +90,7 @@ def traffic(seed: int) -> PacketBatch:
 def test_a_cut_changes_no_event(seed: int, packets: int) -> None:
     whole = traffic(seed)
     in_one, in_parts = heard([whole]), heard(cut(whole, packets))
-    told = [(state, columns.table()) for state, columns in (in_one, in_parts)]
-    left, right = (sorted(named(*one), key=str) for one in told)
+    left, right = (sorted(named(*one)) for one in (in_one, in_parts))
     assert left == right
 
 
@@ -74,11 +100,11 @@ def test_what_is_told_is_what_the_log_has(seed: int) -> None:
     """The log keeps of each kind and place how many there were, the first and last time, and the first ten frames."""
     state, columns = heard(batches_of(seed, random.Random(seed)))
     expected: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-    for kind, _, own_list, node, subindex, _, time_ns, frame, _ in zip(
-        *(np.concatenate(parts).tolist() for parts in zip(*columns._parts, strict=True)), strict=True
-    ):
-        if EventKind(kind) not in TELL_IN_NUMBERS:
-            expected.setdefault((kind, own_list, node, subindex), []).append((time_ns, frame))
+    for kind, part in columns._parts:
+        if kind not in TELL_IN_NUMBERS:
+            for row in rows_of(part):
+                place = int(kind), row.list, row.node, row.subindex
+                expected.setdefault(place, []).append((row.time_ns, row.frame))
     log = state.lists.events
     found = {}
     for row, key in enumerate(zip(*log.keys.words, strict=True)):
@@ -100,10 +126,11 @@ def test_steps_come_to_the_figures_of_every_scope(seed: int) -> None:
     table, keys, streams = columns.table(), state.keys, state.senders.loss.streams
     count: Counter[tuple[int, ...]] = Counter()
     lost: Counter[tuple[int, ...]] = Counter()
-    for kind, scope, own_list, node, subindex, _, _, _, amount in rows_of(table):
-        if scope != NO_SCOPE:
-            count[kind, scope, own_list, node, subindex] += 1
-            lost[scope, own_list, node, subindex] += amount if kind == EventKind.GAP else -(kind == EventKind.OVERTAKEN)
+    for row in rows_of(table):
+        if row.scope != NO_SCOPE:
+            place = row.scope, row.list, row.node, row.subindex
+            count[row.kind, *place] += 1
+            lost[place] += {EventKind.GAP: row.amount, EventKind.OVERTAKEN: -row.amount}.get(row.kind, 0)
     for stream in range(len(keys.streams)):
         place = keys.place_of(np.array([stream]))
         where = int(keys.list_of_place(place)[0]), int(keys.node_of(np.array([stream]))[0])
@@ -117,24 +144,77 @@ def test_steps_come_to_the_figures_of_every_scope(seed: int) -> None:
             assert lost[scope, *where] == streams.lost[stream, scope]
 
 
-def test_events_of_buses() -> None:
-    """Error frames, and frames that cannot be read: of each, channel, time and frame."""
-    lines = [
-        f"({place}.000000) can{channel} {content}"
-        for place, (channel, content) in enumerate(
-            [(0, "181#01"), (1, "20000088#0000000000000000"), (0, "20000004#0008000000000000"), (1, "181#0102"),
-             (0, "20000088#0000000000000000")]
-        )
-    ]  # fmt: skip
-    batches, _ = batches_of_log("\n".join(lines) + "\n")
+@given(SEEDS)
+@examples(60)
+def test_what_a_kind_says_nothing_of_is_not_told(seed: int) -> None:
+    for event in named(*heard([traffic(seed)])):
+        kind = EventKind[event.kind]
+        assert kind.since or event.since_ns == event.time_ns
+        assert kind.amount or event.amount == 1
+        assert kind.peer or event.peer == ""
+        assert kind.detail or event.detail == 0
+        # A clock may have stepped back in between; that is what an event of its own is for.
+        assert event.frame >= 1
+
+
+@given(SEEDS)
+@examples(40)
+def test_parts_and_windows_tell_the_same(seed: int) -> None:
+    """Whoever folds a state can be listened to: what is told is the same, whether in parts or in windows."""
+    batches = cut(traffic(seed), 31)
     state, columns = heard(batches)
-    assert [(EventKind(row[0]).name, row[5], row[6] // SECOND, row[7]) for row in rows_of(columns.table())] == [
-        ("ERROR_FRAME", 1, 1, 2), ("ERROR_FRAME", 0, 2, 3), ("ERROR_FRAME", 0, 4, 5),
-    ]  # fmt: skip
-    assert sum(state.buses.errors.all.rows.column("count")) == 3
+    in_parts, in_windows = EventColumns(), EventColumns()
+    parted = PartedState(random.Random(seed).randint(1, 4), listeners=(in_parts,))
+    windows = Windows(3 * SECOND, listeners=(in_windows,))
+    for _ in run(windows.cut(Batches(batches)), Reading(), [parted, windows]):
+        pass
+    expected = sorted(named(state, columns))
+    assert sorted(named(state, in_parts)) == expected
+    assert sorted(named(state, in_windows)) == expected
+
+
+def test_nobody_hears_what_is_told_to_another() -> None:
+    """Each state tells those whom it was given, whoever else observes the same batches."""
+    batches, columns = [traffic(7)], EventColumns()
+    states = [TrackerState(), TrackerState(listeners=(columns,)), TrackerState()]
+    for told in run(Batches(batches), Reading(), states):
+        assert not told.is_heard
+    alone = heard(batches)
+    assert columns.count > 40
+    assert named(states[0], columns) == named(*alone)
+
+
+CAN_LOG = [
+    "can0 181#01", "can1 20000088#0000000000000000", "can0 20000004#0008000000000000", "can1 181#0102",
+    "can0 20000040#0000000000000000", "can1 181#0102", "can0 20000100#0000000000000000", "can1 705#00", "can1 705#05",
+    "can1 705#05", "can1 085#1081010000000000", "can1 000#0205",
+]  # fmt: skip
+
+
+def test_events_of_buses() -> None:
+    """Of each event of a bus its channel, time and frame, and what else its kind tells of."""
+    lines = [f"({place}.000000) {content}" for place, content in enumerate(CAN_LOG)]
+    batches, names = batches_of_log("\n".join(lines) + "\n")
+    for parts in (batches, cut(batches[0], 1), cut(batches[0], 5)):
+        state, columns = heard(parts)
+        told = [
+            (event.kind, names[event.channel], event.since_ns // SECOND, event.frame, event.amount, event.detail)
+            for event in named(state, columns)
+            if event.channel != NOWHERE
+        ]
+        assert told == [
+            ("ERROR_FRAME", "can1", 1, 2, 1, 0x88), ("ERROR_FRAME", "can0", 2, 3, 1, 4),
+            ("ERROR_FRAME", "can0", 4, 5, 1, 0x40), ("BUS_OFF", "can0", 4, 5, 1, 0),
+            ("ERROR_FRAME", "can0", 6, 7, 1, 0x100), ("BUS_BACK", "can0", 4, 7, 1, 1),
+            ("NODE_STATE", "can1", 7, 8, 0, 5), ("NODE_STATE", "can1", 8, 9, 5, 5),
+            ("EMERGENCY", "can1", 10, 11, 0x8110, 5), ("NODE_COMMAND", "can1", 11, 12, 2, 5),
+        ]  # fmt: skip
+    assert sum(state.buses.errors.all.rows.column("count")) == 4
     long = Frame(7, LinkType.CAN_SOCKETCAN, b"\0\0\1\x81\x09\0\0\0" + bytes(9), 17)
-    _, columns = heard([batch_of([long])])
-    assert [row[0] for row in rows_of(columns.table())] == [EventKind.UNREADABLE_FRAME]
+    state, columns = heard([batch_of([long])])
+    assert [(event.kind, event.detail) for event in named(state, columns)] == [
+        ("UNREADABLE_FRAME", CanFault.CLASSIC_TOO_LONG)
+    ]
 
 
 def test_one_by_one() -> None:
@@ -144,25 +224,54 @@ def test_one_by_one() -> None:
             (0, "10.0.0.1", "10.0.0.2", 0, 1, 1, b"\0\0"),
             (5, "10.0.0.2", "10.0.0.1", ACKNOWLEDGEMENT, 1, 4, b""),
             (10, "10.0.0.1", "10.0.0.2", 0, 5, 1, b"\0\0\0"),
-            (7, "10.0.0.1", "10.0.0.2", 0, 4, 0, b"\0\0\0"),
+            (7, "10.0.0.1", "10.0.0.2", 0, 4, 1, b"\0\0\0"),
+            (9, "10.0.0.2", "10.0.0.1", ACKNOWLEDGEMENT, 1, 0, b""),
         ]
     ]
-    state, columns = heard([batch_of(frames)])
-    assert [
-        (EventKind(kind).name, scope, own_list, subindex, (time_ns - START) // MILLISECOND, frame, amount)
-        for kind, scope, own_list, _, subindex, _, time_ns, frame, amount in rows_of(columns.table())
-    ] == [
-        ("NEGATIVE_ACKNOWLEDGEMENT", NO_SCOPE, 0, 0, 5, 2, 1),
-        # The next telegram of the stream finds the wait still open.
-        ("NO_ACKNOWLEDGEMENT", NO_SCOPE, 0, 0, 7, 3, 1),
-        ("SHAPE_CHANGED", NO_SCOPE, 0, 0, 10, 3, 1),
-        ("GAP", Scope.STREAM, 0, 0, 10, 3, 3),
-        ("GAP", Scope.NODE_TELEGRAM, 0, 0, 10, 3, 3),
-        ("OVERTAKEN", Scope.STREAM, 0, 0, 7, 4, 1),
-        ("OVERTAKEN", Scope.NODE_TELEGRAM, 0, 0, 7, 4, 1),
-        ("STEP_BACK", NO_SCOPE, NOWHERE, NOWHERE, 7, 4, 1),
-    ]
+    one, two, key = "10.0.0.1", "10.0.0.2", "udp/1202/7"
+    for parts in ([batch_of(frames)], cut(batch_of(frames), 1)):
+        state, columns = heard(parts)
+        assert [
+            (
+                event.kind, event.scope, event.list, event.node, (event.since_ns - START) // MILLISECOND,
+                (event.time_ns - START) // MILLISECOND, event.frame, event.amount, event.peer,
+            )
+            for event in named(state, columns)
+        ] == [
+            ("NEGATIVE_ACKNOWLEDGEMENT", NO_SCOPE, key, one, 5, 5, 2, 1, two),
+            ("ACKNOWLEDGED", NO_SCOPE, key, one, 0, 5, 2, 1, two),
+            # The next telegram of the stream finds the wait still open.
+            ("NO_ACKNOWLEDGEMENT", NO_SCOPE, key, one, 10, 7, 3, 1, two),
+            ("SHAPE_CHANGED", NO_SCOPE, key, one, 10, 10, 3, 1, ""),
+            ("GAP", Scope.STREAM, key, one, 0, 10, 3, 3, ""),
+            ("GAP", Scope.NODE_TELEGRAM, key, one, 0, 10, 3, 3, ""),
+            ("UNUSUAL_INTERVAL", NO_SCOPE, key, one, 0, 10, 3, 10 * MILLISECOND, ""),
+            ("OVERTAKEN", Scope.STREAM, key, one, 10, 7, 4, 1, ""),
+            ("OVERTAKEN", Scope.NODE_TELEGRAM, key, one, 10, 7, 4, 1, ""),
+            ("STEP_BACK", NO_SCOPE, "", "", 10, 7, 4, 3 * MILLISECOND, ""),
+            ("ACKNOWLEDGED", NO_SCOPE, key, one, 7, 9, 5, 1, two),
+        ]  # fmt: skip
     assert state.lists.columns.negative_acknowledgements[0] == 1
+
+
+def test_a_cycle_that_lacks_telegrams_tells_which() -> None:
+    """Three SubIndexes every 100 ms: of the twelfth cycle the second is missing, of the fourteenth all but the last."""
+    frames = [
+        data_frame(
+            START + (100 * cycle + subindex) * MILLISECOND, "10.0.0.1", "255.255.255.255",
+            telegram(0, 7, subindex=subindex, counter=cycle, items=2, data=bytes(4)),
+        )
+        for cycle in range(20) for subindex in range(3)
+        if (cycle, subindex) not in {(12, 1), (14, 0), (14, 1)}
+    ]  # fmt: skip
+    for packets in (1, 7, 1000):
+        state, columns = heard(cut(batch_of(frames), packets))
+        torn = [event for event in named(state, columns) if event.kind == "TORN_CYCLE"]
+        assert [
+            (event.list, event.node, event.amount, event.detail, *((ns - START) // MILLISECOND for ns in times))
+            for event in torn
+            for times in [(event.since_ns, event.time_ns)]
+        ] == [("udp/1202/7", "10.0.0.1", 2, 0b010, 1200, 1202), ("udp/1202/7", "10.0.0.1", 1, 0b011, 1402, 1402)]
 
 
 @pytest.mark.parametrize("most", [0, 1, 7, 40])

@@ -17,8 +17,10 @@ from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STA
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
 from dissectors.layout import gather_bytes
+from nvscope.engine.events import EventBatch, Tell, to_nobody
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
+from nvscope.tracker.event_kinds import EventKind
 
 _SERVICES = {service.name: service for service in PREDEFINED}
 _NMT, _EMCY, _HEARTBEAT = (_SERVICES[name] for name in ("NMT", "EMCY", "heartbeat"))
@@ -113,7 +115,7 @@ class CanOpen:
         self.nodes = KeyTable()
         self.columns = _NodeColumns()
 
-    def observe(self, batch: CanBatch, first_frame: int) -> None:
+    def observe(self, batch: CanBatch, first_frame: int, tell: Tell = to_nobody) -> None:
         """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
         kind = _KIND.take(batch.identifier, mode="clip")
         row = np.flatnonzero(kind)
@@ -127,7 +129,7 @@ class CanOpen:
         ):  # fmt: skip
             own = row[(kind == code) & (length == _BYTES[code]) & ~other]
             if len(own):
-                observe(batch, own, first_frame)
+                observe(batch, own, first_frame, tell)
 
     def take(self, part: CanOpen) -> None:
         """Take over the nodes of other channels."""
@@ -138,13 +140,22 @@ class CanOpen:
         self.columns.resize(len(self.nodes))
         return number
 
-    def _observe_heartbeats(self, batch: CanBatch, row: I64, _: int) -> None:
+    def _tell(
+        self, kind: EventKind, batch: CanBatch, row: I64, number: I64, amount: I64, first_frame: int, tell: Tell
+    ) -> None:  # fmt: skip
+        """Tell of some frames, of the nodes that are numbered so."""
+        node = self.nodes.low[number].astype(np.int64)
+        channel, frame = batch.channel[row].astype(np.int64), batch.row[row] + first_frame
+        tell(EventBatch.of(kind, batch.ts_ns[row], frame, channel=channel, amount=amount, detail=node))
+
+    def _observe_heartbeats(self, batch: CanBatch, row: I64, first_frame: int, tell: Tell) -> None:
         state = (batch.data[batch.at[row]] & np.uint8(_STATE_BITS)).astype(np.int64)  # node guarding toggles bit 7
         known = np.isin(state, list(NODE_STATES))
         row, state = row[known], state[known]
         number = self._numbers(batch.channel[row], _node_of(batch, row, _HEARTBEAT))
         order = stable_order(number, len(self.nodes))
-        number, state, time_ns = number[order], state[order], batch.ts_ns[row[order]]
+        number, state, row = number[order], state[order], row[order]
+        time_ns = batch.ts_ns[row]
         start, stop = runs_of(number)
         run, last, columns = number[start], stop - 1, self.columns
         before = np.empty_like(state)
@@ -159,8 +170,10 @@ class CanOpen:
         columns.heartbeats[run] += stop - start
         np.add.at(columns.boot_ups, number[state == 0], 1)
         np.add.at(columns.changes, number[changed & (before != _NO_STATE)], 1)
+        new = np.flatnonzero(changed | (state == 0))
+        self._tell(EventKind.NODE_STATE, batch, row[new], number[new], state[new], first_frame, tell)
 
-    def _observe_emergencies(self, batch: CanBatch, row: I64, _: int) -> None:
+    def _observe_emergencies(self, batch: CanBatch, row: I64, first_frame: int, tell: Tell) -> None:
         number = self._numbers(batch.channel[row], _node_of(batch, row, _EMCY))
         order = stable_order(number, len(self.nodes))
         number, row = number[order], row[order]
@@ -169,8 +182,10 @@ class CanOpen:
         columns.emergencies[run] += stop - start
         columns.emergency[run] = gather_bytes(batch.data, batch.at[last], 8).view("<u8").reshape(-1)
         columns.emergency_ns[run] = batch.ts_ns[last]
+        code = gather_bytes(batch.data, batch.at[row], 2).view("<u2").reshape(-1).astype(np.int64)
+        self._tell(EventKind.EMERGENCY, batch, row, number, code, first_frame, tell)
 
-    def _observe_commands(self, batch: CanBatch, row: I64, first_frame: int) -> None:
+    def _observe_commands(self, batch: CanBatch, row: I64, first_frame: int, tell: Tell) -> None:
         command, node = batch.data[batch.at[row]], batch.data[batch.at[row] + 1]
         known = np.isin(command, list(NMT_COMMANDS)) & (node <= MAX_NODES)
         row, command, node = row[known], command[known], node[known]
@@ -183,6 +198,7 @@ class CanOpen:
         columns.command[run] = command[last]
         columns.command_ns[run] = batch.ts_ns[row[last]]
         columns.command_frame[run] = batch.row[row[last]] + first_frame
+        self._tell(EventKind.NODE_COMMAND, batch, row, number, command.astype(np.int64), first_frame, tell)
 
     def by_channel(self, lists: Collection[int] = ()) -> dict[int, list[CanOpenNode]]:
         """Return the nodes of each channel that has some; the COB-IDs of ``lists`` are not CANopen's."""

@@ -7,10 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from dissectors.can.pdo import PdoRules
 from nvscope.engine.keyed_columns import KeyedColumns
-from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
+from nvscope.engine.told import Told
 from nvscope.list_key import Transport
 from nvscope.tracker.cycles import Cycles
 
@@ -33,22 +32,20 @@ class CanCycles(Cycles):
         super().__init__()
         self._pdos = PdoColumns()
 
-    def observe_frames(
-        self, rows: DataRows, usual: Bool, usual_ns: I64, keys: Keys, rules: PdoRules, first_frame: int
-    ) -> None:
+    def observe_frames(self, told: Told, rows: DataRows, usual: Bool, usual_ns: I64) -> None:
         """Take the data frames of a batch; ``usual`` and ``usual_ns`` are the intervals that were learned so far.
 
-        Where the interval is told, it need not be learned.
+        Where a definition says the interval, it need not be learned.
         """
-        told, known = self._pdos, len(self._pdos)
-        told.resize(len(keys.streams))
-        for stream in range(known, len(told)):
+        pdos, known, keys = self._pdos, len(self._pdos), told.keys
+        pdos.resize(len(keys.streams))
+        for stream in range(known, len(pdos)):
             key, _ = keys.place_key(stream)
             if key.transport is Transport.CAN:
-                frames, told.interval_ns[stream] = rules.list_of(str(key.port), key.identifier)
-                told.several[stream] = frames > 1
-        if not told.column("several").any():
+                frames, pdos.interval_ns[stream] = told.pdos.list_of(str(key.port), key.identifier)
+                pdos.several[stream] = frames > 1
+        if not pdos.column("several").any():
             return
-        interval_ns = np.where(told.column("interval_ns") > 0, told.column("interval_ns"), usual_ns[: len(told)])
-        usual = usual | (told.interval_ns[rows.stream] > 0)
-        self.observe(rows, None, usual, interval_ns, keys, first_frame, told.several)
+        interval_ns = np.where(pdos.column("interval_ns") > 0, pdos.column("interval_ns"), usual_ns[: len(pdos)])
+        usual = usual | (pdos.interval_ns[rows.stream] > 0)
+        self.observe(told, rows, None, usual, interval_ns, pdos.several)

@@ -18,8 +18,10 @@ from dissectors.can.error import (
 )
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
+from nvscope.engine.events import EventBatch, Tell, to_nobody
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 
 _UNTOLD = -1
@@ -98,7 +100,7 @@ class CanErrors:
         self.channels = KeyTable(1)
         self.columns = _ChannelColumns()
 
-    def observe(self, batch: CanBatch, first_frame: int) -> None:
+    def observe(self, batch: CanBatch, first_frame: int, tell: Tell = to_nobody) -> None:
         """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
         error = np.flatnonzero(batch.error)
         if not len(error) and not self.columns.column("off").any():
@@ -108,10 +110,17 @@ class CanErrors:
             channel = batch.channel[error].astype(np.uint64)
             number = self.channels.numbers(channel)
             self.columns.resize(len(self.channels))
-            self._count(details, channel, number, batch.ts_ns[error], batch.row[error] + first_frame)
+            time_ns, frame = batch.ts_ns[error], batch.row[error] + first_frame
+            self._count(details, channel, number, time_ns, frame)
+            classes = details.classes.astype(np.int64)
+            tell(
+                EventBatch.of(
+                    EventKind.ERROR_FRAME, time_ns, frame, channel=channel.astype(np.int64), detail=classes
+                )
+            )  # fmt: skip
             self.all.settle()
             self.classes.settle()
-        self._observe_bus_off(batch, details)
+        self._observe_bus_off(batch, details, first_frame, tell)
 
     def take(self, part: CanErrors) -> None:
         """Take over the error frames of other channels."""
@@ -136,7 +145,7 @@ class CanErrors:
         for highest, counter in ((columns.tx_errors, details.tx_errors), (columns.rx_errors, details.rx_errors)):
             np.maximum.at(highest, number[told], counter[told].astype(np.int64))
 
-    def _observe_bus_off(self, batch: CanBatch, details: ErrorDetails) -> None:
+    def _observe_bus_off(self, batch: CanBatch, details: ErrorDetails, first_frame: int, tell: Tell) -> None:
         """Note when controllers leave the bus and come back: told, or shown by any frame that is on the bus."""
         columns = self.columns
         leaves: Bool = np.zeros(len(batch), np.bool_)
@@ -169,6 +178,14 @@ class CanErrors:
         np.add.at(columns.restarts, number[ends[told]], 1)
         np.add.at(columns.returns, number[ends[~told]], 1)
         columns.off[run], columns.off_since_ns[run] = off[stop - 1], since_ns[stop - 1]
+        channel, frame = batch.channel[row].astype(np.int64), batch.row[row] + first_frame
+        tell(EventBatch.of(EventKind.BUS_OFF, time_ns[begins], frame[begins], channel=channel[begins]))
+        tell(
+            EventBatch.of(
+                EventKind.BUS_BACK, time_ns[ends], frame[ends], channel=channel[ends], since_ns=since_ns[ends],
+                detail=told.astype(np.int64),
+            )
+        )  # fmt: skip
 
     def by_channel(self) -> dict[int, BusErrors]:
         """Return what is known of each channel with error frames."""

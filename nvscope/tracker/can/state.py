@@ -10,15 +10,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
 from dissectors.can.frame import CanBatch
 from dissectors.can.pdo import words
 from nvscope.engine.dealing import Share, SplitBy
+from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
 from nvscope.tracker.can.canopen import CanOpen
 from nvscope.tracker.can.errors import CanErrors
 from nvscope.tracker.can.load import CanLoad
-from nvscope.tracker.event_batch import EventBatch, Listeners, tell
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 
@@ -32,8 +31,7 @@ class BusState:
 
     SPLIT_BY: ClassVar = SplitBy.BUS
 
-    def __init__(self, listeners: Listeners = ()) -> None:
-        self._listeners = listeners
+    def __init__(self) -> None:
         self.frames = 0
         self.load = CanLoad()
         self.errors = CanErrors()
@@ -47,32 +45,27 @@ class BusState:
         if frames is None:
             return
         self.frames += len(frames)
-        self._observe_faults(frames, first_frame)
+        self._observe_faults(told, frames)
         self._observe_remotes(frames, first_frame)
-        if self._listeners:
-            self._tell(EventKind.ERROR_FRAME, frames, np.flatnonzero(frames.error), first_frame)
-        self.errors.observe(frames, first_frame)
-        self.canopen.observe(frames, first_frame)
+        self.errors.observe(frames, first_frame, told.tell)
+        self.canopen.observe(frames, first_frame, told.tell)
         self.load.observe(frames, first_frame)
         self.faults.settle()
         self.remotes.settle()
 
-    def _observe_faults(self, frames: CanBatch, first_frame: int) -> None:
+    def _observe_faults(self, told: Told, frames: CanBatch) -> None:
         wrong = np.flatnonzero(frames.fault)
         if len(wrong):
-            channel, fault = (column[wrong].astype(np.uint64) for column in (frames.channel, frames.fault))
-            self.faults.record(frames.ts_ns[wrong], frames.row[wrong] + first_frame, channel, fault)
-            self._tell(EventKind.UNREADABLE_FRAME, frames, wrong, first_frame)
+            channel, fault = (column[wrong].astype(np.int64) for column in (frames.channel, frames.fault))
+            time_ns, frame = frames.ts_ns[wrong], frames.row[wrong] + told.first_frame
+            self.faults.record(time_ns, frame, channel.astype(np.uint64), fault.astype(np.uint64))
+            told.tell(EventBatch.of(EventKind.UNREADABLE_FRAME, time_ns, frame, channel=channel, detail=fault))
 
     def _observe_remotes(self, frames: CanBatch, first_frame: int) -> None:
         asking = np.flatnonzero(frames.remote)
         if len(asking):
             channel, number = frames.channel[asking].astype(np.uint64), words(frames)[asking]
             self.remotes.record(frames.ts_ns[asking], frames.row[asking] + first_frame, channel, number)
-
-    def _tell(self, kind: EventKind, frames: CanBatch, which: I64, first_frame: int) -> None:
-        channel, frame = frames.channel[which].astype(np.int64), frames.row[which] + first_frame
-        tell(self._listeners, EventBatch.on_bus(kind, channel, frames.ts_ns[which], frame))
 
     def take(self, part: BusState, share: Share) -> None:
         """Take over what a part has counted of its share of the channels."""

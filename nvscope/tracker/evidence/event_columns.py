@@ -1,0 +1,95 @@
+"""EventColumns: the events that they are told of, as columns, up to a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.engine.events import EventBatch
+from nvscope.tracker.event_kinds import EventKind
+
+MOST_EVENTS = 1 << 18
+"""So many are kept, 96 bytes each; those behind them are counted."""
+
+NO_SCOPE = -1
+
+FIRST_OF_PROTOCOLS = 1 << 16
+"""From this number on, kinds are those of protocols."""
+
+
+class EventTable(NamedTuple):
+    """Events by frame, then kind, scope and place; columns as in ``EventBatch``, int64 of shape (n,).
+
+    ``kind`` is an ``EventKind``, or one of ``EventColumns.kinds``; ``scope`` a ``nvscope.tracker.counters.Scope``, or
+    ``NO_SCOPE``.
+    """
+
+    kind: I64
+    scope: I64
+    list: I64
+    node: I64
+    subindex: I64
+    channel: I64
+    since_ns: I64
+    time_ns: I64
+    frame: I64
+    amount: I64
+    peer: I64
+    detail: I64
+
+
+_OF_BATCH = EventTable._fields[2:]
+_NOTHING = np.empty(0, np.int64)
+
+
+class EventColumns:
+    """A listener that keeps the first ``most`` events it is told; ``left_out`` counts the others."""
+
+    def __init__(self, most: int = MOST_EVENTS) -> None:
+        self._most = most
+        self._parts: list[tuple[IntEnum, EventTable]] = []
+        self.count = 0
+        self.left_out = 0
+
+    def hear(self, events: EventBatch) -> None:
+        """Take events, which may be of any kind."""
+        room = min(len(events), self._most - self.count)
+        self.left_out += len(events) - room
+        if not room:
+            return
+        self.count += room
+        scope = NO_SCOPE if events.scope is None else events.scope
+        kind, scopes = (np.full(room, number, np.int64) for number in (0, scope))
+        columns = (getattr(events, name)[:room].astype(np.int64) for name in _OF_BATCH)
+        self._parts.append((events.kind, EventTable(kind, scopes, *columns)))
+
+    @property
+    def kinds(self) -> Mapping[int, IntEnum]:
+        """The kinds that there are events of, by their number in the table: those of protocols by name."""
+        heard = {_name(kind): kind for kind, _ in self._parts}
+        own: dict[int, IntEnum] = {int(kind): kind for kind in heard.values() if isinstance(kind, EventKind)}
+        others = [name for name, kind in sorted(heard.items()) if not isinstance(kind, EventKind)]
+        return own | {FIRST_OF_PROTOCOLS + place: heard[name] for place, name in enumerate(others)}
+
+    def table(self) -> EventTable:
+        """Return what was told so far; a later table is another one."""
+        if not self._parts:
+            return EventTable(*[_NOTHING] * len(EventTable._fields))
+        numbers = {_name(kind): number for number, kind in self.kinds.items()}
+        for kind, part in self._parts:
+            part.kind[:] = numbers[_name(kind)]
+        columns = [np.concatenate(parts) for parts in zip(*(part for _, part in self._parts), strict=True)]
+        table = EventTable(*columns)
+        place = table.subindex, table.node, table.channel, table.list
+        # Where one frame ends several waits of a place, they are told by when they began.
+        order = np.lexsort((table.detail, table.since_ns, *place, table.scope, table.kind, table.frame))
+        return EventTable(*(column[order] for column in table))
+
+
+def _name(kind: IntEnum) -> tuple[str, str, str]:
+    """Return what tells a kind from all others: members of different enumerations are equal if their numbers are."""
+    return type(kind).__module__, type(kind).__qualname__, kind.name

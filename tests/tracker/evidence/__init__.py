@@ -1,0 +1,1 @@
+"""Tests of what causes are told from."""
