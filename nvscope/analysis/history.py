@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from nvscope.analysis.extent import Watch
-from nvscope.analysis.inquiry import Inquiry
+from nvscope.analysis.inquiry import Inquiry, Watch
 from nvscope.definition.selection import names_of_lists, select, unplaced_text
 from nvscope.tracker.variables.history import Entry, History
 

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 from dissectors import address
 from dissectors.batch import PacketBatch
 from dissectors.can.frame import dissect_can
-from dissectors.can.pdo import PdoRules
 from dissectors.netvar import PortRules
-from nvscope.analysis.extent import Watch, latest_ns, part_of
+from nvscope.analysis.extent import part_of
+from nvscope.analysis.reading import reading_of
 from nvscope.analysis.snapshot import Snapshot, snapshot
 from nvscope.capture.content import STDIN
+from nvscope.capture.last_time import latest_ns
 from nvscope.capture.open import open_source
 from nvscope.capture.source import FileSource, Source, SourceInfo
 from nvscope.definition.project import Project
@@ -30,7 +31,7 @@ from nvscope.engine.told import Told
 from nvscope.errors import UsageError
 from nvscope.findings.finding import Finding
 from nvscope.protocols.protocol import Protocol
-from nvscope.protocols.table import PROTOCOLS, accumulators_of, dissectors_of, fields_of
+from nvscope.protocols.table import PROTOCOLS, accumulators_of, fields_of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary
 from nvscope.view.documents.report import report_document
@@ -46,6 +47,10 @@ if TYPE_CHECKING:  # what only some questions need is imported when they are ask
     from nvscope.view.display_filter import DisplayFilter
     from nvscope.view.fields.field import TelegramField
     from nvscope.view.fields.verdicts import Names, Verdicts
+
+
+Watch = Callable[[Source], AbstractContextManager[Callable[[], None]]]
+"""Given a source that is about to be read, returns what is called after each batch, as a context."""
 
 
 def _nobody(_: Source) -> AbstractContextManager[Callable[[], None]]:
@@ -74,13 +79,13 @@ class Analysis:
 class Inquiry:
     """Captures, and how to read them: with which project, ports and timeout, watched by whom.
 
-    ``timeout_ns`` is how long an answer may take, None for what the project says. ``asked`` is the part of the captures
-    that is read, None for all: frames are counted, and times told, from its first frame, as if nothing else had been
-    captured. ``protocols`` are those that are looked for. Captures are opened when something is asked, and read from
-    their beginning each time.
+    ``captures`` are the paths of files, which are opened when something is asked, and read from their beginning each
+    time; or a source of any kind, of which one thing can be asked. ``timeout_ns`` is how long an answer may take, None
+    for what the project says. ``asked`` is the part of the captures that is read, None for all: frames are counted, and
+    times told, from its first frame, as if nothing else had been captured. ``protocols`` are those that are looked for.
     """
 
-    paths: Sequence[str]
+    captures: Sequence[str] | Source
     project: Project = field(default_factory=Project)
     ports: PortRules | None = None
     timeout_ns: int | None = None
@@ -116,18 +121,38 @@ class Inquiry:
 
             choose = PacketChoice(chosen)
         timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
-        rules = PdoRules() if self.pdos is None else self.pdos.rules()
-        return Reading(self.ports, rules, choose, timeout_ns, dissectors_of(self.protocols))
+        return reading_of(self.ports, self.pdos, choose=choose, timeout_ns=timeout_ns, protocols=self.protocols)
+
+    @property
+    def paths(self) -> Sequence[str]:
+        """The paths of the files; none of a source of another kind."""
+        return self.captures if isinstance(self.captures, Sequence) else ()
 
     def open(self) -> Source:
         """Return the captures, or the part of them that is asked for, as one source, to be read once."""
-        source = open_source(self.paths)
-        return source if self.asked is None else part_of(source, self.asked, lambda: self._latest_ns)
+        source = self._whole()
+        return source if self.asked is None else part_of(source, self.asked, lambda: self._end_ns)
+
+    def _whole(self) -> Source:
+        return open_source(self.captures) if isinstance(self.captures, Sequence) else self.captures
+
+    def latest_ns(self, told: str) -> int | None:
+        """Return the latest time of the captures, None where they hold no packet; nothing else of them is looked at.
+
+        UsageError where they cannot be read twice; ``told`` is how a person finds in it what needs to know the end.
+        """
+        if once := self._read_once:
+            raise UsageError(
+                f"{told}: {once} has no end that is known before it is there", next_step="name a file instead"
+            )
+        source = self._whole()
+        with self.watch(source) as progress:
+            return latest_ns(source, progress)
 
     @cached_property
-    def _latest_ns(self) -> int | None:
+    def _end_ns(self) -> int | None:
         assert self.asked
-        return latest_ns(self.paths, self.watch, self.asked.told_from_end)
+        return self.latest_ns(self.asked.told_from_end)
 
     def run(
         self,
@@ -171,7 +196,11 @@ class Inquiry:
         chosen = DisplayFilter(expression, self.fields)
         if not chosen.judged:
             return chosen
-        self._check_rereadable(chosen)
+        if once := self._read_once:
+            raise UsageError(
+                f"{', '.join(chosen.judged)}: known when the whole capture was read, and {once} cannot be read twice",
+                next_step="name a file instead of -",
+            )
         return self._judged(expression, self._read())
 
     def analyze(self, expression: str | None = None, *, values: bool = False, compare: bool = False) -> Analysis:
@@ -291,9 +320,9 @@ class Inquiry:
         verdicts = Verdicts(found.summary, [address.halves(text) for text in found.summary.addresses], found.findings)
         return DisplayFilter(expression, self._fields(verdicts), verdicts)
 
-    def _check_rereadable(self, chosen: DisplayFilter) -> None:
+    @property
+    def _read_once(self) -> str:
+        """What of the captures can be read only once, as told to a person; "" where all can be read again."""
         if STDIN in self.paths:
-            raise UsageError(
-                f"{', '.join(chosen.judged)}: known when the whole capture was read, and stdin cannot be read twice",
-                next_step="name a file instead of -",
-            )
+            return "stdin"
+        return "" if isinstance(self.captures, Sequence) else "what is no file"

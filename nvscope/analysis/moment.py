@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nvscope.analysis.extent import latest_ns
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.source import Source
 from nvscope.errors import UsageError
@@ -32,7 +31,7 @@ def at(
     layouts = inquiry.defined_layouts()
     end_ns = None
     if asked.reference is Reference.END:
-        end_ns = latest_ns(inquiry.paths, inquiry.watch, told)
+        end_ns = inquiry.latest_ns(told)
     chosen = None if expression is None else inquiry.filter(expression)
     source = inquiry.open()
     frame = asked.number if asked.reference is Reference.FRAME else None

@@ -114,21 +114,16 @@ def packets(
     )  # fmt: skip
     chosen_by = inquiry.filter(wanted) if inquiry and wanted is not None else None
 
-    from dissectors.can.pdo import PdoRules
     from nvscope import units
     from nvscope.analysis.packets import packets as read_packets
+    from nvscope.analysis.reading import reading_of
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
-    from nvscope.engine.reading import Reading
-    from nvscope.protocols.table import PROTOCOLS, dissectors_of
     from nvscope.view.rows.frames import PacketRows
 
     source = inquiry.open() if inquiry else open_source(paths)
     face = make(source)
-    if inquiry:
-        reading = inquiry.reading(chosen_by)
-    else:
-        reading = Reading(ports, pdos.rules() if pdos else PdoRules(), dissectors=dissectors_of(PROTOCOLS))
+    reading = inquiry.reading(chosen_by) if inquiry else reading_of(ports, pdos)
     telegrams = PacketRows(limit=count)
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:

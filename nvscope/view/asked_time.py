@@ -74,6 +74,11 @@ class AskedRange:
         asked = ((self.start, self.told_start), (self.end, self.told_end))
         return next((told for one, told in asked if one and one.reference is Reference.END), "")
 
+    @property
+    def is_absolute(self) -> bool:
+        """Whether it can be told without knowing when captures begin and end."""
+        return all(one is None or one.reference is Reference.EPOCH for one in (self.start, self.end))
+
     def span_ns(self, start_ns: int, end_ns: int | None) -> tuple[int | None, int | None]:
         """Return the bounds in ns since 1970, of captures whose first and latest frame are at these times.
 

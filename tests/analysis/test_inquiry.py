@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from dissectors.batch import PacketBatch
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.open import open_source
+from nvscope.capture.source import Source
 from nvscope.definition.project import Project
 from nvscope.definition.project_file import read_project
 from nvscope.errors import UsageError
+from nvscope.view.asked_time import parse_range
 from tests.packets import Shown
 
 CAPTURES = Path(__file__).parents[2] / "captures"
@@ -153,3 +158,49 @@ def test_a_session_over_captures_ends_with_their_report_and_figures() -> None:
     last, found = session.stop(), inquiry.analyze()
     assert last.figures is not None
     assert last.summary == found.summary == last.figures.summary()
+
+
+class Interface:
+    """A source that is no file: what is captured can be read once."""
+
+    def __init__(self, path: str) -> None:
+        self._source: Source = open_source([path])
+        self.infos, self.channels, self.attachments = (), (), ()
+
+    def __iter__(self) -> Iterator[PacketBatch]:
+        return iter(self._source)
+
+    def between(self, start_ns: int | None, end_ns: int | None) -> Interface:
+        self._source = self._source.between(start_ns, end_ns)
+        return self
+
+    def stop(self) -> None:
+        self._source.stop()
+
+
+def test_a_source_that_is_no_file_is_asked_as_files_are() -> None:
+    in_files, captured = Inquiry([PLANT]).analyze(), Inquiry(Interface(PLANT)).analyze()
+    assert captured.summary == in_files.summary
+    assert captured.findings == in_files.findings
+    session = Inquiry(Interface(PLANT)).session()
+    session.start()
+    assert session.wait(30)
+    assert session.stop().summary == in_files.summary
+
+
+def test_a_source_that_is_no_file_begins_and_ends_when_it_does() -> None:
+    start_ns = Inquiry([PLANT]).analyze().summary.start_ns
+    assert start_ns is not None
+    text = f"{datetime.fromtimestamp(start_ns // 1_000_000_000 + 5, UTC):%Y-%m-%d %H:%M:%S}Z"
+    absolute = parse_range(text, None)
+    expected = Inquiry([PLANT], asked=absolute).analyze().summary
+    assert Inquiry(Interface(PLANT), asked=absolute).analyze().summary == expected
+    assert expected.start_ns is not None
+    assert expected.start_ns >= start_ns + 4_000_000_000
+    for start, end in (("5s", None), (None, "-2s"), ("08:00:00", None)):
+        with pytest.raises(UsageError, match="needs files"):
+            Inquiry(Interface(PLANT), asked=parse_range(start, end)).open()
+    with pytest.raises(UsageError, match="what is no file cannot be read twice"):
+        Inquiry(Interface(PLANT)).analyze("list.lost > 0")
+    with pytest.raises(UsageError, match="--at: what is no file has no end"):
+        Inquiry(Interface(PLANT)).latest_ns("--at")

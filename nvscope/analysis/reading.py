@@ -1,0 +1,24 @@
+"""How captures are read, from what a person said and what a project defines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from dissectors.can.pdo import PdoRules
+from nvscope.engine.reading import TIMEOUT_NS, Choose, Reading
+from nvscope.protocols.table import PROTOCOLS, dissectors_of
+
+if TYPE_CHECKING:
+    from dissectors.netvar import PortRules
+    from nvscope.definition.pdos import Pdos
+    from nvscope.protocols.protocol import Protocol
+
+
+def reading_of(
+    ports: PortRules | None, pdos: Pdos | None, *, choose: Choose | None = None, timeout_ns: int = TIMEOUT_NS,
+    protocols: Iterable[Protocol] = PROTOCOLS,
+) -> Reading:  # fmt: skip
+    """Return a reading; ``pdos`` are the frames of the lists that are defined on CAN, None where there are none."""
+    rules = PdoRules() if pdos is None else pdos.rules()
+    return Reading(ports, rules, choose, timeout_ns, dissectors_of(protocols))
