@@ -5,6 +5,7 @@ No packet is ever an object: a batch is a set of numpy columns of equal length, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING
@@ -78,6 +79,17 @@ class PacketBatch:
         return PacketBatch(
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows],
             channel, self.until_ns if whole else None,
+        )  # fmt: skip
+
+    @staticmethod
+    def of(packets: Sequence[bytes], link: int, ts_ns: Sequence[int] | I64 = ()) -> PacketBatch:
+        """Return a batch of packets that were captured whole, of one link type; without times, all are at 0."""
+        size = np.array([len(packet) for packet in packets], np.int64)
+        data = np.frombuffer(b"".join(packets) + bytes(PAD_BYTES), np.uint8)
+        times = np.array(ts_ns, np.int64) if len(ts_ns) else np.zeros(len(packets), np.int64)
+        return PacketBatch(
+            data, np.cumsum(size) - size, size.astype(np.int32), size, times,
+            PacketBatch.link_column(link, len(packets)),
         )  # fmt: skip
 
     @staticmethod
