@@ -33,7 +33,8 @@ from tests.definition.lists import INT, LREAL, list_of
 from tests.engine.test_observers import LAYOUTS, batches_of, reading_of
 from tests.laws import examples
 from tests.packets import Batches, cut, document_of
-from tests.simulate.collected import Collected, project_of
+from tests.simulate.collected import Collected
+from tests.simulate.simulation import project_of
 from tests.tracker.can.bus_traffic import bus_traffic
 from tests.tracker.can.test_state import batch
 

@@ -27,7 +27,7 @@ from nvscope.tracker.timing import LEARNED_INTERVALS
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import START, data_frame, telegram
 from tests.packets import batch_of, cut, tracked
-from tests.simulate.collected import project_of
+from tests.simulate.simulation import project_of
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = sorted((ROOT / "tests" / "scenarios").glob("*.toml"))

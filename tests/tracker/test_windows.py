@@ -34,7 +34,8 @@ from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import ACKNOWLEDGEMENT, START, data_frame, telegram
 from tests.packets import Batches, batch_of, cut, document_of
-from tests.simulate.collected import Collected, project_of
+from tests.simulate.collected import Collected
+from tests.simulate.simulation import project_of
 from tests.tracker.can.test_state import batch as can_batch
 from tests.tracker.counted_tables import Who, all_figures, named, tables
 from tests.tracker.test_counted import traffic
