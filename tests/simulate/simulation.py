@@ -1,10 +1,15 @@
-"""Simulation: a scenario and all that comes of it, with the findings that must be made of it."""
+"""Simulation: a scenario and all that comes of it. That of a file is made once in a run, for every test that asks."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
+from dataclasses import fields
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.definition.project import Project
@@ -21,15 +26,30 @@ from tests.simulate.expected.findings import expected_findings
 
 
 class Simulation:
-    """What the simulator makes of a scenario, in its own steps, and the findings that must be made of that."""
+    """What the simulator makes of a scenario, in its own steps, and the findings that must be made of that.
+
+    Nobody can change it for others: columns of ``batches`` refuse to be written, truth and findings are copies.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         facts = make_scenario_facts(scenario)
         self.scenario = scenario
         self.channels = channels_of(scenario)
-        self.truth = make_truth(facts)
-        self.findings = expected_findings(facts)
+        self._truth = make_truth(facts)
+        self._findings = expected_findings(facts)
         self.batches = tuple(all_packets(scenario, facts.table, facts.can_table, BATCH_FRAMES))
+        for batch in self.batches:
+            for column in fields(batch):
+                if isinstance(values := getattr(batch, column.name), np.ndarray):
+                    values.flags.writeable = False
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        return copy.deepcopy(self._truth)
+
+    @property
+    def findings(self) -> list[dict[str, Any]]:
+        return copy.deepcopy(self._findings)
 
     def frames(self) -> Iterator[Frame]:
         return frames_of(self.batches)
@@ -51,6 +71,7 @@ class Simulation:
         return inquiry.report(inquiry.analyze())
 
 
+@cache
 def simulated(path: Path) -> Simulation:
     """Return the simulation of a scenario file."""
     return Simulation(load_scenario(path))

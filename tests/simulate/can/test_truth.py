@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -74,6 +75,7 @@ def test_what_was_put_in_at_random_is_what_the_rules_find(seed: int, tmp_path: P
     assert told == {key: count for key, count in seen.items() if key[2] < 1 << 29}
 
 
+@cache
 def reported(seed: int) -> tuple[Simulation, dict[str, Any]]:
     """Return a simulation of a scenario at random, and the report on it."""
     simulation = Simulation(read_scenario(random_can_scenario(seed)))
