@@ -14,13 +14,11 @@ from typing import Any
 
 import pytest
 
-from nvscope.capture.open import open_sink
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario_file import load_scenario
-from nvscope.simulate.simulator import open_capture, simulate
 from tests.packets import document_of, tracked
-from tests.simulate.collected import Collected, reported, run
 from tests.simulate.comparison import differences
+from tests.simulate.simulation import simulated
 
 CAPTURES = Path(__file__).parent.parent / "captures"
 SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
@@ -41,22 +39,20 @@ UNSEEN = {
 
 
 @cache
-def report_on(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the truth about a scenario and the report on its traffic."""
-    scenario = load_scenario(path)
-    if scenario.channels:
-        with TemporaryDirectory() as directory:
-            return reported(scenario, Path(directory))
-    sink = Collected()
-    truth = simulate(scenario, sink)
-    return truth, document_of(tracked(sink.batches))
+def report_on(path: Path) -> dict[str, Any]:
+    """Return the report on the traffic of a scenario."""
+    simulation = simulated(path)
+    if not simulation.channels:
+        return document_of(tracked(simulation.batches))
+    with TemporaryDirectory() as directory:
+        return simulation.report(Path(directory))
 
 
 @pytest.mark.parametrize("path", cases())
 def test_report_says_what_the_scenario_expects(path: Path) -> None:
     expected = load_scenario(path).expect
     assert expected is not None, "a scenario has an [expect] table"
-    _, report = report_on(path)
+    report = report_on(path)
     if expected.findings is not None:
         found = defaultdict(set)
         for finding in report["findings"]:
@@ -79,7 +75,7 @@ def believed(counters: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_a_loss_that_may_not_be_believed_is_unknown_and_what_is_claimed_stands_beside() -> None:
-    _, report = report_on(Path(__file__).parent / "scenarios" / "counter-byte-swapped.toml")
+    report = report_on(Path(__file__).parent / "scenarios" / "counter-byte-swapped.toml")
     (entry,) = report["lists"]
     (stream,) = entry["streams"]
     for counters in (entry["counters"], stream):
@@ -89,36 +85,27 @@ def test_a_loss_that_may_not_be_believed_is_unknown_and_what_is_claimed_stands_b
 
 @pytest.mark.parametrize("path", cases())
 def test_report_agrees_with_the_truth(path: Path) -> None:
-    truth, report = report_on(path)
-    assert truth["exact"]
-    assert differences(truth, report, set(CATALOGUE)) == []
+    assert simulated(path).truth["exact"]
+    assert differences(simulated(path), report_on(path), set(CATALOGUE)) == []
 
 
 def test_scenarios_show_every_finding_of_the_network() -> None:
-    shown = {finding["code"] for path in SCENARIOS for finding in report_on(path)[1]["findings"]}
+    shown = {finding["code"] for path in SCENARIOS for finding in report_on(path)["findings"]}
     assert shown == {code for code, kind in CATALOGUE.items() if kind.judged and not kind.protocol} - UNSEEN
 
 
 def test_the_sample_press_is_what_its_scenario_makes(tmp_path: Path) -> None:
     sample = CAPTURES / "can"
-    scenario = load_scenario(sample / "press.toml")
-    truth, report = reported(scenario, tmp_path)
-    assert differences(truth, report, set(CATALOGUE)) == []
-    made = str(tmp_path / "press.log")
-    with open_capture(scenario, made, made) as sink:
-        simulate(scenario, sink)
+    simulation = simulated(sample / "press.toml")
+    assert differences(simulation, simulation.report(tmp_path), set(CATALOGUE)) == []
+    simulation.write(tmp_path / "press.log")
     for name in ("press.log", "press.gvl", "level.gvl"):
         assert (tmp_path / name).read_bytes() == (sample / name).read_bytes()
 
 
 def test_the_sample_plant_is_what_its_scenario_makes(tmp_path: Path) -> None:
-    captures = Path(__file__).parent.parent / "captures"
-    made = tmp_path / "plant.pcapng"
-    scenario = load_scenario(captures / "plant.toml")
-    sink = open_sink(str(made))
-    simulate(scenario, sink)
-    sink.close()
-    assert made.read_bytes() == gzip.decompress((captures / "plant.pcapng.gz").read_bytes())
+    made = simulated(CAPTURES / "plant.toml").write(tmp_path / "plant.pcapng")
+    assert made.read_bytes() == gzip.decompress((CAPTURES / "plant.pcapng.gz").read_bytes())
 
 
 def test_the_program_simulates_and_reports(tmp_path: Path) -> None:
@@ -126,7 +113,7 @@ def test_the_program_simulates_and_reports(tmp_path: Path) -> None:
     capture = tmp_path / "loss.pcapng"
     nvscope = [sys.executable, "-m", "nvscope"]
     subprocess.run([*nvscope, "simulate", str(scenario), "-w", str(capture)], check=True, capture_output=True)
-    truth = json.loads(Path(f"{capture}.truth.json").read_text())
+    simulation = simulated(scenario)
+    assert json.loads(Path(f"{capture}.truth.json").read_text()) == simulation.truth
     done = subprocess.run([*nvscope, "report", "--json", str(capture)], check=True, capture_output=True)
-    assert differences(truth, json.loads(done.stdout), set(CATALOGUE)) == []
-    assert run(load_scenario(scenario))[0] == truth
+    assert differences(simulation, json.loads(done.stdout), set(CATALOGUE)) == []

@@ -118,6 +118,11 @@ def checksum(data: bytes) -> bytes:
     return struct.pack("<H", total ^ 0xFFFF)
 
 
+def address_order(address: IPAddress) -> tuple[int, int]:
+    """Return by what addresses of both versions are sorted."""
+    return address.version, int(address)
+
+
 def hardware_address(address: IPAddress, known: dict[IPAddress, bytes]) -> bytes:
     """Return where frames for an address go: a host of ``known``, a multicast group, else broadcast.
 

@@ -16,7 +16,7 @@ from dissectors.netvar import ACKNOWLEDGE_WANTED, HEADER
 from nvscope.list_key import ListKey
 from nvscope.simulate.faults import Label
 from nvscope.simulate.frame_table import FrameTable
-from nvscope.simulate.frames import IPAddress
+from nvscope.simulate.frames import IPAddress, address_order
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.template import Role, Template
@@ -116,6 +116,21 @@ class Observation:
     def in_order(self) -> I64:
         """The data telegrams that are neither copies nor overtaken, in the order of the capture."""
         return np.flatnonzero(self.data & (self.table.label == Label.IN_ORDER))
+
+    @cached_property
+    def subindex(self) -> I32:
+        """The SubIndex of each frame, 0 where it is of no list."""
+        return self.fact(lambda entry: entry.subindex)
+
+    def timed(self, stream: int) -> I64:
+        """Return the telegrams of a stream between which intervals are taken."""
+        rows = self.rows_of_stream(stream)
+        timed: I64 = rows[(self.table.label[rows] == Label.IN_ORDER) | self.unstarted[rows]]
+        return timed
+
+    def sources(self, rows: I64) -> list[IPAddress]:
+        """Return who sent any of the rows, in the order of addresses."""
+        return sorted({template.source for template, _ in self.by_template(rows)}, key=address_order)
 
     def streams_of_node(self, node: int) -> list[int]:
         """Return the streams of a node of which a data telegram is seen."""

@@ -12,30 +12,22 @@ import numpy as np
 
 from dissectors.batch import I64
 from dissectors.netvar import CHECKSUM_INVALID
-from nvscope.findings.answers import (
-    BOOT_UP_UNANSWERED,
-    NEGATIVE_ACKNOWLEDGEMENT,
-    NO_ACKNOWLEDGEMENT,
-    UNEXPECTED_ACKNOWLEDGEMENT,
-)
-from nvscope.list_key import ListKey
-from nvscope.simulate.expected import ExpectedFindings
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.observation import Observation
 from nvscope.simulate.template import Role
 
 TIMEOUT_NS = 1_000_000_000
+Counts = Counter[tuple[IPAddress | None, int]]
+"""Of a list, by node and SubIndex; the node is None where nobody can know it."""
 _NEVER = np.iinfo(np.int64).max
 
 
-def missing_acknowledgements(
-    seen: Observation, key: ListKey, rows: I64, found: ExpectedFindings
-) -> Counter[IPAddress | None]:
+def missing_acknowledgements(seen: Observation, rows: I64) -> Counts:
     """Count by sender the telegrams of a list that wanted an acknowledgement and had none in time."""
     ts_ns = seen.table.ts_ns
     waiting = rows[seen.data[rows] & ~seen.repeated[rows]]
     answers = _acknowledgements(seen, rows)
-    missing: Counter[IPAddress | None] = Counter()
+    missing: Counts = Counter()
     for number in np.unique(seen.stream[waiting[seen.wants[waiting]]]).tolist():
         entry = seen.streams[number]
         sender = seen.addresses[entry.node]
@@ -54,17 +46,13 @@ def missing_acknowledgements(
         answer, answer_ns = np.append(closing, _NEVER)[place], np.append(ts_ns[closing], _NEVER)[place]
         answered = (answer < following) & (answer_ns <= deadline)
         over = (following != _NEVER) | (seen.latest_after[own + 1] > deadline)
-        count = int((seen.wants[own] & ~answered & over).sum())
-        missing[sender] += count
-        found.add(NO_ACKNOWLEDGEMENT, key, sender, entry.subindex, count)
+        missing[sender, entry.subindex] += int((seen.wants[own] & ~answered & over).sum())
     return missing
 
 
-def negative_acknowledgements(
-    seen: Observation, key: ListKey, rows: I64, found: ExpectedFindings
-) -> Counter[IPAddress | None]:
-    """Count the negative acknowledgements of a list by who is told so; None where that is not known."""
-    blamed: Counter[IPAddress | None] = Counter()
+def negative_acknowledgements(seen: Observation, rows: I64) -> Counts:
+    """Count the negative acknowledgements of a list by who is told so."""
+    blamed: Counts = Counter()
     data = rows[seen.data[rows]]
     answers = _acknowledgements(seen, rows)
     for row in answers[(seen.table.flags[answers] & CHECKSUM_INVALID.mask) != 0].tolist():
@@ -73,17 +61,16 @@ def negative_acknowledgements(
         if reply.broadcast:
             before = seen.where(data[data < row], lambda entry, reply=reply: entry.subindex == reply.subindex)  # type: ignore[misc]
             node = seen.templates[seen.table.template[before[-1]]].source if len(before) else None
-        blamed[node] += 1
-        found.add(NEGATIVE_ACKNOWLEDGEMENT, key, node, reply.subindex)
+        blamed[node, reply.subindex] += 1
     return blamed
 
 
-def unexpected_acknowledgements(seen: Observation, key: ListKey, rows: I64, found: ExpectedFindings) -> int:
-    """Count the acknowledgements of a list that follow no telegram which wanted one, within the timeout."""
+def unexpected_acknowledgements(seen: Observation, rows: I64) -> Counts:
+    """Count by reader the acknowledgements of a list that follow no telegram which wanted one, within the timeout."""
     ts_ns = seen.table.ts_ns
     answers = _acknowledgements(seen, rows)
     wanting = rows[seen.data[rows] & seen.wants[rows]]
-    total = 0
+    unexpected: Counts = Counter()
     for number in np.unique(seen.table.template[answers]).tolist():
         reply = seen.templates[number]
         own = answers[seen.table.template[answers] == number]
@@ -95,17 +82,15 @@ def unexpected_acknowledgements(seen: Observation, key: ListKey, rows: I64, foun
         )
         before = np.searchsorted(wanted, own) - 1
         age_ns = ts_ns[own] - np.append(ts_ns[wanted], 0)[before]
-        count = int(((before < 0) | (age_ns > TIMEOUT_NS)).sum())
-        found.add(UNEXPECTED_ACKNOWLEDGEMENT, key, reply.source, reply.subindex, count)
-        total += count
-    return total
+        unexpected[reply.source, reply.subindex] += int(((before < 0) | (age_ns > TIMEOUT_NS)).sum())
+    return unexpected
 
 
-def unanswered_requests(seen: Observation, key: ListKey, requests: I64, rows: I64, found: ExpectedFindings) -> int:
-    """Count the boot-up requests of a list that no data telegram of another node answered in time."""
+def unanswered_requests(seen: Observation, requests: I64, rows: I64) -> I64:
+    """Return those of a list's boot-up requests that no data telegram of another node answered in time."""
     ts_ns = seen.table.ts_ns
     data = rows[seen.data[rows] & ~seen.repeated[rows]]
-    unanswered = 0
+    unanswered = []
     for row in requests.tolist():
         request = seen.templates[seen.table.template[row]]
         answers = seen.where(
@@ -118,9 +103,8 @@ def unanswered_requests(seen: Observation, key: ListKey, requests: I64, rows: I6
         deadline = ts_ns[row] + TIMEOUT_NS
         answered = place < len(answers) and ts_ns[answers[place]] <= deadline
         if not answered and seen.latest_after[row + 1] > deadline:
-            unanswered += 1
-            found.add(BOOT_UP_UNANSWERED, key, None, request.subindex)
-    return unanswered
+            unanswered.append(row)
+    return np.array(unanswered, np.int64)
 
 
 def _acknowledgements(seen: Observation, rows: I64) -> I64:

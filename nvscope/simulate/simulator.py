@@ -17,12 +17,13 @@ from nvscope.capture.formats import suffixes_that, written_as
 from nvscope.capture.open import open_sink
 from nvscope.capture.source import Sink
 from nvscope.errors import CaptureError, UsageError
-from nvscope.simulate.can.frame_table import CanFrameTable, make_can_frame_table
+from nvscope.simulate.can.frame_table import CanFrameTable
 from nvscope.simulate.can.tables import ETHERNET
-from nvscope.simulate.frame_table import FrameTable, make_frame_table
+from nvscope.simulate.frame_table import FrameTable
 from nvscope.simulate.frames import LINKS, render
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.scenario_facts import make_scenario_facts
 from nvscope.simulate.truth import make_truth
 
 BATCH_FRAMES = 32_768
@@ -40,9 +41,10 @@ def simulate(
     The sink stays open. ``progress`` is told frames written and frames in all after each batch. Raises
     ConfigurationError before anything is written where faults of the scenario contradict each other.
     """
-    table = make_frame_table(scenario) if scenario.has_network else None
-    can = make_can_frame_table(scenario) if scenario.channels else None
-    truth = make_truth(scenario, table, can)
+    facts = make_scenario_facts(scenario)
+    truth = make_truth(facts)
+    table, can = facts.table, facts.can_table
+    del facts  # what is known of frames takes memory
     written = 0
     for batch in all_packets(scenario, table, can, batch_frames):
         sink.write(batch)

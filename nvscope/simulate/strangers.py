@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.netvar import HEADER, PORT, Service
-from nvscope.findings.header import BIG_ENDIAN_HEADER, LENGTH_MISMATCH, SHORT_TELEGRAM, UNKNOWN_SERVICE
 from nvscope.simulate.draft import Draft
 from nvscope.simulate.faults import seen_rows
 from nvscope.simulate.frames import Values
@@ -27,16 +26,16 @@ def add_malformed(draft: Draft, fault: Malformed, place: str) -> None:
         stream = schedule.streams[schedule.stream[row]]
         plan = schedule.writers[stream.writer].plan
         size = HEADER.size_bytes + stream.data_bytes
-        service, length, wrong = fault.service, size, None
+        service, length = fault.service, size
         match fault.kind:
             case "short":
-                length, wrong = fault.payload_bytes, SHORT_TELEGRAM
+                length = fault.payload_bytes
             case "wrong_length":
-                length, wrong = size + _EXCESS, LENGTH_MISMATCH
+                length = size + _EXCESS
             case "byte_swapped_length":
-                length, wrong = size % 256 * 256 + size // 256, BIG_ENDIAN_HEADER
+                length = size % 256 * 256 + size // 256
             case "unknown_service":
-                service, wrong = _UNKNOWN_SERVICE, UNKNOWN_SERVICE
+                service = _UNKNOWN_SERVICE
         header = HEADER.pack(
             id=service, index=plan.index, subindex=stream.subindex, items=stream.items, length=length,
             counter=int(schedule.counter[row]),
@@ -48,7 +47,7 @@ def add_malformed(draft: Draft, fault: Malformed, place: str) -> None:
         template = draft.telegram_template(
             stream.node, draft.destination(stream.entry, stream.node), plan.port, payload,
             Role.OTHER if fault.kind == "stub" else role, list_key=plan.list_key,
-            subindex=stream.subindex, fault=wrong,
+            subindex=stream.subindex, malformed=fault.kind,
         )  # fmt: skip
         draft.add(template, np.array([draft.journey.arrival_ns[row] + _MALFORMED_AFTER_NS], np.int64))
 

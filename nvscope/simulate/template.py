@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from nvscope.findings.kind import FindingKind
 from nvscope.list_key import ListKey
 from nvscope.simulate.frames import Frame, IPAddress
 
@@ -27,8 +26,8 @@ class Role(IntEnum):
 class Template:
     """Frames that differ in the columns only, and what is true of all of them.
 
-    ``key`` is that of the list, None where there is none. ``fault`` is what is wrong with a malformed
-    telegram. ``index_end`` is where in an ICMP message the quoted Index ends, 0 if it is not quoted.
+    ``key`` is that of the list, None where there is none. ``malformed`` is the kind of a malformed telegram, as the
+    scenario names it. ``index_end`` is where in an ICMP message the quoted Index ends, 0 if it is not quoted.
     """
 
     frame: Frame
@@ -40,6 +39,6 @@ class Template:
     subindex: int = 0
     stream: int = -1
     items: int = 0
-    fault: FindingKind | None = None
+    malformed: str | None = None
     index_end: int = 0
     ascii_identity: bool = False

@@ -20,8 +20,6 @@ from nvscope.engine.dealing import SplitBy, deal
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.findings.judge import judge
-from nvscope.simulate.scenario_file import load_scenario
-from nvscope.simulate.simulator import channels_of, simulate
 from nvscope.tracker.figures import figures_of
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
@@ -33,7 +31,7 @@ from tests.definition.lists import INT, LREAL, list_of
 from tests.engine.test_observers import LAYOUTS, batches_of, reading_of
 from tests.laws import examples
 from tests.packets import Batches, cut, document_of
-from tests.simulate.collected import Collected, project_of
+from tests.simulate.simulation import project_of, simulated
 from tests.tracker.can.bus_traffic import bus_traffic
 from tests.tracker.can.test_state import batch
 
@@ -131,11 +129,10 @@ def test_channels_joined_are_the_state_folded_at_once(seed: int, parts: int, cha
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_parts_of_scenarios_joined_are_the_state_folded_at_once(path: Path, tmp_path: Path) -> None:
-    scenario, sink = load_scenario(path), Collected()
-    simulate(scenario, sink)
-    definition = project_of(scenario, tmp_path).definition or Definition()
+    simulation = simulated(path)
+    definition = project_of(simulation.scenario, tmp_path).definition or Definition()
     reading, layouts = Reading(pdos=Pdos(definition).rules()), Layouts(definition)
-    whole, joined = at_once_and_joined(sink.batches, 3, reading, layouts, channels_of(scenario))
+    whole, joined = at_once_and_joined(simulation.batches, 3, reading, layouts, simulation.channels)
     assert shown(joined, definition) == shown(whole, definition)
 
 

@@ -20,9 +20,8 @@ from nvscope.findings.catalogue import CATALOGUE, THEMES
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind
-from nvscope.simulate.scenario_file import load_scenario
 from nvscope.tracker.event_kinds import TELL_IN_NUMBERS, EventKind
-from tests.simulate.collected import reported
+from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[2]
 PEERS, SCENARIOS = ROOT / "captures" / "peers" / "peers.pcap", ROOT / "tests" / "scenarios"
@@ -119,7 +118,7 @@ SOME_OF_EACH = (
 
 def test_judges_yield_their_own_rows_alone(found: Found, tmp_path: Path) -> None:
     for name in SOME_OF_EACH:
-        reported(load_scenario(SCENARIOS / f"{name}.toml"), tmp_path)
+        simulated(SCENARIOS / f"{name}.toml").report(tmp_path)
     axis = [str(PEERS.parent / name) for name in ("axis.gvl", "axis_types.st")]
     inquiry = Inquiry([str(PEERS)], read_project(None, axis))
     inquiry.report(inquiry.analyze())

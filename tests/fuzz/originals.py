@@ -7,12 +7,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from nvscope.capture.compressed import Decompressed, compression_of
-from nvscope.simulate.scenario_file import load_scenario
 from tests.capture import build
 from tests.capture.reference import Packet
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import generate
-from tests.simulate.collected import run
+from tests.simulate.simulation import simulated
 
 _ROOT = Path(__file__).parents[2]
 CAPTURES = _ROOT / "captures"
@@ -40,7 +39,7 @@ def random_traffic(seed: int, frames: int = 200) -> bytes:
 
 def scenario_traffic(path: Path) -> bytes:
     """Return the traffic of a scenario as pcapng."""
-    return pcapng_of(run(load_scenario(path))[1])
+    return pcapng_of(simulated(path).frames())
 
 
 def pcap_of(frames: Iterable[Frame], *, order: str = "<", nanoseconds: bool = True) -> bytes:

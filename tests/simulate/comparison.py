@@ -1,6 +1,7 @@
-"""What differs between the truth about simulated traffic and a report on it, as readable lines.
+"""What differs between a simulation and a report on it, as readable lines.
 
-The truth is a part of a report: what it says must be said by the report with the same value. A null among figures and
+The truth is a part of a report: what it says must be said by the report with the same value, and the findings are those
+that are expected, no more and no less. A null among figures and
 intervals means that nobody can know; findings that hang on such figures are left out.
 """
 
@@ -9,30 +10,33 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from tests.simulate.simulation import Simulation
+
 UNKNOWABLE = {
     "lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts", "counter_scope", "count", "min", "max",
 }  # fmt: skip
 OF_COUNTERS = {"NV201", "NV202", "NV203", "NV204", "NV205", "NV206", "NV207"}
-ONLY_IN_TRUTH = {"designed", "schema", "title", "seed", "exact", "findings"}
+ONLY_IN_TRUTH = {"designed", "schema", "title", "seed", "exact"}
 
 FindingKey = tuple[str, str | None, str | None, int | None]
 
 
-def differences(truth: dict[str, Any], report: dict[str, Any], codes: set[str]) -> list[str]:
+def differences(simulation: Simulation, report: dict[str, Any], codes: set[str]) -> list[str]:
     """Return a line for each value that differs; findings are compared for ``codes``, strictly in both directions."""
+    truth = simulation.truth
     found = compare("report", truth, report)
     unknowable = {stream["node"] for entry in truth["lists"] for stream in entry["streams"] if stream["lost"] is None}
     expected, actual = (
         _counts(
             finding
-            for finding in source["findings"]
+            for finding in findings
             if (key := finding_key(finding))[0] in codes and not (key[0] in OF_COUNTERS and key[2] in unknowable)
         )
-        for source in (truth, report)
+        for findings in (simulation.findings, report["findings"])
     )
     for key in sorted(expected.keys() | actual.keys(), key=str):
         if expected.get(key) != actual.get(key):
-            found.append(f"finding {key}: truth {expected.get(key)}, report {actual.get(key)}")
+            found.append(f"finding {key}: expected {expected.get(key)}, report {actual.get(key)}")
     return found
 
 

@@ -10,7 +10,7 @@ import pytest
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario_file import load_scenario
 from nvscope.tracker.figures import LIST_COUNTERS
-from tests.simulate.collected import run
+from tests.simulate.simulation import simulated
 
 SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
 TAME = [path for path in SCENARIOS if not load_scenario(path).wild]
@@ -18,10 +18,10 @@ NEEDS_A_DEFINITION = {"NV405", "NV406", "NV407", "NV601", "NV605"}
 NEEDS_A_FILE = {"NV901", "NV903", "NV904"}
 
 
-def found(truth: dict[str, Any]) -> dict[str, set[str]]:
+def found(findings: list[dict[str, Any]]) -> dict[str, set[str]]:
     """Return the codes of findings by list, those of none under "capture"."""
     codes: dict[str, set[str]] = {}
-    for finding in truth["findings"]:
+    for finding in findings:
         codes.setdefault(finding["list"] or "capture", set()).add(finding["code"])
     return codes
 
@@ -36,12 +36,12 @@ def counted(truth: dict[str, Any]) -> dict[str, dict[str, int]]:
 
 @pytest.mark.parametrize("path", TAME, ids=[path.stem for path in TAME])
 def test_a_scenario_expects_what_was_put_into_it(path: Path) -> None:
-    scenario = load_scenario(path)
-    assert scenario.expect is not None
-    assert scenario.expect.findings is not None
-    truth, _ = run(scenario)
-    assert found(truth) == {key: set(codes) for key, codes in scenario.expect.findings.items()}
-    assert counted(truth) == (scenario.expect.counters or {})
+    simulation = simulated(path)
+    expect = simulation.scenario.expect
+    assert expect is not None
+    assert expect.findings is not None
+    assert found(simulation.findings) == {key: set(codes) for key, codes in expect.findings.items()}
+    assert counted(simulation.truth) == (expect.counters or {})
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=[path.stem for path in SCENARIOS])

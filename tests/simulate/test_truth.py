@@ -10,9 +10,9 @@ import pytest
 from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from tests.laws import some
 from tests.oracle.reference import SEVERITIES, reference_report
-from tests.simulate.collected import run
 from tests.simulate.comparison import differences
 from tests.simulate.random_scenario import random_scenario
+from tests.simulate.simulation import Simulation, simulated
 
 SCENARIOS = [
     path
@@ -24,27 +24,28 @@ SCENARIOS = [
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=[path.stem for path in SCENARIOS])
 def test_what_was_put_into_a_scenario_is_what_the_rules_find(path: Path) -> None:
-    truth, frames = run(load_scenario(path))
+    simulation = simulated(path)
+    truth = simulation.truth
     if truth["exact"]:
-        assert differences(truth, reference_report(frames), set(SEVERITIES)) == []
+        assert differences(simulation, reference_report(simulation.frames()), set(SEVERITIES)) == []
     assert json.loads(json.dumps(truth)) == truth
 
 
 @pytest.mark.parametrize("seed", some(range(100, 124)))
 def test_what_was_put_in_at_random_is_what_the_rules_find(seed: int) -> None:
-    truth, frames = run(read_scenario(random_scenario(seed)))
-    assert differences(truth, reference_report(frames), set(SEVERITIES)) == []
+    simulation = Simulation(read_scenario(random_scenario(seed)))
+    assert differences(simulation, reference_report(simulation.frames()), set(SEVERITIES)) == []
 
 
 def test_a_difference_does_not_go_unnoticed() -> None:
-    truth, frames = run(read_scenario(random_scenario(100)))
-    report = reference_report(frames[:-40])
-    found = differences(truth, report, set(SEVERITIES))
+    simulation = Simulation(read_scenario(random_scenario(100)))
+    report = reference_report(list(simulation.frames())[:-40])
+    found = differences(simulation, report, set(SEVERITIES))
     assert any("telegrams" in line for line in found)
     assert any("nReceiveCount" in line for line in found)
 
 
 def test_a_loss_at_the_end_is_designed_and_cannot_be_known() -> None:
-    truth, _ = run(load_scenario(next(path for path in SCENARIOS if path.stem == "loss")))
+    truth = simulated(next(path for path in SCENARIOS if path.stem == "loss")).truth
     assert truth["lists"][0]["designed"]["telegrams_lost"] == 6
     assert truth["lists"][0]["counters"]["lost"] == 4

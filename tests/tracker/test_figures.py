@@ -11,8 +11,6 @@ import pytest
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.list_key import ListKey
-from nvscope.simulate.scenario_file import load_scenario
-from nvscope.simulate.simulator import open_capture, simulate
 from nvscope.tracker.figures import (
     BY_SCOPE,
     FIGURES,
@@ -27,7 +25,7 @@ from nvscope.tracker.timing import LEARNED_INTERVALS
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import START, data_frame, telegram
 from tests.packets import batch_of, cut, tracked
-from tests.simulate.collected import project_of
+from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = sorted((ROOT / "tests" / "scenarios").glob("*.toml"))
@@ -42,12 +40,7 @@ NEAR = 0.008
 
 
 def inquiry_of(path: Path, directory: Path) -> Inquiry:
-    if path.suffix != ".toml":
-        return Inquiry([str(path)])
-    scenario, capture = load_scenario(path), str(directory / "simulated.pcapng")
-    with open_capture(scenario, capture, capture) as sink:
-        simulate(scenario, sink)
-    return Inquiry([capture], project_of(scenario, directory))
+    return simulated(path).inquiry(directory) if path.suffix == ".toml" else Inquiry([str(path)])
 
 
 @cache

@@ -20,8 +20,6 @@ from nvscope.definition.pdos import Pdos
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import Observer, run
 from nvscope.errors import UsageError
-from nvscope.simulate.scenario_file import load_scenario
-from nvscope.simulate.simulator import channels_of, simulate
 from nvscope.tracker.counted import Counted
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.figures import BY_SCOPE, FIGURES, Joins, Of
@@ -34,7 +32,7 @@ from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import ACKNOWLEDGEMENT, START, data_frame, telegram
 from tests.packets import Batches, batch_of, cut, document_of
-from tests.simulate.collected import Collected, project_of
+from tests.simulate.simulation import project_of, simulated
 from tests.tracker.can.test_state import batch as can_batch
 from tests.tracker.counted_tables import Who, all_figures, named, tables
 from tests.tracker.test_counted import traffic
@@ -123,14 +121,14 @@ FOLDS: dict[Joins, Callable[[list[Any]], Any]] = {
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_figures_join_as_the_table_says(path: Path, tmp_path: Path) -> None:
     """The figures of a scenario's windows, put together one by one, are those of the whole."""
-    scenario, sink = load_scenario(path), Collected()
-    simulate(scenario, sink)
-    definition, channels = project_of(scenario, tmp_path).definition, channels_of(scenario)
-    reading, length_ns = Reading(pdos=Pdos(definition).rules()), max(span_ns(sink.batches) // 7, 1) + 1
-    windows = watched(Windows(length_ns), sink.batches, reading, channels)
+    simulation = simulated(path)
+    batches, channels = simulation.batches, simulation.channels
+    definition = project_of(simulation.scenario, tmp_path).definition
+    reading, length_ns = Reading(pdos=Pdos(definition).rules()), max(span_ns(batches) // 7, 1) + 1
+    windows = watched(Windows(length_ns), batches, reading, channels)
     assert len(windows) > 1
     state = TrackerState()
-    for _ in run(Batches(sink.batches, channels), reading, [state]):
+    for _ in run(Batches(batches, channels), reading, [state]):
         pass
     parts = [all_figures(one.counted.summary(), *FOLDS) for one in windows]
     for who, row in all_figures(summarize(state), *FOLDS).items():

@@ -27,7 +27,8 @@ from nvscope.simulate.simulator import channels_of, open_capture, simulate
 from tests.capture.can.logs import frames_of
 from tests.program import run_text
 from tests.simulate.can.random_scenario import random_can_scenario
-from tests.simulate.collected import Collected, project_of
+from tests.simulate.collected import Collected
+from tests.simulate.simulation import project_of
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 AXIS = '[[can_list]]\nname = "axis"\ncob_id = 0x110\nbytes = [8, 8, 4]\ninterval = "10ms"\n'
