@@ -187,8 +187,9 @@ class Acknowledgement:
         late = deadline < at_ns
         stream = stream[late]
         over = Waits(stream, waits.since_ns[stream], deadline[late], waits.frame[stream], waits.peer[stream])
-        requests = self.boot_up_waits
-        return Overdue(over, requests.take(requests.deadline_ns < at_ns))
+        requests = self.boot_up_waits.take(self.boot_up_waits.deadline_ns < at_ns)
+        # As a frame at that time would have shown them: where a clock steps back, what was asked first may end last.
+        return Overdue(over, requests.take(np.lexsort((requests.frame, requests.deadline_ns))))
 
     def expire(self, at_ns: int) -> Overdue:
         """Close the waits whose deadline is before a time that has passed, and return them."""
