@@ -6,7 +6,7 @@ Everything here is computed when asked for, from integers, and changes nothing i
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -19,10 +19,10 @@ from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.capture import CaptureSummary
 from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope, is_erratic
-from nvscope.tracker.diagnosis import ERROR_ORDER, Diagnosis
-from nvscope.tracker.errors import LastError
+from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
+from nvscope.tracker.list_diagnosis import diagnose
 from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.together import Together, counted_together, taken_together
@@ -42,7 +42,7 @@ class StreamSummary:
     last_ns: int
     scope: Scope
     counter_scope: str
-    figures: dict[str, int]
+    figures: Mapping[str, int]
     intervals: IntervalFigures
     items: int
     length: int
@@ -60,23 +60,25 @@ class StreamSummary:
     def counters(self) -> dict[str, int | None]:
         """What is told of its ``figures``: the number of telegrams lost is unknown where the counters are erratic."""
         lost = self.figures["lost"]
-        return self.figures | {"lost": None if self.erratic else lost, "lost_claimed": lost}
+        return {**self.figures, "lost": None if self.erratic else lost, "lost_claimed": lost}
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class ListSummary:
-    """One list: who sends and reads it, its diagnosis, its counters, and its streams."""
+    """One list: who sends and reads it, its diagnosis and that of its nodes, its counters, and its streams.
+
+    ``sender_since`` has by sender the frame and the time of its first data telegram.
+    """
 
     number: int
     key: ListKey
-    senders: list[int] = field(default_factory=list)
-    readers: list[int] = field(default_factory=list)
-    diagnosis: Diagnosis = field(default_factory=Diagnosis)
-    counters: dict[str, int | None] = field(default_factory=dict)
-    nodes: list[tuple[int, Diagnosis]] = field(default_factory=list)
-    streams: list[StreamSummary] = field(default_factory=list)
-    sender_since: dict[int, tuple[int, int]] = field(default_factory=dict)
-    """By sender: frame and time of its first data telegram."""
+    senders: Sequence[int]
+    readers: Sequence[int]
+    diagnosis: Diagnosis
+    counters: Mapping[str, int | None]
+    nodes: Sequence[tuple[int, Diagnosis]]
+    streams: Sequence[StreamSummary]
+    sender_since: Mapping[int, tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +89,10 @@ class Summary:
     knows nothing. Of a window, ``window_ns`` is how long it was, and ``extremes`` says whether anybody kept its own.
     """
 
-    lists: list[ListSummary]
-    addresses: list[str]
-    address_order: list[tuple[bool, int]]
-    scopes: dict[int, Scope]
+    lists: Sequence[ListSummary]
+    addresses: Sequence[str]
+    address_order: Sequence[tuple[bool, int]]
+    scopes: Mapping[int, Scope]
     capture: CaptureSummary = field(default_factory=CaptureSummary)
     timeout_ns: int = TIMEOUT_NS
     can: CanSummary = field(default_factory=CanSummary)
@@ -107,22 +109,6 @@ class Summary:
     def end_ns(self) -> int | None:
         """The latest time of a frame."""
         return self.capture.end_ns
-
-
-@dataclass(slots=True)
-class _Tally:
-    """Telegrams counted, how many of them would be written, and the last one."""
-
-    count: int = 0
-    written: int = 0
-    last: tuple[int, int | None] = (-1, None)
-
-    def add(self, count: int, written: int, last: tuple[int, int | None]) -> None:
-        if not count:
-            return  # in a window, of what was seen before it
-        self.count += count
-        self.written += written
-        self.last = max(self.last, last, key=lambda entry: entry[0])
 
 
 def summarize(
@@ -148,162 +134,50 @@ def summarize(
     nodes = list(known)
     order = [address.order(*node) for node in nodes]
     scopes = scopes_in_force(state)
-    lists = [ListSummary(number, keys.list_key(number)) for number in range(len(keys.lists))]
-    _diagnose(state, lists, order, reading)
+    keys_of_lists = [keys.list_key(number) for number in range(len(keys.lists))]
     intervals = StreamIntervals(state.senders.timing)
-    _add_streams(state, lists, scopes, order, intervals_ns, intervals, erratic)
-    _count(state, lists)
-    on_udp = [entry for entry in lists if entry.key.transport is Transport.UDP]
-    on_udp.sort(key=lambda entry: entry.key)
-    addresses = [address.text(*node) for node in nodes]
+    diagnosed = diagnose(state, keys_of_lists, order, reading)
+    streams = _streams(state, keys_of_lists, scopes, order, intervals_ns, intervals, erratic)
+    lists = [
+        ListSummary(
+            number, key, told.senders, told.readers, told.diagnosis, MappingProxyType(counters), told.nodes, own,
+            told.sender_since,
+        )
+        for number, (key, told, own, counters) in enumerate(
+            zip(keys_of_lists, diagnosed, streams, _counters(state, streams), strict=True)
+        )
+        if key.transport is Transport.UDP
+    ]  # fmt: skip
+    lists.sort(key=lambda entry: entry.key)
+    addresses = tuple(address.text(*node) for node in nodes)
     can = summarize_can(state, intervals, intervals_ns=intervals_ns, buses=buses, cob_ids=cob_ids)
     timeout_ns = state.lists.acknowledgement.timeout_ns
     capture = state.capture.summary(state.buses.frames)
     together = taken_together(state, intervals, intervals_ns)
-    return Summary(on_udp, addresses, order, scopes, capture, timeout_ns, can, together)
+    return Summary(
+        tuple(lists), addresses, tuple(order), MappingProxyType(scopes), capture, timeout_ns, can, together
+    )  # fmt: skip
 
 
-@dataclass(slots=True)
-class _Traffic:
-    """What went over one list, by node: sent, acknowledged, received by unicast, and broadcast."""
-
-    received: _Tally = field(default_factory=_Tally)
-    sent: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
-    direct: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
-    broadcast: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
-    acknowledged: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    readers: set[int] = field(default_factory=set)
-    errors: dict[int, int] = field(default_factory=dict)
-    """By node: its row in the table of errors."""
-
-    def nodes(self) -> set[int]:
-        """Return all nodes that may have counted something."""
-        return {*self.sent, *self.direct, *self.acknowledged, *self.readers, *self.errors}
-
-
-def _diagnose(
+def _streams(
     state: TrackerState,
-    lists: list[ListSummary],
-    order: list[tuple[bool, int]],
-    reading: Mapping[int, Collection[tuple[int | None, int]]],
-) -> None:
-    """Sum the flows up into the diagnosis of every list and of every node on it."""
-    traffic = _sum_up(state, lists)
-    for entry, seen in zip(lists, traffic, strict=True):
-        names = {(entry.key.port, entry.key.identifier), (None, entry.key.identifier)}
-        seen.readers.update(node for node, wanted in reading.items() if not names.isdisjoint(wanted))
-    errors = state.lists.errors
-    for member, (number, node) in enumerate(
-        zip(errors.members.high.tolist(), errors.members.low.tolist(), strict=True)
-    ):
-        traffic[number].errors[node] = member
-    for entry, seen in zip(lists, traffic, strict=True):
-        broadcasts = _Broadcasts.of(seen)
-        for node in sorted(seen.nodes(), key=order.__getitem__):
-            own, heard = seen.sent.get(node, _Tally()), _heard(seen, broadcasts, node)
-            diagnosis = Diagnosis(
-                own.count, own.last[1], heard.count, heard.last[1], heard.written,
-                nAcknowledges=seen.acknowledged.get(node, 0),
-            )  # fmt: skip
-            _add_errors(diagnosis, errors.of_member, seen.errors.get(node))
-            if not diagnosis.blank:
-                entry.nodes.append((node, diagnosis))
-        entry.senders = sorted(seen.sent, key=order.__getitem__)
-        entry.readers = sorted(seen.readers, key=order.__getitem__)
-        total = _Tally()
-        for own in seen.sent.values():
-            total.add(own.count, 0, own.last)
-        everything = seen.received
-        entry.diagnosis = Diagnosis(
-            total.count, total.last[1], everything.count, everything.last[1], everything.written,
-            nAcknowledges=sum(seen.acknowledged.values()),
-        )  # fmt: skip
-        _add_errors(entry.diagnosis, errors.of_list, entry.number)
-
-
-def _sum_up(state: TrackerState, lists: list[ListSummary]) -> list[_Traffic]:
-    """Return the traffic of each list, and note in ``lists`` since when each sender sends it."""
-    columns = state.lists.flows
-    names = ("kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns")
-    table = [columns.column(name).tolist() for name in (*names, "first_frame", "first_ns")]
-    traffic = [_Traffic() for _ in lists]
-    for kind, number, source, destination, count, mismatches, frame, time_ns, first_frame, first_ns in zip(
-        *table, strict=True
-    ):
-        if kind in (FrameKind.HEADER_CUT, FrameKind.PDO):
-            continue
-        seen = traffic[number]
-        last = (frame, time_ns)
-        written = count - mismatches if kind == FrameKind.DATA else 0
-        if kind in (FrameKind.DATA, FrameKind.MALFORMED_DATA):
-            seen.sent[source].add(count, 0, last)
-            since = lists[number].sender_since
-            since[source] = min(since.get(source, (first_frame, first_ns)), (first_frame, first_ns))
-        elif kind == FrameKind.ACKNOWLEDGEMENT:
-            seen.acknowledged[source] += count
-        if kind in (FrameKind.ACKNOWLEDGEMENT, FrameKind.BOOT_UP_REQUEST):
-            seen.readers.add(source)
-        seen.received.add(count, written, last)
-        if destination < 0:
-            seen.broadcast[source].add(count, written, last)
-        elif destination != source:
-            seen.direct[destination].add(count, written, last)
-    return traffic
-
-
-@dataclass(slots=True)
-class _Broadcasts:
-    """All broadcasts of a list, and the last one of the two nodes that sent last."""
-
-    everything: _Tally = field(default_factory=_Tally)
-    latest: list[tuple[int, _Tally]] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, seen: _Traffic) -> _Broadcasts:
-        told = cls(latest=sorted(seen.broadcast.items(), key=lambda entry: entry[1].last[0])[-2:])
-        for tally in seen.broadcast.values():
-            told.everything.add(tally.count, tally.written, tally.last)
-        return told
-
-
-def _heard(seen: _Traffic, broadcasts: _Broadcasts, node: int) -> _Tally:
-    """Return what was delivered to a node: unicast, and to a reader the broadcasts of others."""
-    tally = _Tally()
-    if node in seen.direct:
-        direct = seen.direct[node]
-        tally.add(direct.count, direct.written, direct.last)
-    if node in seen.readers:
-        own, everything = seen.broadcast.get(node, _Tally()), broadcasts.everything
-        last = max((sent.last for source, sent in broadcasts.latest if source != node), default=_Tally().last)
-        tally.add(everything.count - own.count, everything.written - own.written, last)
-    return tally
-
-
-def _add_errors(diagnosis: Diagnosis, table: LastError, row: int | None) -> None:
-    if row is None or row >= len(table) or not table.count[row]:
-        return
-    diagnosis.nErrorCount = int(table.count[row])
-    diagnosis.sLastError = ERROR_ORDER[int(table.error[row])].name
-    diagnosis.tLastError = int(table.time_ns[row])
-
-
-def _add_streams(
-    state: TrackerState,
-    lists: list[ListSummary],
-    scopes: dict[int, Scope],
-    order: list[tuple[bool, int]],
+    lists: Sequence[ListKey],
+    scopes: Mapping[int, Scope],
+    order: Sequence[tuple[bool, int]],
     intervals_ns: Mapping[ListKey, int],
     intervals: StreamIntervals,
     erratic: Collection[int] | None,
-) -> None:
+) -> list[tuple[StreamSummary, ...]]:
+    """Return the streams of each list, by node and SubIndex."""
+    found: list[list[StreamSummary]] = [[] for _ in lists]
     keys, memory, loss = state.keys, state.memory.columns, state.senders.loss.streams
     telegrams = memory.column("telegrams").tolist()
     for stream, (place, node) in enumerate(zip(keys.streams.high.tolist(), keys.streams.low.tolist(), strict=True)):
         if node == NOBODY_KEY:
             continue
         scope = scopes[node]
-        entry = lists[int(keys.places.high[place])]
-        whole = intervals.of(stream, intervals_ns.get(entry.key))
+        number = int(keys.places.high[place])
+        whole = intervals.of(stream, intervals_ns.get(lists[number]))
         counting = bool(loss.counting[stream])
         unused = not counting and telegrams[stream] >= UNUSED_FROM_TELEGRAMS
         signature = int(memory.signature[stream])
@@ -317,16 +191,15 @@ def _add_streams(
             last_ns=int(memory.last_ns[stream]),
             scope=scope,
             counter_scope=SCOPE_UNUSED if unused else SCOPE_NAMES[scope],
-            figures=_figures(state, stream, scope) if counting else dict.fromkeys(BY_SCOPE, 0),
+            figures=MappingProxyType(_figures(state, stream, scope) if counting else dict.fromkeys(BY_SCOPE, 0)),
             intervals=whole,
             items=signature & 0xFFFF,
             length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
             checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_PRESENT.mask else None,
             whole_erratic=None if erratic is None else stream in erratic,
         )
-        entry.streams.append(summary)
-    for entry in lists:
-        entry.streams.sort(key=lambda stream: (order[stream.node], stream.subindex))
+        found[number].append(summary)
+    return [tuple(sorted(own, key=lambda stream: (order[stream.node], stream.subindex))) for own in found]
 
 
 def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
@@ -335,7 +208,8 @@ def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
     return {name: int(getattr(loss, name)[stream, scope if name == "duplicates" else walk]) for name in BY_SCOPE}
 
 
-def _count(state: TrackerState, lists: list[ListSummary]) -> None:
+def _counters(state: TrackerState, streams: Sequence[Sequence[StreamSummary]]) -> Iterator[dict[str, int | None]]:
+    """Yield the counters of each list, given its streams."""
     columns = state.lists.flows
     malformed: dict[int, int] = defaultdict(int)
     requests: dict[int, int] = defaultdict(int)
@@ -348,9 +222,8 @@ def _count(state: TrackerState, lists: list[ListSummary]) -> None:
             requests[number] += count
         mismatches[number] += mismatched
     table = state.lists.columns
-    for entry in lists:
-        number = entry.number
-        entry.counters = counted_together(entry.streams) | {
+    for number, own in enumerate(streams):
+        yield counted_together(own) | {
             "malformed": malformed[number],
             "truncated": int(table.truncated[number]),
             "missing_acknowledgements": int(table.missing_acknowledgements[number]),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +23,10 @@ Member = tuple[int, int]
 """Numbers of a list and of a node that sends it."""
 
 
+def _nothing() -> Mapping[Any, Any]:
+    return MappingProxyType({})
+
+
 @dataclass(frozen=True, slots=True)
 class Together:
     """Intervals and latencies by number of list, and by list and node; latencies also by stream.
@@ -29,11 +34,11 @@ class Together:
     What has none is not there. On CAN, nobody knows who sends.
     """
 
-    intervals: Mapping[int, IntervalFigures] = field(default_factory=dict)
-    intervals_of_node: Mapping[Member, IntervalFigures] = field(default_factory=dict)
-    latency: Mapping[int, LatencyFigures] = field(default_factory=dict)
-    latency_of_node: Mapping[Member, LatencyFigures] = field(default_factory=dict)
-    latency_of_stream: Mapping[int, LatencyFigures] = field(default_factory=dict)
+    intervals: Mapping[int, IntervalFigures] = field(default_factory=_nothing)
+    intervals_of_node: Mapping[Member, IntervalFigures] = field(default_factory=_nothing)
+    latency: Mapping[int, LatencyFigures] = field(default_factory=_nothing)
+    latency_of_node: Mapping[Member, LatencyFigures] = field(default_factory=_nothing)
+    latency_of_stream: Mapping[int, LatencyFigures] = field(default_factory=_nothing)
 
 
 def taken_together(state: TrackerState, intervals: StreamIntervals, intervals_ns: Mapping[ListKey, int]) -> Together:
@@ -54,13 +59,17 @@ def taken_together(state: TrackerState, intervals: StreamIntervals, intervals_ns
     nominal_of_member = {one: nominal[own_list] for one, (own_list, _) in enumerate(members)}
     of_member, latency_of_member = intervals.together(member_of, nominal_of_member), latencies.figures(member_of)
     return Together(
-        of_list,
-        {member: of_list[member[0]] for member in alike if member[0] in of_list}
-        | {members[one]: row for one, row in of_member.items()},
-        latency_of_list,
-        {member: latency_of_list[member[0]] for member in alike if member[0] in latency_of_list}
-        | {members[one]: row for one, row in latency_of_member.items()},
-        latencies.figures(np.arange(len(list_of))),
+        MappingProxyType(of_list),
+        MappingProxyType(
+            {member: of_list[member[0]] for member in alike if member[0] in of_list}
+            | {members[one]: row for one, row in of_member.items()}
+        ),
+        MappingProxyType(latency_of_list),
+        MappingProxyType(
+            {member: latency_of_list[member[0]] for member in alike if member[0] in latency_of_list}
+            | {members[one]: row for one, row in latency_of_member.items()}
+        ),
+        MappingProxyType(latencies.figures(np.arange(len(list_of)))),
     )
 
 

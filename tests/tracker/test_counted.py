@@ -192,7 +192,7 @@ def test_what_was_not_there_in_a_window_has_no_time_and_no_error() -> None:
     summary = (found[1] - found[0]).summary()
     silent = next(entry for entry in summary.lists if entry.key.identifier == 7)
     assert (silent.diagnosis.nSendCount, silent.diagnosis.tLastSend) == (0, None)
-    assert (silent.diagnosis.sLastError, silent.nodes) == ("NOERROR", [])
+    assert (silent.diagnosis.sLastError, silent.nodes) == ("NOERROR", ())
     assert [stream.telegrams for stream in silent.streams] == [0]
     assert found[1].summary().lists[0].diagnosis.tLastSend is not None
 

@@ -154,6 +154,8 @@ def _bus(
         busy_s = rate.seconds(int(exact.sum()), int(fast.sum()))
         partial = bool(fast.any()) and not rate.data
         mean = 100 * busy_s / _duration_s(state.load.identifiers.columns, identifiers)
+        for column in (began_ns, percent, worst):
+            column.flags.writeable = False
         load = BusLoad(
             mean, float(percent[busiest]), int(began_ns[busiest]), float(worst[busiest]), partial,
             began_ns, percent, worst,
@@ -161,7 +163,7 @@ def _bus(
     return CanBusSummary(
         channel, int(columns.frames[rows].sum()), int(np.count_nonzero(columns.frames[rows])), int(exact.sum()),
         int(fast.sum()), int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load,
-        _identifiers(state, identifiers, rate), errors, nodes,
+        _identifiers(state, identifiers, rate), errors, tuple(nodes),
     )  # fmt: skip
 
 
@@ -178,7 +180,7 @@ def _duration_s(columns: IdentifierColumns, own: I64) -> float:
     return max(1.0, int(columns.last_ns[own].max() - columns.first_ns[own].min()) / _S_NS)
 
 
-def _identifiers(state: BusState, own: I64, rate: BitRate | None) -> list[IdentifierBits]:
+def _identifiers(state: BusState, own: I64, rate: BitRate | None) -> tuple[IdentifierBits, ...]:
     columns = state.load.identifiers.columns
     own = own[columns.frames[own] > 0]
     keys = state.load.identifiers.keys.low[own]
@@ -190,4 +192,6 @@ def _identifiers(state: BusState, own: I64, rate: BitRate | None) -> list[Identi
         columns.column(name)[own] for name in ("frames", "bits", "fast_bits", "first_ns", "last_ns", "first_frame")
     ]
     told = (column[order].tolist() for column in (keys, *figures, share))
-    return [IdentifierBits(word & EXTENDED_MASK, bool(word & EXTENDED), *row) for word, *row in zip(*told, strict=True)]
+    return tuple(
+        IdentifierBits(word & EXTENDED_MASK, bool(word & EXTENDED), *row) for word, *row in zip(*told, strict=True)
+    )  # fmt: skip

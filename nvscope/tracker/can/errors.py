@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -76,8 +78,8 @@ class BusErrors:
     first_ns: int
     last_ns: int
     frames: tuple[int, ...]
-    classes: dict[str, int]
-    states: dict[str, int]
+    classes: Mapping[str, int]
+    states: Mapping[str, int]
     bus_offs: int
     restarts: int
     returns: int
@@ -200,11 +202,12 @@ class CanErrors:
         for row, (channel, number) in enumerate(rows):
             if not events.count[row]:
                 continue  # of a window without any
-            states = columns.states[number].tolist()
+            states = zip(CONTROLLER_BITS, columns.states[number].tolist(), strict=True)
             found[channel] = BusErrors(
                 int(events.count[row]), int(events.first_ns[row]), int(events.last_ns[row]),
-                tuple(frame for frame in events.frames[row].tolist() if frame), classes.get(channel, {}),
-                {bit.name: times for bit, times in zip(CONTROLLER_BITS, states, strict=True) if times},
+                tuple(frame for frame in events.frames[row].tolist() if frame),
+                MappingProxyType(classes.get(channel, {})),
+                MappingProxyType({bit.name: times for bit, times in states if times}),
                 int(columns.bus_offs[number]), int(columns.restarts[number]), int(columns.returns[number]),
                 int(columns.off_ns[number]), int(columns.longest_off_ns[number]),
                 int(columns.off_since_ns[number]) if columns.off[number] else None,

@@ -66,7 +66,7 @@ class CanListSummary:
         frames = sum(stream.telegrams for stream in streams)
         last_ns = max((stream.last_ns for stream in streams if stream.telegrams), default=None)
         diagnosis = Diagnosis(frames, last_ns, frames, last_ns, frames)
-        return CanListSummary(number, key, diagnosis, sorted(streams, key=lambda stream: stream.subindex))
+        return CanListSummary(number, key, diagnosis, tuple(sorted(streams, key=lambda stream: stream.subindex)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,4 +124,4 @@ def summarize_can(
         )
     lists = [CanListSummary.of(number, keys.list_key(number), own) for number, own in streams.items()]
     lists.sort(key=lambda entry: entry.key)
-    return CanSummary(lists, summarize_buses(state.buses, keys.channel, buses, cob_ids))
+    return CanSummary(tuple(lists), tuple(summarize_buses(state.buses, keys.channel, buses, cob_ids)))
