@@ -35,7 +35,8 @@ from nvscope.view.rows.defined import DefinedTelegrams
 from nvscope.view.rows.frames import PacketRows
 from tests.definition.lists import INT, UDINT, list_of
 from tests.laws import examples
-from tests.oracle.traffic import LINKS, generate
+from tests.oracle.builders import LINKS
+from tests.oracle.traffic import generate
 from tests.packets import Batches, batch_of, document_of
 
 DEFINITION = Definition(

@@ -25,7 +25,8 @@ from nvscope.protocols.table import PROTOCOLS, dissectors_of
 from nvscope.report.packets.records import JsonLines
 from nvscope.report.packets.text import Text
 from nvscope.view.rows.frames import PacketRows
-from tests.oracle.traffic import MILLISECOND, data_frame, telegram, write_pcap
+from tests.oracle.builders import MILLISECOND, data_frame, telegram
+from tests.oracle.pcap import write_pcap
 from tests.packets import Batches, batch_of
 from tests.protocols import beacon
 from tests.protocols.beacon import BEACON

@@ -23,8 +23,9 @@ from nvscope.tracker.state import TrackerState
 from tests.can_frames import batches_of_log
 from tests.engine.test_observers import batches_of
 from tests.laws import examples
+from tests.oracle.builders import ACKNOWLEDGEMENT, MILLISECOND, SECOND, START, data_frame, telegram
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import ACKNOWLEDGEMENT, MILLISECOND, SECOND, START, data_frame, generate, mutate, telegram
+from tests.oracle.traffic import generate, mutate
 from tests.packets import Batches, batch_of, cut
 
 SEEDS = st.integers(0, 10_000)

@@ -31,8 +31,8 @@ from nvscope.tracker.windows import Window, Windows
 from tests.engine.test_dealing import CHANNELS
 from tests.engine.test_observers import reading_of
 from tests.laws import examples
+from tests.oracle.builders import ACKNOWLEDGEMENT, START, data_frame, telegram
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import ACKNOWLEDGEMENT, START, data_frame, telegram
 from tests.packets import Batches, batch_of, cut, document_of
 from tests.simulate.collected import Collected, project_of
 from tests.tracker.can.test_state import batch as can_batch

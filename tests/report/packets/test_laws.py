@@ -13,8 +13,8 @@ from nvscope.report.packets.text import Text
 from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS
 from nvscope.view.lines.table import display_width
 from tests.laws import examples
+from tests.oracle.builders import LINKS
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import LINKS
 from tests.packets import Batches, batch_of
 from tests.report.packets.written import MOMENTS, traffic, written
 

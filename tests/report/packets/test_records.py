@@ -17,7 +17,8 @@ from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedF
 from nvscope.report.packets.text import Text
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS
-from tests.oracle.traffic import data_frame, generate, mutate, telegram
+from tests.oracle.builders import data_frame, telegram
+from tests.oracle.traffic import generate, mutate
 from tests.packets import Batches, batch_of
 from tests.report.packets.written import PUBLIC, READER, SENDER, fields, written, written_of
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.report.packets.text import Text
-from tests.oracle.traffic import data_frame, telegram
+from tests.oracle.builders import data_frame, telegram
 from tests.packets import Batches, batch_of
 from tests.report.packets.written import INTERFACES, PUBLIC, READER, SENDER, written, written_of
 

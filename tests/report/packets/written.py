@@ -11,8 +11,9 @@ from nvscope.report.packets.records import Face
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines.netvar_line import Moment
+from tests.oracle.builders import LINKS
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import LINKS, generate, mutate
+from tests.oracle.traffic import generate, mutate
 from tests.packets import Shown
 
 ROOT = Path(__file__).parents[3]

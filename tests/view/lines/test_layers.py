@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from nvscope.view.lines.layers import layers
 from tests.laws import examples
-from tests.oracle.traffic import LINKS, generate
+from tests.oracle.builders import LINKS
+from tests.oracle.traffic import generate
 from tests.packets import Batches, Shown, batch_of
 
 

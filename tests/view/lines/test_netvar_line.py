@@ -9,7 +9,7 @@ import pytest
 
 from nvscope.report.packets.text import Text
 from nvscope.view.lines.netvar_line import LineWriter
-from tests.oracle.traffic import data_frame, telegram
+from tests.oracle.builders import data_frame, telegram
 from tests.packets import Batches, Shown, batch_of
 from tests.report.packets.written import READER, SENDER, written
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dissectors.netvar import HEADER
 from nvscope.report.packets.text import Text
-from tests.oracle.traffic import data_frame, telegram
+from tests.oracle.builders import data_frame, telegram
 from tests.packets import Batches, batch_of
 from tests.report.packets.written import READER, SENDER, written
 
