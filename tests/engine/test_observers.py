@@ -11,9 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
-from nvscope.definition.layouts import Layouts
-from nvscope.definition.model import Definition
-from nvscope.definition.pdos import Pdos
 from nvscope.definition.selection import select
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import Observer, run
@@ -24,25 +21,16 @@ from nvscope.tracker.variables.hops import Hops
 from nvscope.tracker.variables.moment import Moment
 from nvscope.tracker.variables.samples import Samples
 from nvscope.tracker.variables.values import Values
-from nvscope.view.display_filter import DisplayFilter, PacketChoice
 from nvscope.view.documents.history import at_document, change_row
 from nvscope.view.documents.hops import hop_rows
 from nvscope.view.documents.inference import inference_document, proposals
 from nvscope.view.documents.variables import variables_document
 from nvscope.view.fields.frame import DEFAULT_FIELDS
-from nvscope.view.fields.vocabulary import vocabulary
 from nvscope.view.rows.defined import DefinedTelegrams
 from nvscope.view.rows.frames import PacketRows
-from tests.definition.lists import INT, UDINT, list_of
+from tests.engine.traffic import LAYOUTS, batches_of, reading_of
 from tests.laws import examples
-from tests.oracle.builders import LINKS
-from tests.oracle.traffic import generate
-from tests.packets import Batches, batch_of, document_of
-
-DEFINITION = Definition(
-    (*(list_of([INT, UDINT], list_id=number) for number in (1, 2, 3, 7)), list_of([INT], list_id=5))
-)  # fmt: skip
-LAYOUTS = Layouts(DEFINITION)
+from tests.packets import Batches, document_of
 
 
 class Watched:
@@ -97,17 +85,6 @@ def told(names: Sequence[str], batches: Sequence[PacketBatch], reading: Reading)
         for one in everybody.values():
             one.told.append(one.each())
     return {name: one.result() for name, one in everybody.items()}
-
-
-def reading_of(expression: str | None) -> Reading:
-    choose = PacketChoice(DisplayFilter(expression, vocabulary(LAYOUTS))) if expression else None
-    return Reading(pdos=Pdos(DEFINITION).rules(), choose=choose)
-
-
-def batches_of(seed: int, chance: random.Random) -> list[PacketBatch]:
-    whole = batch_of(generate(seed, frames=chance.choice([60, 250]), link=chance.choice([1, *LINKS, None])))
-    cuts = sorted(chance.sample(range(len(whole) + 1), min(len(whole), chance.choice([0, 2, 9]))))
-    return [whole[start:stop] for start, stop in zip([0, *cuts], [*cuts, len(whole)], strict=True) if stop > start]
 
 
 @examples()

@@ -21,7 +21,7 @@ from nvscope.tracker.event_kinds import FRAMES_KEPT, TELL_IN_NUMBERS, EventKind
 from nvscope.tracker.list_log import event_parts
 from nvscope.tracker.state import TrackerState
 from tests.can_frames import batches_of_log
-from tests.engine.test_observers import batches_of
+from tests.engine.traffic import batches_of
 from tests.laws import examples
 from tests.oracle.builders import ACKNOWLEDGEMENT, MILLISECOND, SECOND, START, data_frame, telegram
 from tests.oracle.frame import Frame
