@@ -25,6 +25,7 @@ DEFINITION = Definition(
 LAYOUTS = Layouts(DEFINITION)
 CAN_DEFINITION = Definition((replace(list_of([LREAL, INT, INT], list_id=0x181), protocol="CAN"),))
 CAN_LAYOUTS = Layouts(CAN_DEFINITION)
+BOTH = Definition((*DEFINITION.lists, *CAN_DEFINITION.lists))
 
 CHANNELS = [f"can{number}" for number in range(5)]
 CAN_FRAMES = (

@@ -16,7 +16,7 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_batch import NOWHERE
-from nvscope.tracker.event_columns import NO_SCOPE, EventColumns, EventTable
+from nvscope.tracker.event_columns import NO_SCOPE, EventColumns
 from nvscope.tracker.event_kinds import FRAMES_KEPT, TELL_IN_NUMBERS, EventKind
 from nvscope.tracker.list_log import event_parts
 from nvscope.tracker.state import TrackerState
@@ -27,6 +27,7 @@ from tests.oracle.builders import ACKNOWLEDGEMENT, MILLISECOND, SECOND, START, d
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import generate, mutate
 from tests.packets import Batches, batch_of, cut
+from tests.tracker.event_rows import named, rows_of
 
 SEEDS = st.integers(0, 10_000)
 
@@ -38,20 +39,6 @@ def heard(batches: Sequence[PacketBatch], most: int = 1 << 20) -> tuple[TrackerS
     for _ in run(Batches(batches, ["can0", "can1"]), Reading(), [state]):
         pass
     return state, columns
-
-
-def rows_of(table: EventTable) -> list[tuple[int, ...]]:
-    return list(zip(*(column.tolist() for column in table), strict=True))
-
-
-def named(state: TrackerState, table: EventTable) -> list[tuple[object, ...]]:
-    """Return events with what their numbers stand for: numbers are given as things appear in a batch."""
-    nodes = list(zip(state.keys.nodes.high.tolist(), state.keys.nodes.low.tolist(), strict=True))
-    return [
-        (kind, scope, str(state.keys.list_key(own_list)) if own_list >= 0 else "", nodes[node] if node >= 0 else None,
-         *others)
-        for kind, scope, own_list, node, *others in rows_of(table)
-    ]  # fmt: skip
 
 
 def traffic(seed: int) -> PacketBatch:
