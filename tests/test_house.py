@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 import subprocess
 import sys
@@ -44,7 +45,20 @@ MOST_LINES = 400
 TABLES = {"nvscope/simulate/scenario.py": "the keys of a scenario"}
 
 
-def test_no_file_of_the_program_is_long_unless_it_is_a_table() -> None:
-    files = [path for room in ("nvscope", "dissectors") for path in (ROOT / room).rglob("*.py")]
+def test_no_file_is_long_unless_it_is_a_table() -> None:
+    files = [path for room in ("nvscope", "dissectors", "tests") for path in (ROOT / room).rglob("*.py")]
     lengths = {str(path.relative_to(ROOT)): len(path.read_text("utf-8").splitlines()) for path in files}
     assert {name for name, lines in lengths.items() if lines > MOST_LINES} == set(TABLES)
+
+
+def test_the_oracle_knows_nothing_of_the_program() -> None:
+    """What is written a second time tells something only if it is not the first once more."""
+    libraries = {*sys.stdlib_module_names, "pytest"}
+    paths = sorted((ROOT / "tests" / "oracle").rglob("*.py"))
+    assert len(paths) > 10
+    for path in paths:
+        nodes = list(ast.walk(ast.parse(path.read_text("utf-8"))))
+        names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+        names += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+        own = [name for name in names if f"{name}.".startswith("tests.oracle.")]
+        assert not {name.split(".")[0] for name in names if name not in own} - libraries, path

@@ -12,8 +12,9 @@ from nvscope.findings.catalogue import CATALOGUE
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.figures import LIST_COUNTERS
 from tests.laws import examples
+from tests.oracle.builders import LINKS
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import LINKS, generate, mutate
+from tests.oracle.traffic import generate, mutate
 from tests.packets import batch_of, document_of, tracked
 
 

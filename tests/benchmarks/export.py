@@ -18,22 +18,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from run import (
-    HERE,
-    Row,
-    Tool,
-    borrow,
-    compare,
-    machine,
-    not_found,
-    nvscope_path,
-    print_comparison,
-    print_growth,
-    printed_number,
-    progress,
-    python,
-    reserve_core,
-)
+from comparison import Row, borrow, compare, progress
+from machine import machine, reserve_core
+from tables import print_comparison, print_growth
+from tool import HERE, Tool, not_found, nvscope_path, printed_number, python
 
 
 def well_formed(truth: dict[str, Any]) -> int:

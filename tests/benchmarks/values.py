@@ -1,6 +1,6 @@
 """Generate a capture of a plant whose lists have 2 to 64 variables each, with their definition files, from a seed.
 
-The plant is that of ``generate.py`` (nodes, intervals, losses, malformed telegrams); only what the telegrams hold is
+The plant is that of ``plant.py`` (nodes, intervals, losses, malformed telegrams); only what the telegrams hold is
 another thing: values as controllers send them. Measurements are noisy (no two alike), counters and times rise, states
 and texts change now and then.
 
@@ -22,16 +22,25 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from frame_writer import FrameWriter
+from generate import HERE, SOURCES
+from plant import (
+    DATA,
+    INTERVALS_US,
+    LISTS,
+    LISTS_PER_NODE,
+    OTHER_TRAFFIC,
+    START_US,
+    Events,
+    Streams,
+    other_traffic,
+    telegrams,
+)
 
 from dissectors.batch import I64, U8, U64
 from dissectors.netvar import HEADER, PORT
 from nvscope.definition.load import load_definitions
 from nvscope.definition.packing import TelegramLayout, pack
-
-if __package__:
-    from tests.benchmarks import generate
-else:
-    import generate
 
 VARIABLES = (2, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 TYPES = ("REAL", "BOOL", "INT", "DINT", "REAL", "BOOL", "WORD", "TIME", "LREAL", "UINT")
@@ -57,7 +66,7 @@ def write_definitions(folder: Path) -> list[Path]:
     """Write a .gvl file for each list of the plant, and return them by list."""
     folder.mkdir(parents=True, exist_ok=True)
     files = []
-    for number in range(generate.LISTS):
+    for number in range(LISTS):
         count = VARIABLES[number % len(VARIABLES)]
         types = [TYPES[place % len(TYPES)] for place in range(count)]
         if count in TEXT_LISTS:
@@ -68,15 +77,15 @@ def write_definitions(folder: Path) -> list[Path]:
     return files
 
 
-class ValueWriter(generate.FrameWriter):
+class ValueWriter(FrameWriter):
     """Writes telegrams that hold values of variables."""
 
-    def __init__(self, streams: generate.Streams, layouts: list[TelegramLayout], rng: np.random.Generator) -> None:
+    def __init__(self, streams: Streams, layouts: list[TelegramLayout], rng: np.random.Generator) -> None:
         super().__init__(streams, rng)
         self.layouts = layouts
         self.items = np.array([layout.items for layout in layouts])
 
-    def data(self, events: generate.Events, size: int) -> U8:
+    def data(self, events: Events, size: int) -> U8:
         """Return values as the telegrams' layouts have them, of shape (n, size)."""
         found = np.empty((len(events), size), np.uint8)
         for stream in np.unique(events.stream).tolist():
@@ -88,7 +97,7 @@ class ValueWriter(generate.FrameWriter):
             found[own] = rows.view(np.uint8).reshape(len(own), size)
         return found
 
-    def heads(self, events: generate.Events, data_bytes: I64, numbers: I64) -> npt.NDArray[np.void]:
+    def heads(self, events: Events, data_bytes: I64, numbers: I64) -> npt.NDArray[np.void]:
         """Return the headers with the number of variables that each list has."""
         head = super().heads(events, data_bytes, numbers)
         items = head["netvar"]["items"]
@@ -100,7 +109,7 @@ def values(kind: str, time_us: I64, seed: int) -> Any:
     """Return values of a type at some times."""
     noise = _noise(time_us, seed)
     share = (noise >> np.uint64(40)).astype(np.float64) / (1 << 24)
-    seconds = (time_us - generate.START_US) / 1e6
+    seconds = (time_us - START_US) / 1e6
     if kind in ("REAL", "LREAL"):
         return 50 + seed % 40 * np.sin(seconds / (5 + seed % 50)) + share
     if kind == "INT":
@@ -134,27 +143,24 @@ def write_capture(path: Path, definitions: list[Path], count: int, seed: int) ->
     ]
     sizes = np.array([layout.layout.size_bytes for layout in layouts])
     index = np.array([layout.list.list_id for layout in layouts])
-    streams = generate.Streams(
+    streams = Streams(
         index.astype(np.uint16),
         np.array([layout.subindex for layout in layouts], np.uint16),
         sizes,
-        (index - 1) // generate.LISTS_PER_NODE,
+        (index - 1) // LISTS_PER_NODE,
         np.zeros(len(layouts), np.uint8),
         np.zeros(len(layouts), np.uint8),
-        np.array([generate.INTERVALS_US[(number - 1) % len(generate.INTERVALS_US)] for number in index.tolist()]),
+        np.array([INTERVALS_US[(number - 1) % len(INTERVALS_US)] for number in index.tolist()]),
         rng.integers(0, 65536, len(layouts)),
     )
-    sent = generate.telegrams(streams, count, rng)
+    sent = telegrams(streams, count, rng)
     first_us, last_us = int(sent.time_us[0]), int(sent.time_us[-1])
-    others = generate.other_traffic(round(count * generate.OTHER_TRAFFIC), first_us, last_us, rng)
-    events = generate.Events.joined([sent, others])
+    others = other_traffic(round(count * OTHER_TRAFFIC), first_us, last_us, rng)
+    events = Events.joined([sent, others])
     events = events[np.argsort(events.time_us, kind="stable")]
     writer = ValueWriter(streams, layouts, rng)
-    with path.open("wb") as file:
-        file.write(generate.PCAP_HEADER)
-        for first in range(0, len(events), generate.BLOCK_FRAMES):
-            writer.write(events[first : first + generate.BLOCK_FRAMES], first, file)
-    whole = events.kind == generate.DATA
+    writer.write_capture(path, events)
+    whole = events.kind == DATA
     items = np.array([layout.items for layout in layouts])
     return {
         "bytes": path.stat().st_size,
@@ -170,7 +176,7 @@ def write_capture(path: Path, definitions: list[Path], count: int, seed: int) ->
 
 def ensure_capture(folder: Path, count: int, seed: int) -> Path:
     """Return the capture with these parameters, writing it and its definitions where they do not exist yet."""
-    generators = (Path(__file__), Path(generate.__file__))
+    generators = (Path(__file__), *(HERE / name for name in SOURCES))
     parameters = {
         "telegrams": count,
         "seed": seed,

@@ -18,8 +18,9 @@ from dissectors.link import peel
 from dissectors.sorter import Sorter
 from dissectors.varieties import NO_TELEGRAM
 from tests.laws import examples
+from tests.oracle.builders import internet_packet, link_frame, udp
 from tests.oracle.frame import ETHERNET, Frame
-from tests.oracle.traffic import generate, internet_packet, link_frame, mutate, udp
+from tests.oracle.traffic import generate, mutate
 from tests.packets import batch_of, cut
 
 WEB = Claims(tcp=(80, 8080))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +26,7 @@ from nvscope.tracker.subjects import subjects
 from nvscope.tracker.summary import summarize
 from nvscope.tracker.variables.values import Values
 from nvscope.view.documents.variables import variables_document
-from tests.definition.lists import INT, LREAL, list_of
-from tests.engine.test_observers import LAYOUTS, batches_of, reading_of
+from tests.engine.traffic import CAN_DEFINITION, CAN_LAYOUTS, CHANNELS, LAYOUTS, batches_of, can_batches, reading_of
 from tests.laws import examples
 from tests.packets import Batches, cut, document_of
 from tests.simulate.simulation import project_of, simulated
@@ -36,9 +34,6 @@ from tests.tracker.can.bus_traffic import bus_traffic
 from tests.tracker.can.test_state import batch
 
 SCENARIOS = sorted((Path(__file__).parents[1] / "scenarios").glob("*.toml"))
-CHANNELS = [f"can{number}" for number in range(5)]
-CAN_DEFINITION = Definition((replace(list_of([LREAL, INT, INT], list_id=0x181), protocol="CAN"),))
-CAN_LAYOUTS = Layouts(CAN_DEFINITION)
 
 
 def at_once_and_joined(
@@ -98,24 +93,6 @@ def test_a_joined_state_goes_on_as_if_it_had_been_one(seed: int, parts: int) -> 
         joined = joined or parted.join()
         joined.observe(told)
     assert shown(joined or parted.join()) == shown(whole)
-
-
-CAN_FRAMES = (
-    *((word, size) for word in (0x181, 0x182, 0x8000_0181) for size in (8, 8, 4)),
-    *((word, 8) for word in (0x81, 0x2000_0040, 0x2000_0100, 0x2000_0204)),
-    (0, 2), (0x701, 1), (0x4000_0181, 0), (0x7FF, 8), (0x7FF, 12),
-)  # fmt: skip
-
-
-def can_batches(chance: random.Random, channels: int) -> list[PacketBatch]:
-    """Return frames of lists, heartbeats, commands, emergencies, requests and errors on several channels, cut."""
-    time_ns, frames = 1_700_000_000_000_000_000, []
-    for _ in range(chance.choice([30, 400])):
-        # Squares of intervals of some hours and more are kept apart.
-        time_ns += chance.choices([220_000, 1_000_000, 50_000_000, 10**14], [10, 10, 10, 1])[0]
-        word, size = chance.choice(CAN_FRAMES)
-        frames.append((time_ns, chance.randrange(channels), word, chance.randbytes(size)))
-    return cut(batch(frames), chance.choice([7, 64, 400]))
 
 
 @given(st.integers(0, 10_000), st.integers(1, 4), st.integers(1, 5))

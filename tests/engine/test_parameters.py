@@ -12,9 +12,10 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.told import Told
 from tests.laws import examples
+from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame, peel
-from tests.oracle.reference import PARAMETER_SERVICES
-from tests.oracle.traffic import data_frame, generate, mutate, telegram
+from tests.oracle.rules.telegram import PARAMETER_SERVICES
+from tests.oracle.traffic import generate, mutate
 from tests.packets import batch_of, cut
 
 Row = tuple[int, int, int, int, int, str, str]

@@ -22,8 +22,9 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
 from tests.laws import examples
+from tests.oracle.builders import LINKS, data_frame, telegram
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import LINKS, data_frame, generate, telegram
+from tests.oracle.traffic import generate
 from tests.packets import Batches, batch_of, cut, document_of, observed, tracked
 
 S = 1_000_000_000

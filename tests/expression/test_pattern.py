@@ -130,3 +130,9 @@ def test_a_pattern_in_more_states_than_the_table_holds(pattern: str) -> None:
     found = found_in(pattern, parts)
     assert found == [theirs.search(part) is not None for part in parts]
     assert 0 < sum(found) < len(found)
+
+
+def test_any_case_may_be_asked_for_and_is_matched_anyway() -> None:
+    assert Pattern("(?i)AbC").search("xabcx")
+    with pytest.raises(PatternError):
+        Pattern("a(?i)")

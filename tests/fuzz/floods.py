@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable
 from ipaddress import IPv4Address
 
 from tests.capture import build
-from tests.oracle.frame import ETHERNET, PROTOCOL_UDP
-from tests.oracle.traffic import (
+from tests.oracle.builders import (
     ACKNOWLEDGEMENT,
     BOOT_UP_REQUEST,
     DATA,
@@ -21,6 +20,7 @@ from tests.oracle.traffic import (
     telegram,
     udp,
 )
+from tests.oracle.frame import ETHERNET, PROTOCOL_UDP
 
 _SOURCE_AT = 14 + 12
 _FIRST_ADDRESS = int(IPv4Address("10.0.0.1"))

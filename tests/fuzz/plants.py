@@ -6,11 +6,11 @@ import random
 import tempfile
 from pathlib import Path
 
+from tests.fuzz.asked import Plant
 from tests.fuzz.definition_mutations import mutated_definition
 from tests.fuzz.matching_definitions import matching
 from tests.fuzz.mutations import mutated, shortened
 from tests.fuzz.originals import CAPTURES, SCENARIOS, random_traffic, sample_captures, scenario_traffic
-from tests.fuzz.questions import Plant
 
 _SAMPLES = sample_captures()
 _SUFFIXES = (".gvl", ".st", ".exp", ".xml", ".TcGVL", ".TcDUT")

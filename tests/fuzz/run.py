@@ -20,12 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.fuzz.asked import Plant
 from tests.fuzz.examination import examine
 from tests.fuzz.mutations import COMPRESSIONS, mutated, shortened
 from tests.fuzz.originals import SCENARIOS, random_traffic, sample_captures, scenario_traffic
 from tests.fuzz.plants import fuzz_plant
 from tests.fuzz.program import ProgramBug
-from tests.fuzz.questions import Plant, ask
+from tests.fuzz.questions import ask
 from tests.fuzz.reduction import reduced
 
 LONGEST = 300

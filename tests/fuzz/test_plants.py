@@ -11,13 +11,14 @@ from pathlib import Path
 import pytest
 
 from nvscope.errors import ExitCode
+from tests.fuzz.asked import Answered, Plant
 from tests.fuzz.definition_floods import DEFINITION_FLOODS, Files, doubled_names, gvl, long_name_of_array
 from tests.fuzz.definition_mutations import AIMED_AT_TEXT, Change
 from tests.fuzz.examination import assert_printable, ends
 from tests.fuzz.originals import CAPTURES, sample_captures
 from tests.fuzz.plants import fuzz_plant, sample_definitions
 from tests.fuzz.program import Ran, run
-from tests.fuzz.questions import Answered, Plant, ask
+from tests.fuzz.questions import ask
 
 PLANTS = 6
 SHARE_OF_FLOODS = 10

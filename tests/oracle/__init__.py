@@ -2,8 +2,12 @@
 
 It shares no code with the product: plain integers, one frame after the other, no numpy.
 
-- ``frame``      what a frame is, and how its datagram is peeled out of it
-- ``reference``  ``reference_report``: the rules, written for the reader
-- ``traffic``    ``generate``, ``mutate``, ``write_pcap`` and the builders of single frames
-- ``compare``    ``differences`` between a reference report and a report of the product
+- ``frame``          what a frame is, and how its datagram is peeled out of it
+- ``rules``          the rules, written for the reader, a file for each part of them
+- ``reference``      ``reference_report``: what the rules make of a capture
+- ``builders``       telegrams, packets and frames, one at a time
+- ``traffic``        ``generate`` and ``mutate``: many of them, drawn from a seed, with what is in ``plant``
+- ``pcap``           ``write_pcap``
+- ``compare``        ``differences`` between a reference report and a report of the product
+- ``can_reference``  the rules on CAN
 """

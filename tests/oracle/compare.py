@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .reference import SEVERITIES
+from tests.oracle.rules.findings import SEVERITIES
 
 PERCENTILES = ("p50", "p95", "p99", "nominal")
 PERCENTILE_ERROR = 0.02

@@ -28,7 +28,8 @@ from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.evidence import OTHERS, Evidence
 from nvscope.tracker.state import TrackerState
 from nvscope.view.rows.frames import PacketRows
-from tests.oracle.traffic import MILLISECOND, data_frame, telegram, write_pcap
+from tests.oracle.builders import MILLISECOND, data_frame, telegram
+from tests.oracle.pcap import write_pcap
 from tests.packets import Batches, batch_of
 from tests.protocols import beacon
 from tests.protocols.beacon import BEACON

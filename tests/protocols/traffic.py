@@ -5,8 +5,9 @@ from __future__ import annotations
 import random
 
 from dissectors.batch import LinkType
+from tests.oracle.builders import MILLISECOND, data_frame
 from tests.oracle.frame import ETHERNET, Frame
-from tests.oracle.traffic import MILLISECOND, data_frame, generate, mutate
+from tests.oracle.traffic import generate, mutate
 from tests.protocols import beacon
 
 

@@ -7,8 +7,8 @@ import random
 import pytest
 
 import nvscope.tracker.acknowledgement
+from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import data_frame, telegram
 from tests.packets import batch_of, cut, document_of, tracked
 
 DATA, BOOT_UP = 0, 6

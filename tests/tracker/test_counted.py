@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Sequence
 from functools import reduce
 from operator import add
@@ -20,8 +19,7 @@ from nvscope.tracker.figures import Joins, Of
 from nvscope.tracker.joins import TABLES, tables_of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from tests.engine.test_dealing import CHANNELS, can_batches
-from tests.engine.test_observers import batches_of, reading_of
+from tests.engine.traffic import CHANNELS, reading_of, traffic
 from tests.laws import examples
 from tests.packets import Batches, batch_of, cut, document_of, tracked
 from tests.tracker.can.bus_traffic import bus_traffic
@@ -30,17 +28,6 @@ from tests.tracker.counted_tables import all_figures, tables
 from tests.tracker.test_figures import PRESS, at
 
 EXTREME = {Joins.LEAST, Joins.MAX}
-
-
-def traffic(seed: int) -> list[PacketBatch]:
-    """Return batches on UDP, on CAN, or on both, in one order of time or not."""
-    chance = random.Random(seed)
-    kind = chance.choice(["udp", "can", "both"])
-    batches = [] if kind == "can" else batches_of(seed, chance)
-    if kind != "udp":
-        batches += can_batches(chance, chance.choice([1, 3]))
-        chance.shuffle(batches)
-    return batches
 
 
 def moments(batches: Sequence[PacketBatch]) -> tuple[TrackerState, list[Counted]]:

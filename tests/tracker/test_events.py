@@ -5,14 +5,12 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors import address
 from dissectors.batch import LinkType, PacketBatch
 from dissectors.can.frame import Fault as CanFault
 from nvscope.engine.events import NOWHERE
@@ -20,17 +18,19 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, TELL_IN_NUMBERS, EventKind
-from nvscope.tracker.evidence.event_columns import NO_SCOPE, EventColumns, EventTable
+from nvscope.tracker.evidence.event_columns import NO_SCOPE, EventColumns
 from nvscope.tracker.list_log import event_parts
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.windows import Windows
 from tests.can_frames import batches_of_log
-from tests.engine.test_observers import batches_of
+from tests.engine.traffic import batches_of
 from tests.laws import examples
+from tests.oracle.builders import ACKNOWLEDGEMENT, MILLISECOND, SECOND, START, data_frame, telegram
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import ACKNOWLEDGEMENT, MILLISECOND, SECOND, START, data_frame, generate, mutate, telegram
+from tests.oracle.traffic import generate, mutate
 from tests.packets import Batches, batch_of, cut
+from tests.tracker.event_rows import named, rows_of
 
 SEEDS = st.integers(0, 10_000)
 
@@ -42,42 +42,6 @@ def heard(batches: Sequence[PacketBatch], most: int = 1 << 20) -> tuple[TrackerS
     for _ in run(Batches(batches, ["can0", "can1"]), Reading(), [state]):
         pass
     return state, columns
-
-
-class Event(NamedTuple):
-    """One event with what its numbers stand for: numbers are given as things appear in a batch."""
-
-    kind: str
-    scope: int
-    list: str
-    node: str
-    subindex: int
-    channel: int
-    since_ns: int
-    time_ns: int
-    frame: int
-    amount: int
-    peer: str
-    detail: int
-
-
-def rows_of(table: EventTable) -> list[EventTable]:
-    """Return the rows of a table, with a number in each column."""
-    return [EventTable(*row) for row in zip(*(column.tolist() for column in table), strict=True)]
-
-
-def named(state: TrackerState, columns: EventColumns) -> list[Event]:
-    keys = state.keys
-    nodes = [address.text(*halves) for halves in zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True)]
-    return [
-        Event(**row._asdict() | {
-            "kind": columns.kinds[row.kind].name,
-            "list": str(keys.list_key(row.list)) if row.list >= 0 else "",
-            "node": nodes[row.node] if row.node >= 0 else "",
-            "peer": nodes[row.peer] if row.peer >= 0 else "",
-        })
-        for row in rows_of(columns.table())
-    ]  # fmt: skip
 
 
 def traffic(seed: int) -> PacketBatch:

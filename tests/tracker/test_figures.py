@@ -22,8 +22,8 @@ from nvscope.tracker.figures import (
 from nvscope.tracker.subjects import Subject, subjects
 from nvscope.tracker.summary import Summary, summarize
 from nvscope.tracker.timing import LEARNED_INTERVALS
+from tests.oracle.builders import START, data_frame, telegram
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import START, data_frame, telegram
 from tests.packets import batch_of, cut, tracked
 from tests.simulate.simulation import simulated
 

@@ -15,9 +15,10 @@ from nvscope.tracker.figures import LATENCIES, Of
 from nvscope.tracker.subjects import subjects
 from nvscope.tracker.summary import summarize
 from tests.laws import examples
+from tests.oracle.builders import ACKNOWLEDGEMENT, MILLISECOND, START, data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.oracle.reference import reference_report
-from tests.oracle.traffic import ACKNOWLEDGEMENT, MILLISECOND, START, data_frame, generate, telegram
+from tests.oracle.traffic import generate
 from tests.packets import batch_of, cut, tracked
 
 PRESS, HMI, PANEL, ALL = "10.0.0.1", "10.0.0.2", "10.0.0.3", "255.255.255.255"

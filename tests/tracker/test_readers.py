@@ -10,7 +10,8 @@ import pytest
 from nvscope.findings.judge import judge
 from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
-from tests.oracle.traffic import ACKNOWLEDGEMENT, MILLISECOND, START, data_frame, generate, telegram
+from tests.oracle.builders import ACKNOWLEDGEMENT, MILLISECOND, START, data_frame, telegram
+from tests.oracle.traffic import generate
 from tests.packets import batch_of, tracked
 
 PRESS, HMI, ROBOT, ALL = "10.0.0.1", "10.0.0.2", "10.0.0.3", "255.255.255.255"

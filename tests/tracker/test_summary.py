@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from nvscope.tracker.summary import summarize
-from tests.oracle.traffic import data_frame, telegram
+from tests.oracle.builders import data_frame, telegram
 from tests.packets import batch_of, tracked
 
 

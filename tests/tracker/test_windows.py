@@ -26,16 +26,14 @@ from nvscope.tracker.figures import BY_SCOPE, FIGURES, Joins, Of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.tracker.windows import Window, Windows
-from tests.engine.test_dealing import CHANNELS
-from tests.engine.test_observers import reading_of
+from tests.engine.traffic import CHANNELS, length_of, reading_of, span_ns, traffic
 from tests.laws import examples
+from tests.oracle.builders import ACKNOWLEDGEMENT, START, data_frame, telegram
 from tests.oracle.frame import Frame
-from tests.oracle.traffic import ACKNOWLEDGEMENT, START, data_frame, telegram
 from tests.packets import Batches, batch_of, cut, document_of
 from tests.simulate.simulation import project_of, simulated
 from tests.tracker.can.test_state import batch as can_batch
 from tests.tracker.counted_tables import Who, all_figures, named, tables
-from tests.tracker.test_counted import traffic
 from tests.tracker.test_figures import ALL, BY_NAME, HMI, MS, PRESS, S, at
 
 SCENARIOS = sorted((Path(__file__).parents[1] / "scenarios").glob("*.toml"))
@@ -60,16 +58,6 @@ def watched(
 
 def told(windows: Sequence[Window]) -> list[Any]:
     return [(one.number, one.start_ns, one.end_ns, one.complete, named(one.counted)) for one in windows]
-
-
-def span_ns(batches: Sequence[PacketBatch]) -> int:
-    times = [int(time) for part in batches for time in part.ts_ns]
-    return max(times) - times[0]
-
-
-def length_of(batches: Sequence[PacketBatch], chance: random.Random) -> int:
-    """Return a length of which a few windows or many fit; of odd nanoseconds, so that edges lie anywhere."""
-    return max(span_ns(batches) // chance.choice([1, 3, 10, 50]), 1) + chance.choice([0, 1, 977])
 
 
 @given(st.integers(0, 10_000))

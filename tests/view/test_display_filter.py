@@ -18,7 +18,8 @@ from nvscope.expression.typed_columns import FieldType
 from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields.frame import EITHER_OF, FIELDS, PROTOCOL_TESTS, expression_names
 from tests.laws import examples
-from tests.oracle.traffic import LINKS, generate, mutate
+from tests.oracle.builders import LINKS
+from tests.oracle.traffic import generate, mutate
 from tests.packets import Shown
 from tests.view.fields.test_frame import rows_of, values
 

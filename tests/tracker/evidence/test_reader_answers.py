@@ -17,7 +17,8 @@ from nvscope.tracker.evidence.reader_answers import ReaderAnswers
 from nvscope.tracker.state import TrackerState
 from tests.laws import examples
 from tests.packets import Batches, cut
-from tests.tracker.test_events import rows_of, traffic
+from tests.tracker.event_rows import rows_of
+from tests.tracker.test_events import traffic
 
 
 @given(st.integers(0, 10_000), st.integers(1, 80))

@@ -17,8 +17,9 @@ from nvscope.expression.typed_columns import AddressColumn, BytesColumn, FieldTy
 from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS, output_field
 from nvscope.view.rows.frames import FrameRows
 from tests.laws import examples
+from tests.oracle.builders import LINKS
 from tests.oracle.frame import Datagram, Frame, peel
-from tests.oracle.traffic import LINKS, generate, mutate
+from tests.oracle.traffic import generate, mutate
 from tests.packets import Batches, Shown, batch_of
 
 IDENTITIES = (b"\x00-S3", b"0-S3")

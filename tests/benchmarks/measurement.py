@@ -1,0 +1,92 @@
+"""One process measured: its time, and the peak of its memory. Needs Linux."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+SAMPLE_SECONDS = 0.02
+
+
+@dataclass(frozen=True)
+class Run:
+    """One process: seconds of wall and processor time, and the peak of its memory in bytes."""
+
+    wall_s: float
+    cpu_s: float
+    rss_bytes: int
+    anonymous_bytes: int
+
+
+def median(runs: list[Run], name: str) -> float:
+    """Return the median of one figure over some runs."""
+    return float(statistics.median(getattr(run, name) for run in runs))
+
+
+class ProcessError(Exception):
+    """A process ended with an exit code that is no success."""
+
+
+def measure(command: list[str], core: int, output: Path | None = None) -> Run:
+    """Run one process pinned to one core; raises ProcessError where it does not end well.
+
+    nvscope's exit code 3 (data loss found) is a success.
+    """
+    with (
+        open(output or os.devnull, "wb") as out,
+        tempfile.TemporaryFile() as errors,
+    ):
+        # A process inherits the cores of the thread that starts it.
+        elsewhere = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, {core})
+        started = time.perf_counter()
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=errors,
+            # As a person has it: with Python's modules compiled once, whatever is set where this runs.
+            env={name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
+        )
+        os.sched_setaffinity(0, elsewhere)
+        sampler = MemorySampler(process.pid)
+        sampler.start()
+        _, status, usage = os.wait4(process.pid, 0)
+        wall = time.perf_counter() - started
+        sampler.stop()
+        process.returncode = code = os.waitstatus_to_exitcode(status)
+        if code not in (0, 3):
+            errors.seek(0)
+            lines = errors.read().decode(errors="replace").strip().splitlines() or [""]
+            raise ProcessError(f"{' '.join(command[:3])} … ended with exit code {code}: {lines[-1]}")
+    return Run(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024, sampler.peak_bytes)
+
+
+class MemorySampler(threading.Thread):
+    """Watches the anonymous memory of a process, which leaves out the pages of mapped files."""
+
+    def __init__(self, pid: int) -> None:
+        super().__init__(daemon=True)
+        self.peak_bytes = 0
+        self._status = f"/proc/{pid}/status"
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        while not self._ended.wait(SAMPLE_SECONDS):
+            try:
+                with open(self._status) as status:
+                    lines = [line for line in status if line.startswith("RssAnon:")]
+            except OSError:
+                return
+            if lines:
+                self.peak_bytes = max(self.peak_bytes, int(lines[0].split()[1]) * 1024)
+
+    def stop(self) -> None:
+        self._ended.set()
+        self.join()

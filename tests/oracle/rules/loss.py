@@ -1,0 +1,178 @@
+"""What steps amount to in each scope, and which scope a node counts in: section 4."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import NamedTuple
+
+from tests.oracle.frame import Address
+from tests.oracle.rules.counters import CounterSequence
+from tests.oracle.rules.keys import Moment, StreamKey
+from tests.oracle.rules.notes import Notes
+from tests.oracle.rules.telegram import Telegram
+
+UNUSED_TELEGRAMS = 8
+
+SCOPES = ("stream", "node-telegram", "node-send")
+
+
+@dataclass
+class Figures:
+    """What the steps of one stream amount to, in one scope."""
+
+    lost: int = 0
+    longest_gap: int = 0
+    gaps: list[Moment] = field(default_factory=list)
+    duplicates: list[Moment] = field(default_factory=list)
+    overtaken: list[Moment] = field(default_factory=list)
+    restarts: list[Moment] = field(default_factory=list)
+
+    def book(self, kind: str, lost: int, moment: Moment) -> None:
+        self.lost += lost
+        if kind == "gap":
+            self.longest_gap = max(self.longest_gap, lost)
+            self.gaps.append(moment)
+        elif kind == "duplicate":
+            self.duplicates.append(moment)
+        elif kind == "overtaken":
+            self.overtaken.append(moment)
+        elif kind == "restart":
+            self.restarts.append(moment)
+
+
+@dataclass
+class Node:
+    """The two sequences that a node counts through all its data telegrams."""
+
+    telegrams: CounterSequence = field(default_factory=CounterSequence)
+    sends: CounterSequence = field(default_factory=CounterSequence)
+    previous: Telegram | None = None
+
+
+@dataclass
+class Stream:
+    """The well-formed data telegrams of one (node, list, SubIndex)."""
+
+    first: Telegram
+    last: Telegram
+    telegrams: int = 0
+    sequence: CounterSequence = field(default_factory=CounterSequence)
+    varied: bool = False
+    figures: dict[str, Figures] = field(default_factory=lambda: {scope: Figures() for scope in SCOPES})
+    previous_time: int | None = None
+    intervals: list[int] = field(default_factory=list)
+
+    def take_stream_step(self, sent: Telegram, *, repeated: bool) -> tuple[str, int]:
+        """Step in the stream's own sequence, which waits for a second counter value."""
+        if not self.varied:
+            if sent.counter == self.first.counter:
+                return "first", 0
+            self.varied = True
+            self.sequence.h = self.first.counter
+        return self.sequence.step(sent.counter, zero_is_regular=False, repeated=repeated)
+
+    @property
+    def unused(self) -> bool:
+        return not self.varied and self.telegrams >= UNUSED_TELEGRAMS
+
+    def figures_in(self, scope: str) -> Figures:
+        return self.figures[scope] if self.varied else Figures()
+
+
+def share(sequences: Iterable[CounterSequence]) -> Fraction:
+    counted = list(sequences)
+    steps = sum(sequence.steps for sequence in counted)
+    return Fraction(sum(sequence.regular for sequence in counted), steps) if steps else Fraction(0)
+
+
+def erratic(lost: int, telegrams: int, duration: int, median: Fraction | int | None) -> bool:
+    """Tell whether more counters are lost than the time could have held."""
+    absent = max(Fraction(0), Fraction(duration) / median - telegrams) if median is not None and median > 0 else 0
+    return lost > telegrams and lost > 100 + 10 * absent
+
+
+class Loss:
+    """The streams, and the nodes that send them."""
+
+    def __init__(self) -> None:
+        self.streams: dict[StreamKey, Stream] = {}
+        self.nodes: dict[Address, Node] = {}
+
+    def last_of(self, at: StreamKey) -> Telegram | None:
+        return self.streams[at].last if at in self.streams else None
+
+    def observe_data(self, at: StreamKey, seen: Telegram, *, repeated: bool) -> None:
+        """Take the step of a well-formed data telegram in each of the three sequences."""
+        stream = self.streams.setdefault(at, Stream(seen, seen))
+        stream.telegrams += 1
+        stream.last = seen
+        kind, lost = stream.take_stream_step(seen, repeated=repeated)
+        stream.figures["stream"].book(kind, lost, seen.moment)
+        if kind not in ("duplicate", "overtaken"):
+            if stream.previous_time is not None:
+                stream.intervals.append(seen.time - stream.previous_time)
+            stream.previous_time = seen.time
+
+        node = self.nodes.setdefault(seen.source, Node())
+        kind, lost = node.telegrams.step(seen.counter, zero_is_regular=False, repeated=repeated)
+        stream.figures["node-telegram"].book(kind, lost, seen.moment)
+        same_send = (
+            node.previous is not None
+            and node.previous.list_key == seen.list_key
+            and node.previous.subindex != seen.subindex
+        )
+        kind, lost = node.sends.step(seen.counter, zero_is_regular=same_send, repeated=repeated)
+        stream.figures["node-send"].book(kind, lost, seen.moment)
+        node.previous = seen
+
+    def streams_of(self, node: Address) -> dict[StreamKey, Stream]:
+        return {key: stream for key, stream in self.streams.items() if key.node == node}
+
+    def scope(self, node: Address) -> str:
+        """Return the way in which a node counts, as far as its telegrams tell."""
+        streams = self.streams_of(node)
+        shares = {"stream": share([stream.sequence for stream in streams.values()])}
+        if len(streams) >= 2:
+            shares["node-telegram"] = share([self.nodes[node].telegrams])
+        if len({key.list_key for key in streams}) >= 2:
+            shares["node-send"] = share([self.nodes[node].sends])
+        return max(shares, key=lambda scope: (shares[scope], -SCOPES.index(scope)))
+
+    def judge_scopes(self, notes: Notes) -> None:
+        for node in self.nodes:
+            if self.scope(node) != "stream":
+                first = min((stream.first.moment for stream in self.streams_of(node).values()), key=lambda at: at.frame)
+                notes.find("NV206", None, node, None, first)
+
+
+class Verdict(NamedTuple):
+    """Whether a stream does not count what it sends; not ``certain`` where that hangs on a percentile."""
+
+    erratic: bool
+    certain: bool
+
+
+def judge_stream(notes: Notes, at: StreamKey, stream: Stream, figures: Figures, median: int | None) -> Verdict:
+    """Find what the figures of a stream show at the end of the run; ``median`` is that of its intervals."""
+    where = (at.list_key, at.node, at.subindex)
+    duration = stream.last.time - stream.first.time
+    medians = [None if median is None else Fraction(median) * (100 + percent) / 100 for percent in (0, -2, 2)]
+    verdicts = [erratic(figures.lost, stream.telegrams, duration, value) for value in medians]
+    verdict = Verdict(verdicts[0], len(set(verdicts)) == 1)
+    for moment in figures.gaps:
+        notes.find("NV207" if verdict.erratic else "NV201", *where, moment)
+    if figures.gaps and not verdict.certain:
+        notes.doubt("NV201", at)
+        notes.doubt("NV207", at)
+    for code, moments in (
+        ("NV202", figures.duplicates),
+        ("NV203", figures.overtaken),
+        ("NV204", figures.restarts),
+    ):
+        for moment in moments:
+            notes.find(code, *where, moment)
+    if stream.unused:
+        notes.find("NV205", *where, stream.last.moment)
+    return verdict

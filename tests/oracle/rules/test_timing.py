@@ -1,0 +1,53 @@
+"""Intervals, their percentiles, and streams that stop."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from tests.oracle.rules.timing import Timing, round_root
+from tests.oracle.wire import Wire, counted
+
+
+def test_intervals() -> None:
+    wire = Wire().data(0, 1).data(10, 2).data(30, 3).data(31, 4)
+    timing = wire.stream["interval_ns"]
+    # 10, 20, 1: mean 31/3 = 10.33, variance 501/3 − 961/9 = 542/9 = 60.2, root 7.76
+    assert (timing["count"], timing["min"], timing["mean"], timing["max"], timing["stddev"]) == (3, 1, 10, 20, 8)
+    assert (timing["p50"], timing["p95"], timing["p99"], timing["nominal"]) == (10, 20, 20, None)
+
+
+def test_intervals_are_negative_where_the_clock_steps_back() -> None:
+    wire = Wire().data(100, 1).data(40, 2)
+    assert (wire.stream["interval_ns"]["min"], wire.stream["interval_ns"]["mean"]) == (-60, -60)
+    (step,) = wire.findings("NV902")
+    assert (step["list"], step["node"], step["count"], step["frames"]) == (None, None, 1, [2])
+
+
+def test_a_single_telegram_has_no_intervals() -> None:
+    assert set(counted(1).stream["interval_ns"].values()) == {0, None}
+
+
+def test_rounding_is_half_to_even() -> None:
+    assert Timing((1, 2)).report()["mean"] == 2  # 1.5
+    assert Timing((2, 3)).report()["mean"] == 2  # 2.5
+    assert Timing((1, 2)).report()["stddev"] == 0  # 0.5
+    assert Timing((0, 3)).report()["stddev"] == 2  # 1.5
+    assert round_root(Fraction(25, 4)) == 2  # 2.5
+    assert round_root(Fraction(63, 10)) == 3  # 2.51
+
+
+def test_percentiles_are_of_the_nearest_rank() -> None:
+    timing = Timing(tuple(range(1, 101)))
+    assert [timing.percentile(percent) for percent in (5, 50, 95, 99)] == [5, 50, 95, 99]
+    assert [Timing((1, 2, 3)).percentile(percent) for percent in (5, 50, 95, 99)] == [1, 2, 3, 3]
+
+
+def test_nominal_is_the_median_of_a_cyclic_stream() -> None:
+    assert Timing((100, 100, 150)).nominal == 100  # 50 wide: 50 % of 100
+    assert Timing((100, 100, 151)).nominal is None
+
+
+def test_a_stream_stops_while_the_capture_goes_on() -> None:
+    wire = counted(1, 2, 3)  # every 100 ms until 200 ms
+    assert wire.nothing(1_200_000_000).codes() == {}
+    assert wire.nothing(1_200_000_001).codes() == {"NV504": 1}

@@ -1,0 +1,106 @@
+"""Separated fields, CSV and JSON: one record a telegram, the same in every form."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nvscope.errors import UsageError
+from nvscope.expression.typed_columns import FieldType, TextColumn
+from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedFields, separation
+from nvscope.report.packets.text import Text
+from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS
+from tests.oracle.builders import data_frame, telegram
+from tests.oracle.traffic import generate, mutate
+from tests.packets import Batches, batch_of
+from tests.report.packets.written import PUBLIC, READER, SENDER, fields, written, written_of
+
+
+def test_json_values_have_the_types_of_their_fields() -> None:
+    frames = mutate(4, generate(4, frames=300))
+    every = [entry for entry in FIELDS.values() if not entry.name.startswith("can")]
+    records = json.loads(written(JsonArray(every), Batches([batch_of(frames)])))
+    types = {
+        FieldType.UNSIGNED: int,
+        FieldType.TIME: str,
+        FieldType.DURATION: int,
+        FieldType.ADDRESS: str,
+        FieldType.BYTES: str,
+        FieldType.BOOL: bool,
+        FieldType.TEXT: str,
+    }
+    assert len(records) > 100
+    assert all(list(record) == [entry.name for entry in every] for record in records)
+    for entry in every:
+        there = [record[entry.name] for record in records if record[entry.name] is not None]
+        assert there
+        assert {type(value) for value in there} == {types[entry.type]}
+    lines = written(JsonLines(every), Batches([batch_of(frames)])).splitlines()
+    assert [json.loads(line) for line in lines] == records
+
+
+def test_records_say_the_same_in_every_form() -> None:
+    frames = mutate(9, generate(9, frames=300, link=None))
+    every = list(FIELDS.values())
+    tabbed = [
+        line.split("\t")
+        for line in written(SeparatedFields(every, separation(["header=y"])), Batches([batch_of(frames)])).splitlines()
+    ]
+    separated = list(csv.reader(io.StringIO(written(Csv(every), Batches([batch_of(frames)])), newline="")))
+    assert separated == tabbed
+    records = json.loads(written(JsonArray(every), Batches([batch_of(frames)])))
+    assert len(records) == len(tabbed) - 1
+    for line, record in zip(tabbed[1:], records, strict=True):
+        for entry, cell in zip(every, line, strict=True):
+            value = record[entry.name]
+            if value is None:
+                assert cell == ""
+            elif entry.type in (FieldType.UNSIGNED, FieldType.BOOL):
+                assert int(cell, 0) == value
+            elif entry.type is FieldType.DURATION or entry.name == "frame.time_epoch":
+                assert int(cell.replace(".", "")) == int(value)
+            else:
+                assert cell == value
+
+
+def test_settings_of_separated_fields() -> None:
+    chosen = fields("frame.number", "nv.index", "nv.fault")
+    text = written_of(SeparatedFields(chosen, separation(["header=y", "separator=;", "quote=d"])), PUBLIC).splitlines()
+    assert text[0] == "frame.number;nv.index;nv.fault"
+    assert text[1] == '"1";"1";""'
+    assert written_of(SeparatedFields(chosen, separation(["separator=/s", "quote=s"])), PUBLIC).startswith(
+        "'1' '1' ''\n"
+    )
+    for wrong in ("header", "header=x", "separator=", "separator=ab", "separator=\x1b", "quote=x", "bom=y", "=", ""):
+        with pytest.raises(UsageError):
+            separation([wrong])
+
+
+def test_no_telegrams_are_still_a_document() -> None:
+    nothing = Batches([])
+    assert written(JsonArray(DEFAULT_FIELDS), nothing) == "[]\n"
+    assert written(JsonLines(DEFAULT_FIELDS), nothing) == ""
+    assert written(Csv(DEFAULT_FIELDS), nothing).count("\n") == 1
+    assert written(Text(), nothing) == ""
+
+
+@given(st.text(st.sampled_from("=+-@',\"\r\n\t ab\x1b\u202e"), max_size=8))
+def test_text_in_csv_is_quoted_and_no_formula(text: str) -> None:
+    entry = TelegramField(
+        "a.text", FieldType.TEXT, "", "", lambda rows: TextColumn(np.zeros(len(rows), np.int64), (text,))
+    )
+    out = written(
+        Csv([entry, FIELDS["nv.index"]]), Batches([batch_of([data_frame(0, SENDER, READER, telegram(list_id=7))])])
+    )
+    heading, record = csv.reader(io.StringIO(out, newline=""))
+    assert heading == ["a.text", "nv.index"]
+    assert record[1] == "7"
+    assert record[0].isprintable()
+    assert not record[0].lstrip(" ").startswith(("=", "+", "-", "@"))
