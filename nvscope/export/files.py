@@ -39,6 +39,7 @@ class Files:
         """Return a new file; CaptureError where it cannot be written."""
         file = WholeFile(path)
         self._files.append(file)
+        file.open()
         return file
 
     def publish(self) -> None:

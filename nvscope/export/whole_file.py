@@ -10,44 +10,43 @@ from typing import BinaryIO
 from nvscope.errors import CaptureError
 
 _BUFFER_BYTES = 64 << 10
-_MOST_NAMESAKES = 1_000
 
 
 class WholeFile:
     """A file being written beside the one that it replaces when it is complete.
 
-    What is no regular file (a pipe, a terminal) is written to as it is. Raises CaptureError where it cannot be opened;
-    what goes wrong later is an OSError.
+    What is no regular file (a pipe, a terminal) is written to as it is. Nothing is there before ``open``: who keeps it
+    first can discard it whenever that ends.
     """
+
+    file: BinaryIO
 
     def __init__(self, path: str) -> None:
         self.path = path
         # Where the name is a link, what it leads to is replaced.
         self._target = Path(path).resolve() if Path(path).is_symlink() else Path(path)
         self._unfinished: Path | None = None
+
+    def open(self) -> None:
+        """Open ``file``; CaptureError where it cannot be written. What goes wrong later is an OSError."""
         try:
             if self._target.is_dir():
                 raise IsADirectoryError(None, "is a directory")
             if self._target.exists() and not self._target.is_file():
-                self.file: BinaryIO = self._target.open("wb", _BUFFER_BYTES)
+                self.file = self._target.open("wb", _BUFFER_BYTES)
             else:
-                self.file = self._open_beside()
+                self._open_beside()
         except (OSError, ValueError) as error:
             raise CaptureError(
-                f"cannot be written: {getattr(error, 'strerror', None) or error}", where=path,
+                f"cannot be written: {getattr(error, 'strerror', None) or error}", where=self.path,
                 next_step="check the directory, its permissions and the space left",
             ) from error  # fmt: skip
 
-    def _open_beside(self) -> BinaryIO:
-        for number in range(_MOST_NAMESAKES):
-            name = self._target.with_name(f".{self._target.name[:200]}.{number}.unfinished")
-            try:
-                file = name.open("xb", _BUFFER_BYTES)
-            except FileExistsError:
-                continue
-            self._unfinished = name
-            return file
-        raise FileExistsError(None, "too many unfinished files lie beside it")
+    def _open_beside(self) -> None:
+        name = self._target.with_name(f".{self._target.name[:200]}.{os.urandom(8).hex()}.unfinished")
+        # Noted before it is there, so that no interrupt finds a file that nobody knows of; the name is nobody else's.
+        self._unfinished = name
+        self.file = name.open("xb", _BUFFER_BYTES)
 
     def finish(self) -> None:
         """Write what is left, and close the file; it still has its other name."""
@@ -62,7 +61,8 @@ class WholeFile:
     def discard(self) -> None:
         """Remove the file where it has not got its name; whatever goes wrong with that has gone wrong before."""
         with contextlib.suppress(OSError):
-            self.file.close()
+            if hasattr(self, "file"):
+                self.file.close()
         if self._unfinished:
             self._unfinished.unlink(missing_ok=True)
             self._unfinished = None
