@@ -23,6 +23,7 @@ from nvscope.capture.content import STDIN
 from nvscope.capture.last_time import latest_ns
 from nvscope.capture.open import open_source
 from nvscope.capture.source import FileSource, Source, SourceInfo
+from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
 from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Recogniser
@@ -111,7 +112,7 @@ class Inquiry:
     @cached_property
     def pdos(self) -> Pdos | None:
         """The frames of the lists that are defined on CAN, None where there are none."""
-        return self.project.definition.pdos()
+        return pdos_of(self.project.definition)
 
     def reading(self, chosen: DisplayFilter | None = None) -> Reading:
         """Return how the captures are read, with a filter or without."""

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from dissectors.can.pdo import PdoRules
-from nvscope.engine.reading import TIMEOUT_NS, Choose, Reading
+from nvscope.engine.reading import TIMEOUT_NS, Reading
+from nvscope.engine.told import Choose
 from nvscope.protocols.table import PROTOCOLS, dissectors_of
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from nvscope.capture.source import Source, SourceInfo
+from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
@@ -46,7 +47,7 @@ def snapshot(
     be compared with that of other moments.
     """
     definition = project.definition
-    pdos = pdos or definition.pdos()
+    pdos = pdos or pdos_of(definition)
     cob_ids = {key.identifier for key in pdos.by_cob_id} if pdos else set()
     summary = summarize(
         state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,

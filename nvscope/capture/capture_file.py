@@ -206,6 +206,7 @@ class CaptureFile:
         content = Content(self.path, descriptor, content_sizes, span, lambda: self._stopped)
         known = format_of(content.head)
         if known is not None:
-            return _Opened(known.name, content, known.open_reader(content, sizes))
+            make: type[Reader] = known.reader_class()
+            return _Opened(known.name, content, make(content, sizes))
         what, next_step = near_miss(content.head) or (f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", "")
         raise NoCapture(what, where=content.begin, next_step=next_step)

@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING, Any
 from nvscope.errors import UnreadableInput
 
 if TYPE_CHECKING:
-    from nvscope.capture.content import Content
-    from nvscope.capture.reader import Reader, ReadingSizes
     from nvscope.capture.source import Sink
 
 HEAD_BYTES = 32
@@ -56,10 +54,9 @@ class CaptureFormat:
     names_channels: bool = False
     holds_attachments: bool = False
 
-    def open_reader(self, content: Content, sizes: ReadingSizes) -> Reader:
-        """Return a reader of an open file; raises UnreadableInput for one that cannot be read at all."""
-        make: Callable[[Content, ReadingSizes], Reader] = _named(self.reader)
-        return make(content, sizes)
+    def reader_class(self) -> Any:
+        """Return the class of its readers; what it is made of, this table does not need to know."""
+        return _named(self.reader)
 
     def open_sink(self, path: str, channels: Sequence[str] | None) -> Sink:
         """Return a sink that writes to ``path``; raises CaptureError where it cannot be written."""

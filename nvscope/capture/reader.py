@@ -14,9 +14,6 @@ from nvscope.capture.byte_window import View
 from nvscope.capture.content import Content
 from nvscope.capture.source import Attachment, Truncation
 
-TIME_LIMIT_NS = (1 << 62) - 1
-"""Times are within ± this, so that the difference of any two is an int64; it lies in the year 2116."""
-
 
 @dataclass(frozen=True, slots=True)
 class ReadingSizes:

@@ -8,6 +8,9 @@ import numpy as np
 
 from dissectors.batch import I64, PacketBatch
 
+TIME_LIMIT_NS = (1 << 62) - 1
+"""Times of packets are within ± this, so that the difference of any two is an int64; it lies in the year 2116."""
+
 _FIRST_NS, _LAST_NS = -(1 << 63), (1 << 63) - 1
 
 

@@ -96,7 +96,9 @@ def packets(
     asked = trees or wanted is not None or bool(fields) or records or between is not None
 
     plant = project_of(project, gvl)
-    pdos = plant.definition.pdos()
+    from nvscope.definition.defined_pdos import pdos_of
+
+    pdos = pdos_of(plant.definition)
     if gvl and not (trees or wanted is not None or fields or pdos):
         raise UsageError(
             "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from nvscope.list_key import ANY_CHANNEL, ListKey
 
 if TYPE_CHECKING:  # where no list is defined, nothing of its variables is imported
-    from nvscope.definition.pdos import Pdos
     from nvscope.definition.position import Position
     from nvscope.definition.variables import Type, Variable
 
@@ -69,15 +68,6 @@ class Definition:
     def on_can(self) -> bool:
         """Whether a list is sent over CAN, and its identifier known: without one, no frame is of a list."""
         return any(entry.on_can and entry.list_id is not None for entry in self.lists)
-
-    def pdos(self) -> Pdos | None:
-        """Return the frames of the lists that are sent over CAN, None where there are none."""
-        if not self.on_can:
-            return None
-        # What packs lists is imported where there is one to pack.
-        from nvscope.definition.pdos import Pdos  # noqa: PLC0415
-
-        return Pdos(self)
 
     def by_key(self) -> dict[ListKey, ListDefinition]:
         """Return the lists that have an identifier, by what they are told by on the wire; of several, the first."""

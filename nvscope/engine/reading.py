@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-from dissectors.batch import Bool
 from dissectors.can.pdo import PdoRules
 from dissectors.dissector import Dissector
 from dissectors.netvar import PortRules
-
-if TYPE_CHECKING:
-    from nvscope.engine.told import Told
+from nvscope.engine.told import Choose
 
 TIMEOUT_NS = 1_000_000_000
 """So long an answer may take unless somebody says otherwise (diagnosis, error events)."""
-
-Choose = Callable[["Told"], Bool]
-"""A filter: tells which packets of a batch hold telegrams that are chosen, as a mask with an entry a packet."""
 
 
 @dataclass(frozen=True, slots=True)

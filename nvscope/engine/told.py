@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +19,6 @@ from nvscope.engine.clock import Clock
 from nvscope.engine.events import EventBatch, Listeners
 from nvscope.engine.keys import Begun, Keys, Rejected
 from nvscope.engine.parameters import ParameterRows
-from nvscope.engine.reading import TIMEOUT_NS, Choose
 from nvscope.engine.rows import DataRows, StreamMemory
 
 
@@ -62,8 +61,8 @@ class Told:
 
     def __init__(
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
-        choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
-        dissectors: Sequence[Dissector] = (), timeout_ns: int = TIMEOUT_NS,
+        timeout_ns: int, choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
+        dissectors: Sequence[Dissector] = (),
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -191,3 +190,7 @@ class Told:
     def count(self) -> I64:
         """How many telegrams there are of each variety."""
         return self.laid.count
+
+
+Choose = Callable[[Told], Bool]
+"""A filter: tells which packets of a batch hold telegrams that are chosen, as a mask with an entry a packet."""

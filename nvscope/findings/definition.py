@@ -15,7 +15,8 @@ if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.findings.facts import Facts
     from nvscope.findings.misfits import Mismatch
     from nvscope.list_key import ListKey, Port
-    from nvscope.tracker.summary import ListSummary, StreamSummary
+    from nvscope.tracker.stream_summary import StreamSummary
+    from nvscope.tracker.summary import ListSummary
 
     Shape = frozenset[tuple[int, tuple[int, int]]]
 

@@ -23,7 +23,8 @@ from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.list_log import event_key, event_parts
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
+from nvscope.tracker.stream_summary import StreamSummary
+from nvscope.tracker.summary import ListSummary, Summary
 
 if TYPE_CHECKING:  # without definitions, nothing of them is imported
     from nvscope.definition.model import Definition, ListDefinition

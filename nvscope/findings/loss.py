@@ -14,7 +14,8 @@ from nvscope.units import count, count_of, duration, percent
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
-    from nvscope.tracker.summary import ListSummary, StreamSummary
+    from nvscope.tracker.stream_summary import StreamSummary
+    from nvscope.tracker.summary import ListSummary
 
 TELEGRAM_GAP = FindingKind(
     "NV201",

@@ -14,7 +14,8 @@ if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.causes import Cause
     from nvscope.definition.packing import TelegramLayout
     from nvscope.findings.facts import Facts
-    from nvscope.tracker.summary import ListSummary, StreamSummary
+    from nvscope.tracker.stream_summary import StreamSummary
+    from nvscope.tracker.summary import ListSummary
 
     Telegrams = tuple[TelegramLayout, ...]
     Misfits = Sequence[tuple[StreamSummary, Events]]

@@ -16,7 +16,8 @@ if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.model import ListDefinition
     from nvscope.definition.packing import TelegramLayout
     from nvscope.findings.facts import Facts
-    from nvscope.tracker.summary import ListSummary, StreamSummary
+    from nvscope.tracker.stream_summary import StreamSummary
+    from nvscope.tracker.summary import ListSummary
     from nvscope.tracker.variables.values import Shape, Values
 
     Telegrams = tuple[TelegramLayout, ...]

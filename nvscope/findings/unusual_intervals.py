@@ -18,7 +18,7 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.histograms import Histograms
 from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import StreamSummary
+from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
 
 AnyStream = StreamSummary | CanStreamSummary

@@ -6,17 +6,12 @@ acknowledgement, the stream's next telegram, or a frame behind its deadline. All
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import ClassVar
-
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool
-from dissectors.columns import Columns
+from dissectors.batch import I64, Bool
 from dissectors.netvar import CHECKSUM_INVALID
 from nvscope.engine.clock import Clock
 from nvscope.engine.dealing import Share
-from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
@@ -25,113 +20,20 @@ from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents
 from nvscope.tracker.latency import Latencies
 from nvscope.tracker.sightings import NO_PACKET, Sightings
+from nvscope.tracker.waits import (
+    NEVER,
+    NO_REQUESTS,
+    NO_WAITS_ENDED,
+    Answers,
+    BootUpWaits,
+    Messages,
+    Overdue,
+    PlaceColumns,
+    WaitColumns,
+    Waits,
+)
 
-NEVER = np.iinfo(np.int64).min
 _FEW_PAIRS = 4096  # of waits and streams, of which few are of one place
-
-
-class WaitColumns(KeyedColumns):
-    """One row a stream: its open wait, if any, and when it last wanted an acknowledgement (``NEVER``: not yet).
-
-    ``peer`` is the node to which the waiting telegram was sent, -1 for all.
-    """
-
-    open: Bool
-    since_ns: I64
-    frame: I64
-    peer: I64
-    wanted_ns: I64
-    COLUMNS: ClassVar = {
-        "open": (np.False_, 1),
-        "since_ns": (np.int64(0), 1),
-        "frame": (np.int64(0), 1),
-        "peer": (np.int64(-1), 1),
-        "wanted_ns": (np.int64(NEVER), 1),
-    }
-
-
-class PlaceColumns(KeyedColumns):
-    """One row a place: who sent its last well-formed data telegram (-1: nobody yet), and when one wanted an answer."""
-
-    sender: I64
-    wanted_ns: I64
-    COLUMNS: ClassVar = {"sender": (np.int64(-1), 1), "wanted_ns": (np.int64(NEVER), 1)}
-
-
-@dataclass(frozen=True, slots=True)
-class Messages:
-    """Well-formed telegrams of one service, as captured. Shapes (n,).
-
-    ``destination`` is -1 for broadcasts, ``target`` the stream of the place that the destination sends, -1 for none.
-    """
-
-    packet: I64
-    time_ns: I64
-    list: I64
-    place: I64
-    source: I64
-    destination: I64
-    target: I64
-    flags: U8
-
-    def __len__(self) -> int:
-        return len(self.packet)
-
-
-@dataclass(frozen=True, slots=True)
-class BootUpWaits(Columns):
-    """Boot-up requests that nobody has answered yet: by when, in which frame, for what, and who asked. Shapes (n,)."""
-
-    deadline_ns: I64
-    frame: I64
-    list: I64
-    place: I64
-    node: I64
-
-
-NO_WAITS = BootUpWaits(*(np.empty(0, np.int64) for _ in fields(BootUpWaits)))
-
-
-@dataclass(frozen=True, slots=True)
-class Waits(Columns):
-    """Waits of data telegrams that have ended: from when to when, and in which frame. Shapes (n,).
-
-    ``peer`` is the node that ended it, or of one that nobody did, the node to which the telegram was sent; -1 for all.
-    """
-
-    stream: I64
-    since_ns: I64
-    end_ns: I64
-    frame: I64
-    peer: I64
-
-
-_NO_WAITS = Waits(*(np.empty(0, np.int64) for _ in fields(Waits)))
-
-
-@dataclass(frozen=True, slots=True)
-class Overdue:
-    """Waits whose deadline has passed without a frame that shows it, of data telegrams and of boot-up requests."""
-
-    waits: Waits
-    requests: BootUpWaits
-
-
-@dataclass(frozen=True, slots=True)
-class Answers:
-    """What a batch showed about answers.
-
-    ``errors`` are error events. ``missing`` are the waits that nobody ended, with the frames that waited, ``answered``
-    those of the others, with the frames that ended them; ``negative_node`` is whom each negative acknowledgement blames
-    (-1: nobody); ``unexpected`` are positions among the acknowledgements; ``unanswered`` are boot-up requests.
-    """
-
-    errors: list[ErrorEvents]
-    missing: Waits
-    answered: Waits
-    negative_node: I64
-    unexpected: I64
-    unanswered: BootUpWaits
 
 
 class Acknowledgement:
@@ -144,7 +46,7 @@ class Acknowledgement:
         self.timeout_ns = TIMEOUT_NS
         self.waits = WaitColumns()
         self.places = PlaceColumns()
-        self.boot_up_waits = NO_WAITS
+        self.boot_up_waits = NO_REQUESTS
         self.latencies = Latencies()
 
     def observe(
@@ -206,7 +108,7 @@ class Acknowledgement:
         waits = self.waits
         open_streams = np.flatnonzero(waits.column("open"))
         if not len(wanting) and not len(open_streams):
-            return _NO_WAITS, _NO_WAITS, []
+            return NO_WAITS_ENDED, NO_WAITS_ENDED, []
         concerned = waits.column("open").copy()
         concerned[rows.stream[wanting]] = True
         row = _new_rows_of(rows, concerned[rows.run_stream])
@@ -229,7 +131,7 @@ class Acknowledgement:
         answered = np.flatnonzero(~late & ~again & (answer != NO_PACKET))
         took_ns = clock.time_ns[answer[answered]] - wait_since[answered]
         self.latencies.observe(wait_stream[answered], took_ns, len(keys.streams))
-        ended = _NO_WAITS
+        ended = NO_WAITS_ENDED
         if heard:
             answered_by = acknowledgements.source[np.searchsorted(acknowledgements.packet, answer[answered])]
             frame, since_ns = answer[answered] + first_frame, wait_since[answered]
@@ -313,7 +215,7 @@ class Acknowledgement:
         """Follow the boot-up requests; return those without an answer in order, and the frames that showed it."""
         known = len(self.boot_up_waits)
         if not known and not len(requests):
-            return NO_WAITS, np.empty(0, np.int64)
+            return NO_REQUESTS, np.empty(0, np.int64)
         asked = BootUpWaits(
             requests.time_ns + self.timeout_ns, requests.packet + first_frame, requests.list, requests.place,
             requests.source,

@@ -21,13 +21,14 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, SHAPE_MASK, FrameKind, Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
-from nvscope.tracker.acknowledgement import Acknowledgement, BootUpWaits, Messages, Waits
+from nvscope.tracker.acknowledgement import Acknowledgement
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.list_log import ListLog
+from nvscope.tracker.waits import BootUpWaits, Messages, Waits
 
 if TYPE_CHECKING:
     from nvscope.tracker.variables.values import Values

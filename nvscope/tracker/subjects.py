@@ -13,7 +13,8 @@ from nvscope.tracker.figures import Of
 from nvscope.tracker.intervals import NO_INTERVALS
 from nvscope.tracker.latency import LatencyFigures
 from nvscope.tracker.measured import Measured
-from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
+from nvscope.tracker.stream_summary import StreamSummary
+from nvscope.tracker.summary import ListSummary, Summary
 from nvscope.tracker.together import counted_together
 
 AnyList = ListSummary | CanListSummary

@@ -18,49 +18,17 @@ from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.capture import CaptureSummary
-from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope, is_erratic
+from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.figures import BY_SCOPE
-from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
+from nvscope.tracker.intervals import StreamIntervals
 from nvscope.tracker.list_diagnosis import diagnose
 from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
+from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.together import Together, counted_together, taken_together
 
 UNUSED_FROM_TELEGRAMS = 8
-
-
-@dataclass(frozen=True, slots=True)
-class StreamSummary:
-    """One stream: who sends which SubIndex, and what its counters and intervals say."""
-
-    stream: int
-    node: int
-    subindex: int
-    telegrams: int
-    first_ns: int
-    last_ns: int
-    scope: Scope
-    counter_scope: str
-    figures: Mapping[str, int]
-    intervals: IntervalFigures
-    items: int
-    length: int
-    checksum: int | None
-    whole_erratic: bool | None = field(default=None, compare=False)
-
-    @property
-    def erratic(self) -> bool:
-        """Whether its counters are not believed, here or, of a window, in all that was seen up to its end."""
-        if self.whole_erratic is not None:
-            return self.whole_erratic
-        return is_erratic(self.figures["lost"], self.telegrams, self.last_ns - self.first_ns, self.intervals.p50)
-
-    @property
-    def counters(self) -> dict[str, int | None]:
-        """What is told of its ``figures``: the number of telegrams lost is unknown where the counters are erratic."""
-        lost = self.figures["lost"]
-        return {**self.figures, "lost": None if self.erratic else lost, "lost_claimed": lost}
 
 
 @dataclass(frozen=True, slots=True)

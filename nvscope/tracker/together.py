@@ -17,7 +17,7 @@ from nvscope.tracker.latency import LatencyFigures
 
 if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
-    from nvscope.tracker.summary import StreamSummary
+    from nvscope.tracker.stream_summary import StreamSummary
 
 Member = tuple[int, int]
 """Numbers of a list and of a node that sends it."""

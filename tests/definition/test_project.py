@@ -13,9 +13,9 @@ from nvscope.definition.buses import BusSettings
 from nvscope.definition.limits import Limits
 from nvscope.definition.project import Project, find_project
 from nvscope.definition.project_file import MAX_DEFINITION_FILES, document, read_project
+from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.errors import ConfigurationError
 from nvscope.list_key import ANY_CHANNEL, ListKey
-from nvscope.tracker.acknowledgement import TIMEOUT_NS
 from tests.laws import examples
 
 PLANT = """

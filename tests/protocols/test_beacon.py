@@ -15,12 +15,12 @@ from dissectors.layout import Field, Layout
 from dissectors.transport import DatagramBatch, SegmentBatch
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.packets import packets
+from nvscope.analysis.reading import reading_of
 from nvscope.cli.packets import packets as verb
 from nvscope.engine.dealing import SplitBy, deal
 from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.run import run
-from nvscope.protocols import table
 from nvscope.protocols.table import PROTOCOLS, accumulators_of, dissectors_of
 from nvscope.report.packets.records import JsonLines
 from nvscope.report.packets.text import Text
@@ -158,10 +158,9 @@ def test_plain_lines_of_the_program_show_it(
     inquiry: Inquiry, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:  # fmt: skip
     """The verb reads without an inquiry where nothing but lines is asked for."""
-    monkeypatch.setattr(table, "PROTOCOLS", inquiry.protocols)
-    monkeypatch.setattr(
-        Text.__init__, "__kwdefaults__", Text.__init__.__kwdefaults__ | {"protocols": inquiry.protocols}
-    )
+    for default in (Text.__init__, reading_of):
+        known = default.__kwdefaults__ | {"protocols": inquiry.protocols}
+        monkeypatch.setattr(default, "__kwdefaults__", known)
     verb(sources=[*inquiry.paths], quiet=True)
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["1", "2", "4", "5", "6"]
 

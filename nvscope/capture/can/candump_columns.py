@@ -14,7 +14,7 @@ import numpy as np
 from dissectors.batch import I64, PAD_BYTES, U8, U64, Bool, Records
 from nvscope.capture.can.frame import CLASSIC_WORDS, FD_FRAME, FD_WORDS, HEAD_BYTES, CanRows
 from nvscope.capture.digits import ZEROS, decimal, hexadecimal, last_characters
-from nvscope.capture.reader import TIME_LIMIT_NS
+from nvscope.capture.time_span import TIME_LIMIT_NS
 
 _MAX_NAMES = 64
 _DATA_CHARACTERS = 16

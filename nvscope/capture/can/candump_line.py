@@ -29,7 +29,7 @@ from nvscope.capture.can.frame import (
     STANDARD_IDENTIFIER,
     CanFrame,
 )
-from nvscope.capture.reader import TIME_LIMIT_NS
+from nvscope.capture.time_span import TIME_LIMIT_NS
 
 _TIME = re.compile(rb"[ \t]*\((-?)(\d{1,12})(?:\.(\d{1,18}))?\)[ \t]+")
 _CHANNEL = re.compile(rb"(\S+)[ \t]+")

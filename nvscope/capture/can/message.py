@@ -22,7 +22,7 @@ from nvscope.capture.can.frame import (
     STANDARD_IDENTIFIER,
     CanFrame,
 )
-from nvscope.capture.reader import TIME_LIMIT_NS
+from nvscope.capture.time_span import TIME_LIMIT_NS
 
 if TYPE_CHECKING:
     import can

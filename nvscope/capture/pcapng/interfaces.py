@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, U16, U64
-from nvscope.capture.reader import TIME_LIMIT_NS
 from nvscope.capture.record_reader import MAX_PACKET_BYTES, MAX_SNAP_BYTES
+from nvscope.capture.time_span import TIME_LIMIT_NS
 
 _DEFAULT_RESOLUTION = 6
 

@@ -15,8 +15,9 @@ from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
+from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.subjects import Measures
-from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
+from nvscope.tracker.summary import ListSummary, Summary
 from nvscope.version import __version__
 from nvscope.view.documents.buses import can_buses
 from nvscope.view.documents.can_lists import can_list

@@ -1,0 +1,42 @@
+"""StreamSummary: what follows from a state for one stream."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from nvscope.tracker.counters import Scope, is_erratic
+from nvscope.tracker.intervals import IntervalFigures
+
+
+@dataclass(frozen=True, slots=True)
+class StreamSummary:
+    """One stream: who sends which SubIndex, and what its counters and intervals say."""
+
+    stream: int
+    node: int
+    subindex: int
+    telegrams: int
+    first_ns: int
+    last_ns: int
+    scope: Scope
+    counter_scope: str
+    figures: Mapping[str, int]
+    intervals: IntervalFigures
+    items: int
+    length: int
+    checksum: int | None
+    whole_erratic: bool | None = field(default=None, compare=False)
+
+    @property
+    def erratic(self) -> bool:
+        """Whether its counters are not believed, here or, of a window, in all that was seen up to its end."""
+        if self.whole_erratic is not None:
+            return self.whole_erratic
+        return is_erratic(self.figures["lost"], self.telegrams, self.last_ns - self.first_ns, self.intervals.p50)
+
+    @property
+    def counters(self) -> dict[str, int | None]:
+        """What is told of its ``figures``: the number of telegrams lost is unknown where the counters are erratic."""
+        lost = self.figures["lost"]
+        return {**self.figures, "lost": None if self.erratic else lost, "lost_claimed": lost}
