@@ -12,6 +12,7 @@ from typing import Any
 from nvscope import units
 from nvscope.report.content import Clock, Report, Row, findings_by_list, nanoseconds, node_names, status, worst
 from nvscope.tracker.figures import DIAGNOSIS
+from nvscope.tracker.jitter import Jitter
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Tone
 
 NOTHING = "-"
@@ -201,15 +202,10 @@ def _median(entry: Row) -> Cell:
 
 def _jitter(entry: Row) -> Cell:
     """Return the jitter of the list's worst stream."""
-    found = [
-        (units.divide((interval["p99"] - interval["p50"]) * 1_000_000, interval["nominal"]), interval)
-        for interval in (stream["interval_ns"] for stream in entry["streams"])
-        if interval["nominal"] and interval["p99"] is not None
-    ]
-    if not found:
-        return Cell(NOTHING, Tone.FAINT)
-    interval = max(found, key=lambda pair: pair[0])[1]
-    return Cell(units.percent(interval["p99"] - interval["p50"], interval["nominal"]))
+    intervals = (stream["interval_ns"] for stream in entry["streams"])
+    found = [Jitter.of(interval["p50"], interval["p99"], interval["nominal"]) for interval in intervals]
+    worst_of_all = max((one for one in found if one is not None), key=lambda one: one.percent, default=None)
+    return Cell(NOTHING, Tone.FAINT) if worst_of_all is None else Cell(worst_of_all.text)
 
 
 _OVERVIEW = (

@@ -111,7 +111,7 @@ class Measures:
             span_ns=self._span_ns,
             extremes=self._extremes,
             intervals=stream.intervals,
-            jitter_percent=stream.intervals.jitter_percent,
+            jitter_percent=_worst([stream]),
         )
         if isinstance(stream, CanStreamSummary):
             return measured
@@ -124,4 +124,5 @@ class Measures:
 
 
 def _worst(streams: Iterable[AnyStream]) -> float | None:
-    return max((known for one in streams if (known := one.intervals.jitter_percent) is not None), default=None)
+    known = (one.intervals.jitter for one in streams)
+    return max((jitter.percent for jitter in known if jitter is not None), default=None)
