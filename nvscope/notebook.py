@@ -27,7 +27,7 @@ from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project
 from nvscope.definition.project_file import read_project
 from nvscope.errors import UsageError
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
+from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS
 
 if TYPE_CHECKING:
     import polars as pl
@@ -127,7 +127,7 @@ class Captures:
                 rows.append({"list": entry["key"]} | stream | intervals)
         kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "cob_id": int, "remote": int}
         kinds |= {"telegrams": int, "counter_scope": str}
-        kinds |= {one.key(Of.STREAM): int for one in STREAM_COUNTERS} | {"items": int, "length": int, "checksum": int}
+        kinds |= {one.name: int for one in STREAM_COUNTERS} | {"items": int, "length": int, "checksum": int}
         kinds |= {one.name: _KIND_OF_UNIT.get(one.unit, int) for one in INTERVALS}
         return _frame(rows, kinds)
 

@@ -71,10 +71,6 @@ class Figure:
         """Return the figure of what was measured; extremes of a window are None where nobody kept them for it."""
         return self.reads(row) if row.extremes or self.joins not in (Joins.LEAST, Joins.MAX) else None
 
-    def key(self, of: Of) -> str:
-        """Return its key in the JSON object that holds it; KeyError where no report has it."""
-        return self.keys[of].rpartition(".")[2]
-
 
 _LISTS_AND_NODES = Of.LIST, Of.NODE
 _TRAFFIC = Of.STREAM, Of.LIST, Of.NODE
@@ -254,6 +250,9 @@ FIGURES = (
     *DIAGNOSIS, *LIST_COUNTERS, TELEGRAMS, RATE, *INTERVALS, JITTER, *LATENCIES, *BUS_COUNTERS, *LOADS, *BUS_ERRORS,
 )  # fmt: skip
 """All of them."""
+
+BY_NAME: Mapping[str, Figure] = MappingProxyType({one.name: one for one in FIGURES})
+"""Each of them, by its name."""
 
 
 def figures_of(of: Of) -> tuple[Figure, ...]:

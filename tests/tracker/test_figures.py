@@ -14,6 +14,7 @@ from nvscope.list_key import ListKey
 from nvscope.simulate.scenario_file import load_scenario
 from nvscope.simulate.simulator import open_capture, simulate
 from nvscope.tracker.figures import (
+    BY_NAME,
     BY_SCOPE,
     FIGURES,
     LIST_COUNTERS,
@@ -36,7 +37,6 @@ CAPTURES = [
 ]
 MS, S = 1_000_000, 1_000_000_000
 PRESS, HMI, PANEL, ALL = "10.0.0.1", "10.0.0.2", "10.0.0.3", "255.255.255.255"
-BY_NAME = {figure.name: figure for figure in FIGURES}
 NEAR = 0.008
 """Percentiles are those of buckets that are so wide."""
 

@@ -24,7 +24,7 @@ from nvscope.simulate.scenario_file import load_scenario
 from nvscope.simulate.simulator import channels_of, simulate
 from nvscope.tracker.counted import Counted
 from nvscope.tracker.counters import Scope
-from nvscope.tracker.figures import BY_SCOPE, FIGURES, Joins, Of
+from nvscope.tracker.figures import BY_NAME, BY_SCOPE, FIGURES, Joins, Of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.tracker.windows import Window, Windows
@@ -38,7 +38,7 @@ from tests.simulate.collected import Collected, project_of
 from tests.tracker.can.test_state import batch as can_batch
 from tests.tracker.counted_tables import Who, all_figures, named, tables
 from tests.tracker.test_counted import traffic
-from tests.tracker.test_figures import ALL, BY_NAME, HMI, MS, PRESS, S, at
+from tests.tracker.test_figures import ALL, HMI, MS, PRESS, S, at
 
 SCENARIOS = sorted((Path(__file__).parents[1] / "scenarios").glob("*.toml"))
 OVER_TIME = {"rate", "load"}

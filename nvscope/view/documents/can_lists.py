@@ -12,9 +12,8 @@ from dissectors.can.canopen import title_of
 from dissectors.can.pdo import EXTENDED
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
 from nvscope.tracker.subjects import Measures
-from nvscope.view.documents.figures import figure_row
+from nvscope.view.documents.figures import COUNTED_OF_LIST, COUNTED_OF_STREAM, TELEGRAMS_OF_STREAM
 
 
 def can_list(entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures) -> dict[str, Any]:
@@ -29,8 +28,7 @@ def can_list(entry: CanListSummary, names: Mapping[ListKey, str], measures: Meas
         "canopen": canopen_label(entry, entry.key.identifier, defined=name is not None),
         "senders": [],
         "readers": [],
-        "diag": figure_row(DIAGNOSIS, Of.LIST, measured),
-        "counters": figure_row(LIST_COUNTERS, Of.LIST, measured),
+        **COUNTED_OF_LIST.read(measured),
         "nodes": [],
         "streams": [_stream(stream, measures) for stream in entry.streams],
     }
@@ -51,11 +49,10 @@ def _stream(stream: CanStreamSummary, measures: Measures) -> dict[str, Any]:
         "subindex": stream.subindex,
         "cob_id": stream.cob_id,
         "extended": stream.extended,
-        "telegrams": stream.telegrams,
+        **TELEGRAMS_OF_STREAM.read(measured),
         "remote": stream.remote,
         "counter_scope": None,
-        **figure_row(STREAM_COUNTERS, Of.STREAM, measured),
-        "interval_ns": figure_row(INTERVALS, Of.STREAM, measured),
+        **COUNTED_OF_STREAM.read(measured),
         "items": None,
         "length": stream.length,
         "checksum": None,

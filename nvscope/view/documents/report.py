@@ -14,18 +14,20 @@ from nvscope.capture.source import SourceInfo
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.can.summary import CanListSummary
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
+from nvscope.tracker.figures import DIAGNOSIS, Of
 from nvscope.tracker.subjects import Measures
 from nvscope.tracker.summary import ListSummary, StreamSummary, Summary
 from nvscope.version import __version__
 from nvscope.view.documents.buses import can_buses
 from nvscope.view.documents.can_lists import can_list
-from nvscope.view.documents.figures import figure_row, time_text
+from nvscope.view.documents.figures import COUNTED_OF_LIST, COUNTED_OF_STREAM, TELEGRAMS_OF_STREAM, FigureRow, time_text
 
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
 
 SCHEMA = "nvscope.report/1"
+
+_COUNTED_OF_NODE = FigureRow(DIAGNOSIS, Of.NODE)
 
 
 def report_document(
@@ -96,13 +98,12 @@ def _list(
         "name": name,
         "senders": [address[node] for node in entry.senders],
         "readers": [address[node] for node in entry.readers],
-        "diag": figure_row(DIAGNOSIS, Of.LIST, measured),
-        "counters": figure_row(LIST_COUNTERS, Of.LIST, measured),
+        **COUNTED_OF_LIST.read(measured),
         "nodes": [
             {
                 "address": address[node],
                 "name": node_names.get(address[node]),
-                "diag": figure_row(DIAGNOSIS, Of.NODE, measures.of_node(entry, node, diagnosis)),
+                **_COUNTED_OF_NODE.read(measures.of_node(entry, node, diagnosis)),
             }
             for node, diagnosis in entry.nodes
         ],
@@ -115,10 +116,9 @@ def _stream(stream: StreamSummary, summary: Summary, measures: Measures) -> dict
     return {
         "node": summary.addresses[stream.node],
         "subindex": stream.subindex,
-        "telegrams": stream.telegrams,
+        **TELEGRAMS_OF_STREAM.read(measured),
         "counter_scope": stream.counter_scope,
-        **figure_row(STREAM_COUNTERS, Of.STREAM, measured),
-        "interval_ns": figure_row(INTERVALS, Of.STREAM, measured),
+        **COUNTED_OF_STREAM.read(measured),
         "items": stream.items,
         "length": stream.length,
         "checksum": stream.checksum,
