@@ -679,6 +679,24 @@ def test_a_single_telegram_has_no_intervals() -> None:
     assert set(counted(1).stream["interval_ns"].values()) == {0, None}
 
 
+def test_pace() -> None:
+    """Two streams in 900 ns; of 8 intervals of 100 ns one is 130: jitter is 30 %. Two of three are answered."""
+    wire = Wire()
+    waits = dict.fromkeys(range(3), 1)
+    for number, time in enumerate([0, 100, 200, 300, 400, 530, 630, 730, 830]):
+        wire.data(time, number, flags=waits.get(number, 0))
+        if number in (0, 2):
+            wire.ack(time + 10 * number + 10, B, A, counter=number)
+    entry = wire.data(900, 7, subindex=1).only_list
+    took = {"count": 2, "p50": 10, "p99": 30, "max": 30}
+    for row, telegrams in ((entry["streams"][0], 9), (entry, 10), (entry["nodes"][0], 10)):
+        assert (row["rate"], row["jitter"], row["latency_ns"]) == (pytest.approx(telegrams / 900e-9), 30.0, took)
+    for row, rate in ((entry["streams"][1], pytest.approx(1 / 900e-9)), (entry["nodes"][1], 0.0)):
+        nothing = {"count": 0, "p50": None, "p99": None, "max": None}
+        assert (row["rate"], row["jitter"], row["latency_ns"]) == (rate, None, nothing)
+    assert counted(1).stream["rate"] is None
+
+
 def test_rounding_is_half_to_even() -> None:
     assert Timing((1, 2)).report()["mean"] == 2  # 1.5
     assert Timing((2, 3)).report()["mean"] == 2  # 2.5
@@ -874,6 +892,9 @@ def test_differences_are_told_by_their_path() -> None:
     del entry["diag"]["nErrorCount"]
     entry["streams"][0]["interval_ns"]["p50"] = 102
     entry["streams"][0]["interval_ns"]["p95"] = 103
+    entry["streams"][0]["rate"] += 1
+    entry["streams"][0]["latency_ns"]["count"] += 1
+    entry["jitter"] = 9.0
     entry["nodes"].reverse()
     actual["findings"] = [row for row in actual["findings"] if row["code"] != "NV201"]
     actual["findings"].append({**expected["findings"][0], "code": "NV503"})
@@ -884,5 +905,8 @@ def test_differences_are_told_by_their_path() -> None:
         "lists[udp/1202/1].diag.nErrorCount",
         "lists[udp/1202/1].nodes",
         f"lists[udp/1202/1].streams[{A} 0].interval_ns.p95",
+        f"lists[udp/1202/1].streams[{A} 0].rate",
+        f"lists[udp/1202/1].streams[{A} 0].latency_ns.count",
+        "lists[udp/1202/1].jitter",
         f"findings[NV201 udp/1202/1 {A} 0]",
     ]

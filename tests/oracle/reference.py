@@ -699,6 +699,17 @@ class Timing:
         slack = Fraction(max(abs(p5), abs(p95), abs(median)), 50) * 2 + 2
         return abs(Fraction(median, 2) - width) <= slack
 
+    @property
+    def jitter(self) -> Fraction | None:
+        """How far p99 lies from p50, in percent of the nominal interval."""
+        p50, p99 = self.percentile(50), self.percentile(99)
+        return None if p50 is None or p99 is None or not self.nominal else Fraction(100 * (p99 - p50), self.nominal)
+
+    @property
+    def jitter_room(self) -> Fraction:
+        """How far off that may be where both percentiles are 1 % off, and all of them a few ns."""
+        return Fraction(2 * abs(self.percentile(99) or 0) + 200, self.nominal) if self.nominal else Fraction()
+
     def report(self) -> dict[str, Any]:
         count = len(self.intervals)
         if not count:
@@ -833,12 +844,33 @@ def list_report(tracker: Tracker, key: ListKey, uncertain: list[list[Any]]) -> d
             "bootup_unanswered": entry.count(UDPANSWERBOOTUPREQUEST),
             "send_rejected": entry.count(*SEND_ERRORS.values()),
         },
-        "nodes": node_reports(entry),
+        "nodes": node_reports(tracker, entry, streams),
         "streams": rows,
+        **pace_report(tracker, streams),
     }
 
 
-def node_reports(entry: List) -> list[dict[str, Any]]:
+def pace_report(tracker: Tracker, streams: Sequence[tuple[StreamKey, Stream]]) -> dict[str, Any]:
+    """Report how often and how regularly streams together are sent, and how long their acknowledgements took."""
+    span = max(tracker.times) - min(tracker.times)
+    timings = [Timing(tuple(stream.intervals)) for _, stream in streams]
+    jitters = [timing.jitter for timing in timings if timing.jitter is not None]
+    took = sorted(latency for at, _ in streams for latency in tracker.latencies[at])
+    return {
+        "rate": float(Fraction(sum(stream.telegrams for _, stream in streams) * 10**9, span)) if span else None,
+        "jitter": float(max(jitters)) if jitters else None,
+        "_jitter_uncertain": any(timing.nominal_uncertain for timing in timings),
+        "_jitter_room": float(max((timing.jitter_room for timing in timings), default=0)),
+        "latency_ns": {
+            "count": len(took),
+            "p50": nearest_rank(took, 50) if took else None,
+            "p99": nearest_rank(took, 99) if took else None,
+            "max": max(took, default=None),
+        },
+    }
+
+
+def node_reports(tracker: Tracker, entry: List, streams: Sequence[tuple[StreamKey, Stream]]) -> list[dict[str, Any]]:
     telegrams = [delivery.telegram for delivery in entry.deliveries]
     addresses = {seen.source for seen in telegrams} | {seen.destination for seen in telegrams}
     addresses |= {error.node for error in entry.errors if error.node is not None}
@@ -851,7 +883,8 @@ def node_reports(entry: List) -> list[dict[str, Any]]:
             [error for error in entry.errors if error.node == node],
         )
         if not is_empty(components):
-            reports.append({"address": str(node), "name": None, "diag": components})
+            pace = pace_report(tracker, [(at, stream) for at, stream in streams if at.node == node])
+            reports.append({"address": str(node), "name": None, "diag": components, **pace})
     return reports
 
 
@@ -903,4 +936,5 @@ def stream_report(tracker: Tracker, at: StreamKey, stream: Stream, uncertain: li
         "items": stream.last.items,
         "length": stream.last.length,
         "checksum": stream.last.checksum if stream.last.flags & CHECKSUM_PRESENT else None,
+        **pace_report(tracker, [(at, stream)]),
     }

@@ -13,8 +13,9 @@ from nvscope.tracker.can.bus import BitRate, BusLoad, CanBusSummary
 from nvscope.tracker.can.canopen import CanOpenNode, Emergency
 from nvscope.tracker.can.errors import BusErrors
 from nvscope.tracker.can.summary import CanSummary
-from nvscope.tracker.figures import BUS_COUNTERS, BY_NAME, Of
+from nvscope.tracker.figures import BUS_COUNTERS, BY_NAME, RATE, Of
 from nvscope.tracker.measured import Measured
+from nvscope.tracker.subjects import Measures
 from nvscope.view.documents.can_lists import canopen_label
 from nvscope.view.documents.figures import FigureRow, rounded, time_text
 
@@ -22,6 +23,7 @@ MOST_SECONDS = 86_400
 """The load of so many seconds is told one by one."""
 
 _COUNTED = FigureRow(BUS_COUNTERS, Of.BUS)
+_RATE = FigureRow((RATE,), Of.BUS)
 _LOADS = FigureRow((BY_NAME["load"], BY_NAME["load_peak"]), Of.BUS, "load")
 _WORST_LOAD = FigureRow((BY_NAME["load_worst"],), Of.BUS, "load")
 _ERROR_FRAMES = FigureRow((BY_NAME["error_frames"],), Of.BUS, "errors")
@@ -31,7 +33,7 @@ _ERROR_COUNTERS = FigureRow((BY_NAME["tx_errors"], BY_NAME["rx_errors"]), Of.BUS
 _Names = Mapping[tuple[str, bool, int], tuple[str | None, str | None]]
 
 
-def can_buses(summary: CanSummary, names: Mapping[ListKey, str]) -> list[dict[str, Any]]:
+def can_buses(summary: CanSummary, names: Mapping[ListKey, str], measures: Measures) -> list[dict[str, Any]]:
     """Return what was seen of each channel; bits are those on the wire, with stuff bits, loads and shares percent.
 
     ``by_second`` has for each second with frames when it began, its load, and the most it could have with stuff bits.
@@ -43,11 +45,11 @@ def can_buses(summary: CanSummary, names: Mapping[ListKey, str]) -> list[dict[st
         for stream in entry.streams:
             label = canopen_label(entry, stream.cob_id, defined=name is not None)
             known[str(entry.key.port), stream.extended, stream.cob_id] = name or None, label
-    return [_bus(bus, known) for bus in summary.buses]
+    return [_bus(bus, known, measures.of_bus(bus)) for bus in summary.buses]
 
 
-def _bus(bus: CanBusSummary, known: _Names) -> dict[str, Any]:
-    measured, identifiers = Measured(telegrams=bus.frames, bus=bus), []
+def _bus(bus: CanBusSummary, known: _Names, measured: Measured) -> dict[str, Any]:
+    identifiers = []
     for entry in bus.identifiers:
         name, label = known.get((bus.channel, entry.extended, entry.cob_id), (None, None))
         identifiers.append(
@@ -70,6 +72,7 @@ def _bus(bus: CanBusSummary, known: _Names) -> dict[str, Any]:
         "identifiers": identifiers,
         "errors": _errors(bus.errors, measured),
         "canopen_nodes": [_node(node) for node in bus.canopen_nodes],
+        **_RATE.read(measured),
     }
 
 

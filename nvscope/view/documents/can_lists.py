@@ -13,11 +13,22 @@ from dissectors.can.pdo import EXTENDED
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.subjects import Measures
-from nvscope.view.documents.figures import COUNTED_OF_LIST, COUNTED_OF_STREAM, TELEGRAMS_OF_STREAM
+from nvscope.view.documents.figures import (
+    COUNTED_OF_LIST,
+    COUNTED_OF_STREAM,
+    PACE_OF_LIST,
+    PACE_OF_STREAM,
+    TELEGRAMS_OF_STREAM,
+)
 
 
-def can_list(entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures) -> dict[str, Any]:
-    """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without."""
+def can_list(
+    entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures, values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without.
+
+    ``values`` is what is told of its variables.
+    """
     name, measured = told_of(names, entry.key), measures.of_list(entry)
     return {
         "key": str(entry.key),
@@ -31,6 +42,8 @@ def can_list(entry: CanListSummary, names: Mapping[ListKey, str], measures: Meas
         **COUNTED_OF_LIST.read(measured),
         "nodes": [],
         "streams": [_stream(stream, measures) for stream in entry.streams],
+        **values,
+        **PACE_OF_LIST.read(measured),
     }
 
 
@@ -56,4 +69,5 @@ def _stream(stream: CanStreamSummary, measures: Measures) -> dict[str, Any]:
         "items": None,
         "length": stream.length,
         "checksum": None,
+        **PACE_OF_STREAM.read(measured),
     }

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, TELEGRAMS, Figure, Of
+from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, PACE, STREAM_COUNTERS, TELEGRAMS, Figure, Of
 from nvscope.tracker.measured import Measured
 
 _Reads = Callable[[Measured], Any]
@@ -48,8 +48,19 @@ class FigureRow:
         return {key: read(measured) for key, read in self._reads}
 
 
+def told(row: Mapping[str, Any], figure: Figure, of: Of) -> Any:
+    """Return what the JSON object of a stream, list, node or bus says of a figure; None without the object it is in."""
+    value: Any = row
+    for key in figure.keys[of].split("."):
+        if value is None:
+            return None
+        value = value[key]
+    return value
+
+
 def _reading(figure: Figure) -> _Reads:
-    read = figure.read
+    # Of thousands of streams, the way past what matters to extremes alone is seen.
+    read = figure.read if figure.extreme else figure.reads
     if figure.unit == "time":
         return lambda measured: None if (value := read(measured)) is None else str(value)
     if figure.unit in ("percent", "per second"):
@@ -60,3 +71,5 @@ def _reading(figure: Figure) -> _Reads:
 COUNTED_OF_LIST = FigureRow((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST)
 TELEGRAMS_OF_STREAM = FigureRow((TELEGRAMS,), Of.STREAM)
 COUNTED_OF_STREAM = FigureRow((*STREAM_COUNTERS, *INTERVALS), Of.STREAM)
+PACE_OF_LIST, PACE_OF_STREAM = FigureRow(PACE, Of.LIST), FigureRow(PACE, Of.STREAM)
+FIGURES_OF_NODE = FigureRow((*DIAGNOSIS, *PACE), Of.NODE)
