@@ -41,7 +41,7 @@ from nvscope.tracker.figures import (
     Figure,
     Of,
 )
-from nvscope.view.documents.figures import told
+from nvscope.view.documents.figures import lookup
 
 if TYPE_CHECKING:
     import polars as pl
@@ -123,7 +123,7 @@ class Captures:
     def lists(self) -> pl.DataFrame:
         """A row a list: key, who sends and reads it, and all its figures by their names; on CAN, a channel."""
         figures = (*DIAGNOSIS, *LIST_COUNTERS, *PACE)
-        rows = [entry | _told(entry, figures, Of.LIST) for entry in self.report["lists"]]
+        rows = _looked_up(self.report["lists"], figures, Of.LIST)
         kinds: dict[str, _Kind] = {"key": str, "port": int, "channel": str, "id": int, "name": str}
         return _frame(rows, kinds | {"senders": [str], "readers": [str]} | _kinds(figures))
 
@@ -131,12 +131,8 @@ class Captures:
     def nodes(self) -> pl.DataFrame:
         """A row a node and list that it sends or reads: address, name, and its figures on that list."""
         figures = (*DIAGNOSIS, *PACE)
-        rows = [
-            {"list": entry["key"]} | node | _told(node, figures, Of.NODE)
-            for entry in self.report["lists"]
-            for node in entry["nodes"]
-        ]
-        return _frame(rows, {"list": str, "address": str, "name": str} | _kinds(figures))
+        rows = [{"list": entry["key"]} | node for entry in self.report["lists"] for node in entry["nodes"]]
+        return _frame(_looked_up(rows, figures, Of.NODE), {"list": str, "address": str, "name": str} | _kinds(figures))
 
     @cached_property
     def streams(self) -> pl.DataFrame:
@@ -145,21 +141,17 @@ class Captures:
         On CAN also the COB-ID and how many remote frames asked for it.
         """
         figures = (TELEGRAMS, *STREAM_COUNTERS, *INTERVALS, *PACE)
-        rows = [
-            {"list": entry["key"]} | stream | _told(stream, figures, Of.STREAM)
-            for entry in self.report["lists"]
-            for stream in entry["streams"]
-        ]
+        rows = [{"list": entry["key"]} | stream for entry in self.report["lists"] for stream in entry["streams"]]
         kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "cob_id": int, "remote": int}
         kinds |= _kinds([TELEGRAMS]) | {"counter_scope": str} | _kinds(STREAM_COUNTERS)
         kinds |= {"items": int, "length": int, "checksum": int} | _kinds((*INTERVALS, *PACE))
-        return _frame(rows, kinds)
+        return _frame(_looked_up(rows, figures, Of.STREAM), kinds)
 
     @cached_property
     def buses(self) -> pl.DataFrame:
         """A row a CAN bus: channel, and its figures; what error frames tell is null where there are none."""
         figures = (*BUS_COUNTERS, *LOADS, *BUS_ERRORS, RATE)
-        rows = [bus | _told(bus, figures, Of.BUS) for bus in self.report.get("buses", ())]
+        rows = _looked_up(self.report.get("buses", ()), figures, Of.BUS)
         return _frame(rows, {"channel": str} | _kinds(figures))
 
     @cached_property
@@ -300,8 +292,10 @@ def _kinds(figures: Iterable[Figure]) -> dict[str, _Kind]:
     return {figure.name: _KIND_OF_UNIT.get(figure.unit, int) for figure in figures}
 
 
-def _told(row: Mapping[str, Any], figures: Iterable[Figure], of: Of) -> dict[str, Any]:
-    return {figure.name: told(row, figure, of) for figure in figures}
+def _looked_up(rows: Iterable[dict[str, Any]], figures: Iterable[Figure], of: Of) -> list[dict[str, Any]]:
+    """Return rows of a report with their figures by name beside what they have."""
+    looks = [(figure.name, lookup(figure, of)) for figure in figures]
+    return [row | {name: look(row) for name, look in looks} for row in rows]
 
 
 def _number(value: object) -> float | None:

@@ -13,7 +13,7 @@ import nvscope
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.errors import ConfigurationError, UnreadableInput, UsageError
 from nvscope.tracker.figures import Of, figures_of
-from nvscope.view.documents.figures import told
+from nvscope.view.documents.figures import lookup
 from tests.program import run_text
 
 CAPTURES = Path(__file__).parents[1] / "captures"
@@ -55,7 +55,7 @@ def test_frames_have_all_figures_of_the_report_by_name(capture: Path) -> None:
             if of in figure.keys:
                 column = frame[figure.name]
                 column = column.cast(pl.Int64) if column.dtype.is_temporal() else column
-                cells = [told(row, figure, of) for row in rows]
+                cells = list(map(lookup(figure, of), rows))
                 assert column.to_list() == ([cell and int(cell) for cell in cells] if figure.unit == "time" else cells)
     assert found.nodes["list"].to_list() == [entry["key"] for entry in lists for _ in entry["nodes"]]
     assert found.nodes["address"].to_list() == [node["address"] for entry in lists for node in entry["nodes"]]

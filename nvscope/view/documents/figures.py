@@ -48,14 +48,19 @@ class FigureRow:
         return {key: read(measured) for key, read in self._reads}
 
 
-def told(row: Mapping[str, Any], figure: Figure, of: Of) -> Any:
-    """Return what the JSON object of a stream, list, node or bus says of a figure; None without the object it is in."""
-    value: Any = row
-    for key in figure.keys[of].split("."):
-        if value is None:
-            return None
-        value = value[key]
-    return value
+def lookup(figure: Figure, of: Of) -> Callable[[Mapping[str, Any]], Any]:
+    """Return what looks a figure up in the JSON object of a stream, list, node or bus; None without what holds it."""
+    first, *others = figure.keys[of].split(".")
+
+    def look(row: Mapping[str, Any]) -> Any:
+        value = row[first]
+        for key in others:
+            if value is None:
+                return None
+            value = value[key]
+        return value
+
+    return look
 
 
 def _reading(figure: Figure) -> _Reads:
