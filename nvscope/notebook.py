@@ -27,7 +27,21 @@ from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project
 from nvscope.definition.project_file import read_project
 from nvscope.errors import UsageError
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
+from nvscope.tracker.figures import (
+    BUS_COUNTERS,
+    BUS_ERRORS,
+    DIAGNOSIS,
+    INTERVALS,
+    LIST_COUNTERS,
+    LOADS,
+    PACE,
+    RATE,
+    STREAM_COUNTERS,
+    TELEGRAMS,
+    Figure,
+    Of,
+)
+from nvscope.view.documents.figures import lookup
 
 if TYPE_CHECKING:
     import polars as pl
@@ -107,29 +121,38 @@ class Captures:
 
     @cached_property
     def lists(self) -> pl.DataFrame:
-        """A row a list: key, who sends and reads it, NetVarUDPDiagStruct, and all counters; on CAN, a channel."""
-        rows = [entry | entry["diag"] | entry["counters"] for entry in self.report["lists"]]
+        """A row a list: key, who sends and reads it, and all its figures by their names; on CAN, a channel."""
+        figures = (*DIAGNOSIS, *LIST_COUNTERS, *PACE)
+        rows = _looked_up(self.report["lists"], figures, Of.LIST)
         kinds: dict[str, _Kind] = {"key": str, "port": int, "channel": str, "id": int, "name": str}
-        kinds |= {"senders": [str], "readers": [str]}
-        kinds |= {one.name: _KIND_OF_UNIT.get(one.unit, int) for one in (*DIAGNOSIS, *LIST_COUNTERS)}
-        return _frame(rows, kinds)
+        return _frame(rows, kinds | {"senders": [str], "readers": [str]} | _kinds(figures))
+
+    @cached_property
+    def nodes(self) -> pl.DataFrame:
+        """A row a node and list that it sends or reads: address, name, and its figures on that list."""
+        figures = (*DIAGNOSIS, *PACE)
+        rows = [{"list": entry["key"]} | node for entry in self.report["lists"] for node in entry["nodes"]]
+        return _frame(_looked_up(rows, figures, Of.NODE), {"list": str, "address": str, "name": str} | _kinds(figures))
 
     @cached_property
     def streams(self) -> pl.DataFrame:
-        """A row a stream: list, node, SubIndex, its counters, and its intervals as ``interval_p50`` and so on.
+        """A row a stream: list, node, SubIndex, and its figures, such as ``lost``, ``interval_p50`` and ``jitter``.
 
         On CAN also the COB-ID and how many remote frames asked for it.
         """
-        rows = []
-        for entry in self.report["lists"]:
-            for stream in entry["streams"]:
-                intervals = {f"interval_{name}": value for name, value in stream["interval_ns"].items()}
-                rows.append({"list": entry["key"]} | stream | intervals)
+        figures = (TELEGRAMS, *STREAM_COUNTERS, *INTERVALS, *PACE)
+        rows = [{"list": entry["key"]} | stream for entry in self.report["lists"] for stream in entry["streams"]]
         kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "cob_id": int, "remote": int}
-        kinds |= {"telegrams": int, "counter_scope": str}
-        kinds |= {one.key(Of.STREAM): int for one in STREAM_COUNTERS} | {"items": int, "length": int, "checksum": int}
-        kinds |= {one.name: _KIND_OF_UNIT.get(one.unit, int) for one in INTERVALS}
-        return _frame(rows, kinds)
+        kinds |= _kinds([TELEGRAMS]) | {"counter_scope": str} | _kinds(STREAM_COUNTERS)
+        kinds |= {"items": int, "length": int, "checksum": int} | _kinds((*INTERVALS, *PACE))
+        return _frame(_looked_up(rows, figures, Of.STREAM), kinds)
+
+    @cached_property
+    def buses(self) -> pl.DataFrame:
+        """A row a CAN bus: channel, and its figures; what error frames tell is null where there are none."""
+        figures = (*BUS_COUNTERS, *LOADS, *BUS_ERRORS, RATE)
+        rows = _looked_up(self.report.get("buses", ()), figures, Of.BUS)
+        return _frame(rows, {"channel": str} | _kinds(figures))
 
     @cached_property
     def findings(self) -> pl.DataFrame:
@@ -261,7 +284,18 @@ class Captures:
 
 
 _Kind = type | list[type] | Literal["time", "duration"]
-_KIND_OF_UNIT: dict[str, _Kind] = {"time": "time", "ns": "duration", "": str}
+_KIND_OF_UNIT: dict[str, _Kind] = {"time": "time", "ns": "duration", "percent": float, "per second": float, "": str}
+"""By unit; the others are whole numbers."""
+
+
+def _kinds(figures: Iterable[Figure]) -> dict[str, _Kind]:
+    return {figure.name: _KIND_OF_UNIT.get(figure.unit, int) for figure in figures}
+
+
+def _looked_up(rows: Iterable[dict[str, Any]], figures: Iterable[Figure], of: Of) -> list[dict[str, Any]]:
+    """Return rows of a report with their figures by name beside what they have."""
+    looks = [(figure.name, lookup(figure, of)) for figure in figures]
+    return [row | {name: look(row) for name, look in looks} for row in rows]
 
 
 def _number(value: object) -> float | None:

@@ -12,10 +12,13 @@ import pytest
 import nvscope
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.errors import ConfigurationError, UnreadableInput, UsageError
+from nvscope.tracker.figures import Of, figures_of
+from nvscope.view.documents.figures import lookup
 from tests.program import run_text
 
 CAPTURES = Path(__file__).parents[1] / "captures"
 PEERS, PLANT = CAPTURES / "peers" / "peers.pcap", CAPTURES / "plant.pcapng.gz"
+PRESS = CAPTURES / "can" / "press.log"
 AXIS = [CAPTURES / "peers" / name for name in ("axis.gvl", "axis_types.st")]
 
 
@@ -35,6 +38,28 @@ def test_lists_streams_and_findings_are_those_of_the_report() -> None:
     assert plant.findings["frames"].to_list() == [finding["frames"] for finding in report["findings"]]
     first = plant.findings["first"].cast(pl.Int64).to_list()
     assert first == [int(finding["first_ns"]) for finding in report["findings"]]
+
+
+@pytest.mark.parametrize("capture", [PLANT, PRESS])
+def test_frames_have_all_figures_of_the_report_by_name(capture: Path) -> None:
+    found = nvscope.open(capture)
+    lists, buses = found.report["lists"], found.report.get("buses", [])
+    held = {
+        Of.LIST: (found.lists, lists),
+        Of.NODE: (found.nodes, [node for entry in lists for node in entry["nodes"]]),
+        Of.STREAM: (found.streams, [stream for entry in lists for stream in entry["streams"]]),
+        Of.BUS: (found.buses, buses),
+    }
+    for of, (frame, rows) in held.items():
+        for figure in figures_of(of):
+            if of in figure.keys:
+                column = frame[figure.name]
+                column = column.cast(pl.Int64) if column.dtype.is_temporal() else column
+                cells = list(map(lookup(figure, of), rows))
+                assert column.to_list() == ([cell and int(cell) for cell in cells] if figure.unit == "time" else cells)
+    assert found.nodes["list"].to_list() == [entry["key"] for entry in lists for _ in entry["nodes"]]
+    assert found.nodes["address"].to_list() == [node["address"] for entry in lists for node in entry["nodes"]]
+    assert found.buses["channel"].to_list() == [bus["channel"] for bus in buses]
 
 
 def test_values_are_those_that_were_sent() -> None:

@@ -239,7 +239,7 @@ class Inquiry:
             summary, findings = found.chosen.summary(summary), found.chosen.findings
         document = report_document(
             summary, findings, found.infos, self.project.definition, rows,
-            node_names=self.project.node_names if names else {},
+            node_names=self.project.node_names if names else {}, whole=found.summary,
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}

@@ -202,21 +202,17 @@ def _beyond(
 
 
 def _jitter(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
-    intervals = stream.intervals
-    if intervals.p99 is None or intervals.p50 is None or not intervals.nominal:
-        return
-    spread = intervals.p99 - intervals.p50
-    if 100 * spread <= facts.limits.jitter_percent * intervals.nominal:
+    jitter = stream.intervals.jitter
+    if jitter is None or not jitter.exceeds(facts.limits.jitter_percent):
         return
     message = (
-        f"Jitter {percent(spread, intervals.nominal)}: one interval in a hundred is longer than "
-        f"{duration(intervals.p99)}, where half of them are at most {duration(intervals.p50)}."
+        f"Jitter {jitter.text}: one interval in a hundred is longer than {duration(jitter.p99)}, "
+        f"where half of them are at most {duration(jitter.p50)}."
     )
     hint = ""
-    lossless = facts.intervals.p99_without_loss(stream)
-    rest = (lossless or intervals.p50) - intervals.p50
-    if 100 * rest <= facts.limits.jitter_percent * intervals.nominal:
-        message += f" It comes from loss: where no telegram is missing, jitter is {percent(rest, intervals.nominal)}."
+    rest = jitter._replace(p99=facts.intervals.p99_without_loss(stream) or jitter.p50)
+    if not rest.exceeds(facts.limits.jitter_percent):
+        message += f" It comes from loss: where no telegram is missing, jitter is {rest.text}."
         hint = f"Look after the loss ({TELEGRAM_GAP.code}); the sender keeps its interval."
     place = (entry.number, stream.node, stream.subindex)
     yield Finding(JITTER, message, 1, stream.first_ns, stream.last_ns, (), *place, hint)

@@ -11,7 +11,9 @@ from typing import Any
 
 from nvscope import units
 from nvscope.report.content import Clock, Report, Row, findings_by_list, nanoseconds, node_names, status, worst
-from nvscope.tracker.figures import DIAGNOSIS
+from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, Of
+from nvscope.tracker.jitter import Jitter
+from nvscope.view.documents.figures import lookup
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Tone
 
 NOTHING = "-"
@@ -48,9 +50,7 @@ def streams(entry: Row) -> tuple[list[Measure], list[Row]]:
 
 def intervals(entry: Row) -> tuple[list[Measure], list[Row]]:
     """Return columns and rows of the table of a list's streams: how regularly they were sent."""
-    rows: list[Row] = [
-        {**stream, **stream["interval_ns"]} for stream in entry["streams"] if stream["interval_ns"]["count"]
-    ]
+    rows: list[Row] = [stream for stream in entry["streams"] if _count(stream)]
     return used(_INTERVALS, rows), rows
 
 
@@ -138,8 +138,8 @@ def _error_name(name: object) -> Cell:
     return _text(name, Tone.FAINT if name == "NOERROR" else Tone.ERROR)
 
 
-def _last_error(diag: Row) -> Cell:
-    return _error_name(diag["sLastError"] if diag["nErrorCount"] else None)
+def _last_error(entry: Row) -> Cell:
+    return _error_name(_last_error_of(entry) if _error_count(entry) else None)
 
 
 def _checksum(value: object) -> Cell:
@@ -161,55 +161,80 @@ def _spread(durations_ns: Sequence[int]) -> Cell:
     return Cell(f"{units.duration(ordered[0])} … {units.duration(ordered[-1])}")
 
 
-def _lost(row: Row) -> Cell:
-    """Return what was lost of a list or a stream; nobody knows it of a sender that does not count."""
-    if row["lost"] is None and row["lost_claimed"] is not None:
-        return Cell("?", Tone.FAINT)
-    return count_cell(row["lost"], Tone.ERROR)
+def _lost(of: Of) -> Callable[[Row], Cell]:
+    """Return what tells the loss of a list or a stream; nobody knows it of a sender that does not count."""
+    lost, claimed = lookup(BY_NAME["lost"], of), lookup(BY_NAME["lost_claimed"], of)
+
+    def cell(row: Row) -> Cell:
+        if lost(row) is None and claimed(row) is not None:
+            return Cell("?", Tone.FAINT)
+        return count_cell(lost(row), Tone.ERROR)
+
+    return cell
+
+
+_count, _p50, _p99, _nominal = (
+    lookup(BY_NAME[f"interval_{name}"], Of.STREAM) for name in ("count", "p50", "p99", "nominal")
+)
+_error_count, _last_error_of = (lookup(BY_NAME[name], Of.LIST) for name in ("nErrorCount", "sLastError"))
 
 
 def _interval(entry: Row) -> Cell:
     """Return at which interval a list is sent, measured; marked where a definition says otherwise."""
-    known = [stream["interval_ns"] for stream in entry["streams"] if stream["interval_ns"]["count"]]
-    regular = [interval for interval in known if interval["nominal"] is not None]
+    known = [stream for stream in entry["streams"] if _count(stream)]
+    regular = [stream for stream in known if _nominal(stream) is not None]
     if known and not regular:
         return Cell("on change", Tone.FAINT)
-    told = _spread([interval["p50"] for interval in regular if interval["p50"] is not None])
-    return Cell(told.text, Tone.WARNING) if any(map(_departs, regular)) else told
+    shown = _spread([median for median in map(_p50, regular) if median is not None])
+    return Cell(shown.text, Tone.WARNING) if any(map(_departs, regular)) else shown
 
 
 def _defined(entry: Row) -> Cell:
     """Return the interval of the definition where the list is sent at another one."""
-    intervals = [stream["interval_ns"] for stream in entry["streams"]]
-    return _spread([interval["nominal"] for interval in intervals if _departs(interval)])
+    return _spread([_nominal(stream) for stream in entry["streams"] if _departs(stream)])
 
 
-def _departs(interval: Row) -> bool:
+def _departs(stream: Row) -> bool:
     """Tell whether the median is further from the nominal interval than a tenth of it: then a definition gave that."""
-    if not interval["nominal"] or interval["p50"] is None:
+    median, nominal = _p50(stream), _nominal(stream)
+    if not nominal or median is None:
         return False
-    return bool(10 * abs(interval["p50"] - interval["nominal"]) > interval["nominal"])
+    return bool(10 * abs(median - nominal) > nominal)
 
 
 def _median(entry: Row) -> Cell:
     """Return the median interval of a list without a nominal one; elsewhere it is the interval."""
-    if all(stream["interval_ns"]["nominal"] for stream in entry["streams"]):
+    if all(map(_nominal, entry["streams"])):
         return Cell(NOTHING, Tone.FAINT)
-    medians = [stream["interval_ns"]["p50"] for stream in entry["streams"]]
-    return _spread([median for median in medians if median is not None])
+    return _spread([median for median in map(_p50, entry["streams"]) if median is not None])
 
 
 def _jitter(entry: Row) -> Cell:
     """Return the jitter of the list's worst stream."""
-    found = [
-        (units.divide((interval["p99"] - interval["p50"]) * 1_000_000, interval["nominal"]), interval)
-        for interval in (stream["interval_ns"] for stream in entry["streams"])
-        if interval["nominal"] and interval["p99"] is not None
-    ]
-    if not found:
-        return Cell(NOTHING, Tone.FAINT)
-    interval = max(found, key=lambda pair: pair[0])[1]
-    return Cell(units.percent(interval["p99"] - interval["p50"], interval["nominal"]))
+    found = [Jitter.of(_p50(stream), _p99(stream), _nominal(stream)) for stream in entry["streams"]]
+    worst_of_all = max((one for one in found if one is not None), key=lambda one: one.percent, default=None)
+    return Cell(NOTHING, Tone.FAINT) if worst_of_all is None else Cell(worst_of_all.text)
+
+
+def _figure(
+    name: str,
+    of: Of,
+    title: str,
+    importance: int | None = None,
+    tone: Tone | Callable[[Row], Tone] = Tone.PLAIN,
+) -> Measure:
+    """Return the column of a figure; ``tone`` is that of its cells, or tells it of a row."""
+    figure = BY_NAME[name]
+    look, show = lookup(figure, of), duration_cell if figure.unit == "ns" else count_cell
+
+    def cell(row: Row) -> Cell:
+        return show(look(row), tone if isinstance(tone, Tone) else tone(row))
+
+    return Measure(Column(title, right=True, importance=importance), cell)
+
+
+def _tone_of_median(stream: Row) -> Tone:
+    return Tone.WARNING if _departs(stream) else Tone.PLAIN
 
 
 _OVERVIEW = (
@@ -222,14 +247,11 @@ _OVERVIEW = (
     Measure(Column("defined", right=True, importance=9), _defined),
     Measure(Column("median", right=True, importance=2), _median),
     Measure(Column("jitter", right=True, importance=4), _jitter),
-    Measure(Column("sent", right=True, importance=10), lambda row: count_cell(row["diag"]["nSendCount"])),
-    Measure(Column("lost", right=True, importance=10), lambda entry: _lost(entry["counters"])),
-    Measure(
-        Column("no ack", right=True, importance=8),
-        lambda row: count_cell(row["counters"]["missing_acknowledgements"], Tone.ERROR),
-    ),
-    Measure(Column("errors", right=True, importance=5), lambda row: count_cell(row["diag"]["nErrorCount"], Tone.ERROR)),
-    Measure(Column("last error", importance=3), lambda row: _last_error(row["diag"])),
+    _figure("nSendCount", Of.LIST, "sent", 10),
+    Measure(Column("lost", right=True, importance=10), _lost(Of.LIST)),
+    _figure("missing_acknowledgements", Of.LIST, "no ack", 8, Tone.ERROR),
+    _figure("nErrorCount", Of.LIST, "errors", 5, Tone.ERROR),
+    Measure(Column("last error", importance=3), _last_error),
 )
 
 _STREAM = (
@@ -239,11 +261,11 @@ _STREAM = (
 
 _STREAMS = (
     *_STREAM,
-    Measure(Column("telegrams", right=True), lambda row: count_cell(row["telegrams"])),
-    Measure(Column("lost", right=True), _lost),
-    Measure(Column("dup", right=True, importance=6), lambda row: count_cell(row["duplicates"], Tone.WARNING)),
-    Measure(Column("overtaken", right=True, importance=5), lambda row: count_cell(row["overtaken"], Tone.WARNING)),
-    Measure(Column("restarts", right=True, importance=4), lambda row: count_cell(row["restarts"], Tone.WARNING)),
+    _figure("telegrams", Of.STREAM, "telegrams"),
+    Measure(Column("lost", right=True), _lost(Of.STREAM)),
+    _figure("duplicates", Of.STREAM, "dup", 6, Tone.WARNING),
+    _figure("overtaken", Of.STREAM, "overtaken", 5, Tone.WARNING),
+    _figure("restarts", Of.STREAM, "restarts", 4, Tone.WARNING),
     Measure(Column("items", right=True, importance=3), lambda row: _text(row["items"])),
     Measure(Column("length", right=True, importance=3), lambda row: _text(row["length"])),
     Measure(Column("checksum", right=True, importance=2), lambda row: _checksum(row["checksum"])),
@@ -252,16 +274,13 @@ _STREAMS = (
 
 _INTERVALS = (
     *_STREAM,
-    Measure(Column("nominal", right=True, importance=8), lambda row: duration_cell(row["nominal"])),
-    Measure(Column("min", right=True, importance=6), lambda row: duration_cell(row["min"])),
-    Measure(
-        Column("p50", right=True, importance=9),
-        lambda row: duration_cell(row["p50"], Tone.WARNING if _departs(row) else Tone.PLAIN),
-    ),
-    Measure(Column("p95", right=True, importance=3), lambda row: duration_cell(row["p95"])),
-    Measure(Column("p99", right=True, importance=7), lambda row: duration_cell(row["p99"])),
-    Measure(Column("max", right=True, importance=9), lambda row: duration_cell(row["max"])),
-    Measure(Column("mean", right=True, importance=5), lambda row: duration_cell(row["mean"])),
-    Measure(Column("stddev", right=True, importance=4), lambda row: duration_cell(row["stddev"])),
-    Measure(Column("count", right=True, importance=2), lambda row: count_cell(row["count"])),
+    _figure("interval_nominal", Of.STREAM, "nominal", 8),
+    _figure("interval_min", Of.STREAM, "min", 6),
+    _figure("interval_p50", Of.STREAM, "p50", 9, _tone_of_median),
+    _figure("interval_p95", Of.STREAM, "p95", 3),
+    _figure("interval_p99", Of.STREAM, "p99", 7),
+    _figure("interval_max", Of.STREAM, "max", 9),
+    _figure("interval_mean", Of.STREAM, "mean", 5),
+    _figure("interval_stddev", Of.STREAM, "stddev", 4),
+    _figure("interval_count", Of.STREAM, "count", 2),
 )

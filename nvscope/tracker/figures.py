@@ -67,13 +67,14 @@ class Figure:
     keys: Mapping[Of, str] = field(default_factory=lambda: MappingProxyType({}))
     width_bits: int = 0
 
+    @property
+    def extreme(self) -> bool:
+        """Whether it is one that somebody has to keep for a window."""
+        return self.joins in (Joins.LEAST, Joins.MAX)
+
     def read(self, row: Measured) -> Value:
         """Return the figure of what was measured; extremes of a window are None where nobody kept them for it."""
-        return self.reads(row) if row.extremes or self.joins not in (Joins.LEAST, Joins.MAX) else None
-
-    def key(self, of: Of) -> str:
-        """Return its key in the JSON object that holds it; KeyError where no report has it."""
-        return self.keys[of].rpartition(".")[2]
+        return self.reads(row) if row.extremes or not self.extreme else None
 
 
 _LISTS_AND_NODES = Of.LIST, Of.NODE
@@ -111,7 +112,7 @@ def _latency(key: str, attribute: str, joins: Joins, text: str, unit: Unit = "ns
         value: Value = None if row.latency is None else getattr(row.latency, attribute)
         return value
 
-    return Figure(f"latency_{key}", unit, text, _TRAFFIC, joins, read)
+    return Figure(f"latency_{key}", unit, text, _TRAFFIC, joins, read, dict.fromkeys(_TRAFFIC, f"latency_ns.{key}"))
 
 
 def _bus(
@@ -188,7 +189,7 @@ TELEGRAMS = Figure(
 
 RATE = Figure(
     "rate", "per second", "well-formed data telegrams (on CAN frames) in a second, over the time that was watched",
-    (*_TRAFFIC, Of.BUS), Joins.DERIVED, attrgetter("per_second"),
+    (*_TRAFFIC, Of.BUS), Joins.DERIVED, attrgetter("per_second"), dict.fromkeys((*_TRAFFIC, Of.BUS), "rate"),
 )  # fmt: skip
 
 INTERVALS = (
@@ -206,7 +207,7 @@ INTERVALS = (
 
 JITTER = Figure(
     "jitter", "percent", "how far p99 lies from p50, in percent of the nominal interval; the worst stream's", _TRAFFIC,
-    Joins.DERIVED, attrgetter("jitter_percent"),
+    Joins.DERIVED, attrgetter("jitter_percent"), dict.fromkeys(_TRAFFIC, "jitter"),
 )  # fmt: skip
 
 LATENCIES = (
@@ -215,6 +216,9 @@ LATENCIES = (
     _latency("p99", "p99", Joins.HISTOGRAM, "time to the acknowledgement that 99 of 100 do not exceed, within 1 %"),
     _latency("max", "maximum", Joins.MAX, "longest time from a data telegram to its acknowledgement"),
 )
+
+PACE = (RATE, JITTER, *LATENCIES)
+"""How often and how regularly something is sent and answered, in the order of reports."""
 
 BUS_COUNTERS = (
     _bus("frames", "frames", Joins.SUM, "frames of any kind", "frames"),
@@ -254,6 +258,9 @@ FIGURES = (
     *DIAGNOSIS, *LIST_COUNTERS, TELEGRAMS, RATE, *INTERVALS, JITTER, *LATENCIES, *BUS_COUNTERS, *LOADS, *BUS_ERRORS,
 )  # fmt: skip
 """All of them."""
+
+BY_NAME: Mapping[str, Figure] = MappingProxyType({one.name: one for one in FIGURES})
+"""Each of them, by its name."""
 
 
 def figures_of(of: Of) -> tuple[Figure, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.tracker.histograms import Histograms, StreamPercentiles, known_extreme
+from nvscope.tracker.jitter import Jitter
 from nvscope.tracker.timing import Timing
 from nvscope.units import divide
 
@@ -35,11 +36,9 @@ class IntervalFigures:
     nominal: int | None = None
 
     @property
-    def jitter_percent(self) -> float | None:
-        """How far p99 lies from p50, of the nominal interval."""
-        if not self.nominal or self.p99 is None or self.p50 is None:
-            return None
-        return 100 * (self.p99 - self.p50) / self.nominal
+    def jitter(self) -> Jitter | None:
+        """That of the stream, None where it has no nominal interval."""
+        return Jitter.of(self.p50, self.p99, self.nominal)
 
 
 NO_INTERVALS = IntervalFigures(0)

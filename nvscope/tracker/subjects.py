@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
 
 from nvscope.tracker.can.bus import CanBusSummary
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
@@ -21,6 +22,7 @@ AnyList = ListSummary | CanListSummary
 AnyStream = StreamSummary | CanStreamSummary
 
 NO_LATENCY = LatencyFigures()
+NO_COUNTERS: Mapping[str, int | None] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,10 @@ def subjects(summary: Summary) -> Iterator[Subject]:
 
 
 class Measures:
-    """Tells what was measured of the lists, nodes, streams and buses of a summary."""
+    """Tells what was measured of the lists, nodes, streams and buses of a summary.
+
+    A list and a node may be given without some of their streams: what is told of them is that of all.
+    """
 
     def __init__(self, summary: Summary) -> None:
         self._together = summary.together
@@ -65,29 +70,42 @@ class Measures:
         self._span_ns = summary.window_ns
         if self._span_ns is None and capture.start_ns is not None and capture.at_ns is not None:
             self._span_ns = capture.at_ns - capture.start_ns
-        self._streams: dict[tuple[int, int], list[StreamSummary]] = defaultdict(list)
+        self._of_list: dict[int, Sequence[AnyStream]] = {}
+        self._of_node: dict[tuple[int, int], list[StreamSummary]] = defaultdict(list)
+        for on_can in summary.can.lists:
+            self._of_list[on_can.number] = on_can.streams
         for entry in summary.lists:
+            self._of_list[entry.number] = entry.streams
             for stream in entry.streams:
-                self._streams[entry.number, stream.node].append(stream)
+                self._of_node[entry.number, stream.node].append(stream)
+        self._jitter_percent = {
+            stream.stream: jitter.percent
+            for own in self._of_list.values()
+            for stream in own
+            if (jitter := stream.intervals.jitter) is not None
+        }
 
     def of_list(self, entry: AnyList) -> Measured:
         """Return what was measured of a list."""
-        measured = Measured(
-            telegrams=sum(stream.telegrams for stream in entry.streams),
+        own = self._of_list[entry.number]
+        counters, latency = NO_COUNTERS, None
+        if isinstance(entry, ListSummary):
+            counters, latency = entry.counters, self._together.latency.get(entry.number, NO_LATENCY)
+        return Measured(
+            telegrams=sum(stream.telegrams for stream in own),
             span_ns=self._span_ns,
             extremes=self._extremes,
             diagnosis=entry.diagnosis,
+            counters=counters,
             intervals=self._together.intervals.get(entry.number, NO_INTERVALS),
-            jitter_percent=_worst(entry.streams),
+            jitter_percent=self._worst_jitter(own),
+            latency=latency,
         )
-        if isinstance(entry, CanListSummary):
-            return measured
-        return replace(measured, counters=entry.counters, latency=self._together.latency.get(entry.number, NO_LATENCY))
 
     def of_node(self, entry: ListSummary, node: int, diagnosis: Diagnosis) -> Measured:
         """Return what was measured of a node on a list."""
         member = entry.number, node
-        own = self._streams.get(member, [])
+        own = self._of_node.get(member, [])
         return Measured(
             telegrams=sum(stream.telegrams for stream in own),
             span_ns=self._span_ns,
@@ -95,7 +113,7 @@ class Measures:
             diagnosis=diagnosis,
             counters=counted_together(own),
             intervals=self._together.intervals_of_node.get(member, NO_INTERVALS),
-            jitter_percent=_worst(own),
+            jitter_percent=self._worst_jitter(own),
             latency=self._together.latency_of_node.get(member, NO_LATENCY),
         )
 
@@ -107,22 +125,23 @@ class Measures:
 
     def of_stream(self, stream: AnyStream) -> Measured:
         """Return what was measured of a stream."""
-        measured = Measured(
+        counters, latency = NO_COUNTERS, None
+        if isinstance(stream, StreamSummary):
+            counters, latency = stream.counters, self._together.latency_of_stream.get(stream.stream, NO_LATENCY)
+        return Measured(
             telegrams=stream.telegrams,
             span_ns=self._span_ns,
             extremes=self._extremes,
+            counters=counters,
             intervals=stream.intervals,
-            jitter_percent=stream.intervals.jitter_percent,
+            jitter_percent=self._jitter_percent.get(stream.stream),
+            latency=latency,
         )
-        if isinstance(stream, CanStreamSummary):
-            return measured
-        latency = self._together.latency_of_stream.get(stream.stream, NO_LATENCY)
-        return replace(measured, counters=stream.counters, latency=latency)
 
     def of_bus(self, bus: CanBusSummary) -> Measured:
         """Return what was measured of a bus."""
         return Measured(telegrams=bus.frames, span_ns=self._span_ns, extremes=self._extremes, bus=bus)
 
-
-def _worst(streams: Iterable[AnyStream]) -> float | None:
-    return max((known for one in streams if (known := one.intervals.jitter_percent) is not None), default=None)
+    def _worst_jitter(self, streams: Iterable[AnyStream]) -> float | None:
+        known = self._jitter_percent
+        return max((known[one.stream] for one in streams if one.stream in known), default=None)

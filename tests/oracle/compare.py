@@ -12,6 +12,8 @@ from tests.oracle.rules.findings import SEVERITIES
 
 PERCENTILES = ("p50", "p95", "p99", "nominal")
 PERCENTILE_ERROR = 0.02
+ROUNDED = 0.001
+"""The last digit of a rate or a percentage."""
 
 IGNORED = {"tool", "schema", "sources", "name", "message", "hint"}
 
@@ -38,8 +40,8 @@ def differences(expected: dict[str, Any], actual: dict[str, Any]) -> list[str]:
 
 def compare_values(path: str, expected: Any, actual: Any) -> list[str]:
     if isinstance(expected, dict) and isinstance(actual, dict):
-        if path.endswith(".interval_ns"):
-            return compare_intervals(path, expected, actual)
+        if path.endswith((".interval_ns", ".latency_ns")):
+            return compare_durations(path, expected, actual)
         found = []
         for key in {**expected, **actual}:
             if key in IGNORED or key.startswith("_"):
@@ -52,6 +54,11 @@ def compare_values(path: str, expected: Any, actual: Any) -> list[str]:
                 found.append(f"{where}: missing")
             elif key not in expected:
                 found.append(f"{where}: surplus")
+            elif key == "jitter" and expected["_jitter_uncertain"]:
+                continue
+            elif key in ("rate", "jitter"):
+                room = ROUNDED if key == "rate" else ROUNDED + expected["_jitter_room"]
+                found += compare_measured(where, expected[key], actual[key], room)
             elif key == "streams":
                 found += compare_rows(where, expected[key], actual[key], ("node", "subindex"))
             elif key == "nodes":
@@ -62,6 +69,12 @@ def compare_values(path: str, expected: Any, actual: Any) -> list[str]:
     if type(expected) is not type(actual) or expected != actual:
         return [f"{path}: expected {expected!r}, got {actual!r}"]
     return []
+
+
+def compare_measured(path: str, expected: float | None, actual: Any, room: float) -> list[str]:
+    if expected is None or not isinstance(actual, float):
+        return compare_values(path, expected, actual)
+    return [] if abs(expected - actual) <= room else [f"{path}: expected about {expected}, got {actual}"]
 
 
 def compare_rows(path: str, expected: Any, actual: Any, names: tuple[str, ...]) -> list[str]:
@@ -86,7 +99,7 @@ def shown(key: Key) -> str:
     return " ".join("-" if part is None else str(part) for part in key)
 
 
-def compare_intervals(path: str, expected: dict[str, Any], actual: dict[str, Any]) -> list[str]:
+def compare_durations(path: str, expected: dict[str, Any], actual: dict[str, Any]) -> list[str]:
     found = []
     for name, value in expected.items():
         if name.startswith("_"):

@@ -21,7 +21,8 @@ begin with an underscore; ``compare`` knows them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
 from typing import Any
 
 from tests.oracle.frame import Frame
@@ -31,7 +32,7 @@ from tests.oracle.rules.keys import ListKey, StreamKey, node_order
 from tests.oracle.rules.lists import List, diag, is_empty, text
 from tests.oracle.rules.loss import Stream, judge_stream
 from tests.oracle.rules.telegram import CHECKSUM_PRESENT
-from tests.oracle.rules.timing import Timing, judge_silence
+from tests.oracle.rules.timing import Timing, judge_silence, nearest_rank
 from tests.oracle.rules.tracker import Tracker
 
 FRAMES_KEPT = 10
@@ -110,12 +111,33 @@ def list_report(tracker: Tracker, key: ListKey) -> dict[str, Any]:
             "bootup_unanswered": entry.count(UDPANSWERBOOTUPREQUEST),
             "send_rejected": entry.count(*SEND_ERRORS.values()),
         },
-        "nodes": node_reports(entry),
+        "nodes": node_reports(tracker, entry, streams),
         "streams": rows,
+        **pace_report(tracker, streams),
     }
 
 
-def node_reports(entry: List) -> list[dict[str, Any]]:
+def pace_report(tracker: Tracker, streams: Sequence[tuple[StreamKey, Stream]]) -> dict[str, Any]:
+    """Report how often and how regularly streams together are sent, and how long their acknowledgements took."""
+    span = max(tracker.times) - min(tracker.times)
+    timings = [Timing(tuple(stream.intervals)) for _, stream in streams]
+    jitters = [timing.jitter for timing in timings if timing.jitter is not None]
+    took = sorted(latency for at, _ in streams for latency in tracker.waits.latencies[at])
+    return {
+        "rate": float(Fraction(sum(stream.telegrams for _, stream in streams) * 10**9, span)) if span else None,
+        "jitter": float(max(jitters)) if jitters else None,
+        "_jitter_uncertain": any(timing.nominal_uncertain for timing in timings),
+        "_jitter_room": float(max((timing.jitter_room for timing in timings), default=0)),
+        "latency_ns": {
+            "count": len(took),
+            "p50": nearest_rank(took, 50) if took else None,
+            "p99": nearest_rank(took, 99) if took else None,
+            "max": max(took, default=None),
+        },
+    }
+
+
+def node_reports(tracker: Tracker, entry: List, streams: Sequence[tuple[StreamKey, Stream]]) -> list[dict[str, Any]]:
     telegrams = [delivery.telegram for delivery in entry.deliveries]
     addresses = {seen.source for seen in telegrams} | {seen.destination for seen in telegrams}
     addresses |= {error.node for error in entry.errors if error.node is not None}
@@ -128,7 +150,8 @@ def node_reports(entry: List) -> list[dict[str, Any]]:
             [error for error in entry.errors if error.node == node],
         )
         if not is_empty(components):
-            reports.append({"address": str(node), "name": None, "diag": components})
+            pace = pace_report(tracker, [(at, stream) for at, stream in streams if at.node == node])
+            reports.append({"address": str(node), "name": None, "diag": components, **pace})
     return reports
 
 
@@ -155,4 +178,5 @@ def stream_report(tracker: Tracker, at: StreamKey, stream: Stream) -> dict[str, 
         "items": stream.last.items,
         "length": stream.last.length,
         "checksum": stream.last.checksum if stream.last.flags & CHECKSUM_PRESENT else None,
+        **pace_report(tracker, [(at, stream)]),
     }

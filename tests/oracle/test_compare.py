@@ -28,6 +28,9 @@ def test_differences_are_told_by_their_path() -> None:
     del entry["diag"]["nErrorCount"]
     entry["streams"][0]["interval_ns"]["p50"] = 102
     entry["streams"][0]["interval_ns"]["p95"] = 103
+    entry["streams"][0]["rate"] += 1
+    entry["streams"][0]["latency_ns"]["count"] += 1
+    entry["jitter"] = 9.0
     entry["nodes"].reverse()
     actual["findings"] = [row for row in actual["findings"] if row["code"] != "NV201"]
     actual["findings"].append({**expected["findings"][0], "code": "NV503"})
@@ -38,5 +41,8 @@ def test_differences_are_told_by_their_path() -> None:
         "lists[udp/1202/1].diag.nErrorCount",
         "lists[udp/1202/1].nodes",
         f"lists[udp/1202/1].streams[{A} 0].interval_ns.p95",
+        f"lists[udp/1202/1].streams[{A} 0].rate",
+        f"lists[udp/1202/1].streams[{A} 0].latency_ns.count",
+        "lists[udp/1202/1].jitter",
         f"findings[NV201 udp/1202/1 {A} 0]",
     ]

@@ -30,8 +30,13 @@ def diag(**components: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def pace() -> dict[str, Any]:
+    """Return what comes last of lists, nodes and streams; texts tell jitter by intervals, and nothing else of it."""
+    return {"rate": 20.0, "jitter": None, "latency_ns": {"count": 0, "p50": None, "p99": None, "max": None}}
+
+
 def node(address: str, name: str | None = None, **components: Any) -> dict[str, Any]:
-    return {"address": address, "name": name, "diag": diag(**components)}
+    return {"address": address, "name": name, "diag": diag(**components), **pace()}
 
 
 def interval(count: int, *statistics_ns: int, nominal: int | None) -> dict[str, Any]:
@@ -46,7 +51,7 @@ def stream(address: str, subindex: int, telegrams: int, interval_ns: dict[str, A
         "node": address, "subindex": subindex, "telegrams": telegrams, "counter_scope": "stream", "lost": 0,
         "lost_claimed": 0, "duplicates": 0, "overtaken": 0, "restarts": 0, "interval_ns": interval_ns, "items": 12,
         "length": 68,
-        "checksum": None, **facts,
+        "checksum": None, **pace(), **facts,
     }  # fmt: skip
 
 
@@ -54,7 +59,7 @@ def udp_list(port: int, index: int, name: str | None = None, **parts: Any) -> di
     counters = {**dict.fromkeys(COUNTERS, 0), **parts.pop("counters", {})}
     return {
         "key": f"udp/{port}/{index}", "transport": "udp", "port": port, "id": index, "name": name, "senders": [],
-        "readers": [], "diag": diag(), "counters": counters, "nodes": [], "streams": [], **parts,
+        "readers": [], "diag": diag(), "counters": counters, "nodes": [], "streams": [], **pace(), **parts,
     }  # fmt: skip
 
 

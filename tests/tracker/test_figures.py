@@ -12,6 +12,7 @@ import pytest
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.list_key import ListKey
 from nvscope.tracker.figures import (
+    BY_NAME,
     BY_SCOPE,
     FIGURES,
     LIST_COUNTERS,
@@ -34,7 +35,6 @@ CAPTURES = [
 ]
 MS, S = 1_000_000, 1_000_000_000
 PRESS, HMI, PANEL, ALL = "10.0.0.1", "10.0.0.2", "10.0.0.3", "255.255.255.255"
-BY_NAME = {figure.name: figure for figure in FIGURES}
 NEAR = 0.008
 """Percentiles are those of buckets that are so wide."""
 
@@ -109,9 +109,17 @@ def test_reports_have_the_figures_where_the_table_says(path: Path) -> None:
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda path: path.stem)
 def test_reports_count_nothing_that_is_not_in_the_table(path: Path) -> None:
     for of, row in rows_of(answered(path)[1]):
-        for holder in ("diag", "counters", "interval_ns"):
+        for holder in ("diag", "counters", "interval_ns", "latency_ns"):
             paths = {f"{holder}.{key}" for key in row.get(holder, ())}
             assert paths == {one.keys[of] for one in figures_of(of) if one.keys.get(of, "").startswith(f"{holder}.")}
+
+
+@pytest.mark.parametrize("path", CAPTURES, ids=lambda path: path.stem)
+def test_pace_stands_behind_all_that_is_counted(path: Path) -> None:
+    """Whoever looks for what a report had before finds it where it was."""
+    for of, row in rows_of(answered(path)[1]):
+        added = ["rate"] if of is Of.BUS else ["rate", "jitter", "latency_ns"]
+        assert list(row)[-len(added) :] == added
 
 
 @pytest.mark.parametrize("of", list(Of))

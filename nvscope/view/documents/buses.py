@@ -13,18 +13,27 @@ from nvscope.tracker.can.bus import BitRate, BusLoad, CanBusSummary
 from nvscope.tracker.can.canopen import CanOpenNode, Emergency
 from nvscope.tracker.can.errors import BusErrors
 from nvscope.tracker.can.summary import CanSummary
-from nvscope.tracker.figures import BUS_COUNTERS, Of
+from nvscope.tracker.figures import BUS_COUNTERS, BY_NAME, RATE, Of
 from nvscope.tracker.measured import Measured
+from nvscope.tracker.subjects import Measures
 from nvscope.view.documents.can_lists import canopen_label
-from nvscope.view.documents.figures import figure_row
+from nvscope.view.documents.figures import FigureRow, rounded, time_text
 
 MOST_SECONDS = 86_400
 """The load of so many seconds is told one by one."""
 
+_COUNTED = FigureRow(BUS_COUNTERS, Of.BUS)
+_RATE = FigureRow((RATE,), Of.BUS)
+_LOADS = FigureRow((BY_NAME["load"], BY_NAME["load_peak"]), Of.BUS, "load")
+_WORST_LOAD = FigureRow((BY_NAME["load_worst"],), Of.BUS, "load")
+_ERROR_FRAMES = FigureRow((BY_NAME["error_frames"],), Of.BUS, "errors")
+_BUS_OFFS = FigureRow((BY_NAME["bus_off"],), Of.BUS, "errors.bus_off")
+_ERROR_COUNTERS = FigureRow((BY_NAME["tx_errors"], BY_NAME["rx_errors"]), Of.BUS, "errors")
+
 _Names = Mapping[tuple[str, bool, int], tuple[str | None, str | None]]
 
 
-def can_buses(summary: CanSummary, names: Mapping[ListKey, str]) -> list[dict[str, Any]]:
+def can_buses(summary: CanSummary, names: Mapping[ListKey, str], measures: Measures) -> list[dict[str, Any]]:
     """Return what was seen of each channel; bits are those on the wire, with stuff bits, loads and shares percent.
 
     ``by_second`` has for each second with frames when it began, its load, and the most it could have with stuff bits.
@@ -36,10 +45,10 @@ def can_buses(summary: CanSummary, names: Mapping[ListKey, str]) -> list[dict[st
         for stream in entry.streams:
             label = canopen_label(entry, stream.cob_id, defined=name is not None)
             known[str(entry.key.port), stream.extended, stream.cob_id] = name or None, label
-    return [_bus(bus, known) for bus in summary.buses]
+    return [_bus(bus, known, measures.of_bus(bus)) for bus in summary.buses]
 
 
-def _bus(bus: CanBusSummary, known: _Names) -> dict[str, Any]:
+def _bus(bus: CanBusSummary, known: _Names, measured: Measured) -> dict[str, Any]:
     identifiers = []
     for entry in bus.identifiers:
         name, label = known.get((bus.channel, entry.extended, entry.cob_id), (None, None))
@@ -52,17 +61,18 @@ def _bus(bus: CanBusSummary, known: _Names) -> dict[str, Any]:
                 "frames": entry.frames,
                 "bits": entry.bits,
                 "fast_bits": entry.fast_bits,
-                "share": _rounded(entry.share),
+                "share": rounded(entry.share),
             }
         )
     return {
         "channel": bus.channel,
-        **figure_row(BUS_COUNTERS, Of.BUS, Measured(telegrams=bus.frames, bus=bus)),
+        **_COUNTED.read(measured),
         "bit_rate": _bit_rate(bus.bit_rate),
-        "load": _load(bus.load),
+        "load": _load(bus.load, measured),
         "identifiers": identifiers,
-        "errors": _errors(bus.errors),
+        "errors": _errors(bus.errors, measured),
         "canopen_nodes": [_node(node) for node in bus.canopen_nodes],
+        **_RATE.read(measured),
     }
 
 
@@ -72,40 +82,38 @@ def _bit_rate(rate: BitRate | None) -> dict[str, Any] | None:
     return {"nominal": rate.nominal, "data": rate.data, "source": "given" if rate.given else "found"}
 
 
-def _load(load: BusLoad | None) -> dict[str, Any] | None:
+def _load(load: BusLoad | None, measured: Measured) -> dict[str, Any] | None:
     if load is None:
         return None
     columns = load.second_ns, load.second, load.second_worst
     seconds = zip(*(column[:MOST_SECONDS].tolist() for column in columns), strict=True)
     return {
-        "mean": _rounded(load.mean),
-        "peak": _rounded(load.peak),
-        "peak_ns": str(load.peak_ns),
-        "worst": _rounded(load.worst),
+        **_LOADS.read(measured),
+        "peak_ns": time_text(load.peak_ns),
+        **_WORST_LOAD.read(measured),
         "partial": load.partial,
-        "by_second": [[str(began_ns), _rounded(part), _rounded(worst)] for began_ns, part, worst in seconds],
+        "by_second": [[str(began_ns), rounded(part), rounded(worst)] for began_ns, part, worst in seconds],
     }
 
 
-def _errors(errors: BusErrors | None) -> dict[str, Any] | None:
+def _errors(errors: BusErrors | None, measured: Measured) -> dict[str, Any] | None:
     if errors is None:
         return None
     return {
-        "frames": errors.count,
-        "first_ns": str(errors.first_ns),
-        "last_ns": str(errors.last_ns),
+        **_ERROR_FRAMES.read(measured),
+        "first_ns": time_text(errors.first_ns),
+        "last_ns": time_text(errors.last_ns),
         "classes": _labelled(CLASSES, errors.classes),
         "states": _labelled(CONTROLLER_BITS, errors.states),
         "bus_off": {
-            "count": errors.bus_offs,
+            **_BUS_OFFS.read(measured),
             "restarted": errors.restarts,
             "returned": errors.returns,
             "total_ns": errors.off_ns,
             "longest_ns": errors.longest_off_ns,
-            "since_ns": None if errors.off_since_ns is None else str(errors.off_since_ns),
+            "since_ns": time_text(errors.off_since_ns),
         },
-        "tx_errors": errors.tx_errors,
-        "rx_errors": errors.rx_errors,
+        **_ERROR_COUNTERS.read(measured),
     }
 
 
@@ -117,7 +125,7 @@ def _node(node: CanOpenNode) -> dict[str, Any]:
     return {
         "node": node.node,
         "state": None if node.state is None else NODE_STATES[node.state],
-        "since_ns": None if node.since_ns is None else str(node.since_ns),
+        "since_ns": time_text(node.since_ns),
         "told_by": None if node.state is None else "command" if node.commanded else "heartbeat",
         "last_ns": str(node.last_ns),
         "heartbeats": node.heartbeats,
@@ -137,7 +145,3 @@ def _emergency(emergency: Emergency | None) -> dict[str, Any] | None:
         "register": [name for bit, name in enumerate(ERROR_REGISTER) if emergency.register >> bit & 1],
         "time_ns": str(emergency.time_ns),
     }
-
-
-def _rounded(percent: float) -> float:
-    return round(percent, 3)

@@ -12,13 +12,23 @@ from dissectors.can.canopen import title_of
 from dissectors.can.pdo import EXTENDED
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
 from nvscope.tracker.subjects import Measures
-from nvscope.view.documents.figures import figure_row
+from nvscope.view.documents.figures import (
+    COUNTED_OF_LIST,
+    COUNTED_OF_STREAM,
+    PACE_OF_LIST,
+    PACE_OF_STREAM,
+    TELEGRAMS_OF_STREAM,
+)
 
 
-def can_list(entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures) -> dict[str, Any]:
-    """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without."""
+def can_list(
+    entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures, values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without.
+
+    ``values`` is what is told of its variables.
+    """
     name, measured = told_of(names, entry.key), measures.of_list(entry)
     return {
         "key": str(entry.key),
@@ -29,10 +39,11 @@ def can_list(entry: CanListSummary, names: Mapping[ListKey, str], measures: Meas
         "canopen": canopen_label(entry, entry.key.identifier, defined=name is not None),
         "senders": [],
         "readers": [],
-        "diag": figure_row(DIAGNOSIS, Of.LIST, measured),
-        "counters": figure_row(LIST_COUNTERS, Of.LIST, measured),
+        **COUNTED_OF_LIST.read(measured),
         "nodes": [],
         "streams": [_stream(stream, measures) for stream in entry.streams],
+        **values,
+        **PACE_OF_LIST.read(measured),
     }
 
 
@@ -51,12 +62,12 @@ def _stream(stream: CanStreamSummary, measures: Measures) -> dict[str, Any]:
         "subindex": stream.subindex,
         "cob_id": stream.cob_id,
         "extended": stream.extended,
-        "telegrams": stream.telegrams,
+        **TELEGRAMS_OF_STREAM.read(measured),
         "remote": stream.remote,
         "counter_scope": None,
-        **figure_row(STREAM_COUNTERS, Of.STREAM, measured),
-        "interval_ns": figure_row(INTERVALS, Of.STREAM, measured),
+        **COUNTED_OF_STREAM.read(measured),
         "items": None,
         "length": stream.length,
         "checksum": None,
+        **PACE_OF_STREAM.read(measured),
     }

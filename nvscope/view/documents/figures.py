@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from nvscope.tracker.figures import Figure, Of
+from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, PACE, STREAM_COUNTERS, TELEGRAMS, Figure, Of
 from nvscope.tracker.measured import Measured
+
+_Reads = Callable[[Measured], Any]
 
 
 def time_text(time_ns: int | None) -> str | None:
@@ -14,10 +17,64 @@ def time_text(time_ns: int | None) -> str | None:
     return None if time_ns is None else str(time_ns)
 
 
-def figure_row(figures: Iterable[Figure], of: Of, measured: Measured) -> dict[str, Any]:
-    """Return figures by their keys in the report, in the order given; None for what is not known."""
-    row: dict[str, Any] = {}
-    for figure in figures:
-        value = figure.read(measured)
-        row[figure.key(of)] = str(value) if figure.unit == "time" and value is not None else value
-    return row
+def rounded(number: float) -> float:
+    """Return a percentage or a rate as the report has it."""
+    return round(number, 3)
+
+
+class FigureRow:
+    """Some figures of one kind of thing, as the part of its JSON object that holds them.
+
+    Keys are in the order given, and nested as the paths of the table are. ``within`` is a path: then they are those of
+    the object there.
+    """
+
+    def __init__(self, figures: Iterable[Figure], of: Of, within: str = "") -> None:
+        by_key: dict[str, list[Figure]] = defaultdict(list)
+        for figure in figures:
+            rest = figure.keys[of]
+            if within:
+                assert rest.startswith(f"{within}."), f"{figure.name} is not within {within}"
+                rest = rest[len(within) + 1 :]
+            by_key[rest.partition(".")[0]].append(figure)
+        self._reads: list[tuple[str, _Reads]] = []
+        for key, own in by_key.items():
+            path = f"{within}.{key}" if within else key
+            nested = own[0].keys[of] != path
+            self._reads.append((key, FigureRow(own, of, path).read if nested else _reading(own[0])))
+
+    def read(self, measured: Measured) -> dict[str, Any]:
+        """Return the figures of what was measured; None for what is not known."""
+        return {key: read(measured) for key, read in self._reads}
+
+
+def lookup(figure: Figure, of: Of) -> Callable[[Mapping[str, Any]], Any]:
+    """Return what looks a figure up in the JSON object of a stream, list, node or bus; None without what holds it."""
+    first, *others = figure.keys[of].split(".")
+
+    def look(row: Mapping[str, Any]) -> Any:
+        value = row[first]
+        for key in others:
+            if value is None:
+                return None
+            value = value[key]
+        return value
+
+    return look
+
+
+def _reading(figure: Figure) -> _Reads:
+    # Of thousands of streams, the way past what matters to extremes alone is seen.
+    read = figure.read if figure.extreme else figure.reads
+    if figure.unit == "time":
+        return lambda measured: None if (value := read(measured)) is None else str(value)
+    if figure.unit in ("percent", "per second"):
+        return lambda measured: rounded(value) if isinstance(value := read(measured), float) else value
+    return read
+
+
+COUNTED_OF_LIST = FigureRow((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST)
+TELEGRAMS_OF_STREAM = FigureRow((TELEGRAMS,), Of.STREAM)
+COUNTED_OF_STREAM = FigureRow((*STREAM_COUNTERS, *INTERVALS), Of.STREAM)
+PACE_OF_LIST, PACE_OF_STREAM = FigureRow(PACE, Of.LIST), FigureRow(PACE, Of.STREAM)
+FIGURES_OF_NODE = FigureRow((*DIAGNOSIS, *PACE), Of.NODE)

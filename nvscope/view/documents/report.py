@@ -14,14 +14,21 @@ from nvscope.capture.source import SourceInfo
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.can.summary import CanListSummary
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, STREAM_COUNTERS, Of
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.subjects import Measures
 from nvscope.tracker.summary import ListSummary, Summary
 from nvscope.version import __version__
 from nvscope.view.documents.buses import can_buses
 from nvscope.view.documents.can_lists import can_list
-from nvscope.view.documents.figures import figure_row, time_text
+from nvscope.view.documents.figures import (
+    COUNTED_OF_LIST,
+    COUNTED_OF_STREAM,
+    FIGURES_OF_NODE,
+    PACE_OF_LIST,
+    PACE_OF_STREAM,
+    TELEGRAMS_OF_STREAM,
+    time_text,
+)
 
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
@@ -37,11 +44,13 @@ def report_document(
     values: Mapping[ListKey, list[dict[str, Any]]] | None = None,
     *,
     node_names: Mapping[str, str] = MappingProxyType({}),
+    whole: Summary | None = None,
 ) -> dict[str, Any]:
     """Return the document of what was summarized and judged, and where it was read from.
 
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by the key
-    of their list, each list has its own. ``node_names`` are by the text of the address.
+    of their list, each list has its own. ``node_names`` are by the text of the address. ``whole`` is what the summary
+    shows a part of: figures are those of all its streams.
     """
     names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
     keys = {entry.number: str(entry.key) for entry in summary.lists}
@@ -50,7 +59,7 @@ def report_document(
     def valued(entry: ListSummary | CanListSummary) -> dict[str, Any]:
         return {} if values is None else {"values": values.get(entry.key, [])}
 
-    capture, measures = summary.capture, Measures(summary)
+    capture, measures = summary.capture, Measures(whole or summary)
     document = {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
@@ -68,15 +77,15 @@ def report_document(
             "end_ns": time_text(capture.end_ns),
         },
         "lists": [
-            *(can_list(entry, names, measures) | valued(entry) for entry in summary.can.lists),
+            *(can_list(entry, names, measures, valued(entry)) for entry in summary.can.lists),
             *(
-                _list(entry, summary, measures, names.get(entry.key) or None, node_names) | valued(entry)
+                _list(entry, summary, measures, names.get(entry.key) or None, node_names, valued(entry))
                 for entry in summary.lists
             ),
         ],
         "findings": [_finding(finding, keys, summary) for finding in findings],
     }
-    return document | ({"buses": can_buses(summary.can, names)} if summary.can.buses else {})
+    return document | ({"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {})
 
 
 def _sum(counts: Iterable[int | None]) -> int | None:
@@ -86,7 +95,12 @@ def _sum(counts: Iterable[int | None]) -> int | None:
 
 
 def _list(
-    entry: ListSummary, summary: Summary, measures: Measures, name: str | None, node_names: Mapping[str, str]
+    entry: ListSummary,
+    summary: Summary,
+    measures: Measures,
+    name: str | None,
+    node_names: Mapping[str, str],
+    values: Mapping[str, Any],
 ) -> dict[str, Any]:
     address, measured = summary.addresses, measures.of_list(entry)
     return {
@@ -97,17 +111,18 @@ def _list(
         "name": name,
         "senders": [address[node] for node in entry.senders],
         "readers": [address[node] for node in entry.readers],
-        "diag": figure_row(DIAGNOSIS, Of.LIST, measured),
-        "counters": figure_row(LIST_COUNTERS, Of.LIST, measured),
+        **COUNTED_OF_LIST.read(measured),
         "nodes": [
             {
                 "address": address[node],
                 "name": node_names.get(address[node]),
-                "diag": figure_row(DIAGNOSIS, Of.NODE, measures.of_node(entry, node, diagnosis)),
+                **FIGURES_OF_NODE.read(measures.of_node(entry, node, diagnosis)),
             }
             for node, diagnosis in entry.nodes
         ],
         "streams": [_stream(stream, summary, measures) for stream in entry.streams],
+        **values,
+        **PACE_OF_LIST.read(measured),
     }
 
 
@@ -116,13 +131,13 @@ def _stream(stream: StreamSummary, summary: Summary, measures: Measures) -> dict
     return {
         "node": summary.addresses[stream.node],
         "subindex": stream.subindex,
-        "telegrams": stream.telegrams,
+        **TELEGRAMS_OF_STREAM.read(measured),
         "counter_scope": stream.counter_scope,
-        **figure_row(STREAM_COUNTERS, Of.STREAM, measured),
-        "interval_ns": figure_row(INTERVALS, Of.STREAM, measured),
+        **COUNTED_OF_STREAM.read(measured),
         "items": stream.items,
         "length": stream.length,
         "checksum": stream.checksum,
+        **PACE_OF_STREAM.read(measured),
     }
 
 

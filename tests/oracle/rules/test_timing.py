@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+import pytest
+
 from tests.oracle.rules.timing import Timing, round_root
-from tests.oracle.wire import Wire, counted
+from tests.oracle.wire import A, B, Wire, counted
 
 
 def test_intervals() -> None:
@@ -25,6 +27,24 @@ def test_intervals_are_negative_where_the_clock_steps_back() -> None:
 
 def test_a_single_telegram_has_no_intervals() -> None:
     assert set(counted(1).stream["interval_ns"].values()) == {0, None}
+
+
+def test_pace() -> None:
+    """Two streams in 900 ns; of 8 intervals of 100 ns one is 130: jitter is 30 %. Two of three are answered."""
+    wire = Wire()
+    waits = dict.fromkeys(range(3), 1)
+    for number, time in enumerate([0, 100, 200, 300, 400, 530, 630, 730, 830]):
+        wire.data(time, number, flags=waits.get(number, 0))
+        if number in (0, 2):
+            wire.ack(time + 10 * number + 10, B, A, counter=number)
+    entry = wire.data(900, 7, subindex=1).only_list
+    took = {"count": 2, "p50": 10, "p99": 30, "max": 30}
+    for row, telegrams in ((entry["streams"][0], 9), (entry, 10), (entry["nodes"][0], 10)):
+        assert (row["rate"], row["jitter"], row["latency_ns"]) == (pytest.approx(telegrams / 900e-9), 30.0, took)
+    for row, rate in ((entry["streams"][1], pytest.approx(1 / 900e-9)), (entry["nodes"][1], 0.0)):
+        nothing = {"count": 0, "p50": None, "p99": None, "max": None}
+        assert (row["rate"], row["jitter"], row["latency_ns"]) == (rate, None, nothing)
+    assert counted(1).stream["rate"] is None
 
 
 def test_rounding_is_half_to_even() -> None:

@@ -63,6 +63,17 @@ class Timing:
         slack = Fraction(max(abs(p5), abs(p95), abs(median)), 50) * 2 + 2
         return abs(Fraction(median, 2) - width) <= slack
 
+    @property
+    def jitter(self) -> Fraction | None:
+        """How far p99 lies from p50, in percent of the nominal interval."""
+        p50, p99 = self.percentile(50), self.percentile(99)
+        return None if p50 is None or p99 is None or not self.nominal else Fraction(100 * (p99 - p50), self.nominal)
+
+    @property
+    def jitter_room(self) -> Fraction:
+        """How far off that may be where both percentiles are 1 % off, and all of them a few ns."""
+        return Fraction(2 * abs(self.percentile(99) or 0) + 200, self.nominal) if self.nominal else Fraction()
+
     def report(self) -> dict[str, Any]:
         count = len(self.intervals)
         if not count:
