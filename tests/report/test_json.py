@@ -32,18 +32,6 @@ def test_no_text_brings_anything_but_printable_ascii(poison: str) -> None:
     assert json.loads(text) == report
 
 
-DOCUMENTS = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
-    lambda parts: st.lists(parts, max_size=4) | st.dictionaries(st.text(max_size=5), parts, max_size=4),
-    max_leaves=20,
-)
-
-
-@given(st.dictionaries(st.text(max_size=5), DOCUMENTS))
-def test_the_text_is_that_of_the_standard_library(document: dict[str, Any]) -> None:
-    assert json_face.render(document) == json.dumps(document, indent=2).replace("\x7f", "\\u007f") + "\n"
-
-
 def test_delete_is_escaped_like_the_other_control_characters() -> None:
     assert '"a\\u007fb"' in json_face.render({"name": "a\x7fb"})
 
