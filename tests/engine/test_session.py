@@ -221,7 +221,9 @@ def test_what_is_overdue_counts_where_a_time_is_given_and_nothing_changes() -> N
     state = tracked([batch_of(waiting())])
     before = document_of(state)
     assert codes(state) == codes(state, overdue=True) == {}
+    assert document_of(state) == before
     state.capture.until_ns = 4 * S  # as if a source had said so to the capture alone
+    before = document_of(state)
     assert codes(state) == {}
     assert codes(state, overdue=True) == {"NV301": 1, "NV304": 1}
     assert document_of(state) == before
