@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
-from nvscope.report.content import Report
+if TYPE_CHECKING:  # what tables for people need takes longer to import than a small report to write
+    from nvscope.report.content import Report
 
 
 def render(report: Report) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -94,16 +94,14 @@ class Waits(Columns):
 NO_WAITS_ENDED = Waits(*(np.empty(0, np.int64) for _ in fields(Waits)))
 
 
-@dataclass(frozen=True, slots=True)
-class Overdue:
+class Overdue(NamedTuple):
     """Waits whose deadline has passed without a frame that shows it, of data telegrams and of boot-up requests."""
 
     waits: Waits
     requests: BootUpWaits
 
 
-@dataclass(frozen=True, slots=True)
-class Answers:
+class Answers(NamedTuple):
     """What a batch showed about answers.
 
     ``errors`` are error events. ``missing`` are the waits that nobody ended, with the frames that waited, ``answered``
