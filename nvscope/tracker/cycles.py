@@ -105,17 +105,18 @@ class Cycles:
         row = np.flatnonzero(taken)
         if not len(row):
             return
-        stream, packet = rows.stream[row], rows.packet[row]
-        pair = self.streams.pair[stream]
+        stream, packet = rows.stream.take(row), rows.packet.take(row)
         # The rows of each stream are in order already: a sort that merges has little to do.
-        order = np.argsort(pair << _PACKET_BITS | packet, kind="stable")
-        row, pair = row[order], pair[order]
+        order = np.argsort(self.streams.pair.take(stream) << _PACKET_BITS | packet, kind="stable")
+        # What a stream tells is looked up again, in tables that are small, rather than put in order.
+        row, stream = row.take(order), stream.take(order)
+        pair, half_ns = self.streams.pair.take(stream), (interval_ns // 2).take(stream)
+        subindex = keys.places.low.astype(np.int64).take(keys.streams.high.astype(np.int64)).take(stream)
         start, stop = runs_of(pair)
-        subindex = keys.varieties.subindex[rows.variety[row]]
-        half_ns = (interval_ns // 2)[stream[order]]
-        counter = None if counter is None else counter[row]
-        frame = packet[order] + first_frame
-        self._cut(told, pair, start, stop, subindex, counter, rows.time_ns[row], half_ns, frame)
+        counter = None if counter is None else counter.take(row)
+        frame = packet.take(order)
+        frame += first_frame
+        self._cut(told, pair, start, stop, subindex, counter, rows.time_ns.take(row), half_ns, frame)
 
     def take(self, part: Cycles, share: Share) -> None:
         """Take over the cycles of a part's share of the senders."""
