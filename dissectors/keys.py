@@ -21,7 +21,7 @@ class KeyTable:
     """A growing map from keys of some 64-bit words, two by default, to dense numbers 0, 1, 2 ….
 
     An open-addressing hash table in numpy arrays: looking up a column costs a few gathers, whatever the number of keys.
-    Numbers are given in the order of first appearance, so that they do not depend on how the input was cut.
+    Numbers are given in the order of first appearance in what was looked up, and stay.
     """
 
     def __init__(self, width: int = 2) -> None:

@@ -68,7 +68,10 @@ class EventKind(IntEnum):
     NODE_COMMAND = (31, "", "the NMT command", "", "the node, 0 for all")
 
 
-TELL_IN_NUMBERS = tuple(
-    kind for kind in EventKind if kind is EventKind.ACKNOWLEDGED or kind >= EventKind.GAP
+TELL_IN_NUMBERS = (
+    EventKind.ACKNOWLEDGED, EventKind.GAP, EventKind.OVERTAKEN, EventKind.RESTART, EventKind.DUPLICATE,
+    EventKind.UNUSUAL_INTERVAL, EventKind.TORN_CYCLE, EventKind.STEP_BACK, EventKind.UNREADABLE_FRAME,
+    EventKind.ERROR_FRAME, EventKind.BUS_OFF, EventKind.BUS_BACK, EventKind.NODE_STATE, EventKind.EMERGENCY,
+    EventKind.NODE_COMMAND,
 )  # fmt: skip
 """Those of which one alone says little, or nothing bad: whether they are a finding takes more than the event."""

@@ -133,6 +133,7 @@ class BeaconCounts:
         columns.count[run] += stop - start
         columns.last[run], columns.last_ns[run] = number[stop - 1], time_ns[stop - 1]
         gap = np.flatnonzero(lost)
+        gap = gap[np.argsort(row[gap])]
         events = EventBatch.of(
             BeaconEvent.LOST, time_ns[gap], row[gap] + told.first_frame, since_ns=before_ns[gap], amount=lost[gap]
         )

@@ -14,12 +14,14 @@ from hypothesis import strategies as st
 from dissectors.dissector import Part
 from nvscope.analysis.snapshot import snapshot
 from nvscope.definition.project import Project
+from nvscope.engine.events import NOWHERE, EventBatch
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS, accumulators_of, dissectors_of, fields_of
 from nvscope.report.packets.text import Text
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.evidence import OTHERS, Evidence
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
@@ -136,6 +138,24 @@ def test_dissecting_is_total_and_the_same_however_a_capture_is_cut(protocol: Pro
             assert not told.variety[part.row].any()
         found.append(rows)
     assert found[0] == found[1]
+
+
+class InOrder:
+    """Hears what protocols tell: events of no list, node or channel are those of one place."""
+
+    def hear(self, events: EventBatch) -> None:
+        if not isinstance(events.kind, EventKind):
+            assert (np.diff(events.frame) >= 0).all()
+            assert (events.list == NOWHERE).all()
+
+
+@EACH
+@examples(20)
+@given(seed=SEEDS)
+def test_events_are_told_in_the_order_of_frames(protocol: Protocol, seed: int) -> None:
+    state = TrackerState(others=accumulators_of([protocol]), listeners=[InOrder()])
+    for _ in run(Batches([batch_of(mixed(seed))]), reading([protocol]), [state]):
+        pass
 
 
 @EACH
