@@ -6,7 +6,7 @@ What an accumulator notes passes through ``Told``, batch by batch: columns that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
@@ -79,8 +79,3 @@ class EventListener(Protocol):
 
 
 Listeners = Sequence[EventListener]
-Tell = Callable[[EventBatch], None]
-
-
-def to_nobody(_: EventBatch) -> None:
-    """Tell nobody."""

@@ -64,12 +64,12 @@ class PairColumns(KeyedColumns):
 
 
 class StreamPairs(KeyedColumns):
-    """One row a stream: its pair, -1 of one that is not looked at, its first frame, and the bit of its SubIndex."""
+    """One row a stream: its pair, -1 of one that is not looked at, its first frame, and its SubIndex."""
 
     pair: I64
     first_frame: I64
-    bit: U64
-    COLUMNS: ClassVar = {"pair": (np.int64(-1), 1), "first_frame": (np.int64(0), 1), "bit": (np.uint64(0), 1)}
+    subindex: I64
+    COLUMNS: ClassVar = {"pair": (np.int64(-1), 1), "first_frame": (np.int64(0), 1), "subindex": (np.int64(0), 1)}
 
 
 class Cycles:
@@ -111,7 +111,7 @@ class Cycles:
         # What a stream tells is looked up again, in tables that are small, rather than put in order.
         row, stream = row.take(order), stream.take(order)
         pair, half_ns = self.streams.pair.take(stream), (interval_ns // 2).take(stream)
-        subindex = keys.places.low.astype(np.int64).take(keys.streams.high.astype(np.int64)).take(stream)
+        subindex = self.streams.subindex.take(stream)
         start, stop = runs_of(pair)
         counter = None if counter is None else counter.take(row)
         frame = packet.take(order)
@@ -144,7 +144,7 @@ class Cycles:
         # New streams are numbered in the order of their first telegrams.
         first = rows.packet[rows.start[np.searchsorted(rows.run_stream, new)]] + first_frame
         self.streams.first_frame[new] = first
-        self.streams.bit[new] = _bit_of(keys.places.low[place].astype(np.int64))
+        self.streams.subindex[new] = keys.places.low[place].astype(np.int64)
         for stream, frame in zip(new.tolist(), first.tolist(), strict=True):
             pair = self.streams.pair[stream]
             columns.streams[pair] += 1
@@ -251,7 +251,8 @@ class Cycles:
             first = self.streams.first_frame[stream]
             order = np.argsort(first, kind="stable")
             count[own] = np.searchsorted(first[order], frame[own], "right")
-            bits[own] = np.append(np.uint64(0), np.bitwise_or.accumulate(self.streams.bit[stream[order]]))[count[own]]
+            known = np.bitwise_or.accumulate(_bit_of(self.streams.subindex[stream[order]]))
+            bits[own] = np.append(np.uint64(0), known)[count[own]]
         # Of some lists a definition says that they have several, whatever was seen.
         return bits, np.maximum(count, np.where(self.columns.active_from[pair] == 0, 2, 0))
 

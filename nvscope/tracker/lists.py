@@ -239,7 +239,8 @@ class ListState:
         )
         places = self.keys.places
         self._log_missing(told, answers.missing)
-        told.tell(self._waits(EventKind.ACKNOWLEDGED, answers.answered))
+        if told.is_heard:
+            told.tell(self._waits(EventKind.ACKNOWLEDGED, answers.answered))
         negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)
         source, destination, unexpected = acknowledgements.source, acknowledgements.destination, answers.unexpected
         for kind, row, node, peer in (

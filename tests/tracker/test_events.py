@@ -18,7 +18,7 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, TELL_IN_NUMBERS, EventKind
-from nvscope.tracker.evidence.event_columns import NO_SCOPE, EventColumns
+from nvscope.tracker.evidence.event_columns import NO_SCOPE, EventColumns, EventTable
 from nvscope.tracker.list_log import event_parts
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
@@ -64,10 +64,11 @@ def test_what_is_told_is_what_the_log_has(seed: int) -> None:
     """The log keeps of each kind and place how many there were, the first and last time, and the first ten frames."""
     state, columns = heard(batches_of(seed, random.Random(seed)))
     expected: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-    for kind, part in columns._parts:
-        if kind not in TELL_IN_NUMBERS:
-            for row in rows_of(part):
-                place = int(kind), row.list, row.node, row.subindex
+    for part in columns._parts:
+        if part.kind not in TELL_IN_NUMBERS:
+            for values in zip(*(column.tolist() for column in part.columns), strict=True):
+                row = EventTable(int(part.kind), part.scope, *values)
+                place = row.kind, row.list, row.node, row.subindex
                 expected.setdefault(place, []).append((row.time_ns, row.frame))
     log = state.lists.events
     found = {}

@@ -17,9 +17,10 @@ from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STA
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
 from dissectors.layout import gather_bytes
-from nvscope.engine.events import EventBatch, Tell, to_nobody
+from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
+from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
 
 _SERVICES = {service.name: service for service in PREDEFINED}
@@ -115,8 +116,8 @@ class CanOpen:
         self.nodes = KeyTable()
         self.columns = _NodeColumns()
 
-    def observe(self, batch: CanBatch, first_frame: int, tell: Tell = to_nobody) -> None:
-        """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
+    def observe(self, told: Told, batch: CanBatch) -> None:
+        """Take the CAN frames of what is told."""
         kind = _KIND.take(batch.identifier, mode="clip")
         row = np.flatnonzero(kind)
         if not len(row):
@@ -129,7 +130,7 @@ class CanOpen:
         ):  # fmt: skip
             own = row[(kind == code) & (length == _BYTES[code]) & ~other]
             if len(own):
-                observe(batch, own, first_frame, tell)
+                observe(told, batch, own)
 
     def take(self, part: CanOpen) -> None:
         """Take over the nodes of other channels."""
@@ -140,15 +141,13 @@ class CanOpen:
         self.columns.resize(len(self.nodes))
         return number
 
-    def _tell(
-        self, kind: EventKind, batch: CanBatch, row: I64, number: I64, amount: I64, first_frame: int, tell: Tell
-    ) -> None:  # fmt: skip
+    def _tell(self, told: Told, kind: EventKind, batch: CanBatch, row: I64, number: I64, amount: I64) -> None:
         """Tell of some frames, of the nodes that are numbered so."""
         node = self.nodes.low[number].astype(np.int64)
-        channel, frame = batch.channel[row].astype(np.int64), batch.row[row] + first_frame
-        tell(EventBatch.of(kind, batch.ts_ns[row], frame, channel=channel, amount=amount, detail=node))
+        channel, frame = batch.channel[row].astype(np.int64), batch.row[row] + told.first_frame
+        told.tell(EventBatch.of(kind, batch.ts_ns[row], frame, channel=channel, amount=amount, detail=node))
 
-    def _observe_heartbeats(self, batch: CanBatch, row: I64, first_frame: int, tell: Tell) -> None:
+    def _observe_heartbeats(self, told: Told, batch: CanBatch, row: I64) -> None:
         state = (batch.data[batch.at[row]] & np.uint8(_STATE_BITS)).astype(np.int64)  # node guarding toggles bit 7
         known = np.isin(state, list(NODE_STATES))
         row, state = row[known], state[known]
@@ -170,10 +169,11 @@ class CanOpen:
         columns.heartbeats[run] += stop - start
         np.add.at(columns.boot_ups, number[state == 0], 1)
         np.add.at(columns.changes, number[changed & (before != _NO_STATE)], 1)
-        new = np.flatnonzero(changed | (state == 0))
-        self._tell(EventKind.NODE_STATE, batch, row[new], number[new], state[new], first_frame, tell)
+        if told.is_heard:
+            new = np.flatnonzero(changed | (state == 0))
+            self._tell(told, EventKind.NODE_STATE, batch, row[new], number[new], state[new])
 
-    def _observe_emergencies(self, batch: CanBatch, row: I64, first_frame: int, tell: Tell) -> None:
+    def _observe_emergencies(self, told: Told, batch: CanBatch, row: I64) -> None:
         number = self._numbers(batch.channel[row], _node_of(batch, row, _EMCY))
         order = stable_order(number, len(self.nodes))
         number, row = number[order], row[order]
@@ -182,10 +182,11 @@ class CanOpen:
         columns.emergencies[run] += stop - start
         columns.emergency[run] = gather_bytes(batch.data, batch.at[last], 8).view("<u8").reshape(-1)
         columns.emergency_ns[run] = batch.ts_ns[last]
-        code = gather_bytes(batch.data, batch.at[row], 2).view("<u2").reshape(-1).astype(np.int64)
-        self._tell(EventKind.EMERGENCY, batch, row, number, code, first_frame, tell)
+        if told.is_heard:
+            code = gather_bytes(batch.data, batch.at[row], 2).view("<u2").reshape(-1).astype(np.int64)
+            self._tell(told, EventKind.EMERGENCY, batch, row, number, code)
 
-    def _observe_commands(self, batch: CanBatch, row: I64, first_frame: int, tell: Tell) -> None:
+    def _observe_commands(self, told: Told, batch: CanBatch, row: I64) -> None:
         command, node = batch.data[batch.at[row]], batch.data[batch.at[row] + 1]
         known = np.isin(command, list(NMT_COMMANDS)) & (node <= MAX_NODES)
         row, command, node = row[known], command[known], node[known]
@@ -197,8 +198,9 @@ class CanOpen:
         columns.commands[run] += stop - start
         columns.command[run] = command[last]
         columns.command_ns[run] = batch.ts_ns[row[last]]
-        columns.command_frame[run] = batch.row[row[last]] + first_frame
-        self._tell(EventKind.NODE_COMMAND, batch, row, number, command.astype(np.int64), first_frame, tell)
+        columns.command_frame[run] = batch.row[row[last]] + told.first_frame
+        if told.is_heard:
+            self._tell(told, EventKind.NODE_COMMAND, batch, row, number, command.astype(np.int64))
 
     def by_channel(self, lists: Collection[int] = ()) -> dict[int, list[CanOpenNode]]:
         """Return the nodes of each channel that has some; the COB-IDs of ``lists`` are not CANopen's."""

@@ -20,9 +20,10 @@ from dissectors.can.error import (
 )
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
-from nvscope.engine.events import EventBatch, Tell, to_nobody
+from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
+from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 
@@ -102,8 +103,8 @@ class CanErrors:
         self.channels = KeyTable(1)
         self.columns = _ChannelColumns()
 
-    def observe(self, batch: CanBatch, first_frame: int, tell: Tell = to_nobody) -> None:
-        """Take the CAN frames of a packet batch, whose first packet is the frame ``first_frame``."""
+    def observe(self, told: Told, batch: CanBatch) -> None:
+        """Take the CAN frames of what is told."""
         error = np.flatnonzero(batch.error)
         if not len(error) and not self.columns.column("off").any():
             return
@@ -112,17 +113,13 @@ class CanErrors:
             channel = batch.channel[error].astype(np.uint64)
             number = self.channels.numbers(channel)
             self.columns.resize(len(self.channels))
-            time_ns, frame = batch.ts_ns[error], batch.row[error] + first_frame
+            time_ns, frame = batch.ts_ns[error], batch.row[error] + told.first_frame
             self._count(details, channel, number, time_ns, frame)
-            classes = details.classes.astype(np.int64)
-            tell(
-                EventBatch.of(
-                    EventKind.ERROR_FRAME, time_ns, frame, channel=channel.astype(np.int64), detail=classes
-                )
-            )  # fmt: skip
+            on, classes = channel.astype(np.int64), details.classes.astype(np.int64)
+            told.tell(EventBatch.of(EventKind.ERROR_FRAME, time_ns, frame, channel=on, detail=classes))
             self.all.settle()
             self.classes.settle()
-        self._observe_bus_off(batch, details, first_frame, tell)
+        self._observe_bus_off(told, batch, details)
 
     def take(self, part: CanErrors) -> None:
         """Take over the error frames of other channels."""
@@ -147,7 +144,7 @@ class CanErrors:
         for highest, counter in ((columns.tx_errors, details.tx_errors), (columns.rx_errors, details.rx_errors)):
             np.maximum.at(highest, number[told], counter[told].astype(np.int64))
 
-    def _observe_bus_off(self, batch: CanBatch, details: ErrorDetails, first_frame: int, tell: Tell) -> None:
+    def _observe_bus_off(self, told: Told, batch: CanBatch, details: ErrorDetails) -> None:
         """Note when controllers leave the bus and come back: told, or shown by any frame that is on the bus."""
         columns = self.columns
         leaves: Bool = np.zeros(len(batch), np.bool_)
@@ -176,16 +173,16 @@ class CanErrors:
         took_ns = np.maximum(time_ns[ends] - since_ns[ends], 0)
         np.add.at(columns.off_ns, number[ends], took_ns)
         np.maximum.at(columns.longest_off_ns, number[ends], took_ns)
-        told = batch.error[row[ends]]
-        np.add.at(columns.restarts, number[ends[told]], 1)
-        np.add.at(columns.returns, number[ends[~told]], 1)
+        said = batch.error[row[ends]]
+        np.add.at(columns.restarts, number[ends[said]], 1)
+        np.add.at(columns.returns, number[ends[~said]], 1)
         columns.off[run], columns.off_since_ns[run] = off[stop - 1], since_ns[stop - 1]
-        channel, frame = batch.channel[row].astype(np.int64), batch.row[row] + first_frame
-        tell(EventBatch.of(EventKind.BUS_OFF, time_ns[begins], frame[begins], channel=channel[begins]))
-        tell(
+        channel, frame = batch.channel[row].astype(np.int64), batch.row[row] + told.first_frame
+        told.tell(EventBatch.of(EventKind.BUS_OFF, time_ns[begins], frame[begins], channel=channel[begins]))
+        told.tell(
             EventBatch.of(
                 EventKind.BUS_BACK, time_ns[ends], frame[ends], channel=channel[ends], since_ns=since_ns[ends],
-                detail=told.astype(np.int64),
+                detail=said.astype(np.int64),
             )
         )  # fmt: skip
 

@@ -46,12 +46,20 @@ _OF_BATCH = EventTable._fields[2:]
 _NOTHING = np.empty(0, np.int64)
 
 
+class _Part(NamedTuple):
+    """What is kept of a batch: ``columns`` are those of ``_OF_BATCH``."""
+
+    kind: IntEnum
+    scope: int
+    columns: tuple[I64, ...]
+
+
 class EventColumns:
     """A listener that keeps the first ``most`` events it is told; ``left_out`` counts the others."""
 
     def __init__(self, most: int = MOST_EVENTS) -> None:
         self._most = most
-        self._parts: list[tuple[IntEnum, EventTable]] = []
+        self._parts: list[_Part] = []
         self.count = 0
         self.left_out = 0
 
@@ -63,14 +71,13 @@ class EventColumns:
             return
         self.count += room
         scope = NO_SCOPE if events.scope is None else events.scope
-        kind, scopes = (np.full(room, number, np.int64) for number in (0, scope))
-        columns = (getattr(events, name)[:room].astype(np.int64) for name in _OF_BATCH)
-        self._parts.append((events.kind, EventTable(kind, scopes, *columns)))
+        columns = tuple(getattr(events, name)[:room].astype(np.int64) for name in _OF_BATCH)
+        self._parts.append(_Part(events.kind, scope, columns))
 
     @property
     def kinds(self) -> Mapping[int, IntEnum]:
         """The kinds that there are events of, by their number in the table: those of protocols by name."""
-        heard = {_name(kind): kind for kind, _ in self._parts}
+        heard = {_name(part.kind): part.kind for part in self._parts}
         own: dict[int, IntEnum] = {int(kind): kind for kind in heard.values() if isinstance(kind, EventKind)}
         others = [name for name, kind in sorted(heard.items()) if not isinstance(kind, EventKind)]
         return own | {FIRST_OF_PROTOCOLS + place: heard[name] for place, name in enumerate(others)}
@@ -80,10 +87,11 @@ class EventColumns:
         if not self._parts:
             return EventTable(*[_NOTHING] * len(EventTable._fields))
         numbers = {_name(kind): number for number, kind in self.kinds.items()}
-        for kind, part in self._parts:
-            part.kind[:] = numbers[_name(kind)]
-        columns = [np.concatenate(parts) for parts in zip(*(part for _, part in self._parts), strict=True)]
-        table = EventTable(*columns)
+        length = [len(part.columns[0]) for part in self._parts]
+        kind = np.repeat([numbers[_name(part.kind)] for part in self._parts], length)
+        scope = np.repeat([part.scope for part in self._parts], length)
+        columns = map(np.concatenate, zip(*(part.columns for part in self._parts), strict=True))
+        table = EventTable(kind, scope, *columns)
         place = table.subindex, table.node, table.channel, table.list
         # Where one frame ends several waits of a place, they are told by when they began.
         order = np.lexsort((table.detail, table.since_ns, *place, table.scope, table.kind, table.frame))

@@ -65,9 +65,9 @@ def lookup(figure: Figure, of: Of) -> Callable[[Mapping[str, Any]], Any]:
 
 def _reading(figure: Figure) -> _Reads:
     # Of thousands of streams, the way past what matters to extremes alone is seen.
-    read = figure.read if figure.extreme else figure.reads
+    read: _Reads = figure.read if figure.extreme else figure.reads
     if figure.unit == "time":
-        return lambda measured: None if (value := read(measured)) is None else str(value)
+        return lambda measured: time_text(read(measured))
     if figure.unit in ("percent", "per second"):
         return lambda measured: rounded(value) if isinstance(value := read(measured), float) else value
     return read

@@ -9,9 +9,12 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.can.frame import dissect_can
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import run
 from nvscope.tracker.can.canopen import CanOpen, CanOpenNode, Emergency
 from tests.laws import examples
+from tests.packets import Batches
+from tests.packets import cut as pieces_of
 from tests.tracker.can.test_state import START_NS, Frame, batch
 
 MS = 1_000_000
@@ -21,8 +24,9 @@ AFTER = {1: 5, 2: 4, 128: 127, 129: 0, 130: 0}
 
 def nodes_of(frames: list[Frame], cut: int = 1 << 17, channel: int = 0, **more: Any) -> list[CanOpenNode]:
     seen, whole = CanOpen(), batch(frames)
-    for begin in range(0, len(whole), cut):
-        seen.observe(dissect_can(whole[begin : begin + cut]), begin + 1)
+    for told in run(Batches(pieces_of(whole, cut)), Reading(), []):
+        if told.can is not None:
+            seen.observe(told, told.can)
     return seen.by_channel(**more).get(channel, [])
 
 

@@ -10,13 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.can.frame import dissect_can
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import run
 from nvscope.findings.judge import judge
 from nvscope.tracker.can.errors import BusErrors, CanErrors
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from tests.laws import examples
-from tests.packets import observed
+from tests.packets import Batches, observed
+from tests.packets import cut as pieces_of
 from tests.tracker.can.test_state import START_NS, Frame, batch
 
 S = 1_000_000_000
@@ -25,8 +27,9 @@ BUS_OFF, RESTARTED, CONTROLLER, COUNTERS, PROTOCOL = (0x2000_0000 | bit for bit 
 
 def errors_of(frames: list[Frame], cut: int = 1 << 17) -> dict[int, BusErrors]:
     errors, whole = CanErrors(), batch(frames)
-    for begin in range(0, len(whole), cut):
-        errors.observe(dissect_can(whole[begin : begin + cut]), begin + 1)
+    for told in run(Batches(pieces_of(whole, cut)), Reading(), []):
+        if told.can is not None:
+            errors.observe(told, told.can)
     return errors.by_channel()
 
 
