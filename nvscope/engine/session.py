@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, TypeVar
 
+from dissectors.batch import PacketBatch
+from nvscope.capture.derived import DerivedSource
 from nvscope.capture.source import Source
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import Observer, run
@@ -21,11 +23,12 @@ Look = TypeVar("Look")
 class Session(Generic[Look]):
     """A source that is told to observers in a thread.
 
-    ``look`` makes a frozen value of what the observers know. It is called when the session starts, and then in that
-    thread between two batches and after the last, so that nobody sees a state that is half changed; it must not change
-    anything. Looks are made when somebody asks, at most ten a second.
+    ``look`` makes a frozen value of what the observers know. It is called when the session starts, and then between two
+    batches and after the last, so that nobody sees a state that is half changed; it must not change anything. Looks are
+    made when somebody asks, at most ten a second: in that thread, or, while it waits for the source, in that of who
+    asks.
 
-    A source that has nothing for a while has to say so (``PacketBatch.until_ns``), or looks get old.
+    A source that has nothing for a while may say so (``PacketBatch.until_ns``), so that waits end.
     """
 
     def __init__(
@@ -38,8 +41,9 @@ class Session(Generic[Look]):
         self._answered = 0
         self._look: Look | None = None
         self._looked_at_s = 0.0
-        # Whether a batch was told since the last look was made.
+        # Whether a batch was told since the last look was made, and whether one is being told.
         self._behind = False
+        self._telling = False
         self._stopping = False
         self._ended = False
         self._error: BaseException | None = None
@@ -60,7 +64,7 @@ class Session(Generic[Look]):
     def snapshot(self, patience_s: float | None = None) -> Look:
         """Return a look that is not older than the call, or a tenth of a second older.
 
-        Where nothing was told since the last look, that is it. Where the source says nothing more, it returns the last
+        Where nothing was told since the last look, that is it. Where a batch takes long to be told, it returns the last
         one after ``patience_s`` (None: waits). Raises what the source or an observer raised, and UsageError before
         ``start``.
         """
@@ -71,7 +75,9 @@ class Session(Generic[Look]):
                 return self._told()
             self._asked += 1
             mine = self._asked
-            self._changed.wait_for(lambda: self._answered >= mine or self._ended, patience_s)
+            self._changed.wait_for(lambda: self._answered >= mine or self._ended or not self._telling, patience_s)
+            if self._answered < mine and not self._ended and not self._telling:
+                self._answer(sparingly=True)
             return self._told()
 
     def stop(self) -> Look:
@@ -103,9 +109,15 @@ class Session(Generic[Look]):
         assert self._look is not None
         return self._look
 
+    def _tell(self, is_telling: bool) -> None:
+        """Note that the loop begins with a batch, or has done with it."""
+        with self._changed:
+            self._telling = is_telling
+            self._changed.notify_all()
+
     def _run(self) -> None:
         try:
-            for _ in run(self._source, self._reading, self._observers):
+            for _ in run(_InTurns(self._source, self._tell), self._reading, self._observers):
                 self._behind = True
                 if self._asked > self._answered:
                     self._answer(sparingly=True)
@@ -135,3 +147,20 @@ class Session(Generic[Look]):
         with self._changed:
             self._look, self._answered, self._behind = look, asked, behind
             self._changed.notify_all()
+
+
+class _InTurns(DerivedSource):
+    """A source whose every batch begins and ends a turn: until the next one is asked for, it is being told."""
+
+    def __init__(self, source: Source, tell: Callable[[bool], None]) -> None:
+        super().__init__(source)
+        self._tell = tell
+
+    def __iter__(self) -> Iterator[PacketBatch]:
+        for packets in self._source:
+            self._tell(True)
+            yield packets
+            self._tell(False)
+
+    def between(self, start_ns: int | None, end_ns: int | None) -> Source:
+        return _InTurns(self._source.between(start_ns, end_ns), self._tell)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -119,6 +120,54 @@ def test_a_running_session_is_looked_at_between_its_batches_and_stopped() -> Non
     assert (last.frames, state.capture.until_ns) == (10, last.until_ns)
     with pytest.raises(AttributeError):
         last.frames = 3  # type: ignore[misc]  # a snapshot is a value
+
+
+def test_a_session_is_looked_at_while_its_source_pauses_and_says_nothing() -> None:
+    state, source = TrackerState(), Steered([batch_of(frames_from(1, 10)), batch_of(frames_from(11, 3))])
+    session = Session(source, Reading(), [state], lambda: (state.capture.summary(0), threading.current_thread()))
+    session.start()
+    source.go_on()
+    by_deadline = time.monotonic() + 30
+    seen, _ = session.snapshot()
+    while not seen.frames and time.monotonic() < by_deadline:
+        seen, _ = session.snapshot()
+    assert seen.frames == 10
+    last, made_in = session.stop()
+    assert last.frames == 10
+    assert made_in is not threading.current_thread()
+
+
+@examples()
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=40), st.integers(1, 4))
+def test_no_look_sees_a_batch_that_is_half_told(sizes: list[int], askers: int) -> None:
+    """Whoever asks, and whenever: what one observer has seen, the others have."""
+    batches, begin = [], 1
+    for size in sizes:
+        batches.append(batch_of(frames_from(begin, size)))
+        begin += size
+    states = TrackerState(), TrackerState()
+    ends = {sum(sizes[:told]) for told in range(len(sizes) + 1)}
+    seen: list[tuple[int, int]] = []
+
+    def look() -> tuple[int, int]:
+        one, other = (state.capture.summary(0).frames for state in states)
+        return one, other
+
+    session = Session(Batches(batches), Reading(), states, look)
+
+    def ask() -> None:
+        while not session.ended:
+            session._looked_at_s = -1e9  # as if the last look were long past
+            seen.append(session.snapshot())
+
+    session.start()
+    threads = [threading.Thread(target=ask) for _ in range(askers)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(30)
+    assert session.stop() == (sum(sizes), sum(sizes))
+    assert all(one == other and one in ends for one, other in seen)
 
 
 def test_who_asks_at_once_and_does_not_wait_is_answered() -> None:
