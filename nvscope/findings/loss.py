@@ -120,7 +120,8 @@ COUNTER_ERRATIC = FindingKind(
     Severity.WARNING,
     meaning=(
         "The Counter jumps far more than the missing time allows: telegrams arrive as often as ever while it claims "
-        "that many were lost. This sender does not count telegrams, so its loss figures mean nothing."
+        "that many were lost. This sender does not count telegrams: its loss figures mean nothing, nor does what looks "
+        "like duplicates, overtaken telegrams and restarts."
     ),
     causes=(
         "a sender that writes its Counter byte-swapped, so that it jumps by 256 from some value on",
@@ -141,14 +142,11 @@ def judge_loss(facts: Facts) -> Iterator[Finding]:
             yield _finding(COUNTER_UNUSED, entry, stream, _unused(facts, stream), _unused_sentence(stream))
         if not loss.streams.counting[stream.stream]:
             continue
-        for step, kind, sentence in _STEPS:
+        # Of a Counter that does not count, this is all that can be said: its other steps mean nothing.
+        for step, kind, sentence in _ERRATIC if stream.erratic else _STEPS:
             rows = loss.events_of(step, stream.scope)
-            if not rows.count[stream.stream]:
-                continue
-            events = events_of(rows, stream.stream)
-            if step == Step.GAP and stream.erratic:
-                yield _finding(COUNTER_ERRATIC, entry, stream, events, _erratic_sentence(stream))
-            else:
+            if rows.count[stream.stream]:
+                events = events_of(rows, stream.stream)
                 yield _finding(kind, entry, stream, events, sentence(stream, events))
     yield from _scopes(facts)
 
@@ -184,20 +182,21 @@ def _restarts(stream: StreamSummary, events: Events) -> str:
     return f"The Counter began anew {count_of(events.count, 'time')} in {count_of(stream.telegrams, 'telegram')}."
 
 
+def _erratic(stream: StreamSummary, _: Events) -> str:
+    span = duration(stream.last_ns - stream.first_ns)
+    return (
+        f"The Counter claims {count(stream.figures['lost'])} lost for {count_of(stream.telegrams, 'telegram')} in "
+        f"{span}, more than there was time for: it does not count telegrams."
+    )
+
+
 _STEPS = (
     (Step.GAP, TELEGRAM_GAP, _gaps),
     (Step.LATE, DUPLICATE_TELEGRAM, _duplicates),
     (Step.OVERTAKEN, OVERTAKEN_TELEGRAM, _overtaken),
     (Step.RESTART, SENDER_RESTART, _restarts),
 )
-
-
-def _erratic_sentence(stream: StreamSummary) -> str:
-    span = duration(stream.last_ns - stream.first_ns)
-    return (
-        f"The Counter claims {count(stream.figures['lost'])} lost for {count_of(stream.telegrams, 'telegram')} in "
-        f"{span}, more than there was time for: it does not count telegrams."
-    )
+_ERRATIC = ((Step.GAP, COUNTER_ERRATIC, _erratic),)
 
 
 def _unused_sentence(stream: StreamSummary) -> str:

@@ -171,8 +171,10 @@ def judge_stream(notes: Notes, at: StreamKey, stream: Stream, figures: Figures, 
         ("NV203", figures.overtaken),
         ("NV204", figures.restarts),
     ):
-        for moment in moments:
+        for moment in () if verdict.erratic else moments:
             notes.find(code, *where, moment)
+        if moments and not verdict.certain:
+            notes.doubt(code, at)
     if stream.unused:
         notes.find("NV205", *where, stream.last.moment)
     return verdict

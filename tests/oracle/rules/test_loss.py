@@ -136,6 +136,14 @@ def test_a_sender_that_does_not_count_is_erratic() -> None:
     assert wire.codes() == {"NV207": 8}
 
 
+def test_of_an_erratic_counter_nothing_else_is_found() -> None:
+    # Steps of 9 000 telegrams, then back to the first values: late ones and a restart, as far as a Counter tells.
+    wire = counted(*(1 + number * 9_000 for number in range(7)), 1, 2, 3, 60_000, 59_999, 40_000)
+    assert wire.stream["lost"] is None
+    assert wire.counters("restarts", "overtaken")
+    assert set(wire.codes()) == {"NV207"}
+
+
 def test_loss_in_a_pause_is_loss() -> None:
     assert not erratic(lost=300, telegrams=40, duration=60 * SECOND, median=SECOND)  # limit 100 + 10 × 20
     assert erratic(lost=301, telegrams=40, duration=60 * SECOND, median=SECOND)
