@@ -72,6 +72,8 @@ def headline(report: Report) -> Cell:
     """Return what matters most about the whole capture in one line."""
     lists, findings, capture = report["lists"], report["findings"], report["capture"]
     tone = status(worst(findings)).tone
+    if _lies_elsewhere(capture):
+        return Cell("No frame of the capture lies in the time that was asked for", Tone.WARNING)
     if not capture["frames"]:
         return Cell("The capture holds no frames", Tone.WARNING)
     if not capture["telegrams"] and not lists:
@@ -171,11 +173,18 @@ def filter_cells(chosen: Mapping[str, Any], all_telegrams: int, besides: str = "
     return [Cell("shown: what "), Cell(chosen["expression"], Tone.STRONG), Cell(f" chooses ({number}){besides}")]
 
 
+def _lies_elsewhere(capture: Row) -> bool:
+    """Tell whether there are frames, but none in the part of the capture that the report is about."""
+    return not capture["frames"] and any(source["frames"] for source in capture["sources"])
+
+
 def advice(report: Report) -> tuple[str, ...]:
     """Return what to check where a capture shows no list at all; nothing where it shows one, or is not all shown."""
     capture = report["capture"]
     if report["lists"] or "filter" in report:
         return ()
+    if _lies_elsewhere(capture):
+        return ("Without --from-time and --to-time, the report says when the capture begins and ends.",)
     if not capture["frames"]:
         return (
             "Was the right interface recorded, and is its link up?",

@@ -232,6 +232,8 @@ NO_TELEGRAMS = report(
 
 NO_FRAMES = report({"sources": [{"path": "empty.pcap", "format": "pcap", "bytes": 24, "frames": 0}]}, [], [])
 
+NO_FRAMES_THEN = report({"sources": [{"path": "day.pcap", "format": "pcap", "bytes": 99_000, "frames": 990}]}, [], [])
+
 ONLY_PARAMETERS = report(
     {
         "sources": [{"path": "sdo.pcap", "format": "pcap", "bytes": 999, "frames": 9}],
@@ -270,6 +272,7 @@ EXAMPLES = {
     "troubled": TROUBLED,
     "no-telegrams": NO_TELEGRAMS,
     "no-frames": NO_FRAMES,
+    "no-frames-then": NO_FRAMES_THEN,
     "only-parameters": ONLY_PARAMETERS,
     "hostile": HOSTILE,
 }

@@ -24,6 +24,7 @@ GOLDEN = [
     ("troubled", 120, True),
     ("no-telegrams", 80, False),
     ("no-frames", 80, False),
+    ("no-frames-then", 80, False),
     ("only-parameters", 80, False),
     ("hostile", 80, True),
 ]
@@ -108,6 +109,7 @@ def test_every_finding_is_shown_in_the_order_given_with_its_sentences() -> None:
         ("troubled", "● 4 lists: 1 with errors, 1 with warnings, 1 with notes, 1 ok; 1 warning beside the lists"),
         ("no-telegrams", "● None of 412 frames is a telegram of network variables"),
         ("no-frames", "● The capture holds no frames"),
+        ("no-frames-then", "● No frame of the capture lies in the time that was asked for"),
         ("only-parameters", "● No list: no telegram belongs to a network variables list"),
         ("hostile", "● 1 list, with errors"),
     ],
