@@ -116,7 +116,10 @@ class Captures:
 
     @cached_property
     def report(self) -> dict[str, Any]:
-        """The report as data (schema ``nvscope.report/1``), as ``nvscope report --json`` prints it."""
+        """The report as data (schema ``nvscope.report/1``), as ``nvscope report --json`` prints it.
+
+        It is without the values of variables, for which there are ``values`` and ``at``.
+        """
         return self._inquiry.report(self._inquiry.analyze(self._where))
 
     @cached_property
@@ -211,9 +214,8 @@ class Captures:
                 "several lists are defined, and each is a table of its own",
                 next_step=f"name one of {told}, or ask for form='long'",
             )
-        assert inquiry.layouts is not None
         chosen = None if self._where is None else inquiry.filter(self._where)
-        telegrams = DefinedTelegrams(inquiry.layouts, keys=[key for key, _ in lists])
+        telegrams = DefinedTelegrams(inquiry.defined_layouts(), keys=[key for key, _ in lists])
         rows = values(inquiry.open(), inquiry.reading(chosen), telegrams)
         frame, beyond = wide_frame(telegrams, rows) if form == "wide" else (long_frame(telegrams, rows), 0)
         for sentence in [*([beyond_time(beyond)] if beyond else []), *left_out(telegrams)]:
@@ -277,10 +279,7 @@ class Captures:
     def _defined(self, name: str | int | None) -> Lists:
         from nvscope.export.lists import lists_to_write  # noqa: PLC0415
 
-        layouts = self._inquiry.layouts
-        if layouts is None:
-            raise UsageError("no list is defined", next_step="give nvscope.open the definitions of the PLC project")
-        return lists_to_write(layouts, () if name is None else (str(name),))
+        return lists_to_write(self._inquiry.defined_layouts(), () if name is None else (str(name),))
 
 
 _Kind = type | list[type] | Literal["time", "duration"]

@@ -100,6 +100,11 @@ def test_several_lists_are_long_or_one_by_one() -> None:
 def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no list is defined"):
         nvscope.open(PEERS).values()
+    for ask in (lambda: nvscope.open(PEERS).at("5s"), lambda: nvscope.open(PEERS).history("stAxis.pos")):
+        with pytest.raises(UsageError, match="no list is defined"):
+            ask()
+    with pytest.raises(UsageError, match="declare types, but no list"):
+        nvscope.open(PEERS, definitions=AXIS[1:]).at("5s")
     with pytest.raises(UsageError, match="no list is named 'axes'"):
         nvscope.open(PEERS, definitions=AXIS).values("axes")
     with pytest.raises(UsageError, match=r"no field is called nv\.cuonter"):

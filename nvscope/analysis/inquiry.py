@@ -106,7 +106,10 @@ class Inquiry:
     def defined_layouts(self) -> Layouts:
         """Return ``layouts``; UsageError where there are none."""
         if self.layouts is None:
-            raise UsageError("the definition files declare types, but no list", next_step="name the exported list too")
+            if self.project.definition.lists or self.project.definition.types:
+                what = "the definition files declare types, but no list"
+                raise UsageError(what, next_step="name the exported list too")
+            raise UsageError("no list is defined", next_step="name the files that the PLC project exports")
         return self.layouts
 
     @cached_property
@@ -276,13 +279,7 @@ class Inquiry:
     def _read(
         self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False
     ) -> Analysis:  # fmt: skip
-        taken = None
-        if self.layouts is not None:
-            from nvscope.tracker.variables.values import Values  # noqa: PLC0415
-
-            taken = Values(self.layouts, wanted=values)
-        source = self.open()
-        state = TrackerState(values=taken, others=accumulators_of(self.protocols))
+        source, state = self.open(), self._state(values=values)
         observers: list[Observer] = [state]
         hops = None
         if compare and self.layouts is not None:
@@ -293,14 +290,22 @@ class Inquiry:
         for _ in self.run(source, observers, chosen):
             pass
         found = snapshot(state, source, self.project, self.pdos, protocols=self.protocols)
-        return Analysis(found.infos, state, found.summary, found.findings, taken, hops=hops)
+        return Analysis(found.infos, state, found.summary, found.findings, state.values, hops=hops)
+
+    def _state(self, *, values: bool = False) -> TrackerState:
+        """Return a state that has seen nothing, and goes by the definitions; ``values`` are kept if they are wanted."""
+        taken = None
+        if self.layouts is not None:
+            from nvscope.tracker.variables.values import Values  # noqa: PLC0415
+
+            taken = Values(self.layouts, wanted=values)
+        return TrackerState(values=taken, others=accumulators_of(self.protocols))
 
     def session(self) -> Session[Snapshot]:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
         from nvscope.engine.session import Session  # noqa: PLC0415
 
-        source, reading = self.open(), self.reading()
-        state = TrackerState(others=accumulators_of(self.protocols))
+        source, reading, state = self.open(), self.reading(), self._state()
 
         def look() -> Snapshot:
             return snapshot(
