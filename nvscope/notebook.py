@@ -28,6 +28,7 @@ from nvscope.definition.project import find_project
 from nvscope.definition.project_file import read_project
 from nvscope.errors import UsageError
 from nvscope.tracker.figures import (
+    BIT_RATES,
     BUS_COUNTERS,
     BUS_ERRORS,
     DIAGNOSIS,
@@ -36,6 +37,7 @@ from nvscope.tracker.figures import (
     LOADS,
     PACE,
     RATE,
+    REMOTE,
     STREAM_COUNTERS,
     TELEGRAMS,
     Figure,
@@ -143,17 +145,17 @@ class Captures:
 
         On CAN also the COB-ID and how many remote frames asked for it.
         """
-        figures = (TELEGRAMS, *STREAM_COUNTERS, *INTERVALS, *PACE)
+        figures = (REMOTE, TELEGRAMS, *STREAM_COUNTERS, *INTERVALS, *PACE)
         rows = [{"list": entry["key"]} | stream for entry in self.report["lists"] for stream in entry["streams"]]
-        kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "cob_id": int, "remote": int}
-        kinds |= _kinds([TELEGRAMS]) | {"counter_scope": str} | _kinds(STREAM_COUNTERS)
+        kinds: dict[str, _Kind] = {"list": str, "node": str, "subindex": int, "cob_id": int}
+        kinds |= _kinds([REMOTE, TELEGRAMS]) | {"counter_scope": str} | _kinds(STREAM_COUNTERS)
         kinds |= {"items": int, "length": int, "checksum": int} | _kinds((*INTERVALS, *PACE))
         return _frame(_looked_up(rows, figures, Of.STREAM), kinds)
 
     @cached_property
     def buses(self) -> pl.DataFrame:
         """A row a CAN bus: channel, and its figures; what error frames tell is null where there are none."""
-        figures = (*BUS_COUNTERS, *LOADS, *BUS_ERRORS, RATE)
+        figures = (*BUS_COUNTERS, *BIT_RATES, *LOADS, *BUS_ERRORS, RATE)
         rows = _looked_up(self.report.get("buses", ()), figures, Of.BUS)
         return _frame(rows, {"channel": str} | _kinds(figures))
 

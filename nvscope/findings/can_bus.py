@@ -63,7 +63,7 @@ def judge_buses(facts: Facts) -> Iterator[Finding]:
     """Yield a finding for each channel with seconds above the limit, if its bit rate is known, and with errors."""
     for bus in facts.summary.can.buses:
         yield from _load(facts, bus)
-        if bus.errors is not None:
+        if bus.errors is not None and bus.errors.count:
             yield _errors(facts, bus.channel, bus.errors)
 
 

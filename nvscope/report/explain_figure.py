@@ -31,7 +31,8 @@ def figure_lines(figure: Figure, width: int) -> Iterator[Line]:
     for of in figure.of:
         yield from wrap([Cell(of.value.ljust(_OF_WIDTH)), Cell(_told(figure, of))], width, hanging=_OF_WIDTH)
     yield []
-    yield from wrap([Cell(f"Of several windows joined: {figure.joins.value}.")], width)
+    provided = f", where {figure.provided.value}" if figure.provided else ""
+    yield from wrap([Cell(f"Of several windows joined: {figure.joins.value}{provided}.")], width)
 
 
 def _told(figure: Figure, of: Of) -> str:

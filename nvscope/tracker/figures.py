@@ -1,4 +1,4 @@
-"""The table of figures: every number that is told of a stream, a list, a node on a list, or a CAN bus.
+"""The table of figures: what is counted and measured of a stream, a list, a node on a list, or a CAN bus.
 
 JSON keys, columns, the words of expressions and rules, and ``explain`` are derived from here. A figure of a node is
 that of its streams on one list.
@@ -17,7 +17,7 @@ from nvscope.tracker.measured import Measured
 
 Unit = Literal[
     "telegrams", "frames", "intervals", "acknowledgements", "counters", "gaps", "events", "bits", "seconds", "percent",
-    "per second", "time", "ns", "",
+    "per second", "bits per second", "time", "ns", "",
 ]  # fmt: skip
 """``time`` is an absolute one in ns, ``ns`` a duration; "" are texts."""
 
@@ -50,6 +50,14 @@ class Joins(Enum):
     DERIVED = "computed anew from other figures of the whole"
 
 
+class Provided(Enum):
+    """What has to be alike in all windows, or their figures do not join: it is learned as telegrams come."""
+
+    COUNTING = "what a sender counts was taken alike in all"
+    READING = "the same nodes read in all"
+    SENT = "what is asked for had been sent before"
+
+
 @dataclass(frozen=True, slots=True)
 class Figure:
     """One figure: its name, its unit, what it tells, of what, how windows join, and how it is read.
@@ -66,6 +74,7 @@ class Figure:
     reads: Callable[[Measured], Value]
     keys: Mapping[Of, str] = field(default_factory=lambda: MappingProxyType({}))
     width_bits: int = 0
+    provided: Provided | None = None
 
     @property
     def extreme(self) -> bool:
@@ -81,20 +90,23 @@ _LISTS_AND_NODES = Of.LIST, Of.NODE
 _TRAFFIC = Of.STREAM, Of.LIST, Of.NODE
 
 
-def _diagnosis(name: str, unit: Unit, joins: Joins, text: str, width_bits: int = 0) -> Figure:
+def _diagnosis(
+    name: str, unit: Unit, joins: Joins, text: str, width_bits: int = 0, provided: Provided | None = None
+) -> Figure:
     def read(row: Measured) -> Value:
         value: Value = None if row.diagnosis is None else getattr(row.diagnosis, name)
         return value
 
     keys = {Of.LIST: f"diag.{name}", Of.NODE: f"diag.{name}"}
-    return Figure(name, unit, text, _LISTS_AND_NODES, joins, read, keys, width_bits)
+    return Figure(name, unit, text, _LISTS_AND_NODES, joins, read, keys, width_bits, provided)
 
 
 def _counter(name: str, unit: Unit, text: str, of: tuple[Of, ...] = (Of.LIST,), joins: Joins = Joins.SUM) -> Figure:
     keys = {Of.LIST: f"counters.{name}"}
     if name in _STREAM_KEYS:
         keys[Of.STREAM] = name
-    return Figure(name, unit, text, of, joins, lambda row: row.counters.get(name), keys)
+    provided = Provided.COUNTING if name in (*BY_SCOPE, "lost_claimed") else None
+    return Figure(name, unit, text, of, joins, lambda row: row.counters.get(name), keys, provided=provided)
 
 
 def _interval(
@@ -141,17 +153,19 @@ DIAGNOSIS = (
     _diagnosis("nSendCount", "telegrams", Joins.SUM, "data telegrams sent, malformed ones included", 32),
     _diagnosis("tLastSend", "time", Joins.LAST, "time of the last of them"),
     _diagnosis(
-        "nReceiveCount", "telegrams", Joins.SUM, "telegrams received, of any service and malformed ones included", 32
+        "nReceiveCount", "telegrams", Joins.SUM, "telegrams received, of any service and malformed ones included", 32,
+        Provided.READING,
     ),
-    _diagnosis("tLastReceive", "time", Joins.LAST, "time of the last of them"),
+    _diagnosis("tLastReceive", "time", Joins.LAST, "time of the last of them", provided=Provided.READING),
     _diagnosis(
-        "nWriteCount", "telegrams", Joins.SUM, "data telegrams that a reader would write into its variables", 32
+        "nWriteCount", "telegrams", Joins.SUM, "data telegrams that a reader would write into its variables", 32,
+        Provided.READING,
     ),
     _diagnosis("sLastError", "", Joins.LAST, "name of the last error"),
     _diagnosis("tLastError", "time", Joins.LAST, "time of the last error"),
     _diagnosis("nErrorCount", "events", Joins.SUM, "errors of any kind", 16),
     _diagnosis("nAcknowledges", "telegrams", Joins.SUM, "acknowledgements sent, negative ones included", 16),
-)
+)  # fmt: skip
 """NetVarUDPDiagStruct (Network Functionality in CoDeSys V2.3, 3.4), in the order of its components."""
 
 LIST_COUNTERS = (
@@ -185,6 +199,11 @@ STREAM_COUNTERS = tuple(one for one in LIST_COUNTERS if Of.STREAM in one.keys)
 TELEGRAMS = Figure(
     "telegrams", "telegrams", "well-formed data telegrams (on CAN data frames)", _TRAFFIC, Joins.SUM,
     attrgetter("telegrams"), {Of.STREAM: "telegrams"},
+)  # fmt: skip
+
+REMOTE = Figure(
+    "remote", "frames", "remote frames that asked for it, on CAN", (Of.STREAM,), Joins.SUM, attrgetter("remote"),
+    {Of.STREAM: "remote"}, provided=Provided.SENT,
 )  # fmt: skip
 
 RATE = Figure(
@@ -230,6 +249,17 @@ BUS_COUNTERS = (
 )
 """What is counted of a bus, in the order of reports."""
 
+BIT_RATES = (
+    _bus(
+        "bit_rate", "bits per second", Joins.DERIVED, "bit rate, as given or found", "bit_rate.nominal",
+        "bit_rate.nominal",
+    ),
+    _bus(
+        "data_bit_rate", "bits per second", Joins.DERIVED, "bit rate of the data phase of CAN FD", "bit_rate.data",
+        "bit_rate.data",
+    ),
+)  # fmt: skip
+
 LOADS = (
     _bus("load", "percent", Joins.DERIVED, "busy part of the time from the first frame on", "load.mean", "load.mean"),
     _bus("load_peak", "percent", Joins.DERIVED, "busy part of the busiest second", "load.peak", "load.peak"),
@@ -247,6 +277,22 @@ BUS_ERRORS = (
         "errors.bus_off.count", otherwise=0,
     ),
     _bus(
+        "bus_off_restarted", "events", Joins.SUM, "times that a frame told of its return", "errors.restarts",
+        "errors.bus_off.restarted", otherwise=0,
+    ),
+    _bus(
+        "bus_off_returned", "events", Joins.SUM, "times that it was seen to be back", "errors.returns",
+        "errors.bus_off.returned", otherwise=0,
+    ),
+    _bus(
+        "bus_off_total", "ns", Joins.SUM, "how long it was off the bus in all, as far as it came back",
+        "errors.off_ns", "errors.bus_off.total_ns", otherwise=0,
+    ),
+    _bus(
+        "bus_off_longest", "ns", Joins.MAX, "how long it was off the bus at the longest", "errors.longest_off_ns",
+        "errors.bus_off.longest_ns", otherwise=0,
+    ),
+    _bus(
         "tx_errors", "events", Joins.MAX, "highest transmit error counter told", "errors.tx_errors", "errors.tx_errors"
     ),
     _bus(
@@ -255,7 +301,8 @@ BUS_ERRORS = (
 )  # fmt: skip
 
 FIGURES = (
-    *DIAGNOSIS, *LIST_COUNTERS, TELEGRAMS, RATE, *INTERVALS, JITTER, *LATENCIES, *BUS_COUNTERS, *LOADS, *BUS_ERRORS,
+    *DIAGNOSIS, *LIST_COUNTERS, TELEGRAMS, REMOTE, RATE, *INTERVALS, JITTER, *LATENCIES, *BUS_COUNTERS, *BIT_RATES,
+    *LOADS, *BUS_ERRORS,
 )  # fmt: skip
 """All of them."""
 

@@ -18,12 +18,14 @@ if TYPE_CHECKING:  # `explain` reads the table of figures, and starts without wh
 class Measured:
     """What was measured of one of them; None for what it has not, or what nobody knows of it.
 
-    ``telegrams`` are its well-formed data telegrams, or its frames, ``span_ns`` is how long it was watched.
+    ``telegrams`` are its well-formed data telegrams, or its frames, ``remote`` the remote frames that asked for it on
+    CAN; ``span_ns`` is how long it was watched.
     ``counters`` are by name. Of several streams, ``intervals`` and ``latency`` are those of all, ``jitter_percent`` is
     that of the worst. Without ``extremes``, nobody kept the least and the most of the window.
     """
 
     telegrams: int
+    remote: int | None = None
     span_ns: int | None = None
     diagnosis: Diagnosis | None = None
     counters: Mapping[str, int | None] = field(default_factory=lambda: MappingProxyType({}))

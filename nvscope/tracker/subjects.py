@@ -130,6 +130,7 @@ class Measures:
             counters, latency = stream.counters, self._together.latency_of_stream.get(stream.stream, NO_LATENCY)
         return Measured(
             telegrams=stream.telegrams,
+            remote=stream.remote if isinstance(stream, CanStreamSummary) else None,
             span_ns=self._span_ns,
             extremes=self._extremes,
             counters=counters,

@@ -68,16 +68,17 @@ class _ChannelColumns(KeyedColumns):
 class BusErrors:
     """The error frames of a channel.
 
-    ``frames`` are the first ten of ``count``. ``classes`` are those of ``dissectors.can.error.CLASSES`` by how many
-    frames told them, ``states`` likewise those of ``CONTROLLER_BITS``; both by name, and only what was told.
+    ``frames`` are the first ten of ``count``; without any, ``first_ns`` and ``last_ns`` are None. ``classes`` are those
+    of ``dissectors.can.error.CLASSES`` by how many frames told them, ``states`` likewise those of ``CONTROLLER_BITS``;
+    both by name, and only what was told.
     ``bus_offs`` counts how often the controller left the bus; ``restarts`` of them ended by a frame that says so,
     ``returns`` by frames on the bus again; ``off_ns`` is how long that took in all. ``off_since_ns`` is None unless it
     was off at the end. The error counters are the highest that were told, None without any.
     """
 
     count: int
-    first_ns: int
-    last_ns: int
+    first_ns: int | None
+    last_ns: int | None
     frames: tuple[int, ...]
     classes: Mapping[str, int]
     states: Mapping[str, int]
@@ -187,7 +188,7 @@ class CanErrors:
         )  # fmt: skip
 
     def by_channel(self) -> dict[int, BusErrors]:
-        """Return what is known of each channel with error frames."""
+        """Return what is known of each channel with error frames, or, of a window, that they had put off the bus."""
         classes: dict[int, dict[str, int]] = {}
         keys = zip(self.classes.keys.high.tolist(), self.classes.keys.low.tolist(), strict=True)
         for row, (channel, mask) in sorted(enumerate(keys), key=lambda pair: pair[1]):
@@ -197,11 +198,13 @@ class CanErrors:
         events, columns, channels = self.all.rows, self.columns, self.all.keys.high
         rows = zip(channels.tolist(), self.channels.find(channels).tolist(), strict=True)
         for row, (channel, number) in enumerate(rows):
-            if not events.count[row]:
-                continue  # of a window without any
+            count = int(events.count[row])
+            # In a window without any, it can be off the bus, or come back to it.
+            if not (count or columns.off[number] or columns.returns[number]):
+                continue
             states = zip(CONTROLLER_BITS, columns.states[number].tolist(), strict=True)
             found[channel] = BusErrors(
-                int(events.count[row]), int(events.first_ns[row]), int(events.last_ns[row]),
+                count, int(events.first_ns[row]) if count else None, int(events.last_ns[row]) if count else None,
                 tuple(frame for frame in events.frames[row].tolist() if frame),
                 MappingProxyType(classes.get(channel, {})),
                 MappingProxyType({bit.name: times for bit, times in states if times}),

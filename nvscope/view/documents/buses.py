@@ -13,7 +13,7 @@ from nvscope.tracker.can.bus import BitRate, BusLoad, CanBusSummary
 from nvscope.tracker.can.canopen import CanOpenNode, Emergency
 from nvscope.tracker.can.errors import BusErrors
 from nvscope.tracker.can.summary import CanSummary
-from nvscope.tracker.figures import BUS_COUNTERS, BY_NAME, RATE, Of
+from nvscope.tracker.figures import BIT_RATES, BUS_COUNTERS, BUS_ERRORS, BY_NAME, RATE, Of
 from nvscope.tracker.measured import Measured
 from nvscope.tracker.subjects import Measures
 from nvscope.view.documents.can_lists import canopen_label
@@ -24,10 +24,11 @@ MOST_SECONDS = 86_400
 
 _COUNTED = FigureRow(BUS_COUNTERS, Of.BUS)
 _RATE = FigureRow((RATE,), Of.BUS)
+_BIT_RATES = FigureRow(BIT_RATES, Of.BUS, "bit_rate")
 _LOADS = FigureRow((BY_NAME["load"], BY_NAME["load_peak"]), Of.BUS, "load")
 _WORST_LOAD = FigureRow((BY_NAME["load_worst"],), Of.BUS, "load")
 _ERROR_FRAMES = FigureRow((BY_NAME["error_frames"],), Of.BUS, "errors")
-_BUS_OFFS = FigureRow((BY_NAME["bus_off"],), Of.BUS, "errors.bus_off")
+_BUS_OFFS = FigureRow((one for one in BUS_ERRORS if one.name.startswith("bus_off")), Of.BUS, "errors.bus_off")
 _ERROR_COUNTERS = FigureRow((BY_NAME["tx_errors"], BY_NAME["rx_errors"]), Of.BUS, "errors")
 
 _Names = Mapping[tuple[str, bool, int], tuple[str | None, str | None]]
@@ -67,7 +68,7 @@ def _bus(bus: CanBusSummary, known: _Names, measured: Measured) -> dict[str, Any
     return {
         "channel": bus.channel,
         **_COUNTED.read(measured),
-        "bit_rate": _bit_rate(bus.bit_rate),
+        "bit_rate": _bit_rate(bus.bit_rate, measured),
         "load": _load(bus.load, measured),
         "identifiers": identifiers,
         "errors": _errors(bus.errors, measured),
@@ -76,10 +77,10 @@ def _bus(bus: CanBusSummary, known: _Names, measured: Measured) -> dict[str, Any
     }
 
 
-def _bit_rate(rate: BitRate | None) -> dict[str, Any] | None:
+def _bit_rate(rate: BitRate | None, measured: Measured) -> dict[str, Any] | None:
     if rate is None:
         return None
-    return {"nominal": rate.nominal, "data": rate.data, "source": "given" if rate.given else "found"}
+    return {**_BIT_RATES.read(measured), "source": "given" if rate.given else "found"}
 
 
 def _load(load: BusLoad | None, measured: Measured) -> dict[str, Any] | None:
@@ -107,10 +108,6 @@ def _errors(errors: BusErrors | None, measured: Measured) -> dict[str, Any] | No
         "states": _labelled(CONTROLLER_BITS, errors.states),
         "bus_off": {
             **_BUS_OFFS.read(measured),
-            "restarted": errors.restarts,
-            "returned": errors.returns,
-            "total_ns": errors.off_ns,
-            "longest_ns": errors.longest_off_ns,
             "since_ns": time_text(errors.off_since_ns),
         },
         **_ERROR_COUNTERS.read(measured),

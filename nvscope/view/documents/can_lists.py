@@ -18,6 +18,7 @@ from nvscope.view.documents.figures import (
     COUNTED_OF_STREAM,
     PACE_OF_LIST,
     PACE_OF_STREAM,
+    REMOTE_OF_STREAM,
     TELEGRAMS_OF_STREAM,
 )
 
@@ -63,7 +64,7 @@ def _stream(stream: CanStreamSummary, measures: Measures) -> dict[str, Any]:
         "cob_id": stream.cob_id,
         "extended": stream.extended,
         **TELEGRAMS_OF_STREAM.read(measured),
-        "remote": stream.remote,
+        **REMOTE_OF_STREAM.read(measured),
         "counter_scope": None,
         **COUNTED_OF_STREAM.read(measured),
         "items": None,

@@ -6,7 +6,17 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LIST_COUNTERS, PACE, STREAM_COUNTERS, TELEGRAMS, Figure, Of
+from nvscope.tracker.figures import (
+    DIAGNOSIS,
+    INTERVALS,
+    LIST_COUNTERS,
+    PACE,
+    REMOTE,
+    STREAM_COUNTERS,
+    TELEGRAMS,
+    Figure,
+    Of,
+)
 from nvscope.tracker.measured import Measured
 
 _Reads = Callable[[Measured], Any]
@@ -53,7 +63,7 @@ def lookup(figure: Figure, of: Of) -> Callable[[Mapping[str, Any]], Any]:
     first, *others = figure.keys[of].split(".")
 
     def look(row: Mapping[str, Any]) -> Any:
-        value = row[first]
+        value = row.get(first)  # what is only of CAN has no key elsewhere
         for key in others:
             if value is None:
                 return None
@@ -75,6 +85,7 @@ def _reading(figure: Figure) -> _Reads:
 
 COUNTED_OF_LIST = FigureRow((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST)
 TELEGRAMS_OF_STREAM = FigureRow((TELEGRAMS,), Of.STREAM)
+REMOTE_OF_STREAM = FigureRow((REMOTE,), Of.STREAM)
 COUNTED_OF_STREAM = FigureRow((*STREAM_COUNTERS, *INTERVALS), Of.STREAM)
 PACE_OF_LIST, PACE_OF_STREAM = FigureRow(PACE, Of.LIST), FigureRow(PACE, Of.STREAM)
 FIGURES_OF_NODE = FigureRow((*DIAGNOSIS, *PACE), Of.NODE)
