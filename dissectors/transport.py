@@ -117,11 +117,13 @@ class DatagramBatch(TransportBatch):
 class SegmentBatch(TransportBatch):
     """TCP segments of a packet batch, in its order, those without data among them.
 
+    ``header`` is the absolute offset of the TCP header, which lies in front of ``payload`` with its options, int64.
     ``payload_bytes`` is what the IP header leaves for data, or, where hardware was to fill in its length, what was
     captured. ``sequence`` and ``acknowledgement`` are uint32 as sent, ``flags`` uint8 as in ``TCP["flags"]``. Where
     nothing of the data was captured, ``payload`` may lie behind all that was.
     """
 
+    header: I64
     sequence: U32
     acknowledgement: U32
     flags: U8
@@ -157,7 +159,7 @@ def segments(data: U8, ip: IpPackets) -> SegmentBatch:
     return SegmentBatch(
         ip.place.row, ip.source_hi, ip.source_lo, ip.destination_hi, ip.destination_lo,
         payload, ip.stop - payload, np.maximum(ip.place.end - payload, 0),
-        head["source_port"].astype(np.uint16), head["destination_port"].astype(np.uint16),
+        head["source_port"].astype(np.uint16), head["destination_port"].astype(np.uint16), ip.place.at,
         head["sequence"].astype(np.uint32), head["acknowledgement"].astype(np.uint32), head["flags"].astype(np.uint8),
     )  # fmt: skip
 
@@ -193,4 +195,4 @@ def _columns(**types: type) -> dict[str, np.ndarray]:
 
 
 NO_DATAGRAMS = DatagramBatch(**_columns(broadcast=np.bool_))
-NO_SEGMENTS = SegmentBatch(**_columns(sequence=np.uint32, acknowledgement=np.uint32, flags=np.uint8))
+NO_SEGMENTS = SegmentBatch(**_columns(header=np.int64, sequence=np.uint32, acknowledgement=np.uint32, flags=np.uint8))

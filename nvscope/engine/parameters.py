@@ -20,7 +20,7 @@ class ParameterRows:
     """Requests, replies and error replies, in the order of the capture, those with a fault among them.
 
     ``packet`` are their rows in the packet batch, ``sender`` and ``receiver`` the numbers of the nodes, the receiver
-    ``NOBODY`` where it is not one alone. ``variety`` tells the rest: ``Varieties.telegrams`` the header,
+    ``NOBODY`` where it is not one alone. ``variety`` tells the rest: ``Varieties.telegrams_of`` gives their headers,
     ``Varieties.carried`` port, Index, SubIndex, and where the value lies. All of shape (n,), int64, ``counter`` uint16.
     """
 

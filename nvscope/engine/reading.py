@@ -10,7 +10,7 @@ from dissectors.netvar import PortRules
 from nvscope.engine.told import Choose
 
 TIMEOUT_NS = 1_000_000_000
-"""So long an answer may take unless somebody says otherwise (diagnosis, error events)."""
+"""So long an answer may take unless somebody says otherwise."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,12 +66,16 @@ def _table(kinds: Sequence[FindingKind], width: int) -> list[Line]:
     return align([Column("severity"), Column("code"), Column("name", shortest=8)], rows, width)
 
 
+def _begins_word(name: str, wanted: str) -> bool:
+    return len(wanted) > 2 and f"-{wanted}" in f"-{name}"
+
+
 def _nearest(wanted: str) -> str:
     from difflib import get_close_matches  # noqa: PLC0415
 
     words = {word: kind for kind in CATALOGUE.values() for word in (kind.code.lower(), kind.code[2:], kind.name)}
     near = {words[word].code for word in get_close_matches(wanted, words, n=5)}
-    close = [kind for kind in CATALOGUE.values() if kind.code in near or (len(wanted) > 2 and wanted in kind.name)]
+    close = [kind for kind in CATALOGUE.values() if kind.code in near or _begins_word(kind.name, wanted)]
     told = [f"{kind.code} {kind.name}" for kind in close]
     figures = {figure.name.lower(): figure.name for figure in FIGURES}
     for kind in close:

@@ -217,9 +217,9 @@ INTERVALS = (
     _interval("mean", "mean", Joins.DERIVED, "mean interval"),
     _interval("max", "maximum", Joins.MAX, "longest interval"),
     _interval("stddev", "deviation", Joins.DERIVED, "standard deviation of the intervals", of=(Of.STREAM,)),
-    _interval("p50", "p50", Joins.HISTOGRAM, "median interval, within 1 %"),
-    _interval("p95", "p95", Joins.HISTOGRAM, "interval that 95 of 100 do not exceed, within 1 %"),
-    _interval("p99", "p99", Joins.HISTOGRAM, "interval that 99 of 100 do not exceed, within 1 %"),
+    _interval("p50", "p50", Joins.HISTOGRAM, "median interval, within 0.5 %"),
+    _interval("p95", "p95", Joins.HISTOGRAM, "interval that 95 of 100 do not exceed, within 0.5 %"),
+    _interval("p99", "p99", Joins.HISTOGRAM, "interval that 99 of 100 do not exceed, within 0.5 %"),
     _interval("nominal", "nominal", Joins.DERIVED, "interval of the definition; without one the median, if cyclic"),
 )
 """The intervals between telegrams, in the order of reports."""
@@ -231,8 +231,8 @@ JITTER = Figure(
 
 LATENCIES = (
     _latency("count", "count", Joins.SUM, "data telegrams that were acknowledged in time", "acknowledgements"),
-    _latency("p50", "p50", Joins.HISTOGRAM, "median time from a data telegram to its acknowledgement, within 1 %"),
-    _latency("p99", "p99", Joins.HISTOGRAM, "time to the acknowledgement that 99 of 100 do not exceed, within 1 %"),
+    _latency("p50", "p50", Joins.HISTOGRAM, "median time from a data telegram to its acknowledgement, within 0.5 %"),
+    _latency("p99", "p99", Joins.HISTOGRAM, "time to the acknowledgement that 99 of 100 do not exceed, within 0.5 %"),
     _latency("max", "maximum", Joins.MAX, "longest time from a data telegram to its acknowledgement"),
 )
 

@@ -20,7 +20,7 @@ CYCLIC_SPREAD_PERCENT = 50
 
 @dataclass(frozen=True, slots=True)
 class IntervalFigures:
-    """Intervals of a stream in ns; None where there is none. Percentiles are within 1 %, the rest is exact.
+    """Intervals of a stream in ns; None where there is none. Percentiles are within 0.5 %, the rest is exact.
 
     ``nominal`` is what the list should be sent at, else, of a cyclic stream, the median.
     """

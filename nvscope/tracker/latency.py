@@ -25,7 +25,7 @@ _PERCENTS = (50, 99)
 
 @dataclass(frozen=True, slots=True)
 class LatencyFigures:
-    """How long acknowledgements took, in ns; None where there were none. Percentiles are within 1 %."""
+    """How long acknowledgements took, in ns; None where there were none. Percentiles are within 0.5 %."""
 
     count: int = 0
     p50: int | None = None

@@ -62,7 +62,7 @@ def test_segments_are_what_scapy_reads(seed: int) -> None:
         size = (ip.plen - tcp.dataofs * 4) if ip.version == 6 else ip.len - 20 - tcp.dataofs * 4
         expected.append(
             (row, ip.src, ip.dst, tcp.sport, tcp.dport, tcp.seq, tcp.ack, int(tcp.flags), size,
-             min(max(len(kept) - at, 0), size), data[at : at + min(max(len(kept) - at, 0), size)])
+             header_bytes, min(max(len(kept) - at, 0), size), data[at : at + min(max(len(kept) - at, 0), size)])
         )  # fmt: skip
     batch = batch_of(frames).with_margin()
     found = peel(batch, None, WEB).tcp
@@ -75,7 +75,7 @@ def test_segments_are_what_scapy_reads(seed: int) -> None:
                 address.text(int(found.destination_hi[place]), int(found.destination_lo[place])),
                 *(int(column[place]) for column in (
                     found.source_port, found.destination_port, found.sequence, found.acknowledgement, found.flags,
-                    found.payload_bytes, found.captured_bytes,
+                    found.payload_bytes, found.header - batch.offset[found.row], found.captured_bytes,
                 )),
                 batch.data[begin : begin + size].tobytes(),
             )

@@ -1,8 +1,8 @@
 """Random expressions, each as its text and as a function of one row that tells what it means.
 
-The function knows nothing of the parser: it is put together beside the text, from the rules of ``cli.md`` and of
-Wireshark, in plain Python. ``strength`` is how strongly the outermost operator binds; weaker parts get parentheses,
-equally strong ones on the right too.
+The function knows nothing of the parser: it is put together beside the text, from what the README says of expressions
+and from Wireshark, in plain Python. ``strength`` is how strongly the outermost operator binds; weaker parts get
+parentheses, equally strong ones on the right too.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The report of the rules in ``rules``, applied to one frame after the other: section 8.
+"""The report of the rules in ``rules``, applied to one frame after the other.
 
 ``reference_report`` gives what ``nvscope report --json`` gives, without ``tool``, without ``capture.sources``
 and with the findings listed in ``SEVERITIES`` only. Written to be read beside the rules, not to be fast.
 
 Readings, where the rules leave a choice:
 
-- the previous telegram of a node (node-send, section 4) is its previous well-formed data telegram, of any list
+- the previous telegram of a node (node-send) is its previous well-formed data telegram, of any list
 - a stream that never showed a second counter value has no figures and no findings of loss in any scope
 - a scope needs two streams, or two lists with streams; a node counts as one address over all ports
 - the event of a missing answer is numbered by the frame that opened the wait; its time is that of the rules

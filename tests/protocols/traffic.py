@@ -9,6 +9,7 @@ from tests.oracle.builders import MILLISECOND, data_frame
 from tests.oracle.frame import ETHERNET, Frame
 from tests.oracle.traffic import generate, mutate
 from tests.protocols import beacon
+from tests.protocols.probe import probe
 
 
 def beacons(seed: int, count: int = 40) -> list[Frame]:
@@ -34,6 +35,20 @@ def beacons(seed: int, count: int = 40) -> list[Frame]:
     return frames
 
 
+def probes(seed: int, start_ns: int, count: int = 20) -> list[Frame]:
+    """Return segments with probes, with options and without, some of others."""
+    chance = random.Random(seed)
+    frames = []
+    for place in range(count):
+        kind = chance.random()
+        more = b"" if kind < 0.2 else chance.randbytes(chance.randrange(30))
+        data = probe(place, options=chance.choice((0, 0, 1, 10)), v6=kind > 0.7, tagged=kind < 0.3, more=more)
+        if chance.random() < 0.1:
+            data = data.replace(b"PB", b"no")
+        frames.append(Frame(start_ns + place * 9 * MILLISECOND, ETHERNET, data, len(data)))
+    return frames
+
+
 def can_frame(ts_ns: int, identifier: int, data: bytes) -> Frame:
     """Return a data frame of CAN."""
     content = identifier.to_bytes(4, "big") + bytes([len(data), 0, 0, 0]) + data
@@ -41,11 +56,11 @@ def can_frame(ts_ns: int, identifier: int, data: bytes) -> Frame:
 
 
 def mixed(seed: int) -> list[Frame]:
-    """Return telegrams, beacons and CAN frames of one time; of odd seeds some are broken."""
+    """Return telegrams, beacons, probes and CAN frames of one time; of odd seeds some are broken."""
     chance = random.Random(seed)
     frames = generate(seed, frames=60, link=[ETHERNET, None][seed // 2 % 2])
     start_ns = min((frame.ts_ns for frame in frames), default=0)
-    others = beacons(seed)
+    others = [*beacons(seed), *probes(seed, start_ns)]
     for place in range(10):
         others.append(can_frame(start_ns + place * 11 * MILLISECOND, 0x181 + place % 2, bytes([place] * (place % 9))))
     if seed % 2:

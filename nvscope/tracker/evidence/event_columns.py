@@ -46,7 +46,7 @@ _OF_BATCH = EventTable._fields[2:]
 _NOTHING = np.empty(0, np.int64)
 
 
-class _Part(NamedTuple):
+class _Heard(NamedTuple):
     """What is kept of a batch: ``columns`` are those of ``_OF_BATCH``."""
 
     kind: IntEnum
@@ -59,7 +59,7 @@ class EventColumns:
 
     def __init__(self, most: int = MOST_EVENTS) -> None:
         self._most = most
-        self._parts: list[_Part] = []
+        self._parts: list[_Heard] = []
         self.count = 0
         self.left_out = 0
 
@@ -72,7 +72,7 @@ class EventColumns:
         self.count += room
         scope = NO_SCOPE if events.scope is None else events.scope
         columns = tuple(getattr(events, name)[:room].astype(np.int64) for name in _OF_BATCH)
-        self._parts.append(_Part(events.kind, scope, columns))
+        self._parts.append(_Heard(events.kind, scope, columns))
 
     @property
     def kinds(self) -> Mapping[int, IntEnum]:

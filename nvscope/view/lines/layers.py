@@ -1,4 +1,4 @@
-"""The layers of one packet, from the link to UDP: which header is where.
+"""The layers of one packet, from the link to UDP or TCP: which header is where.
 
 For looking at a packet. What reads all packets at once is ``dissectors.link``; the tables are the same.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import LinkType
-from dissectors.headers import ETHERNET, IPV4, IPV6, NULL, SLL, SLL2, UDP, VLAN, VLAN_TYPES
+from dissectors.headers import ETHERNET, IPV4, IPV6, NULL, SLL, SLL2, TCP, UDP, VLAN, VLAN_TYPES
 from dissectors.layout import Layout
 from dissectors.link import MAX_VLAN_TAGS
 
@@ -33,18 +33,34 @@ class Layer:
     stop: int
 
 
-def layers(packet: bytes, link: int, payload_at: int) -> list[Layer]:
+def layers_of_datagram(packet: bytes, link: int, payload_at: int) -> list[Layer]:
     """Return the headers of a UDP datagram whose payload begins at ``payload_at`` of the packet, without gaps."""
     udp_at = payload_at - UDP.size_bytes
-    found = link_layers(packet, link, udp_at)
+    return [*_up_to_transport(packet, link, udp_at), Layer(UDP, udp_at, payload_at)]
+
+
+def layers_of_segment(packet: bytes, link: int, tcp_at: int, payload_at: int) -> list[Layer]:
+    """Return the headers of a TCP segment whose header begins at ``tcp_at``, its data at ``payload_at``, without gaps.
+
+    The header was captured whole, its options perhaps not.
+    """
+    options_at = tcp_at + TCP.size_bytes
+    found = [*_up_to_transport(packet, link, tcp_at), Layer(TCP, tcp_at, options_at)]
+    if options_at < payload_at:
+        found.append(Layer(None, options_at, payload_at))
+    return found
+
+
+def _up_to_transport(packet: bytes, link: int, transport_at: int) -> list[Layer]:
+    """Return the headers of a packet in front of its transport header."""
+    found = link_layers(packet, link, transport_at)
     at = found[-1].stop if found else 0
-    if at < udp_at:
+    if at < transport_at:
         layout = IPV6 if packet[at] >> 4 == 6 else IPV4
-        stop = min(at + layout.size_bytes, udp_at)
+        stop = min(at + layout.size_bytes, transport_at)
         found.append(Layer(layout if stop - at == layout.size_bytes else None, at, stop))
-        if stop < udp_at:
-            found.append(Layer(None, stop, udp_at))
-    found.append(Layer(UDP, udp_at, payload_at))
+        if stop < transport_at:
+            found.append(Layer(None, stop, transport_at))
     return found
 
 

@@ -1,4 +1,4 @@
-"""The tree of a message that is a table of fields at the start of a UDP payload."""
+"""The tree of a message that is a table of fields at the start of the payload of UDP or TCP."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from dissectors.layout import Layout
 from nvscope import units
-from nvscope.view.lines.datagram_tree import DatagramTree
 from nvscope.view.lines.table import Cell, Tone
+from nvscope.view.lines.transport_tree import TransportTree
 from nvscope.view.lines.tree_lines import (
     Entry,
     bit_entries,
@@ -20,8 +20,8 @@ from nvscope.view.lines.tree_lines import (
 from nvscope.view.rows.frames import FrameRows
 
 
-class MessageTree(DatagramTree):
-    """A ``Tree`` of messages of the protocol ``name``, whose part has their ``datagram``.
+class MessageTree(TransportTree):
+    """A ``Tree`` of messages of the protocol ``name``, whose part has their ``datagram`` or ``segment``.
 
     ``title`` stands above the fields of ``layout``; what is behind them is data.
     """

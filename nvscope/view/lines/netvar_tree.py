@@ -11,9 +11,9 @@ from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.list_key import ListKey
 from nvscope.view.escape import visible
 from nvscope.view.lines import words
-from nvscope.view.lines.datagram_tree import DatagramTree
 from nvscope.view.lines.shown import Wording
 from nvscope.view.lines.table import Cell, Tone
+from nvscope.view.lines.transport_tree import TransportTree
 from nvscope.view.lines.tree_lines import (
     INDENT,
     Entry,
@@ -28,7 +28,7 @@ from nvscope.view.lines.tree_lines import (
 from nvscope.view.rows.frames import NETVAR, FrameRows
 
 
-class TelegramTree(DatagramTree):
+class TelegramTree(TransportTree):
     """The part of a tree that is about a telegram on UDP, as a ``Tree``; ``wording`` has the defined lists."""
 
     def __init__(self, rows: FrameRows, wording: Wording, *, dumps: bool = True) -> None:
@@ -41,7 +41,7 @@ class TelegramTree(DatagramTree):
 
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
         start, _, stop = self.spans(place)
-        payload_bytes, data_at = int(self._datagram.payload_bytes[place]), start + HEADER.size_bytes
+        payload_bytes, data_at = int(self._over.payload_bytes[place]), start + HEADER.size_bytes
         yield from self._header(place, packet[start:stop], start, payload_bytes)
         if stop > data_at:
             facts = [Cell(f"  {units.count_of(stop - data_at, 'byte')}")]

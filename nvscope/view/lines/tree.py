@@ -15,7 +15,7 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import I64
-from dissectors.headers import PROTOCOL_TCP, PROTOCOL_UDP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
+from dissectors.headers import PROTOCOL_TCP, PROTOCOL_UDP, TCP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
 from dissectors.layout import Field, Layout
 from nvscope import units
 from nvscope.expression.typed_columns import FieldType
@@ -63,6 +63,8 @@ _MEANINGS: Mapping[tuple[str, str], Callable[[int], str]] = {
     ("ipv6", "version"): lambda number: f"version {number >> 4}",
     ("ipv6", "next"): lambda number: _TRANSPORTS.get(number, ""),
     ("udp", "checksum"): lambda number: "not verified" if number else "none",
+    ("tcp", "offset"): lambda number: f"{(number >> 4) * 4} bytes",
+    ("tcp", "flags"): lambda number: ", ".join(bit.name for bit in TCP["flags"].bits if number >> bit.position & 1),
 }
 """What numbers of a layer mean; where nothing stands here, the table's explanation does."""
 

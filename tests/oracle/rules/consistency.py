@@ -1,4 +1,4 @@
-"""Senders, shapes, checksums and flags that do not go together: section 6, and the error CHECKSUM of section 3."""
+"""Senders, shapes, checksums and flags that do not go together, and the error CHECKSUM."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the next Counter of a sequence means: section 4, the table of steps."""
+"""What the next Counter of a sequence means: a table of steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Error events, and which of several is the last one: section 3."""
+"""Error events, and which of several is the last one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Findings by code and place: section 7."""
+"""Findings by code and place."""
 
 from __future__ import annotations
 

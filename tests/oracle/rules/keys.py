@@ -1,4 +1,4 @@
-"""What telegrams, streams and events are told apart by: section 1."""
+"""What telegrams, streams and events are told apart by."""
 
 from __future__ import annotations
 

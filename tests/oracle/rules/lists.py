@@ -1,4 +1,4 @@
-"""A list as its senders, readers and receivers count it: section 2."""
+"""A list as its senders, readers and receivers count it."""
 
 from __future__ import annotations
 

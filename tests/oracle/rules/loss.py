@@ -1,4 +1,4 @@
-"""What steps amount to in each scope, and which scope a node counts in: section 4."""
+"""What steps amount to in each scope, and which scope a node counts in."""
 
 from __future__ import annotations
 

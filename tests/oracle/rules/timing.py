@@ -1,4 +1,4 @@
-"""Intervals of a stream, and what follows from them: section 5."""
+"""Intervals of a stream, and what follows from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who waits for an answer, and what becomes of it: section 3, acknowledgements and boot-up requests."""
+"""Who waits for an answer, and what becomes of it: acknowledgements and boot-up requests."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.view.lines.layers import layers
+from nvscope.view.lines.layers import layers_of_datagram
 from tests.laws import examples
 from tests.oracle.builders import LINKS
 from tests.oracle.traffic import generate
@@ -21,7 +21,7 @@ def test_layers_lie_one_behind_the_other_up_to_the_payload(seed: int, link: int 
         for packet_row, payload in zip(rows.telegrams.datagram.row, rows.telegrams.datagram.payload, strict=True):
             packet = rows.packets.packet(int(packet_row))
             payload_at = int(payload - rows.packets.offset[packet_row])
-            found = layers(packet, int(rows.packets.link[packet_row]), payload_at)
+            found = layers_of_datagram(packet, int(rows.packets.link[packet_row]), payload_at)
             assert found[0].start == 0
             assert found[-1].stop == payload_at
             assert all(before.stop == after.start for before, after in pairwise(found))
