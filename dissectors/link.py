@@ -45,10 +45,12 @@ from dissectors.layout import take_rows
 from dissectors.transport import (
     GROUP_UNKNOWN,
     NO_DATAGRAMS,
+    NO_QUOTED,
     NO_SEGMENTS,
     DatagramBatch,
     IpPackets,
     Place,
+    QuotedBatch,
     SegmentBatch,
     datagrams,
     segments,
@@ -69,13 +71,13 @@ class Peeled:
     """
 
     udp: DatagramBatch
-    quoted: DatagramBatch
+    quoted: QuotedBatch
     tcp: SegmentBatch
     fragments: int
     unsupported: Bool | None
 
 
-NOTHING_PEELED = Peeled(NO_DATAGRAMS, NO_DATAGRAMS, NO_SEGMENTS, 0, None)
+NOTHING_PEELED = Peeled(NO_DATAGRAMS, NO_QUOTED, NO_SEGMENTS, 0, None)
 
 
 @dataclass(slots=True)
@@ -83,7 +85,7 @@ class _Found:
     """What was found so far, by IP version and link type."""
 
     udp: list[DatagramBatch] = field(default_factory=list)
-    quoted: list[DatagramBatch] = field(default_factory=list)
+    quoted: list[QuotedBatch] = field(default_factory=list)
     tcp: list[SegmentBatch] = field(default_factory=list)
 
 
@@ -110,7 +112,7 @@ def peel(batch: PacketBatch, rows: I64 | None = None, claims: Claims = NO_CLAIMS
             unsupported[mine] = True
     return Peeled(
         DatagramBatch.joined(found.udp or [NO_DATAGRAMS]),
-        DatagramBatch.joined(found.quoted or [NO_DATAGRAMS]),
+        QuotedBatch.joined(found.quoted or [NO_QUOTED]),
         SegmentBatch.joined(found.tcp or [NO_SEGMENTS]),
         fragments,
         unsupported,
@@ -285,11 +287,18 @@ def _peel_transport(data: U8, ip: IpPackets, claims: Claims, found: _Found) -> N
         segment = segments(data, ip.take(ip.protocol == PROTOCOL_TCP))
         found.tcp.append(segment.take(claims.claim_tcp(segment.source_port, segment.destination_port)))
     icmp, unreachable = (PROTOCOL_ICMP, UNREACHABLE_ICMP) if ip.is_ipv4 else (PROTOCOL_ICMPV6, UNREACHABLE_ICMPV6)
-    message = ip.place.take(ip.protocol == icmp)
-    message = message.take(message.at + ICMP_HEADER_BYTES <= message.end)
-    message = message.take(data[message.at] == unreachable)
-    if not len(message.row):
+    messages = ip.take(ip.protocol == icmp).with_room(ICMP_HEADER_BYTES)
+    messages = messages.take(data[messages.place.at] == unreachable)
+    if not len(messages.protocol):
         return
+    message = messages.place
     quote = Place(message.row, message.at + ICMP_HEADER_BYTES, message.end, message.group)
     inner, _ = (_ipv4 if ip.is_ipv4 else _ipv6)(data, quote)
-    found.quoted.append(datagrams(data, inner.take(inner.protocol == PROTOCOL_UDP)))
+    quoted = datagrams(data, inner.take(inner.protocol == PROTOCOL_UDP))
+    own = np.searchsorted(message.row, quoted.row)
+    found.quoted.append(
+        QuotedBatch(
+            **{name: getattr(quoted, name) for name in DatagramBatch.__match_args__},
+            by_hi=messages.source_hi[own], by_lo=messages.source_lo[own], code=data[message.at[own] + 1],
+        )
+    )  # fmt: skip

@@ -145,7 +145,7 @@ class Dissection:
     """A packet batch taken apart: its telegrams, and what else lay in it.
 
     ``quoted`` are the telegrams that ICMP messages quote as not delivered; how much of them was quoted varies, at least
-    up to Index (``quoted.datagram.captured_bytes`` tells).
+    up to Index (``quoted.datagram.captured_bytes`` tells). Where there are some, their datagrams are a ``QuotedBatch``.
     """
 
     telegrams: TelegramBatch

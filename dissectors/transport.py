@@ -114,6 +114,19 @@ class DatagramBatch(TransportBatch):
 
 
 @dataclass(frozen=True, slots=True)
+class QuotedBatch(DatagramBatch):
+    """UDP datagrams that ICMP messages quote as undeliverable; ``row`` is that of the message.
+
+    ``by_hi`` and ``by_lo`` are the halves of the address that sent the message, ``code`` says why (RFC 792 and 4443),
+    uint8.
+    """
+
+    by_hi: U64
+    by_lo: U64
+    code: U8
+
+
+@dataclass(frozen=True, slots=True)
 class SegmentBatch(TransportBatch):
     """TCP segments of a packet batch, in its order, those without data among them.
 
@@ -195,4 +208,5 @@ def _columns(**types: type) -> dict[str, np.ndarray]:
 
 
 NO_DATAGRAMS = DatagramBatch(**_columns(broadcast=np.bool_))
+NO_QUOTED = QuotedBatch(**_columns(broadcast=np.bool_, by_hi=np.uint64, by_lo=np.uint64, code=np.uint8))
 NO_SEGMENTS = SegmentBatch(**_columns(header=np.int64, sequence=np.uint32, acknowledgement=np.uint32, flags=np.uint8))

@@ -31,6 +31,7 @@ from dissectors.netvar import (
     TelegramBatch,
 )
 from dissectors.sorter import SortedPackets
+from dissectors.transport import QuotedBatch
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.list_key import ListKey
@@ -135,15 +136,20 @@ NONE_BEGUN = Begun(np.empty(0, np.int64), np.empty(0, np.int64))
 
 
 class Rejected(NamedTuple):
-    """Telegrams of lists that came back as undeliverable, with the numbers of their list, and from and to whom."""
+    """Telegrams of lists that came back as undeliverable, with the numbers of their list, and from and to whom.
+
+    ``by`` is the number of the node that says so, ``code`` the ICMP code.
+    """
 
     telegrams: TelegramBatch
     list: I64
     node: I64
     receiver: I64
+    by: I64
+    code: I64
 
 
-NONE_REJECTED = Rejected(NO_TELEGRAMS, np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, np.int64))
+NONE_REJECTED = Rejected(NO_TELEGRAMS, *[np.empty(0, np.int64)] * (len(Rejected._fields) - 1))
 
 
 def kinds(service: U32, fault: U8) -> U8:
@@ -215,12 +221,15 @@ class Keys:
         mine = np.isin(quoted.header["id"], LIST_SERVICES)
         quoted = quoted if mine.all() else quoted.take(mine)
         datagram = quoted.datagram
+        assert isinstance(datagram, QuotedBatch)
         lists = self.lists.numbers(
             np.full(len(quoted), Carrier.UDP, np.uint64),
             datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64),
         )  # fmt: skip
         sender = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
-        return Rejected(quoted, lists, sender, self.nodes.numbers(datagram.destination_hi, datagram.destination_lo))
+        receiver = self.nodes.numbers(datagram.destination_hi, datagram.destination_lo)
+        by = self.nodes.numbers(datagram.by_hi, datagram.by_lo)
+        return Rejected(quoted, lists, sender, receiver, by, datagram.code.astype(np.int64))
 
     @property
     def list_ports(self) -> I64:

@@ -46,9 +46,11 @@ class Datagram:
 
 @dataclass(frozen=True)
 class Unreachable:
-    """An ICMP or ICMPv6 destination-unreachable and the datagram that it quotes."""
+    """An ICMP or ICMPv6 destination-unreachable, the datagram that it quotes, who sent it, and its code."""
 
     quoted: Datagram
+    sender: Address
+    code: int
 
 
 class LinkHeader(NamedTuple):
@@ -209,5 +211,5 @@ def peel(frame: Frame) -> Datagram | Unreachable | None:
     if outer.end - outer.start >= 8 and (outer.protocol, frame.data[outer.start]) == unreachable:
         inner = internet_header(frame.data, outer.start + 8, outer.end, outer.version)
         quoted = inner and datagram(frame.data, inner, None)
-        return Unreachable(quoted) if quoted else None
+        return Unreachable(quoted, outer.source, frame.data[outer.start + 1]) if quoted else None
     return datagram(frame.data, outer, link.broadcast)
