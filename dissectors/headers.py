@@ -78,6 +78,21 @@ IPV6 = Layout(
         Field("destination_lo", ">u8", "Destination", "lower half", base="hex"),
     ),
 )
+ARP = Layout(
+    "arp",
+    (
+        Field("hardware_type", ">u2", "Hardware type", "1 Ethernet"),
+        Field("protocol", ">u2", "Protocol", "EtherType of the addresses that are asked for", base="hex"),
+        Field("hardware_bytes", "u1", "Hardware address length", "in bytes"),
+        Field("protocol_bytes", "u1", "Protocol address length", "in bytes"),
+        Field("operation", ">u2", "Operation", "1 request, 2 reply"),
+        Field("sender_hardware", "V6", "Sender hardware address", "of who says this"),
+        Field("sender", ">u4", "Sender address", "IPv4 address of who says this; 0 where it has none yet"),
+        Field("target_hardware", "V6", "Target hardware address", "of who is asked, or answered"),
+        Field("target", ">u4", "Target address", "IPv4 address that is asked for, or answered"),
+    ),
+)
+"""RFC 826, for IPv4 over Ethernet."""
 UDP = Layout(
     "udp",
     (
@@ -117,7 +132,7 @@ EXTENSION = Layout(
     ),
 )
 
-TYPE_IPV4, TYPE_IPV6 = 0x0800, 0x86DD
+TYPE_IPV4, TYPE_IPV6, TYPE_ARP = 0x0800, 0x86DD, 0x0806
 TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL = 0x000C, 0x000D, 0x000E
 """Protocols of cooked frames (SLL, SLL2) that hold a SocketCAN frame: LINUX_SLL_P_CAN, _CANFD and _CANXL of libpcap."""
 

@@ -103,7 +103,7 @@ def peel(batch: PacketBatch, rows: I64 | None = None, claims: Claims = NO_CLAIMS
     unsupported: Bool | None = None
     for link in links:
         mine = everything if len(links) == 1 else everything[kinds == link]
-        for is_ipv4, network in _network_layers(batch, link, mine):
+        for is_ipv4, network in network_layers(batch, link, mine):
             transport, fragment_count = (_ipv4 if is_ipv4 else _ipv6)(batch.data, network)
             fragments += fragment_count
             _peel_transport(batch.data, transport, claims, found)
@@ -119,7 +119,7 @@ def peel(batch: PacketBatch, rows: I64 | None = None, claims: Claims = NO_CLAIMS
     )
 
 
-def _network_layers(batch: PacketBatch, link: int, rows: I64) -> list[tuple[bool, Place]]:
+def network_layers(batch: PacketBatch, link: int, rows: I64) -> list[tuple[bool, Place]]:
     """Return the IPv4 and the IPv6 headers of the rows of one link type, where there are any."""
     reader = _LINK_READERS.get(link)
     if reader is None or not len(rows):

@@ -1,0 +1,140 @@
+"""Who sends frames of any kind, as columns: hardware address, VLAN, IP address, time to live, and what ARP tells.
+
+For looking at all frames, also at those in which ``dissectors.link`` finds nothing to go on with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, U64, Bool, LinkType, PacketBatch
+from dissectors.columns import Columns
+from dissectors.headers import (
+    ARP,
+    ETHERNET,
+    IPV4,
+    IPV4_HIGH,
+    IPV4_LOW,
+    IPV6,
+    SLL,
+    SLL2,
+    TYPE_ARP,
+    TYPE_IPV4,
+    TYPE_IPV6,
+    VLAN,
+    VLAN_TYPES,
+)
+from dissectors.layout import Layout, gather_bytes, take_rows
+from dissectors.link import MAX_VLAN_TAGS, network_layers
+from dissectors.transport import Place
+
+UNKNOWN = -1
+"""In place of a VLAN or a time to live that a frame does not have."""
+
+_HARDWARE_BYTES = 6
+_HARDWARE_MASK = np.uint64((1 << 8 * _HARDWARE_BYTES) - 1)
+_VLAN_MASK = 0xFFF
+_ARP_OVER_ETHERNET = 1, TYPE_IPV4, _HARDWARE_BYTES, 4
+
+# By link type: the header, and where in it the sender's hardware address lies.
+_WITH_HARDWARE: dict[int, tuple[Layout, int]] = {
+    LinkType.ETHERNET: (ETHERNET, 6),
+    LinkType.LINUX_SLL: (SLL, 6),
+    LinkType.LINUX_SLL2: (SLL2, 12),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FrameAddresses(Columns):
+    """Who sent the frames of a packet batch of which that is known, in its order.
+
+    ``row`` is the row of the packet, int64. ``hardware`` are the 48 bits of the sender's hardware address, 0 where
+    there is none; ``vlan`` is the number in the outermost tag, ``UNKNOWN`` without one. ``high`` and ``low`` are the
+    halves of the sender's IP address, both 0 where there is none; ``ttl`` is its time to live, ``UNKNOWN`` where the
+    address is told by ARP. ``announces`` is set where ARP tells an address that nobody asked for.
+    """
+
+    row: I64
+    hardware: U64
+    vlan: I64
+    high: U64
+    low: U64
+    ttl: I64
+    announces: Bool
+
+    @property
+    def has_ip(self) -> Bool:
+        """Where an IP address is told."""
+        told: Bool = (self.high != 0) | (self.low != 0)
+        return told
+
+
+def addresses_of(packets: PacketBatch) -> FrameAddresses:
+    """Return who sent the frames of a batch. Total: no bytes raise, and what was not captured whole is not read."""
+    packets = packets.with_margin()
+    count = len(packets)
+    found = FrameAddresses(
+        np.arange(count), np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.uint64),
+        np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.bool_),
+    )  # fmt: skip
+    for link in np.unique(packets.link).tolist():
+        rows = np.flatnonzero(packets.link == link)
+        if link in _WITH_HARDWARE:
+            _read_with_hardware(packets, rows, *_WITH_HARDWARE[link], found)
+        else:
+            for is_ipv4, network in network_layers(packets, link, rows):
+                (_read_ipv4 if is_ipv4 else _read_ipv6)(packets, network, found)
+    return found.take((found.hardware != 0) | found.has_ip)
+
+
+def _read_with_hardware(packets: PacketBatch, rows: I64, layout: Layout, at: int, found: FrameAddresses) -> None:
+    rows = rows[packets.captured[rows] >= layout.size_bytes]
+    data, begin = packets.data, packets.offset[rows]
+    # Eight bytes that end with the address; the two in front of it belong to the same header.
+    words = gather_bytes(data, begin + at - 2, 8).view(">u8").astype(np.uint64)
+    found.hardware[rows] = words & _HARDWARE_MASK
+    kind = layout.gather(data, begin)["type"].astype(np.uint16)
+    network = Place(rows, begin + layout.size_bytes, begin + packets.captured[rows], np.zeros(len(rows), np.uint8))
+    for _ in range(MAX_VLAN_TAGS):
+        tagged = np.flatnonzero(np.isin(kind, VLAN_TYPES) & (network.at + VLAN.size_bytes <= network.end))
+        if not len(tagged):
+            break
+        tag = VLAN.gather(data, network.at[tagged])
+        vlan = found.vlan[rows[tagged]]
+        found.vlan[rows[tagged]] = np.where(vlan == UNKNOWN, tag["tci"] & _VLAN_MASK, vlan)
+        kind[tagged] = tag["type"]
+        network.at[tagged] += VLAN.size_bytes
+    for ethertype, read in ((TYPE_IPV4, _read_ipv4), (TYPE_IPV6, _read_ipv6), (TYPE_ARP, _read_arp)):
+        read(packets, network.take(kind == ethertype), found)
+
+
+def _read_ipv4(packets: PacketBatch, network: Place, found: FrameAddresses) -> None:
+    network = network.take(network.at + IPV4.size_bytes <= network.end)
+    head = IPV4.gather(packets.data, network.at)
+    good = (head["version_ihl"] >= 0x45) & (head["version_ihl"] <= 0x4F)
+    head, row = take_rows(head, good), network.row[good]
+    found.high[row], found.low[row] = IPV4_HIGH, head["source"].astype(np.uint64) | IPV4_LOW
+    found.ttl[row] = head["ttl"]
+
+
+def _read_ipv6(packets: PacketBatch, network: Place, found: FrameAddresses) -> None:
+    network = network.take(network.at + IPV6.size_bytes <= network.end)
+    head = IPV6.gather(packets.data, network.at)
+    good = head["version"] >> 4 == 6
+    head, row = take_rows(head, good), network.row[good]
+    found.high[row], found.low[row] = head["source_hi"], head["source_lo"]
+    found.ttl[row] = head["hop_limit"]
+
+
+def _read_arp(packets: PacketBatch, network: Place, found: FrameAddresses) -> None:
+    network = network.take(network.at + ARP.size_bytes <= network.end)
+    head = ARP.gather(packets.data, network.at)
+    good = head["sender"] != 0  # who only asks whether an address is free has none
+    names = "hardware_type", "protocol", "hardware_bytes", "protocol_bytes"
+    for name, expected in zip(names, _ARP_OVER_ETHERNET, strict=True):
+        good &= head[name] == expected
+    head, row = take_rows(head, good), network.row[good]
+    found.high[row], found.low[row] = IPV4_HIGH, head["sender"].astype(np.uint64) | IPV4_LOW
+    found.announces[row] = head["sender"] == head["target"]

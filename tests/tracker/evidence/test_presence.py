@@ -1,0 +1,133 @@
+"""Who is there, against a count of one frame after the other."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from typing import Any
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from scapy.layers.inet import IP, UDP
+from scapy.layers.l2 import ARP, Ether
+
+from dissectors.addresses import addresses_of
+from dissectors.batch import LinkType, PacketBatch
+from dissectors.netvar import LIST_SERVICES, dissect
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import run
+from nvscope.tracker.buckets import bucket_of
+from nvscope.tracker.evidence.presence import HARDWARE, Presence
+from nvscope.tracker.evidence.presence import IP as IP_KIND
+from tests.laws import examples
+from tests.oracle.builders import LINKS
+from tests.oracle.traffic import generate, mutate
+from tests.packets import Batches, batch_of, cut
+
+Key = tuple[int, int, int]
+
+
+def present(batches: list[PacketBatch], most: int = 1 << 16) -> Presence:
+    presence = Presence(most)
+    for _ in run(Batches(batches), Reading(), [presence]):
+        pass
+    return presence
+
+
+def singly(batch: PacketBatch) -> tuple[dict[Key, Any], dict[tuple[int, ...], Any], list[Any]]:
+    """Count who sent the frames of a batch, one after the other."""
+    dissection = dissect(batch)
+    telegrams = dissection.telegrams
+    lists = set(telegrams.row[np.isin(telegrams.header["id"], LIST_SERVICES)].tolist())
+    heard: dict[Key, list[tuple[int, bool]]] = defaultdict(list)
+    pairs: dict[tuple[int, ...], list[int]] = defaultdict(list)
+    alternations: Counter[tuple[int, ...]] = Counter()
+    last: dict[tuple[int, int], int] = {}
+    announced = []
+    found = addresses_of(batch)
+    columns = (found.row, found.hardware, found.vlan, found.high, found.low, found.ttl, found.announces)
+    for row, hardware, vlan, high, low, ttl, announces in zip(*(one.tolist() for one in columns), strict=True):
+        time_ns, other = int(batch.ts_ns[row]), row not in lists
+        if hardware:
+            heard[HARDWARE, 0, hardware].append((time_ns, other))
+        if not (high or low):
+            continue
+        heard[IP_KIND, high, low].append((time_ns, other))
+        if announces:
+            announced.append((time_ns, row + 1, (IP_KIND, high, low), hardware))
+        if ttl >= 0 and hardware:
+            pair = high, low, hardware | (vlan + 1) << 48, ttl
+            pairs[pair].append(time_ns)
+            alternations[pair] += last.get((high, low), hardware) != hardware
+            last[high, low] = hardware
+    addresses = {}
+    for key, times in heard.items():
+        others = [time_ns for time_ns, other in times if other]
+        distances = np.diff(np.array(others, np.int64))
+        addresses[key] = (
+            len(times), times[0][0], times[-1][0], len(others), Counter(bucket_of(distances).tolist())
+        )  # fmt: skip
+    told = {pair: (len(times), times[0], times[-1], alternations[pair]) for pair, times in pairs.items()}
+    return addresses, told, announced
+
+
+def as_told(presence: Presence) -> tuple[dict[Key, Any], dict[tuple[int, ...], Any], list[Any]]:
+    keys = list(zip(*(word.tolist() for word in presence.addresses.words), strict=True))
+    columns, pairs = presence.columns, presence.pair_columns
+    addresses = {
+        key: (
+            *(int(columns.column(name)[row]) for name in ("count", "first_ns", "last_ns", "others")),
+            Counter(dict(zip(*(one.tolist() for one in presence.distances_of(row)), strict=True))),
+        )
+        for row, key in enumerate(keys)
+    }  # fmt: skip
+    told = {
+        pair: tuple(int(pairs.column(name)[row]) for name in ("count", "first_ns", "last_ns", "alternations"))
+        for row, pair in enumerate(zip(*(word.tolist() for word in presence.pairs.words), strict=True))
+    }
+    announced = [
+        (time_ns, frame, keys[row], hardware)
+        for time_ns, frame, row, hardware in zip(
+            *(one.tolist() for one in presence.announcements.columns()), strict=True
+        )
+    ]
+    return addresses, told, announced
+
+
+@given(st.integers(0, 10_000), st.integers(1, 90))
+@examples(60)
+def test_it_is_what_is_counted_of_one_frame_after_the_other(seed: int, packets: int) -> None:
+    frames = generate(seed, frames=150, link=[*LINKS, None][seed % (len(LINKS) + 1)])
+    whole = batch_of(mutate(seed, frames) if seed % 2 else frames)
+    presence = present(cut(whole, packets))
+    assert as_told(presence) == singly(whole)
+    assert not presence.left_out
+
+
+def exchange() -> PacketBatch:
+    """Two devices of one address that answer in turn, another one beside them, and what ARP says of it."""
+    frames = [
+        Ether(src=f"02:00:00:00:00:0{device}", dst="ff:ff:ff:ff:ff:ff") / IP(src=address) / UDP() / b"hello"
+        for device, address in ((1, "10.0.0.1"), (2, "10.0.0.1"), (3, "10.0.0.3"), (1, "10.0.0.1"), (2, "10.0.0.1"))
+    ]
+    asks = ARP(op=1, hwsrc="02:00:00:00:00:03", psrc="10.0.0.3", pdst="10.0.0.3")
+    frames.append(Ether(src="02:00:00:00:00:03", dst="ff:ff:ff:ff:ff:ff") / asks)
+    return PacketBatch.of([bytes(one) for one in frames], LinkType.ETHERNET, [10 * place for place in range(6)])
+
+
+def test_two_devices_of_one_address_alternate() -> None:
+    presence = present([exchange()])
+    addresses, pairs, announced = as_told(presence)
+    assert sorted(count for count, *_ in addresses.values()) == [2, 2, 2, 2, 4]
+    assert sorted((pair[2] & 0xFF, count, alternations) for pair, (count, _, _, alternations) in pairs.items()) == [
+        (1, 2, 1), (2, 2, 2), (3, 1, 0),
+    ]  # fmt: skip
+    assert [(time_ns, frame, hardware & 0xFF) for time_ns, frame, _, hardware in announced] == [(50, 6, 3)]
+
+
+def test_addresses_that_there_is_no_room_for_are_counted() -> None:
+    presence = present(cut(exchange(), 1), most=2)
+    assert len(presence.columns) == 2
+    assert presence.columns.column("count").tolist() == [2, 4]
+    # Twice the hardware address of the second device, twice that of the third one, and twice its IP address.
+    assert presence.left_out == 6
