@@ -229,7 +229,8 @@ class Captures:
 
         ``name`` is that of a variable, a structure or an array, or a pattern with *; ``of`` is the list, where several
         have it. ``every``: a row a telegram, changed or not. ``old`` and ``new`` are texts as an engineer writes them,
-        ``value`` is the new one where it is a number or BOOL. UsageError where nothing has the name.
+        ``value`` is the new one where it is a number or BOOL that a float holds exactly, of times in the unit of their
+        type: ms, of LTIME ns. UsageError where nothing has the name.
         """
         from nvscope.analysis.history import Changes  # noqa: PLC0415
         from nvscope.view.documents.history import change_row  # noqa: PLC0415
@@ -299,9 +300,15 @@ def _looked_up(rows: Iterable[dict[str, Any]], figures: Iterable[Figure], of: Of
     return [row | {name: look(row) for name, look in looks} for row in rows]
 
 
+_MOST_EXACT = 1 << 53
+"""Up to here, a float holds every whole number."""
+
+
 def _number(value: object) -> float | None:
-    """Return a value as a number, None where it is none."""
-    return float(value) if isinstance(value, bool | int | float) else None
+    """Return a value as a number, None where it is none, or one that a float can only come close to."""
+    if not isinstance(value, bool | int | float) or (isinstance(value, int) and abs(value) > _MOST_EXACT):
+        return None
+    return float(value)
 
 
 def _frame(rows: Sequence[dict[str, Any]], kinds: Mapping[str, _Kind]) -> pl.DataFrame:

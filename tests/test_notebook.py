@@ -14,6 +14,8 @@ from nvscope.analysis.inquiry import Inquiry
 from nvscope.errors import ConfigurationError, UnreadableInput, UsageError
 from nvscope.tracker.figures import Of, figures_of
 from nvscope.view.documents.figures import lookup
+from tests.oracle.builders import START, data_frame, telegram
+from tests.oracle.pcap import write_pcap
 from tests.program import run_text
 
 CAPTURES = Path(__file__).parents[1] / "captures"
@@ -190,6 +192,25 @@ def test_a_history_is_that_of_the_program() -> None:
     assert plant.where("frame.number < 100").history("stAxis.pos")["frame"].max() < 100  # type: ignore[operator]
     with pytest.raises(UsageError, match=r"nothing\.of\.this"):
         plant.history("nothing.of.this")
+
+
+def test_a_value_that_a_float_cannot_hold_is_told_as_text_alone(tmp_path: Path) -> None:
+    exact, beyond = 1 << 53, (1 << 53) + 1
+    frames = [
+        data_frame(START + counter * 1_000, "10.0.0.1", "10.0.0.255", telegram(list_id=7, counter=counter, data=data))
+        for counter, data in enumerate(number.to_bytes(8, "little") for number in (5, exact, beyond))
+    ]
+    write_pcap(frames, tmp_path / "large.pcap")
+    settings = "<ListIdentifier>7</ListIdentifier><Pack>True</Pack>"
+    (tmp_path / "large.gvl").write_text(
+        "<GVL><Declarations><![CDATA[VAR_GLOBAL\n  nLarge : LINT;\nEND_VAR]]></Declarations>"
+        f'<NetvarSettings Protocol="UDP">{settings}</NetvarSettings></GVL>'
+    )
+    large = nvscope.open(tmp_path / "large.pcap", definitions=tmp_path / "large.gvl")
+    history = large.history("nLarge", every=True)
+    assert history["value"].to_list() == [5.0, float(exact), None]
+    assert history["new"].to_list() == ["5", str(exact), str(beyond)]
+    assert large.at("#3").select("value", "text").row(0) == (None, str(beyond))
 
 
 @pytest.mark.parametrize("time", ["0s", "3s", "-1s", "#200"])
