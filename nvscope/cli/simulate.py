@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.capture.formats import suffixes_that
 from nvscope.errors import CaptureError, NvscopeError, UsageError
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ def simulate(
     scenario: Annotated[str | None, typer.Argument(metavar="SCENARIO.toml", show_default=False)] = None,
     write: Annotated[
         str | None,
-        typer.Option("-w", "--write", metavar="FILE", help="The .pcap, .pcapng or candump .log file to write."),
+        typer.Option("-w", "--write", metavar="FILE", help=f"The {suffixes_that(lambda _: True)} file to write."),
     ] = None,
     truth: Annotated[
         str | None,
