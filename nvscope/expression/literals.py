@@ -198,7 +198,8 @@ def _time(constant: Constant) -> int:
     zone = match[4].strip() if match else ""
     zone = {"": "+00:00", "UTC": "+00:00", "Z": "+00:00"}.get(zone.upper(), zone)
     try:
-        if match is None or (match[3] and (match[2] or "").count(":") != 2):
+        # What is no zone must not be read as more of the time: "23:13:20" with ":00" behind it is one to datetime.
+        if match is None or zone[0] not in "+-" or (match[3] and (match[2] or "").count(":") != 2):
             raise ValueError
         moment = datetime.fromisoformat(f"{match[1]} {match[2] or '00:00'}{zone}")
         since = moment - _EPOCH

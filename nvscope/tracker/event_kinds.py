@@ -11,10 +11,6 @@ FRAMES_KEPT = 10
 """Of the events of one kind and place, so many frames are kept: those of the first ones."""
 
 
-CODE_BITS = 8
-"""In the detail of ``EventKind.SEND_REJECTED``, the node stands above so many bits of the ICMP code."""
-
-
 class EventKind(IntEnum):
     """What happened to a telegram or frame, and what the columns of ``EventBatch`` tell of it beside time and place.
 
@@ -45,7 +41,7 @@ class EventKind(IntEnum):
     NEGATIVE_ACKNOWLEDGEMENT = (9, "", "", "who rejects it", "")
     UNEXPECTED_ACKNOWLEDGEMENT = (10, "", "", "to whom it was sent", "")
     BOOT_UP_UNANSWERED = (11, "when it was asked", "", "who asked", "")
-    SEND_REJECTED = (12, "", "", "to whom the telegram was sent", "the node that says so << 8 | ICMP code")
+    SEND_REJECTED = (12, "", "the ICMP code", "to whom the telegram was sent", "number of the node that says so")
     ACKNOWLEDGED = (13, "when the telegram was sent", "", "who acknowledged it, or rejects it", "")
 
     SHAPE_CHANGED = (14, "", "", "", "Length << 16 | Items")

@@ -25,7 +25,7 @@ from nvscope.tracker.acknowledgement import Acknowledgement
 from nvscope.tracker.consistency import Consistency
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
-from nvscope.tracker.event_kinds import CODE_BITS, EventKind
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.list_log import ListLog
 from nvscope.tracker.waits import BootUpWaits, Messages, Waits
@@ -189,7 +189,7 @@ class ListState:
         subindex = np.where(known, quoted.header["subindex"].astype(np.int64), -1)
         rejected = EventBatch.of(
             EventKind.SEND_REJECTED, quoted.ts_ns, frame, lists=lists, node=node, subindex=subindex, peer=receiver,
-            detail=by << CODE_BITS | code,
+            amount=code, detail=by,
         )  # fmt: skip
         self._log(told, rejected)
         self.columns.resize(len(self.keys.lists))

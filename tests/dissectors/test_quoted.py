@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dissectors import address
 from dissectors.link import peel
-from nvscope.tracker.event_kinds import CODE_BITS, EventKind
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.evidence import Evidence
 from nvscope.tracker.state import TrackerState
 from tests.laws import examples
@@ -60,8 +60,6 @@ def test_who_says_that_it_did_not_arrive_is_told() -> None:
     table = evidence.columns["waits"].table()
     rejected = table.kind == EventKind.SEND_REJECTED
     nodes = [address.text(int(high), int(low)) for high, low in zip(*state.keys.nodes.words, strict=True)]
-    told = [
-        (nodes[peer], nodes[detail >> CODE_BITS], detail & 0xFF)
-        for peer, detail in zip(table.peer[rejected].tolist(), table.detail[rejected].tolist(), strict=True)
-    ]
+    columns = (column[rejected].tolist() for column in (table.peer, table.detail, table.amount))
+    told = [(nodes[peer], nodes[by], code) for peer, by, code in zip(*columns, strict=True)]
     assert told == [(str(READER), str(READER), 3), (str(READER), str(ROUTER), 1)]

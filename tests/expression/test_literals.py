@@ -61,6 +61,21 @@ def test_dates_of_iec_61131_are_those_in_quotes(literal: str, text: str) -> None
     compile_expression(f"t.at > {literal}", NAMES)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "2026-01-31 12:00:05:00",
+        "2026-01-31 12:00:05.25:00",
+        "2026-01-31:30",
+        "2026-01-31 12:00 7",
+        "2026-01-31 12:00 CET",
+    ],
+)
+def test_what_is_no_zone_is_no_more_of_the_time_either(text: str) -> None:
+    with pytest.raises(literals.Unfit):
+        literals.fit(literals.Constant("string", f'"{text}"'), FieldType.TIME)
+
+
 @pytest.mark.parametrize(("literal", "time_ns"), [("TOD#14:30:05.25", 52_205_250_000_000), ("LTOD#1:2", 3_720 * 10**9)])
 def test_times_of_day_are_durations_since_midnight(literal: str, time_ns: int) -> None:
     assert literals.fit(literals.Constant("iec_time", literal), FieldType.DURATION) == time_ns

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from dissectors import address
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.event_columns import EventColumns, EventTable
 from nvscope.tracker.state import TrackerState
 
@@ -23,7 +24,7 @@ class Event(NamedTuple):
     frame: int
     amount: int
     peer: str
-    detail: int
+    detail: int | str
 
 
 def rows_of(table: EventTable) -> list[EventTable]:
@@ -40,6 +41,7 @@ def named(state: TrackerState, columns: EventColumns) -> list[Event]:
             "list": str(keys.list_key(row.list)) if row.list >= 0 else "",
             "node": nodes[row.node] if row.node >= 0 else "",
             "peer": nodes[row.peer] if row.peer >= 0 else "",
+            "detail": nodes[row.detail] if row.kind == EventKind.SEND_REJECTED else row.detail,
         })
         for row in rows_of(columns.table())
     ]  # fmt: skip
