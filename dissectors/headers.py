@@ -14,6 +14,7 @@ ETHERNET = Layout(
         Field("source", "V6", "Source", "hardware address of the sender"),
         Field("type", ">u2", "EtherType", "protocol inside", base="hex"),
     ),
+    "Ethernet",
 )
 VLAN = Layout(
     "vlan",
@@ -21,6 +22,7 @@ VLAN = Layout(
         Field("tci", ">u2", "Tag control", "priority and VLAN number", base="hex"),
         Field("type", ">u2", "EtherType", "protocol inside", base="hex"),
     ),
+    "VLAN tag",
 )
 SLL = Layout(
     "sll",
@@ -29,6 +31,7 @@ SLL = Layout(
         Field("address", "V12", "Address", "hardware type, length and address of the sender"),
         Field("type", ">u2", "Protocol", "protocol inside", base="hex"),
     ),
+    "Linux cooked capture",
 )
 SLL2 = Layout(
     "sll2",
@@ -38,6 +41,7 @@ SLL2 = Layout(
         Field("packet_type", "u1", "Packet type", "1 broadcast, 2 multicast"),
         Field("address", "V9", "Address", "length and hardware address of the sender"),
     ),
+    "Linux cooked capture v2",
 )
 SLL2_INTERFACE = Layout(
     "sll2.interface",
@@ -48,7 +52,11 @@ SLL2_INTERFACE = Layout(
     ),
 )
 """What is in the field ``interface`` of SLL2."""
-NULL = Layout("null", (Field("family", "<u4", "Family", "address family in the byte order of the capturing host"),))
+NULL = Layout(
+    "null",
+    (Field("family", "<u4", "Family", "address family in the byte order of the capturing host"),),
+    "Loopback",
+)
 IPV4 = Layout(
     "ip",
     (
@@ -63,6 +71,7 @@ IPV4 = Layout(
         Field("source", ">u4", "Source", "address of the sender"),
         Field("destination", ">u4", "Destination", "address of the receiver"),
     ),
+    "IPv4",
 )
 IPV6 = Layout(
     "ipv6",
@@ -77,6 +86,7 @@ IPV6 = Layout(
         Field("destination_hi", ">u8", "Destination", "upper half", base="hex"),
         Field("destination_lo", ">u8", "Destination", "lower half", base="hex"),
     ),
+    "IPv6",
 )
 ARP = Layout(
     "arp",
@@ -91,6 +101,7 @@ ARP = Layout(
         Field("target_hardware", "V6", "Target hardware address", "of who is asked, or answered"),
         Field("target", ">u4", "Target address", "IPv4 address that is asked for, or answered"),
     ),
+    "ARP",
 )
 """RFC 826, for IPv4 over Ethernet."""
 UDP = Layout(
@@ -101,6 +112,7 @@ UDP = Layout(
         Field("length", ">u2", "Length", "UDP header and payload in bytes"),
         Field("checksum", ">u2", "Checksum", "of the datagram; 0 none", base="hex"),
     ),
+    "UDP",
 )
 TCP = Layout(
     "tcp",
@@ -121,6 +133,7 @@ TCP = Layout(
         Field("checksum", ">u2", "Checksum", "of the segment", base="hex"),
         Field("urgent", ">u2", "Urgent pointer", "end of urgent data"),
     ),
+    "TCP",
 )  # fmt: skip
 """RFC 9293, section 3.1, without options."""
 EXTENSION = Layout(

@@ -52,14 +52,15 @@ class Field:
 
 
 class Layout:
-    """A table of fields, in the order of the wire and without padding.
+    """A table of fields, in the order of the wire and without padding; ``title`` is what people call all of it.
 
     Iterating yields the fields; ``offset_of`` tells where each one starts.
     """
 
-    def __init__(self, name: str, fields: tuple[Field, ...]) -> None:
+    def __init__(self, name: str, fields: tuple[Field, ...], title: str = "") -> None:
         self.name = name
         self.fields = fields
+        self.title = title or name
         self._by_name = {entry.name: entry for entry in fields}
         if len(self._by_name) != len(fields):
             raise ValueError(f"layout {name}: a field name occurs twice")

@@ -71,6 +71,7 @@ HEADER = Layout(
         ),
         Field("checksum", "u1", "Checksum", "opaque signature of the definition", base="hex"),
     ),
+    "Network variables (3S-0)",
 )  # fmt: skip
 
 KNOWN_SERVICE = np.isin(np.arange(102), [service.value for service in Service])

@@ -48,6 +48,7 @@ BEACON_LAYOUT = Layout(
         Field("number", "u1", "Number", "counts up"),
         Field("speed", ">u2", "Speed", "in rounds a minute"),
     ),
+    "Beacon",
 )
 
 
@@ -205,7 +206,7 @@ def _lines(moment: Moment, width: int | None, wording: Wording) -> LineMaker:
 
 
 def _tree(rows: FrameRows, wording: Wording, *, dumps: bool) -> Tree:
-    return MessageTree(rows, NAME, "Beacon", BEACON_LAYOUT, dumps=dumps)
+    return MessageTree(rows, NAME, BEACON_LAYOUT, dumps=dumps)
 
 
 BEACON = Protocol(

@@ -23,7 +23,11 @@ from nvscope.view.lines.message_line import MessageLines
 from nvscope.view.lines.message_tree import MessageTree
 
 NAME, PORT = "probe", 4713
-LAYOUT = Layout(NAME, (Field("magic", ">u2", "Magic", "PB", base="hex"), Field("number", ">u2", "Number", "counts up")))
+LAYOUT = Layout(
+    NAME,
+    (Field("magic", ">u2", "Magic", "PB", base="hex"), Field("number", ">u2", "Number", "counts up")),
+    "Probe",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +69,7 @@ PROBE = Protocol(
     lines=lambda: lambda moment, width, wording: MessageLines(
         NAME, lambda part: [f"#{number}" for number in part.header["number"].tolist()], moment, width, wording
     ),
-    tree=lambda: lambda rows, _, *, dumps: MessageTree(rows, NAME, "Probe", LAYOUT, dumps=dumps),
+    tree=lambda: lambda rows, _, *, dumps: MessageTree(rows, NAME, LAYOUT, dumps=dumps),
 )  # fmt: skip
 
 

@@ -23,18 +23,17 @@ from nvscope.view.rows.frames import FrameRows
 class MessageTree(TransportTree):
     """A ``Tree`` of messages of the protocol ``name``, whose part has their ``datagram`` or ``segment``.
 
-    ``title`` stands above the fields of ``layout``; what is behind them is data.
+    The title of ``layout`` stands above its fields; what is behind them is data.
     """
 
-    def __init__(self, rows: FrameRows, name: str, title: str, layout: Layout, *, dumps: bool = True) -> None:
+    def __init__(self, rows: FrameRows, name: str, layout: Layout, *, dumps: bool = True) -> None:
         super().__init__(rows, name, layout.size_bytes)
-        self._title = title
         self._layout = layout
         self._dumps = dumps
 
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
         start, data, stop = self.spans(place)
-        yield Entry([Cell(self._title, Tone.STRONG)])
+        yield Entry([Cell(self._layout.title, Tone.STRONG)])
         for entry in self._layout:
             begin = start + self._layout.offset_of(entry.name)
             content = packet[begin : min(begin + entry.size_bytes, stop)]

@@ -57,7 +57,7 @@ class TelegramTree(TransportTree):
         found, code = self._telegrams.header[row], self._codes[row]
         belongs = "Parameter Manager, Index" if code in words.PARAMETER_CODES else "list"
         title = f"  {words.WORD_OF_CODE[code].word}, {belongs} {found['index']}, SubIndex {found['subindex']}"
-        yield Entry([Cell("Network variables (3S-0)", Tone.STRONG), Cell(title)])
+        yield Entry([Cell(HEADER.title, Tone.STRONG), Cell(title)])
         if remark := self._remarks.get(row):
             sign = "✗" if remark[1] is Tone.ERROR else "!"
             yield Entry([Cell(f"{'':{INDENT}}{sign} {remark[0]}", remark[1])])

@@ -30,17 +30,6 @@ from nvscope.view.rows.frames import FrameRows
 
 _FRAME_LABEL_WIDTH = 38
 
-_TITLES = {
-    "eth": "Ethernet",
-    "vlan": "VLAN tag",
-    "sll": "Linux cooked capture",
-    "sll2": "Linux cooked capture v2",
-    "null": "Loopback",
-    "ip": "IPv4",
-    "ipv6": "IPv6",
-    "udp": "UDP",
-    "tcp": "TCP",
-}
 _JOINED = {
     ("eth", "group"): ("destination_rest", "Destination"),
     ("ipv6", "source_hi"): ("source_lo", "Source"),
@@ -140,7 +129,7 @@ class Trees:
             return
         ends = _ENDS.get(layout.name)
         title = f"  {' → '.join(self._texts[name][row] for name in ends)}" if ends else ""
-        yield Entry([Cell(_TITLES[layout.name], Tone.STRONG), Cell(title)])
+        yield Entry([Cell(layout.title, Tone.STRONG), Cell(title)])
         found = values(packet, layer)
         entries = iter(layout)
         for entry in entries:
