@@ -63,7 +63,8 @@ class Figure:
     """One figure: its name, its unit, what it tells, of what, how windows join, and how it is read.
 
     ``keys`` say where a report has it in JSON, as a path within ``PLACES``; what is not there is in no report.
-    ``width_bits`` is how wide a controller keeps it, 0 where it keeps none.
+    ``width_bits`` is how wide a controller keeps it, 0 where it keeps none. ``provided`` is what windows have to have
+    in common to join, None where they always do.
     """
 
     name: str
