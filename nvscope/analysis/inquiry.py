@@ -106,7 +106,7 @@ class Inquiry:
     def defined_layouts(self) -> Layouts:
         """Return ``layouts``; UsageError where there are none."""
         if self.layouts is None:
-            if self.project.definition.lists or self.project.definition.types:
+            if self.project.files:
                 what = "the definition files declare types, but no list"
                 raise UsageError(what, next_step="name the exported list too")
             raise UsageError("no list is defined", next_step="name the files that the PLC project exports")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from nvscope.cli.definitions import ProjectOption, project_of
+from nvscope.cli.definitions import ProjectOption, project_of, tell_of_unknown
 from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import ExitCode, UsageError
 
@@ -45,6 +45,7 @@ def _plant(files: Sequence[str] | None, project: str | None) -> Project:
             "no definition is given",
             next_step="name the exported list and its types, or write them into nvscope.toml: definitions = [...]",
         )
+    tell_of_unknown(plant.definition)
     described = tuple(entry for entry in plant.definition.lists if entry.position.file in plant.files)
     return replace(plant, definition=replace(plant.definition, lists=described))
 
@@ -123,6 +124,7 @@ def diff(
 
     sides = [load_definitions([file, *(types or ()), *(own or ())]) for file, own in ((a, a_types), (b, b_types))]
     for file, side in zip((a, b), sides, strict=True):
+        tell_of_unknown(side)
         if not side.lists:
             raise UsageError("no list is defined", where=file, next_step="name the exported list; types go to --types")
     document = difference_document(difference(*sides))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from nvscope.list_key import ANY_CHANNEL, ListKey
 
 if TYPE_CHECKING:  # where no list is defined, nothing of its variables is imported
     from nvscope.definition.position import Position
-    from nvscope.definition.variables import Type, Variable
+    from nvscope.definition.variables import Variable
 
 DEFAULT_PORT = 1202
 """The UDP port of lists for which nothing says one."""
@@ -58,11 +57,24 @@ class ListDefinition:
 
 
 @dataclass(frozen=True, slots=True)
+class UnknownName:
+    """A type or a constant that a list needs and no file declares; ``nearest`` is what was perhaps meant, or ""."""
+
+    name: str
+    position: Position
+    nearest: str = ""
+    constant: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Definition:
-    """All lists of all files, and the types that were declared, by name in upper case."""
+    """All lists of all files, and the names in them that no file declares, each once, in the order of the lists.
+
+    What has such a name, or a size that follows from one, is of unknown size.
+    """
 
     lists: tuple[ListDefinition, ...] = ()
-    types: Mapping[str, Type] = field(default_factory=dict)
+    unknown: tuple[UnknownName, ...] = ()
 
     @property
     def on_can(self) -> bool:

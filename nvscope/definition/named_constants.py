@@ -6,6 +6,7 @@ import difflib
 from dataclasses import dataclass
 
 from nvscope.definition.constants import evaluate
+from nvscope.definition.position import Position
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import EnumerationType, Expression, ListSyntax, Name
 
@@ -31,6 +32,14 @@ class CallDepth:
     def ascend(self, calls: int) -> None:
         """Take back what was counted."""
         self._calls -= calls
+
+
+class UnknownConstant(Exception):
+    """A constant that no file declares: what it is called, and where it is used."""
+
+    def __init__(self, name: str, position: Position) -> None:
+        super().__init__(name)
+        self.name, self.position = name, position
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +81,21 @@ class NamedConstants:
                         self._named.setdefault(key, []).append(constant)
 
     def value(self, expression: Expression, source: Source, scope: str) -> int:
-        """Return the value of an expression; ``scope`` is where names are sought first, in capitals."""
+        """Return the value of an expression; ``scope`` is where names are sought first, in capitals.
+
+        Raises UnknownConstant, and ConfigurationError for what cannot be.
+        """
         calls = expression.depth + 5
         self._depth.descend(calls, source, expression.offset)
-        value = evaluate(expression, source, lambda name: self._value_of(name, source, scope))
-        self._depth.ascend(calls)
-        return value
+        try:
+            return evaluate(expression, source, lambda name: self._value_of(name, source, scope))
+        finally:
+            self._depth.ascend(calls)
+
+    def nearest(self, text: str) -> str:
+        """Return the constant that was perhaps meant, or ""."""
+        near = difflib.get_close_matches(text.upper()[:60], list(self._named)[:MOST_COMPARED], n=1)
+        return near[0] if near else ""
 
     def _value_of(self, name: Name, source: Source, scope: str) -> int:
         upper = name.text.upper()
@@ -88,10 +106,7 @@ class NamedConstants:
             # A namespace before the list does not matter.
             found = self._named.get(".".join(upper.split(".")[-2:]))
         if not found:
-            near = difflib.get_close_matches(upper[:60], list(self._named)[:MOST_COMPARED], n=1)
-            hint = f"Perhaps {near[0]}. " if near else ""
-            next_step = f"{hint}Also name the file that declares it in a VAR_GLOBAL CONSTANT block or an enumeration."
-            raise source.error(f"unknown constant {name.text[:60]!r}", name.offset, next_step)
+            raise UnknownConstant(name.text, source.position(name.offset))
         values = {self._constant(constant, name, source) for constant in found[:_MOST_NAMESAKES]}
         if len(values) > 1:
             places = " and ".join(str(found[i].source.position(found[i].name.offset)) for i in (0, 1))
@@ -112,7 +127,9 @@ class NamedConstants:
         value = steps
         if start.expression is not None:
             self._open.append(constant)
-            value += self.value(start.expression, start.source, start.scope)
-            self._open.pop()
+            try:
+                value += self.value(start.expression, start.source, start.scope)
+            finally:
+                self._open.pop()
         self._values[id(constant)] = value
         return value

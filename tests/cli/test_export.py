@@ -210,7 +210,6 @@ def test_nothing_of_the_list_gives_columns_without_rows(tmp_path: Path, ending: 
         ([CAPTURE, "-w", "out.csv", "-e", "nv.index", "--what", "values"], ["-e is for telegrams"]),
         ([CAPTURE, *AXIS, "-w", "out.csv", "--what", "telegrams"], ["--gvl names variables"]),
         ([CAPTURE, *AXIS, "-w", "out.csv", "--list", "axes"], ["no list is named 'axes'", "axis (udp/1202/42)"]),
-        ([CAPTURE, "--gvl", AXIS[1], "-w", "out.csv"], ["axis.gvl, line 6"]),
     ],
 )
 def test_what_cannot_be_done_is_said(tmp_path: Path, arguments: list[str], words: list[str]) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
-from nvscope.definition.load import load_definitions
+from nvscope.definition.load import load_definitions, read_definitions
 from nvscope.definition.model import Definition
 from nvscope.definition.variables import Array, Enumeration, Scalar, Structure, Type, Union
 from nvscope.errors import ConfigurationError
@@ -21,10 +22,21 @@ def declared(text: str, path: Path) -> Definition:
     return load_definitions([str(file)])
 
 
+def types_of(files: Sequence[str], path: Path) -> Mapping[str, Type]:
+    """Return the types that files declare, by name: those of a list that has a variable of each."""
+    names = dict.fromkeys(each.name.text for file in read_definitions(files) for each in file.types)
+    uses = path / "Uses.st"
+    uses.write_text(f"VAR_GLOBAL {' '.join(f'v_{name} : {name};' for name in names)} END_VAR", encoding="utf-8")
+    lists = load_definitions([*files, str(uses)]).lists
+    return {variable.name.removeprefix("v_"): variable.type for variable in lists[-1].variables} if names else {}
+
+
 def problem(text: str, path: Path) -> str:
-    """Return line, column and message of the error that a text gives."""
+    """Return line, column and message of the error that a text gives, where all that it declares is needed."""
+    file = path / "List.st"
+    file.write_text(text, encoding="utf-8", newline="")
     with pytest.raises(ConfigurationError) as caught:
-        declared(text, path)
+        types_of([str(file)], path)
     assert caught.value.where.startswith(str(path / "List.st"))
     line, column = caught.value.where.removeprefix(f"{path / 'List.st'}, line ").split(", column ")
     assert caught.value.next_step

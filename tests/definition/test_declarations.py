@@ -6,11 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.definition.load import load_definitions
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.variables import Scalar, ScalarKind, elements, size_bytes_of
-from nvscope.errors import ConfigurationError
-from tests.definition.declared import declared, problem, shown
+from tests.definition.declared import declared, problem, shown, types_of
 
 PRELUDE = """
 TYPE Axis : STRUCT pos : LREAL; vel, acc : REAL; END_STRUCT END_TYPE
@@ -127,7 +125,8 @@ def test_elements_in_the_order_in_which_they_are_sent(tmp_path: Path) -> None:
 
 
 def test_types_of_unknown_size_say_so(tmp_path: Path) -> None:
-    types = declared(PRELUDE, tmp_path).types
+    (tmp_path / "List.st").write_text(PRELUDE)
+    types = {name.upper(): kind for name, kind in types_of([str(tmp_path / "List.st")], tmp_path).items()}
     sizes = {name: size_bytes_of(kind) for name, kind in types.items()}
     assert sizes == {
         "AXIS": 16, "SLOW": 18, "LATER": 19, "COLOUR": 2, "LEVEL": 1, "SPEED": 2, "SPEEDS": 4, "BOTH": 2, "HANDLE": 0,
@@ -173,8 +172,6 @@ PROBLEMS = {
     "VAR_GLOBAL a : INT; (* (* *) END_VAR": "1:21 this comment is not closed",
     "VAR_GLOBAL {attribute 'a' END_VAR": "1:12 this pragma is not closed",
     "VAR_GLOBAL a : STRING := 'abc; END_VAR": "1:26 this string is not closed",
-    "VAR_GLOBAL (* ' *) a : ITN; END_VAR": "1:24 unknown type 'ITN'",
-    "VAR_GLOBAL a : ARRAY [5..n] OF INT; END_VAR": "1:26 unknown constant 'n'",
     "VAR_GLOBAL a : ARRAY [5..3] OF INT; END_VAR": "1:23 the upper bound 3 is below the lower bound 5",
     "VAR_GLOBAL a : ARRAY [1/0..3] OF INT; END_VAR": "1:25 division by zero",
     "VAR_GLOBAL a : ARRAY ['a'..3] OF INT; END_VAR": "1:23 a constant integer is expected",
@@ -221,8 +218,8 @@ def test_mistakes_are_named_with_their_place(text: str, tmp_path: Path) -> None:
         "TYPE " + " ".join(f"T{i} : STRUCT a : T{i + 1}; END_STRUCT" for i in range(2_000)) + " END_TYPE",
         "VAR_GLOBAL CONSTANT " + "".join(f"c{i} : INT := c{i + 1};" for i in range(2_000)) + " END_VAR "
         "VAR_GLOBAL a : INT(0..c0); END_VAR",
-        f"VAR_GLOBAL a : INT(0..{'(' * 5_000}1{')' * 5_000} + n); END_VAR",
-        f"VAR_GLOBAL a : INT(0..{'-' * 5_000}1 + n); END_VAR",
+        f"VAR_GLOBAL a : INT(0..{'(' * 5_000}1{')' * 5_000} + 1/0); END_VAR",
+        f"VAR_GLOBAL a : INT(0..{'-' * 5_000}1 + 1/0); END_VAR",
         f"VAR_GLOBAL a : INT(0..{'1+' * 5_000}1); END_VAR",
         f"VAR_GLOBAL a : INT(0..{'INT_TO_DINT(' * 5_000}1{')' * 5_000}); END_VAR",
         f"VAR_GLOBAL a : {'STRUCT a : ' * 3_000}",
@@ -236,7 +233,70 @@ def test_nothing_that_a_file_says_is_too_much(text: str, tmp_path: Path) -> None
     assert problem(text, tmp_path)
 
 
-def test_the_nearest_known_type_is_proposed(tmp_path: Path) -> None:
-    (tmp_path / "List.st").write_text("TYPE Axis : INT; END_TYPE VAR_GLOBAL a : Axsi; END_VAR")
-    with pytest.raises(ConfigurationError, match=r"Perhaps Axis\."):
-        load_definitions([str(tmp_path / "List.st")])
+UNKNOWN = {
+    "VAR_GLOBAL (* ' *) a : ITN; END_VAR": ["1:24 ITN"],
+    "VAR_GLOBAL a : ARRAY [5..n] OF INT; END_VAR": ["1:26 n constant"],
+    "TYPE Axis : INT; END_TYPE VAR_GLOBAL a : Axsi; END_VAR": ["1:42 Axsi near Axis"],
+    # Neither what is being declared nor what is elementary is near.
+    "TYPE Axis : STRUCT a : Axsi; b : DDINT; END_STRUCT END_TYPE VAR_GLOBAL a : Axis; END_VAR": [
+        "1:24 Axsi",
+        "1:34 DDINT",
+    ],
+    "VAR_GLOBAL CONSTANT nMax : INT := 5; END_VAR VAR_GLOBAL a : STRING(nMxa); END_VAR": [
+        "1:68 nMxa constant near NMAX"
+    ],
+    "VAR_GLOBAL a : INT(0..n); b : ARRAY [0..n] OF Axis; c : axis; END_VAR": ["1:23 n constant", "1:47 Axis"],
+    "TYPE E : (a := n, b); F : (c) Base; S EXTENDS Base : STRUCT END_STRUCT END_TYPE "
+    "VAR_GLOBAL e : E; f : F; s : S; END_VAR": ["1:16 n constant", "1:31 Base"],
+    "VAR_GLOBAL CONSTANT n : INT := m + 1; END_VAR VAR_GLOBAL a : ARRAY [0..n] OF INT; END_VAR": ["1:32 m constant"],
+    # What no list needs is not looked at.
+    "TYPE Other : STRUCT x : PVOD; y : Nowhere; END_STRUCT END_TYPE VAR_GLOBAL a : INT; END_VAR": [],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", UNKNOWN)
+def test_names_that_no_file_declares_are_told_all_at_once(text: str, tmp_path: Path) -> None:
+    found = declared(text, tmp_path)
+    assert [
+        f"{one.position.line}:{one.position.column} {one.name}{' constant' * one.constant}"
+        + (f" near {one.nearest}" if one.nearest else "")
+        for one in found.unknown
+    ] == UNKNOWN[text]
+    assert found.lists
+
+
+def test_what_has_an_unknown_name_is_of_unknown_size(tmp_path: Path) -> None:
+    text = (
+        "TYPE E : (a := n, b) UINT; S EXTENDS Base : STRUCT END_STRUCT END_TYPE VAR_GLOBAL "
+        "a : Axis; b : STRING(n); c : ARRAY [0..n] OF INT; d : INT(0..n); e : E; s : S; i : INT; END_VAR"
+    )
+    (entry,) = declared(text, tmp_path).lists
+    assert {each.name: size_bytes_of(each.type) for each in entry.variables} == {
+        "a": 0, "b": 0, "c": 0, "d": 2, "e": 2, "s": 0, "i": 2,
+    }  # fmt: skip
+
+
+def test_types_of_common_libraries_have_the_size_that_is_public(tmp_path: Path) -> None:
+    text = (
+        "VAR_GLOBAL a : T_MaxString; b : Tc2_System.T_AmsNetID; c : HRESULT; d : T_FILETIME; e : DCTIMESTRUCT; "
+        "f : PVOID; g : T_Unheard; END_VAR"
+    )
+    found = declared(text, tmp_path)
+    (entry,) = found.lists
+    assert [size_bytes_of(each.type) for each in entry.variables] == [256, 24, 4, 8, 20, 0, 0]
+    assert [one.name for one in found.unknown] == ["T_Unheard"]
+    # What the project declares itself goes before.
+    own = declared(f"TYPE T_MaxString : STRING(9); END_TYPE {text}", tmp_path).lists[0].variables[0]
+    assert size_bytes_of(own.type) == 10
+
+
+def test_a_circle_of_constants_that_hang_on_an_unknown_one_ends(tmp_path: Path) -> None:
+    """What was looked at when the unknown name came up is not held to be looked at still."""
+    text = (
+        "VAR_GLOBAL CONSTANT a : INT := b; b : INT := nowhere; c : INT := 3; END_VAR "
+        "VAR_GLOBAL x : INT(0..a); y : INT(0..b); z : INT(0..c); END_VAR"
+    )
+    found = declared(text, tmp_path)
+    assert [one.name for one in found.unknown] == ["nowhere"]
+    kinds = [shown(each.type) for entry in found.lists for each in entry.variables]
+    assert kinds == ["INT", "INT", "INT(0..3)"]

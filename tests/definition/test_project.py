@@ -285,8 +285,10 @@ def test_a_pattern_over_too_many_files_is_not_followed(tmp_path: Path) -> None:
 
 
 def test_a_mistake_in_a_definition_file_names_that_file(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="unknown type") as caught:
-        plant(tmp_path, "definitions = 'plc/*.gvl'", a_gvl=GVL.format(identifier=7, more="").replace("INT", "INTT"))
+    with pytest.raises(ConfigurationError, match="has no subranges") as caught:
+        plant(
+            tmp_path, "definitions = 'plc/*.gvl'", a_gvl=GVL.format(identifier=7, more="").replace("INT", "REAL(0..1)")
+        )
     assert caught.value.where.startswith(f"{tmp_path / 'plc' / 'a.gvl'}, line 1, column ")
 
 
