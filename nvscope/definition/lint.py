@@ -12,7 +12,6 @@ from typing import Literal
 from nvscope.definition import lint_searches as searches
 from nvscope.definition.lint_searches import Packed, Place, Subject
 from nvscope.definition.model import Definition
-from nvscope.definition.packing import pack
 from nvscope.definition.syntax import FileSyntax
 
 Severity = Literal["error", "warning", "note"]
@@ -43,7 +42,7 @@ def lint(files: Sequence[FileSyntax], definition: Definition) -> list[Mistake]:
 
     Raises ConfigurationError for a list that cannot be packed.
     """
-    subject = Subject(files, [Packed(entry, pack(entry)) for entry in definition.lists])
+    subject = Subject(files, [Packed.of(entry) for entry in definition.lists])
     # A list over several connections is there once for each of them.
     found = dict.fromkeys(Mistake(rule, place) for rule in RULES for place in rule.find(subject))
     order = {name: place for place, name in enumerate(dict.fromkeys(_names_of(files)))}

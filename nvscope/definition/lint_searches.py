@@ -16,7 +16,7 @@ from nvscope.definition.cob_ids import CobIds, canopen_uses, overlaps, taken_by
 from nvscope.definition.difference import list_difference
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.named_sizes import named_sizes
-from nvscope.definition.packing import TelegramLayout, capacity_bytes
+from nvscope.definition.packing import TelegramLayout, capacity_bytes, pack, placed
 from nvscope.definition.position import Position
 from nvscope.definition.syntax import FileSyntax
 from nvscope.definition.variables import Array, Structure, Union, elements
@@ -30,10 +30,17 @@ _MOST_NAMESAKES = 100
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """A list, and its telegrams by SubIndex."""
+    """A list, and its telegrams by SubIndex, as far as they are known; ``whole`` where nothing of it has no place."""
 
     list: ListDefinition
     telegrams: tuple[TelegramLayout, ...]
+    whole: bool = True
+
+    @staticmethod
+    def of(entry: ListDefinition) -> Packed:
+        """Return a list, packed. Raises ConfigurationError where it cannot be."""
+        telegrams, unplaced = placed(pack(entry))
+        return Packed(entry, telegrams, not unplaced)
 
     @property
     def on_can(self) -> bool:
@@ -200,7 +207,8 @@ def find_many_telegrams(subject: Subject) -> Iterator[Place]:
         number = len(packed.telegrams)
         if number > MOST_TELEGRAMS and not packed.on_can:
             how = "" if packed.list.pack else ", one for each element: it is not packed"
-            yield _of_list(packed.list, f"{packed.list.name} takes {count(number)} telegrams{how}")
+            least = "" if packed.whole else "at least "
+            yield _of_list(packed.list, f"{packed.list.name} takes {least}{count(number)} telegrams{how}")
 
 
 def find_unknown_sizes(subject: Subject) -> Iterator[Place]:

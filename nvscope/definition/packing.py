@@ -81,6 +81,25 @@ class TelegramLayout:
             yield self.layout.offset_of(str(place)), element
 
 
+def placed(telegrams: Sequence[TelegramLayout]) -> tuple[tuple[TelegramLayout, ...], tuple[Element, ...]]:
+    """Return what is known of where the elements of a list lie: telegrams, and elements that have no place.
+
+    In a packed list these are the first one whose size nobody knows, and all behind it: more than is told may lie in
+    the last telegram, and follow it. Without packing each element has a telegram of its own, whatever its size.
+    """
+    first = next((number for number, layout in enumerate(telegrams) if layout.unknown), None)
+    if first is None or not telegrams[first].list.pack:
+        return tuple(telegrams), ()
+    cause = telegrams[first].unknown
+    assert cause is not None
+    at = telegrams[first].elements.index(cause)
+    front = (TelegramLayout(telegrams[first].list, first, telegrams[first].elements[:at]),) if at else ()
+    behind = telegrams[first].elements[at:] + tuple(
+        element for layout in telegrams[first + 1 :] for element in layout.elements
+    )
+    return (*telegrams[:first], *front), behind
+
+
 def known_fronts(telegrams: Sequence[TelegramLayout]) -> list[tuple[TelegramLayout, Element | None]]:
     """Return what is known of the telegrams of a list, by SubIndex, where sizes of some elements are not.
 

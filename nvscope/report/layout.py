@@ -38,8 +38,12 @@ def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
             yield from wrap([Cell(_ASSUMED, Tone.WARNING)], width, 2)
         for telegram in entry["telegrams"]:
             yield []
-            head = f"SubIndex {telegram['subindex']}: Items {telegram['items']}, Length {_known(telegram['length'])}"
-            if "cob_id" in telegram:
+            items, length = _known(telegram["items"]), _known(telegram["length"])
+            head = f"SubIndex {telegram['subindex']}: Items {items}, Length {length}"
+            if telegram["subindex"] is None:
+                first = telegram["elements"][0]["name"]
+                head = f"From {first} on, nobody knows what lies in which telegram, and where:"
+            elif "cob_id" in telegram:
                 cob_id = "?" if telegram["cob_id"] is None else f"{telegram['cob_id']:03X}h"
                 head = f"COB-ID {cob_id}: DLC {_known(telegram['length'])}"
             yield from wrap([Cell(head)], width, 2)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import struct
+from typing import Any
 
 import pytest
 
 from nvscope.definition.layouts import Layouts
+from nvscope.definition.lint import lint
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.scalars import SCALARS
-from nvscope.definition.variables import Type
+from nvscope.definition.variables import Array, Type
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
+from nvscope.view.documents.layout import layout_document
 from nvscope.view.documents.variables import variables_document
 from tests.definition.lists import INT, REAL, UNKNOWN, list_of, telegram
 from tests.packets import batch_of, observed
@@ -68,3 +71,44 @@ def test_of_a_union_the_bytes_are_shown_and_that_it_is_one() -> None:
         ("v1", "UNION uAny", "01 02 03 04"),
         ("v2", "INT", "2"),
     ]
+
+
+def layout_of(definition: ListDefinition) -> list[tuple[int | None, int | None, int | None, list[tuple[str, Any]]]]:
+    """Return SubIndex, Items and Length of each telegram of a byte map, and names with offsets of its elements."""
+    (entry,) = layout_document(Definition((definition,)))["lists"]
+    return [
+        (
+            telegram["subindex"], telegram["items"], telegram["length"],
+            [(element["name"], element["offset"]) for element in telegram["elements"]],
+        )
+        for telegram in entry["telegrams"]
+    ]  # fmt: skip
+
+
+def test_a_byte_map_invents_no_telegrams_behind_what_is_of_unknown_size() -> None:
+    long = Array(((0, 299),), SCALARS["BYTE"])
+    definition = list_of([SCALARS["BYTE"], POINTER, long, SCALARS["DINT"]])
+    front, behind = layout_of(definition)
+    # Whether the pointer, and more, still lies in the first telegram, nobody knows.
+    assert front == (0, None, None, [("v0", 0)])
+    assert behind[:3] == (None, None, None)
+    assert [name for name, _ in behind[3]] == ["v1", *(f"v2[{place}]" for place in range(300)), "v3"]
+    assert {offset for _, offset in behind[3]} == {None}
+    # Of what has no place, nobody knows whether it is cut between telegrams.
+    mistakes = lint([], Definition((definition,)))
+    assert [each.rule.id for each in mistakes] == ["unknown-size"]
+
+
+def test_telegrams_in_front_of_what_is_of_unknown_size_are_whole() -> None:
+    full = Array(((0, 127),), INT)
+    whole, front, behind = layout_of(list_of([full, INT, POINTER, INT]))
+    assert whole[:3] == (0, 128, 20 + 256)
+    assert front == (1, None, None, [("v1", 0)])
+    assert [name for name, _ in behind[3]] == ["v2", "v3"]
+    assert [each[0] for each in layout_of(list_of([POINTER, INT]))] == [None]
+
+
+def test_unpacked_only_the_element_itself_has_no_length() -> None:
+    assert layout_of(list_of([INT, BIT, REAL], pack=False)) == [
+        (0, 1, 22, [("v0", 0)]), (1, 1, None, [("v1", 0)]), (2, 1, 24, [("v2", 0)]),
+    ]  # fmt: skip
