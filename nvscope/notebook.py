@@ -65,8 +65,8 @@ def open_captures(
 
     ``definitions`` are files that the PLC project exports, with those of the types they use; they take the place of
     those that a project file names. ``project`` is that file; True looks for ``nvscope.toml`` upwards from the working
-    directory. ``where`` is a display filter. UsageError where it cannot be understood, UnreadableInput where a file
-    cannot be opened or is no capture.
+    directory. ``where`` is a display filter. Names that no file declares are a warning. UsageError where the filter
+    cannot be understood, UnreadableInput where a file cannot be opened or is no capture.
     """
     paths = _paths("captures", captures)
     files = None if definitions is None else _paths("definitions", definitions)
@@ -78,6 +78,10 @@ def open_captures(
     openable = [path for path in paths if path != STDIN and (not Path(path).exists() or _is_stored(path))]
     if openable:
         open_source(openable)
+    if inquiry.project.definition.unknown:
+        from nvscope.view.lines.unknown_names import unknown_names  # noqa: PLC0415
+
+        warnings.warn(unknown_names(inquiry.project.definition.unknown), stacklevel=2)
     return Captures(inquiry, where)
 
 

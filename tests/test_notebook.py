@@ -194,6 +194,12 @@ def test_a_history_is_that_of_the_program() -> None:
         plant.history("nothing.of.this")
 
 
+def test_names_that_no_file_declares_are_a_warning() -> None:
+    with pytest.warns(UserWarning, match=r"types that no file declares: Axis \(.*axis\.gvl, line 6, column 11\)"):
+        peers = nvscope.open(PEERS, definitions=AXIS[0])
+    assert {"bStart", "nSpeed", "fTemp"} <= set(peers.values().columns)
+
+
 def test_a_value_that_a_float_cannot_hold_is_told_as_text_alone(tmp_path: Path) -> None:
     exact, beyond = 1 << 53, (1 << 53) + 1
     frames = [

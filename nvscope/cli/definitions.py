@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from nvscope.definition.model import Definition
     from nvscope.definition.project import Project
 
-_MOST_TOLD = 10
-"""So many names that no file declares are told."""
-
 GvlOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -73,26 +70,10 @@ def _next_project() -> Path | None:
 
 def tell_of_unknown(definition: Definition) -> None:
     """Say which types and constants the lists need and no file declares, all at once."""
-    from nvscope.units import count
-    from nvscope.view.escape import visible
+    if definition.unknown:
+        from nvscope.view.lines.unknown_names import unknown_names
 
-    if not definition.unknown:
-        return
-    told = [
-        f"{visible(one.name[:60])!s} ({visible(str(one.position))!s}"
-        + (f"; perhaps {visible(one.nearest)!s}?)" if one.nearest else ")")
-        for one in definition.unknown[:_MOST_TOLD]
-    ]
-    if len(definition.unknown) > _MOST_TOLD:
-        told.append(f"{count(len(definition.unknown) - _MOST_TOLD)} more")
-    what = "constants" if all(one.constant for one in definition.unknown) else "types"
-    if len({one.constant for one in definition.unknown}) > 1:
-        what = "types and constants"
-    typer.echo(
-        f"nvscope: {what} that no file declares: {', '.join(told)}. "
-        "Name the files that do, too: a .TcDUT, a PLCopen XML export, ST text, or a list of constants.",
-        err=True,
-    )
+        typer.echo(f"nvscope: {unknown_names(definition.unknown)}", err=True)
 
 
 def tell_of_lists(inquiry: Inquiry) -> None:
