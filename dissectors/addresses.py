@@ -23,11 +23,9 @@ from dissectors.headers import (
     TYPE_ARP,
     TYPE_IPV4,
     TYPE_IPV6,
-    VLAN,
-    VLAN_TYPES,
 )
 from dissectors.layout import Layout, gather_bytes, take_rows
-from dissectors.link import MAX_VLAN_TAGS, network_layers
+from dissectors.link import network_layers, step_over_tags
 from dissectors.transport import Place
 
 UNKNOWN = -1
@@ -35,7 +33,6 @@ UNKNOWN = -1
 
 _HARDWARE_BYTES = 6
 _HARDWARE_MASK = np.uint64((1 << 8 * _HARDWARE_BYTES) - 1)
-_VLAN_MASK = 0xFFF
 _ARP_OVER_ETHERNET = 1, TYPE_IPV4, _HARDWARE_BYTES, 4
 
 # By link type: the header, and where in it the sender's hardware address lies.
@@ -97,15 +94,7 @@ def _read_with_hardware(packets: PacketBatch, rows: I64, layout: Layout, at: int
     found.hardware[rows] = words & _HARDWARE_MASK
     kind = layout.gather(data, begin)["type"].astype(np.uint16)
     network = Place(rows, begin + layout.size_bytes, begin + packets.captured[rows], np.zeros(len(rows), np.uint8))
-    for _ in range(MAX_VLAN_TAGS):
-        tagged = np.flatnonzero(np.isin(kind, VLAN_TYPES) & (network.at + VLAN.size_bytes <= network.end))
-        if not len(tagged):
-            break
-        tag = VLAN.gather(data, network.at[tagged])
-        vlan = found.vlan[rows[tagged]]
-        found.vlan[rows[tagged]] = np.where(vlan == UNKNOWN, tag["tci"] & _VLAN_MASK, vlan)
-        kind[tagged] = tag["type"]
-        network.at[tagged] += VLAN.size_bytes
+    found.vlan[rows] = step_over_tags(data, network, kind)
     for ethertype, read in ((TYPE_IPV4, _read_ipv4), (TYPE_IPV6, _read_ipv6), (TYPE_ARP, _read_arp)):
         read(packets, network.take(kind == ethertype), found)
 

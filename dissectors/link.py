@@ -58,6 +58,7 @@ from dissectors.transport import (
 
 MAX_VLAN_TAGS = 8
 MAX_EXTENSIONS = 16
+_VLAN_MASK = 0xFFF
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,13 +205,22 @@ def _by_ethertype(data: U8, frame: Place, kind: U16, group: U8, head_bytes: int)
     is_ipv4 = kind == TYPE_IPV4
     if is_ipv4.all():
         return [(True, inside)]
+    step_over_tags(data, inside, kind)
+    return [(True, inside.take(kind == TYPE_IPV4)), (False, inside.take(kind == TYPE_IPV6))]
+
+
+def step_over_tags(data: U8, inside: Place, kind: U16) -> I64:
+    """Move ``inside.at`` and ``kind`` behind VLAN tags; return the number in the outermost one, -1 without any."""
+    vlan = np.full(len(kind), -1)
     for _ in range(MAX_VLAN_TAGS):
         tagged = np.flatnonzero(np.isin(kind, VLAN_TYPES) & (inside.at + VLAN.size_bytes <= inside.end))
         if not len(tagged):
             break
-        kind[tagged] = VLAN.gather(data, inside.at[tagged])["type"]
+        tag = VLAN.gather(data, inside.at[tagged])
+        vlan[tagged] = np.where(vlan[tagged] < 0, tag["tci"] & _VLAN_MASK, vlan[tagged])
+        kind[tagged] = tag["type"]
         inside.at[tagged] += VLAN.size_bytes
-    return [(True, inside.take(kind == TYPE_IPV4)), (False, inside.take(kind == TYPE_IPV6))]
+    return vlan
 
 
 def _with_room(network: Place, size_bytes: int) -> Place:

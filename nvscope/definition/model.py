@@ -68,7 +68,7 @@ class UnknownName:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """All lists of all files, and the names in them that no file declares, each once, in the order of the lists.
+    """All lists of all files, and the names in them that no file declares, each once, by file, line and column.
 
     What has such a name, or a size that follows from one, is of unknown size.
     """

@@ -87,17 +87,12 @@ def placed(telegrams: Sequence[TelegramLayout]) -> tuple[tuple[TelegramLayout, .
     In a packed list these are the first one whose size nobody knows, and all behind it: more than is told may lie in
     the last telegram, and follow it. Without packing each element has a telegram of its own, whatever its size.
     """
-    first = next((number for number, layout in enumerate(telegrams) if layout.unknown), None)
-    if first is None or not telegrams[first].list.pack:
+    if not any(layout.unknown for layout in telegrams) or not telegrams[0].list.pack:
         return tuple(telegrams), ()
-    cause = telegrams[first].unknown
-    assert cause is not None
-    at = telegrams[first].elements.index(cause)
-    front = (TelegramLayout(telegrams[first].list, first, telegrams[first].elements[:at]),) if at else ()
-    behind = telegrams[first].elements[at:] + tuple(
-        element for layout in telegrams[first + 1 :] for element in layout.elements
-    )
-    return (*telegrams[:first], *front), behind
+    first = _first_unknown(telegrams)
+    front, _ = _front(telegrams, first, first)
+    behind = [element for layout in telegrams[first:] for element in layout.elements][len(front.elements) :]
+    return (*telegrams[:first], *([front] if front.elements else [])), tuple(behind)
 
 
 def known_fronts(telegrams: Sequence[TelegramLayout]) -> list[tuple[TelegramLayout, Element | None]]:

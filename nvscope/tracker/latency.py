@@ -79,15 +79,27 @@ class Latencies:
         self.columns.take(part.columns, share.streams)
         self.buckets.take_keyed(self.keys, part.buckets, part.keys.words)
 
+    def counts_of(self, stream: int) -> tuple[I64, I64]:
+        """Return buckets (``nvscope.tracker.buckets``), rising, and how many of one stream lie in each."""
+        streams, bucket, count = self._counts()
+        own = np.flatnonzero(streams == stream)
+        own = own[np.argsort(bucket[own])]
+        return bucket[own], count[own]
+
+    def _counts(self) -> tuple[I64, I64, I64]:
+        """Return stream, bucket and count of each histogram's parts."""
+        word = self.keys.high.view(np.int64)
+        bucket = (word & ((1 << _STREAM_BIT) - 1)) - _BUCKET_OFFSET
+        return word >> _STREAM_BIT, bucket, self.buckets.column("count")
+
     def figures(self, group_of: I64) -> dict[int, LatencyFigures]:
         """Return the figures of streams taken together, by group; ``group_of`` has the group of each stream.
 
         Groups without acknowledgements are not there.
         """
-        word, count = self.keys.high.view(np.int64), self.buckets.column("count")
-        known = np.flatnonzero((count > 0) & (group_of[word >> _STREAM_BIT] >= 0))  # of windows, others are left as 0
-        word, count = word[known], count[known]
-        stream, bucket = word >> _STREAM_BIT, (word & ((1 << _STREAM_BIT) - 1)) - _BUCKET_OFFSET
+        stream, bucket, count = self._counts()
+        known = np.flatnonzero((count > 0) & (group_of[stream] >= 0))  # of windows, others are left as 0
+        stream, bucket, count = stream[known], bucket[known], count[known]
         group = group_of[stream]
         order = np.lexsort((bucket, group))
         extremes = (column[stream[order]] for column in (self.columns.least_ns, self.columns.most_ns))

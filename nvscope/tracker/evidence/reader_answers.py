@@ -45,10 +45,8 @@ class ReaderAnswers:
         if events.kind is not EventKind.ACKNOWLEDGED:
             return
         words = events.list.astype(np.uint64), events.peer.astype(np.uint64)
-        if len(self.pairs) < self._most:
-            self.pairs.numbers(*words)
-        number = self.pairs.find(*words)
-        room = (number >= 0) & (number < self._most)
+        number = self.pairs.numbers_below(self._most, *words)
+        room = number >= 0
         self.left_out += len(events) - int(np.count_nonzero(room))
         number, time_ns, since_ns = number[room], events.time_ns[room], events.since_ns[room]
         columns, pairs = self.columns, min(len(self.pairs), self._most)

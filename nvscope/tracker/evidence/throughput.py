@@ -44,10 +44,8 @@ class Throughput:
         """Take a batch, which follows those observed so far."""
         packets = told.packets
         slot = (packets.ts_ns // SLOT_NS).view(np.uint64)
-        if len(self.slots) < self._most:
-            self.slots.numbers(slot)
-        number = self.slots.find(slot)
-        room = (number >= 0) & (number < self._most)
+        number = self.slots.numbers_below(self._most, slot)
+        room = number >= 0
         self.left_out += len(slot) - int(np.count_nonzero(room))
         self.columns.resize(min(len(self.slots), self._most))
         np.add.at(self.columns.frames, number[room], 1)

@@ -77,7 +77,7 @@ def as_told(presence: Presence) -> tuple[dict[Key, Any], dict[tuple[int, ...], A
     addresses = {
         key: (
             *(int(columns.column(name)[row]) for name in ("count", "first_ns", "last_ns", "others")),
-            Counter(dict(zip(*(one.tolist() for one in presence.distances_of(row)), strict=True))),
+            Counter(dict(zip(*(one.tolist() for one in presence.distances.counts_of(row)), strict=True))),
         )
         for row, key in enumerate(keys)
     }  # fmt: skip
