@@ -78,10 +78,12 @@ def open_captures(
     openable = [path for path in paths if path != STDIN and (not Path(path).exists() or _is_stored(path))]
     if openable:
         open_source(openable)
-    if inquiry.project.definition.unknown:
-        from nvscope.view.lines.unknown_names import unknown_names  # noqa: PLC0415
+    if inquiry.project.files:
+        from nvscope.view.lines.definition_flaws import definition_flaws  # noqa: PLC0415
 
-        warnings.warn(unknown_names(inquiry.project.definition.unknown), stacklevel=2)
+        definition = inquiry.project.definition
+        for sentence in definition_flaws(definition, [entry for entry in definition.lists if entry.key]):
+            warnings.warn(sentence, stacklevel=2)
     return Captures(inquiry, where)
 
 

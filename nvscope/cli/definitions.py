@@ -11,16 +11,19 @@ import typer
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
-    from nvscope.definition.model import Definition
+    from nvscope.definition.model import Definition, ListDefinition
     from nvscope.definition.project import Project
+
+_MOST_NAMED = 5
 
 GvlOption = Annotated[
     list[str] | None,
     typer.Option(
         "--gvl",
-        metavar="FILE",
-        help="Definition file: .gvl, .exp, PLCopen XML, .TcGVL, .TcDUT or ST text with types. Give all that belong "
-        "together; they take the place of those that the project names.",
+        metavar="PATH",
+        help="Definitions: a file (.gvl, .exp, PLCopen XML, .TcGVL, .TcDUT, ST text with types), a directory with all "
+        "below it, or a pattern such as 'plc/*.gvl'; several options, or further arguments. They take the place of "
+        "those that the project names.",
         show_default=False,
     ),
 ]
@@ -68,19 +71,20 @@ def _next_project() -> Path | None:
     return upwards and Path(os.path.relpath(upwards, here))
 
 
-def tell_of_unknown(definition: Definition) -> None:
-    """Say which types and constants the lists need and no file declares, all at once."""
-    if definition.unknown:
-        from nvscope.view.lines.unknown_names import unknown_names
+def tell_of_flaws(definition: Definition, lists: Sequence[ListDefinition] | None = None) -> None:
+    """Say what was left out of the files, and what lists (None: all) need and no file declares, all at once."""
+    from nvscope.view.lines.definition_flaws import definition_flaws
 
-        typer.echo(f"nvscope: {unknown_names(definition.unknown)}", err=True)
+    for sentence in definition_flaws(definition, lists):
+        typer.echo(f"nvscope: {sentence}", err=True)
 
 
 def tell_of_lists(inquiry: Inquiry) -> None:
     """Say of which lists nothing can be shown, and why."""
     from nvscope.view.escape import visible
 
-    tell_of_unknown(inquiry.project.definition)
+    definition = inquiry.project.definition
+    tell_of_flaws(definition, [entry for entry in definition.lists if entry.key])
     layouts = inquiry.layouts
     for key, element in layouts.left_out.items() if layouts else ():
         entry = layouts.list_of(key) if layouts else None
@@ -93,11 +97,12 @@ def tell_of_lists(inquiry: Inquiry) -> None:
         typer.echo(
             f"nvscope: {visible(entry.name)}: {why}; neither it nor what follows it can be shown.", err=True
         )  # fmt: skip
-    for entry in inquiry.project.definition.lists:
-        if entry.list_id is None and entry.variables:
-            name = visible(entry.name)
-            typer.echo(
-                f"nvscope: {name} was not looked for: no file says its list identifier. Write it into nvscope.toml: "
-                f'[lists.N] and below it name = "{name}".',
-                err=True,
-            )
+    unnamed = [visible(entry.name) for entry in definition.lists if entry.list_id is None and entry.variables]
+    if unnamed:
+        more = f" and {len(unnamed) - _MOST_NAMED} more" if len(unnamed) > _MOST_NAMED else ""
+        names, were = ", ".join(unnamed[:_MOST_NAMED]), "was" if len(unnamed) == 1 else "were"
+        typer.echo(
+            f"nvscope: {names}{more} {were} not looked for: no file says the list identifier. Write it into "
+            f'nvscope.toml: [lists.N] and below it name = "{unnamed[0]}".',
+            err=True,
+        )

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     DecodeOption,
     FilterOption,
     ReadOption,
     SourcesArgument,
-    chosen,
     port_rules,
     tell_of_losses,
 )
@@ -90,7 +90,8 @@ def export(
     the column unsigned. What nobody has described, such as a POINTER and all behind it, is bytes: in CSV and NDJSON
     hexadecimal digits. What is no number is NaN, inf or -inf in CSV, null in NDJSON.
     """
-    paths = chosen(sources, read)
+    files_named = named_files(sources, read, gvl)
+    paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     if not write:
         raise UsageError("no file to write is named", next_step="add -w FILE.parquet, .csv or .ndjson")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from nvscope.cli.definitions import ProjectOption, project_of, tell_of_unknown
+from nvscope.cli.definitions import ProjectOption, project_of, tell_of_flaws
 from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import ExitCode, UsageError
 
@@ -37,15 +37,19 @@ def _verbs() -> None:
     """Look at definition files: byte maps of the telegrams, mistakes, and what differs between two sides."""
 
 
-def _plant(files: Sequence[str] | None, project: str | None) -> Project:
-    """Return what the files or the project define, without lists of which only the project's settings are known."""
+def _plant(files: Sequence[str] | None, project: str | None, *, quiet: bool = False) -> Project:
+    """Return what the files or the project define, without lists of which only the project's settings are known.
+
+    What is wrong with the files is told, if not ``quiet``.
+    """
     plant = project_of(project, files)
     if not files and not plant.files:
         raise UsageError(
             "no definition is given",
             next_step="name the exported list and its types, or write them into nvscope.toml: definitions = [...]",
         )
-    tell_of_unknown(plant.definition)
+    if not quiet:
+        tell_of_flaws(plant.definition)
     described = tuple(entry for entry in plant.definition.lists if entry.position.file in plant.files)
     return replace(plant, definition=replace(plant.definition, lists=described))
 
@@ -86,9 +90,11 @@ def lint(
     else:
         from nvscope.definition.lint import lint as mistakes_in
         from nvscope.definition.load import read_definitions
+        from nvscope.definition.wanted_files import DefinitionFile
 
-        plant = _plant(files, project)
-        mistakes = mistakes_in(read_definitions(plant.files), plant.definition)
+        plant = _plant(files, project, quiet=True)
+        read = read_definitions([DefinitionFile(file, file) for file in plant.files])
+        mistakes = mistakes_in(list(read.files.values()), plant.definition)
         document = lint_document(list(dict.fromkeys(plant.files)), len(plant.definition.lists), mistakes)
     render = face.render_rules if rules else face.render
     shown = colour_wanted(colour)
@@ -124,7 +130,7 @@ def diff(
 
     sides = [load_definitions([file, *(types or ()), *(own or ())]) for file, own in ((a, a_types), (b, b_types))]
     for file, side in zip((a, b), sides, strict=True):
-        tell_of_unknown(side)
+        tell_of_flaws(side)
         if not side.lists:
             raise UsageError("no list is defined", where=file, next_step="name the exported list; types go to --types")
     document = difference_document(difference(*sides))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of
+from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     DecodeOption,
@@ -18,7 +19,6 @@ from nvscope.cli.sources import (
     SourcesArgument,
     ToTimeOption,
     asked_range,
-    chosen,
     port_rules,
     tell_of_losses,
 )
@@ -89,7 +89,8 @@ def packets(
     the same times; a time without a zone is local, with -t u or ud UTC. Exits with 3 where a capture could not be read
     to its end.
     """
-    paths = chosen(sources, read)
+    files_named = named_files(sources, read, gvl)
+    paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     records = output is not None and output != "text"
     between = asked_range(from_time, to_time, utc=moment in ("u", "ud"))

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     DecodeOption,
@@ -17,7 +18,6 @@ from nvscope.cli.sources import (
     SourcesArgument,
     ToTimeOption,
     asked_range,
-    chosen,
     duration_ns,
     port_rules,
     tell_of_losses,
@@ -77,7 +77,8 @@ def report(
     the whole capture, so that no filter makes up a loss. --from-time and --to-time cut the capture: only what lies
     between is judged. Exits with 3 where a capture could not be read to its end.
     """
-    paths = chosen(sources, read)
+    files_named = named_files(sources, read, gvl)
+    paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     timeout_ns = None if timeout is None else duration_ns("--ack-timeout", timeout)
     if as_json and as_markdown:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
-import stat
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nvscope.duration import parse_duration
-from nvscope.errors import UnreadableInput, UsageError
+from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
     from dissectors.netvar import PortRules
@@ -20,7 +18,11 @@ if TYPE_CHECKING:
 
 SourcesArgument = Annotated[
     list[str] | None,
-    typer.Argument(metavar="SOURCE...", help="Capture files, directories of them, or - for stdin.", show_default=False),
+    typer.Argument(
+        metavar="SOURCE...",
+        help="Capture files, directories of them, or - for stdin; and definition files, as for --gvl.",
+        show_default=False,
+    ),
 ]
 ReadOption = Annotated[
     list[str] | None, typer.Option("-r", metavar="SOURCE", help="The same as an argument.", show_default=False)
@@ -67,47 +69,6 @@ NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-
 
 _DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*")
 _MAX_PORT = 65535
-_DEFINITION_SUFFIXES = (".gvl", ".exp", ".st", ".xml", ".tcgvl", ".tcdut")
-_DEFINITION = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<GVL|<\?xml|<TcPlcObject|(?i:VAR_GLOBAL|TYPE)\s|\(\*)")
-_HEAD_BYTES = 256
-
-
-def chosen(sources: Sequence[str] | None, read: Sequence[str] | None) -> list[str]:
-    """Return all sources that were named; UsageError if there are none, or definition files are among them."""
-    named = [*(read or ()), *(sources or ())]
-    if not named:
-        raise UsageError("no source is given", next_step="name a capture file, or - to read one from stdin")
-    for path in named:
-        if _is_definition(path):
-            # An option takes one file: what a shell makes of --gvl *.gvl gives all but the first as sources.
-            raise UsageError(
-                "a definition file, no capture", where=path, next_step="write --gvl in front of each definition file"
-            )
-    return named
-
-
-def _is_definition(path: str) -> bool:
-    """Return whether a file looks like a definition, by its name or its first bytes, and cannot be a capture."""
-    try:
-        # Nothing but files: what is read from a pipe is gone.
-        if not stat.S_ISREG(os.stat(path).st_mode):
-            return False
-        with open(path, "rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except (OSError, ValueError):
-        return False  # opening it as a capture will say what is wrong
-    if not path.lower().endswith(_DEFINITION_SUFFIXES) and _DEFINITION.match(head) is None:
-        return False
-    from nvscope.capture.capture_file import CaptureFile
-    from nvscope.capture.formats import NoCapture
-
-    try:
-        CaptureFile(path)
-    except NoCapture:
-        return True
-    except UnreadableInput:
-        pass
-    return False
 
 
 def port_rules(options: Sequence[str] | None) -> PortRules | None:

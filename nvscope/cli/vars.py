@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     DecodeOption,
     FilterOption,
     ReadOption,
     SourcesArgument,
-    chosen,
     port_rules,
     tell_of_losses,
 )
@@ -82,7 +82,8 @@ def variables(
     Their names come from the definition files that the PLC project exports. Exits with 3 where a capture could not be
     read to its end.
     """
-    paths = chosen(sources, read)
+    files_named = named_files(sources, read, gvl)
+    paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     _check(gvl, history, every, at, infer, write)
     plant = project_of(project, gvl)

@@ -13,6 +13,10 @@ Objects stand one after the other between comments that name them::
 
 The keys of a connection are documented nowhere. They are recognised by what they must contain (``PORT``, ``COBID``, …);
 a value that makes no sense is left out, for the project file to supply.
+
+With "one file for each object" each is a file of its own. Objects that declare nothing are there too: libraries, the
+configurations of tasks, controller and alarms, the workspace, and the parameter manager, which is an empty file without
+parameters.
 """
 
 from __future__ import annotations
@@ -45,9 +49,18 @@ _DECLARED = re.compile(r"\(\*\s*+@(?:END_DECLARATION|OBJECT_END)\b[^*\r\n]*+\*\)
 _EXPORT = re.compile(r"\(\*\s*@(?:GLOBAL_VARIABLE_LIST|OBJECT_END|NESTEDCOMMENTS|CONNECTIONS|PATH)\b", re.IGNORECASE)
 
 
-def is_export(text: str) -> bool:
-    """Return whether a text carries the comments of an export of CoDeSys V2.3."""
-    return _EXPORT.search(text) is not None
+# What an object that declares nothing begins with; a line of its own.
+_OBJECT_WITHOUT_DECLARATIONS = re.compile(
+    r"\s*+(?:(?:PLC_CONFIGURATION|_ALARMCONFIG|_WORKSPACE|VISUALISATION|RESOURCE|PARAMETER_MANAGER)\b"
+    r"|LIBRARY[ \t]*+\r?\n)"
+)
+
+
+def is_export(source: Source) -> bool:
+    """Return whether a text is one of CoDeSys V2.3: with the comments of an export, or beginning like an object."""
+    if not source.text.strip():
+        return bool(source.text) and source.file.lower().endswith(".exp")
+    return _EXPORT.search(source.text) is not None or _OBJECT_WITHOUT_DECLARATIONS.match(source.text) is not None
 
 
 def read_exp(source: Source) -> FileSyntax:
@@ -60,7 +73,7 @@ def read_exp(source: Source) -> FileSyntax:
     for name, offset, blocks in _by_list(declared.blocks, marks, source):
         settings = tuple(connections.get(name.upper(), ())) or ({},)
         lists.append(ListSyntax(name, offset, blocks, source, settings))
-    return FileSyntax(declared.types, tuple(lists))
+    return FileSyntax(declared.types, tuple(lists), declared.left_out)
 
 
 def _blank_bodies(text: str) -> str:

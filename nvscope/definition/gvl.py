@@ -33,7 +33,7 @@ def read_gvl(root: Element) -> FileSyntax:
     known = {} if settings is None else _settings(settings)
     start = declared.blocks[0].offset if declared.blocks else holder.start
     entry = ListSyntax(root.source.stem, start, declared.blocks, root.source, (known,))
-    return FileSyntax(declared.types, (entry,))
+    return FileSyntax(declared.types, (entry,), declared.left_out)
 
 
 def _settings(settings: Element) -> dict[str, Any]:

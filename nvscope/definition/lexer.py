@@ -17,6 +17,7 @@ _PLAIN_WORDS = "TYPE END_TYPE END_VAR END_STRUCT END_UNION EXTENDS AT OF TO OR X
 
 # The grammar drops terminals whose name begins with an underscore: nobody asks where they stand.
 KEYWORDS = {word: word for word in _KEPT_WORDS.split()} | {word: f"_{word}" for word in _PLAIN_WORDS.split()}
+KEYWORDS |= {"AND_THEN": "_AND", "OR_ELSE": "_OR"}
 """The terminal of each word of the language; words are written in any case."""
 
 

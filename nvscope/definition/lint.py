@@ -11,7 +11,7 @@ from typing import Literal
 
 from nvscope.definition import lint_searches as searches
 from nvscope.definition.lint_searches import Packed, Place, Subject
-from nvscope.definition.model import Definition
+from nvscope.definition.model import AssumedBase, Definition, Problem
 from nvscope.definition.syntax import FileSyntax
 
 Severity = Literal["error", "warning", "note"]
@@ -42,7 +42,10 @@ def lint(files: Sequence[FileSyntax], definition: Definition) -> list[Mistake]:
 
     Raises ConfigurationError for a list that cannot be packed.
     """
-    subject = Subject(files, [Packed.of(entry) for entry in definition.lists])
+    flaws = definition.flaws_of(definition.lists)
+    problems = [flaw for flaw in flaws if isinstance(flaw, Problem)]
+    assumed = [flaw for flaw in flaws if isinstance(flaw, AssumedBase)]
+    subject = Subject(files, [Packed.of(entry) for entry in definition.lists], definition.left_out, problems, assumed)
     # A list over several connections is there once for each of them.
     found = dict.fromkeys(Mistake(rule, place) for rule in RULES for place in rule.find(subject))
     order = {name: place for place, name in enumerate(dict.fromkeys(_names_of(files)))}
@@ -63,6 +66,18 @@ def _names_of(files: Sequence[FileSyntax]) -> Iterator[str]:
 
 
 RULES = (
+    Rule(
+        "unreadable", "error", "a file, or a declaration in it, that cannot be read",
+        "It was left out: what it declares is missing in the lists that need it.",
+        "Correct it, or leave the file out.",
+        searches.find_left_out,
+    ),
+    Rule(
+        "contradiction", "error", "what cannot be: bounds exchanged, a name twice, a type that contains itself",
+        "No controller compiles it; what has such a type is of unknown size, and so is what follows it.",
+        "Correct the declaration.",
+        searches.find_contradictions,
+    ),
     Rule(
         "duplicate-identifier", "error", "two lists with one identifier on one port",
         "A telegram tells nothing but the identifier: a reader takes the telegrams of the one list for those of the "
@@ -145,6 +160,12 @@ RULES = (
         "behind the variable lies elsewhere.",
         "Make sure that the constant is the same on both sides, or write the number.",
         searches.find_sizes_by_name,
+    ),
+    Rule(
+        "assumed-base", "note", "an enumeration whose base type the export leaves out",
+        "PLCopen XML has no place for it: where it is not INT, everything behind the variable lies elsewhere.",
+        "Declare the enumeration in ST text, or compare its size with the project.",
+        searches.find_assumed_bases,
     ),
     Rule(
         "acknowledge-broadcast", "warning", "acknowledgements of a list that is sent to many",

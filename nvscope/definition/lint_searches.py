@@ -14,7 +14,7 @@ from itertools import pairwise
 from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.cob_ids import CobIds, canopen_uses, overlaps, taken_by
 from nvscope.definition.difference import list_difference
-from nvscope.definition.model import ListDefinition
+from nvscope.definition.model import AssumedBase, ListDefinition, Problem
 from nvscope.definition.named_sizes import named_sizes
 from nvscope.definition.packing import TelegramLayout, capacity_bytes, pack, placed
 from nvscope.definition.position import Position
@@ -55,10 +55,13 @@ class Packed:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What is looked at: the files as they are written, and the lists that follow from them."""
+    """What is looked at: the files as they are written, and the lists and mistakes that follow from them."""
 
     files: Sequence[FileSyntax]
     lists: Sequence[Packed]
+    left_out: Sequence[Problem] = ()
+    problems: Sequence[Problem] = ()
+    assumed: Sequence[AssumedBase] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +71,22 @@ class Place:
     position: Position
     list_name: str
     message: str
+
+
+def find_left_out(subject: Subject) -> Iterator[Place]:
+    """Find files, and declarations, that had to be left out."""
+    return (Place(problem.position, "", problem.what) for problem in subject.left_out)
+
+
+def find_contradictions(subject: Subject) -> Iterator[Place]:
+    """Find what lists need and cannot be."""
+    return (Place(problem.position, "", problem.what) for problem in subject.problems)
+
+
+def find_assumed_bases(subject: Subject) -> Iterator[Place]:
+    """Find enumerations whose base type is assumed."""
+    for base in subject.assumed:
+        yield Place(base.position, "", f"the base type of {base.name} is not in this export, INT is assumed")
 
 
 def each_list(test: Callable[[ListDefinition], str | None]) -> Callable[[Subject], Iterator[Place]]:

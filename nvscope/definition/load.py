@@ -4,34 +4,78 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from nvscope.definition.exp import is_export, read_exp
-from nvscope.definition.model import DEFAULT_PORT, Definition
+from nvscope.definition.model import DEFAULT_PORT, Definition, Problem
 from nvscope.definition.plain_text import read_plain_text
 from nvscope.definition.resolve import resolve
-from nvscope.definition.source import Source, read_source
+from nvscope.definition.source import DefinitionError, NoDefinition, Source, read_source
 from nvscope.definition.syntax import FileSyntax
+from nvscope.definition.wanted_files import DefinitionFile, wanted_files
+from nvscope.errors import ConfigurationError
+
+_MOST_GIVEN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class ReadFiles:
+    """What files declare, as it is written, by path; ``left_out`` are those in which something is wrong."""
+
+    files: dict[str, FileSyntax]
+    left_out: tuple[Problem, ...] = ()
 
 
 def load_definitions(paths: Sequence[str], *, encoding: str | None = None, port: int = DEFAULT_PORT) -> Definition:
     """Return the lists of all files, in the order of the files; types and constants of each are known to all.
 
-    What a file is, its content tells, not its name. ``encoding`` is that of files without byte order mark; without it
-    it is recognised. ``port`` is that of lists whose file says none. Raises ConfigurationError, with file, line and
-    column, where something is wrong.
+    ``paths`` may be directories and patterns (``wanted_files``). What a file is, its content tells, not its name.
+    ``encoding`` is that of files without byte order mark; without it it is recognised. ``port`` is that of lists whose
+    file says none. A file in which something is wrong is left out; where nothing else is left, and where a file cannot
+    be opened, ConfigurationError is raised.
     """
-    return resolve(read_definitions(paths, encoding=encoding), port)
+    return definition_of(read_definitions(wanted_files(paths), encoding=encoding), port)
 
 
-def read_definitions(paths: Sequence[str], *, encoding: str | None = None) -> list[FileSyntax]:
-    """Return what the files declare, as it is written; a file given twice is read once.
+def definition_of(read: ReadFiles, port: int = DEFAULT_PORT) -> Definition:
+    """Return the lists that files declare together."""
+    return resolve(list(read.files.values()), port, read.left_out)
 
-    Raises ConfigurationError where something is wrong with a file by itself.
+
+def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None = None) -> ReadFiles:
+    """Return what the files declare; a file that is there twice is read once.
+
+    Of those that were found and not named, what is no definition is passed over. Raises ConfigurationError where a file
+    cannot be opened, or none can be read.
     """
-    files: dict[str, str] = {}
-    for path in paths:
-        files.setdefault(_place_of(path), path)
-    return [_read(read_source(path, encoding)) for path in files.values()]
+    places: dict[str, DefinitionFile] = {}
+    for file in wanted:
+        places.setdefault(_place_of(file.path), file)
+    read: dict[str, FileSyntax] = {}
+    errors: list[DefinitionError] = []
+    passed: list[DefinitionError] = []
+    for file in places.values():
+        try:
+            read[file.path] = _read(read_source(file.path, encoding))
+        except NoDefinition as error:
+            (errors if file.named else passed).append(error)
+        except DefinitionError as error:
+            errors.append(error)
+    if errors and not read:
+        raise errors[0]
+    if wanted and not read:
+        raise _nothing_in(wanted, passed)
+    return ReadFiles(read, tuple(error.problem for error in errors))
+
+
+def _nothing_in(wanted: Sequence[DefinitionFile], passed: Sequence[DefinitionError]) -> ConfigurationError:
+    given = ", ".join(list(dict.fromkeys(file.given for file in wanted))[:_MOST_GIVEN])
+    if passed:
+        return ConfigurationError(
+            f"no definition file is there; {passed[0].position}: {passed[0].what}", where=given,
+            next_step=passed[0].next_step,
+        )  # fmt: skip
+    return ConfigurationError("no definition file", where=given, next_step="Name the directory of the exported lists.")
 
 
 def _place_of(path: str) -> str:
@@ -48,4 +92,4 @@ def _read(source: Source) -> FileSyntax:
         from nvscope.definition.xml_formats import read_xml_format  # noqa: PLC0415
 
         return read_xml_format(source)
-    return read_exp(source) if is_export(source.text) else read_plain_text(source)
+    return read_exp(source) if is_export(source) else read_plain_text(source)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from nvscope.list_key import ANY_CHANNEL, ListKey
@@ -16,12 +18,44 @@ DEFAULT_PORT = 1202
 
 
 @dataclass(frozen=True, slots=True)
+class UnknownName:
+    """A type or a constant that a list needs and no file declares; ``nearest`` is what was perhaps meant, or ""."""
+
+    name: str
+    position: Position
+    nearest: str = ""
+    constant: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Something in a definition file that cannot be, in the words of an error."""
+
+    what: str
+    position: Position
+    next_step: str
+
+
+@dataclass(frozen=True, slots=True)
+class AssumedBase:
+    """An enumeration that is taken for an INT, since its file does not say of what type it is."""
+
+    name: str
+    position: Position
+
+
+Flaw = UnknownName | Problem | AssumedBase
+"""Why a variable is of unknown size, or less is known of a type than its declaration should say."""
+
+
+@dataclass(frozen=True, slots=True)
 class ListDefinition:
     """One network variables list.
 
     What no file says is None: ``list_id`` (the COB-ID), ``interval_ns``, ``min_gap_ns``. ``order`` of the variables is
     that of the declarations; a list of which only the project file knows has none. ``position`` is where the list is
-    defined. ``channel`` is the CAN channel it is sent over, "" for any.
+    defined. ``channel`` is the CAN channel it is sent over, "" for any. ``flaws`` are what its variables need and no
+    file declares, and what about their types cannot be.
     """
 
     name: str
@@ -40,6 +74,7 @@ class ListDefinition:
     interval_ns: int | None = None
     min_gap_ns: int | None = None
     channel: str = ANY_CHANNEL
+    flaws: frozenset[Flaw] = frozenset()
 
     @property
     def on_can(self) -> bool:
@@ -57,24 +92,16 @@ class ListDefinition:
 
 
 @dataclass(frozen=True, slots=True)
-class UnknownName:
-    """A type or a constant that a list needs and no file declares; ``nearest`` is what was perhaps meant, or ""."""
-
-    name: str
-    position: Position
-    nearest: str = ""
-    constant: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class Definition:
-    """All lists of all files, and the names in them that no file declares, each once, by file, line and column.
-
-    What has such a name, or a size that follows from one, is of unknown size.
-    """
+    """All lists of all files, and the files that had to be ``left_out`` because of a mistake in them, with that."""
 
     lists: tuple[ListDefinition, ...] = ()
-    unknown: tuple[UnknownName, ...] = ()
+    left_out: tuple[Problem, ...] = ()
+
+    def flaws_of(self, lists: Iterable[ListDefinition]) -> list[Flaw]:
+        """Return the flaws of some lists, each once, by file, line and column."""
+        found = frozenset[Flaw]().union(*(entry.flaws for entry in lists))
+        return sorted(found, key=attrgetter("position.file", "position.line", "position.column"))
 
     @property
     def on_can(self) -> bool:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from nvscope.definition.constants import evaluate
+from nvscope.definition.constants import Names, evaluate
+from nvscope.definition.nearest_files import nearest
 from nvscope.definition.position import Position
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import EnumerationType, Expression, ListSyntax, Name
@@ -23,11 +25,11 @@ class CallDepth:
         self._calls = 0
 
     def descend(self, calls: int, source: Source, offset: int) -> None:
-        """Count calls; ConfigurationError, with position, where they are too many."""
-        self._calls += calls
-        if self._calls > _MOST_CALLS:
+        """Count calls; DefinitionError where they are too many, which are then not counted."""
+        if self._calls + calls > _MOST_CALLS:
             next_step = "Declare it with fewer types or constants that follow from one another."
             raise source.error("the definition is nested too deeply here", offset, next_step)
+        self._calls += calls
 
     def ascend(self, calls: int) -> None:
         """Take back what was counted."""
@@ -54,10 +56,14 @@ class _Constant:
 
 
 class NamedConstants:
-    """The constants of all files. A name may be that of several: then it takes that of its list or enumeration."""
+    """The constants of all files. A name may be that of several: then it takes that of its list or enumeration.
 
-    def __init__(self, depth: CallDepth) -> None:
+    Of those of several files it takes that of the nearest. ``size_of`` tells the bytes of the type of a name.
+    """
+
+    def __init__(self, depth: CallDepth, size_of: Callable[[Name, Source], int]) -> None:
         self._depth = depth
+        self._size_of = size_of
         self._named: dict[str, list[_Constant]] = {}
         self._values: dict[int, int] = {}
         self._open: list[_Constant] = []
@@ -88,26 +94,28 @@ class NamedConstants:
         calls = expression.depth + 5
         self._depth.descend(calls, source, expression.offset)
         try:
-            return evaluate(expression, source, lambda name: self._value_of(name, source, scope))
+            names = Names(lambda name: self._value_of(name, source, scope), lambda name: self._size_of(name, source))
+            return evaluate(expression, source, names)
         finally:
             self._depth.ascend(calls)
 
     def nearest(self, text: str) -> str:
         """Return the constant that was perhaps meant, or ""."""
-        near = difflib.get_close_matches(text.upper()[:60], list(self._named)[:MOST_COMPARED], n=1)
+        near = difflib.get_close_matches(text.upper()[:60], list(self._named)[:MOST_COMPARED], n=1, cutoff=0.7)
         return near[0] if near else ""
 
     def _value_of(self, name: Name, source: Source, scope: str) -> int:
         upper = name.text.upper()
         if upper in {"TRUE", "FALSE"}:
             return int(upper == "TRUE")
-        found = self._named.get(f"{scope}.{upper}") or self._named.get(upper)
+        found: Sequence[_Constant] | None = self._named.get(f"{scope}.{upper}") or self._named.get(upper)
         if not found and "." in upper:
             # A namespace before the list does not matter.
             found = self._named.get(".".join(upper.split(".")[-2:]))
         if not found:
             raise UnknownConstant(name.text, source.position(name.offset))
-        values = {self._constant(constant, name, source) for constant in found[:_MOST_NAMESAKES]}
+        found = nearest(found[:_MOST_NAMESAKES], source.file, lambda constant: constant.source.file)
+        values = {self._constant(constant, name, source) for constant in found}
         if len(values) > 1:
             places = " and ".join(str(found[i].source.position(found[i].name.offset)) for i in (0, 1))
             what = f"the constant {name.text[:60]!r} has several values"

@@ -9,7 +9,7 @@ from nvscope.definition.position import Position
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import (
     ArrayType,
-    Conversion,
+    Call,
     Declaration,
     Expression,
     FileSyntax,
@@ -19,6 +19,7 @@ from nvscope.definition.syntax import (
     StructureType,
     TypeSyntax,
 )
+from nvscope.definition.written import expression_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,25 +68,13 @@ def _of_type(syntax: TypeSyntax, name: str, source: Source, list_name: str) -> I
 
 def _of_size(expression: Expression, what: str, name: str, source: Source, list_name: str) -> Iterator[NamedSize]:
     if _depends(expression):
-        yield NamedSize(source.position(expression.offset), list_name, name, what, _text(expression))
+        yield NamedSize(source.position(expression.offset), list_name, name, what, expression_text(expression))
 
 
 def _depends(expression: Expression) -> bool:
     """Return whether the value of an expression is that of a name; a sum of numbers is the same on both sides."""
     if isinstance(expression, Operation):
         return _depends(expression.left) or _depends(expression.right)
-    if isinstance(expression, Conversion):
-        return _depends(expression.value)
+    if isinstance(expression, Call):
+        return any(map(_depends, expression.arguments))
     return isinstance(expression, Name)
-
-
-def _text(expression: Expression) -> str:
-    if isinstance(expression, Operation):
-        sides = [
-            f"({_text(side)})" if isinstance(side, Operation) else _text(side)
-            for side in (expression.left, expression.right)
-        ]
-        return f" {expression.operator} ".join(sides)
-    if isinstance(expression, Conversion):
-        return f"{expression.function}({_text(expression.value)})"
-    return expression.text if isinstance(expression, Name) else str(getattr(expression, "value", "?"))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from nvscope.definition.comments import blank_comments
 from nvscope.definition.declarations import parse_expression
+from nvscope.definition.source import DefinitionError, NoDefinition
 from nvscope.definition.syntax import (
     ArrayType,
     Declaration,
@@ -14,6 +15,7 @@ from nvscope.definition.syntax import (
     Expression,
     FileSyntax,
     GlobalBlock,
+    InvalidType,
     ListSyntax,
     Name,
     NamedType,
@@ -38,7 +40,7 @@ _ENUMERATION_END = re.compile(r"\)\s*+([^\W\d]\w*+)\s*+(?::=[^;()]*+)?;?\s*+END_
 def read_plcopen(root: Element) -> FileSyntax:
     """Return all data types and lists of global variables; ``root`` is the element project.
 
-    A project of programs only declares neither. Raises ConfigurationError where it is a project of something else.
+    A project of programs only declares neither. Raises NoDefinition where it is a project of something else.
     """
     types: list[TypeDeclaration] = []
     blocks: dict[tuple[int, str], list[GlobalBlock]] = {}
@@ -51,7 +53,7 @@ def read_plcopen(root: Element) -> FileSyntax:
             name = element.attributes.get("name", "").strip() or "GlobalVariables"
             blocks.setdefault((owner, name), []).extend(_blocks(element))
     if not types and not blocks and not any(child.tag in _PARTS for child in root.children):
-        raise root.error("the file declares neither types nor variables", _NEXT)
+        raise NoDefinition("the file declares neither types nor variables", root.source.position(root.start), _NEXT)
     lists = (ListSyntax(name, own[0].offset, tuple(own), root.source) for (_, name), own in blocks.items() if own)
     return FileSyntax(tuple(types), tuple(lists))
 
@@ -100,26 +102,32 @@ def _is_constant(element: Element) -> bool:
 
 
 def _declared_type(element: Element) -> TypeSyntax:
+    """Return the type that an element declares; what is wrong with it concerns only lists that need it."""
+    try:
+        return _type_of_data(element)
+    except DefinitionError as error:
+        return InvalidType(error.problem)
+
+
+def _type_of_data(element: Element) -> TypeSyntax:
     if element.tag == "union":
         return _structure(element, is_union=True)
     kind = _type(_required(element, "baseType"))
     if isinstance(kind, StructureType) and not kind.is_union:
         extends = next((part for part in element.below() if part.tag.lower() in _EXTENDS and part.text), None)
         if extends is not None:
-            base = Name(extends.text, extends.start)
-            return StructureType(kind.offset, kind.members, base, False, kind.depth)
+            return StructureType(kind.offset, kind.members, Name(extends.text, extends.start), False, kind.depth)
     if isinstance(kind, EnumerationType) and kind.base is None:
-        return EnumerationType(kind.offset, kind.values, _base_in_plain_text(element))
+        plain = next((part for part in element.below() if part.tag == "InterfaceAsPlainText"), None)
+        base = None if plain is None else _base_in_plain_text(plain)
+        return EnumerationType(kind.offset, kind.values, base, plain is not None)
     return kind
 
 
-def _base_in_plain_text(element: Element) -> Name | None:
+def _base_in_plain_text(plain: Element) -> Name | None:
     """Return the base type of an enumeration as its declaration names it: CODESYS leaves it out of the XML."""
-    plain = next((part for part in element.below() if part.tag == "InterfaceAsPlainText"), None)
-    if plain is None:
-        return None
     written = "".join(text for part in plain.below() for text in part.texts)
-    found = _ENUMERATION_END.search(blank_comments(written, element.source, plain.start)[0])
+    found = _ENUMERATION_END.search(blank_comments(written, plain.source, plain.start)[0])
     return None if found is None else Name(found[1], plain.start)
 
 
@@ -131,8 +139,14 @@ def _variables(holder: Element) -> Iterator[Declaration]:
                 for part in element.below()
                 if part.tag == "Attribute" and "Name" in part.attributes
             }
-            kind = _type(_required(element, "type"))
-            yield Declaration((_name(element),), kind, _initial(element), attributes)
+            yield Declaration((_name(element),), _type_of(element), _initial(element), attributes)
+
+
+def _type_of(variable: Element) -> TypeSyntax:
+    try:
+        return _type(_required(variable, "type"))
+    except DefinitionError as error:
+        return InvalidType(error.problem)
 
 
 def _initial(variable: Element) -> Expression | None:

@@ -18,6 +18,7 @@ _WORD = re.compile(
 )
 
 
+_CONFIGURATION = re.compile(r"^[ \t]*(?:CONFIGURATION|VAR_CONFIG|VAR_ACCESS)\b", re.IGNORECASE | re.MULTILINE)
 _END = re.compile(r"\bEND_(?:VAR|PROGRAM|FUNCTION_BLOCK|FUNCTION|INTERFACE)\b", re.IGNORECASE)
 _DATA = re.compile(r"^[ \t]*(?P<begin>TYPE|VAR_GLOBAL)\b|\b(?P<end>END_TYPE|END_VAR)\b", re.IGNORECASE | re.MULTILINE)
 
@@ -27,19 +28,32 @@ def holds_program_units(text: str) -> bool:
     return _END.search(text) is not None
 
 
+def holds_configurations(text: str) -> bool:
+    """Return whether a text holds CONFIGURATION, VAR_CONFIG or VAR_ACCESS, of which only global variables are data."""
+    return _CONFIGURATION.search(text) is not None
+
+
+def data_blocks(text: str) -> list[tuple[int, int]]:
+    """Return begin and end of each TYPE … END_TYPE and VAR_GLOBAL … END_VAR; the last may end with the text."""
+    found: list[tuple[int, int]] = []
+    begin = -1
+    for word in _DATA.finditer(text):
+        if word["begin"] and begin < 0:
+            begin = word.start("begin")
+        elif word["end"] and begin >= 0:
+            found.append((begin, word.end()))
+            begin = -1
+    return [*found, (begin, len(text))] if begin >= 0 else found
+
+
 def keep_data_blocks(text: str) -> str:
     """Return the text with everything blanked but TYPE … END_TYPE and VAR_GLOBAL … END_VAR."""
     parts: list[str] = []
-    kept, begin = 0, -1
-    for word in _DATA.finditer(text):
-        if word["begin"] and begin < 0:
-            begin = word.start()
-            parts.append(blank(text[kept:begin]))
-        elif word["end"] and begin >= 0:
-            parts.append(text[begin : word.end()])
-            kept, begin = word.end(), -1
-    parts.append(text[begin:] if begin >= 0 else blank(text[kept:]))
-    return "".join(parts)
+    kept = 0
+    for begin, end in data_blocks(text):
+        parts += (blank(text[kept:begin]), text[begin:end])
+        kept = end
+    return "".join([*parts, blank(text[kept:])])
 
 
 def blank_program_units(text: str) -> tuple[str, list[tuple[str, int]]]:

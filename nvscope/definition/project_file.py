@@ -5,7 +5,7 @@ The dataclasses made of ``key`` are the table of all keys: reading, messages and
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from nvscope.definition.model import DEFAULT_PORT, Definition
 from nvscope.definition.project import PROJECT_NAME, Project
 from nvscope.definition.project_lists import LIST_TABLES, ListSettings, with_settings
 from nvscope.definition.project_nodes import NODE_TABLES, Node
+from nvscope.definition.wanted_files import DefinitionFile, wanted_files
 from nvscope.errors import ConfigurationError
 from nvscope.toml_table import (
     TEXT,
@@ -30,12 +31,7 @@ from nvscope.toml_table import (
     read_toml,
     table_of,
 )
-from nvscope.units import count
 
-MAX_DEFINITION_FILES = 1_000
-"""Files that the patterns of one project may match; a pattern over a whole disk must not be followed to its end."""
-
-_MAX_SEEN = 100_000
 _U16_MAX = 0xFFFF
 _USUAL = Limits()
 
@@ -50,7 +46,7 @@ class ProjectFile:
 
     definitions: tuple[str, ...] = key(
         array(TEXT, single=True),
-        "definition files, as patterns relative to this file: * within a directory, ** over directories too",
+        "definition files, directories, or patterns relative to this file: * within a directory, ** over several",
         default=(),
     )
     ports: tuple[int, ...] = key(
@@ -72,28 +68,29 @@ class ProjectFile:
 def read_project(path: Path | None, definitions: Sequence[str] | None = None) -> Project:
     """Return the project of a file, or without one that of ``definitions`` alone.
 
-    ``definitions`` are files that take the place of those that the project names. Raises ConfigurationError, with file
-    and key, or file, line and column, where something in the project or in a definition file is wrong.
+    ``definitions`` are files, directories and patterns that take the place of those that the project names. Raises
+    ConfigurationError, with file and key, where something in the project is wrong, and where no definition file can be
+    read.
     """
     told, place = ProjectFile(), Place("")
     if path is not None:
         tables, place = read_toml(path)
         told = read_table(ProjectFile, tables, place)
     ports = told.ports or (DEFAULT_PORT,)
-    files = list(definitions or ())
-    if path is not None and definitions is None:
-        files = _matches(told.definitions, path.parent, place.below("definitions"))
+    files: tuple[str, ...] = ()
     definition = Definition()
-    if files:
+    if definitions or (path is not None and definitions is None and told.definitions):
         # Not before it is needed: a project without definitions does without their parsers.
-        from nvscope.definition.load import load_definitions  # noqa: PLC0415
+        from nvscope.definition.load import definition_of, read_definitions  # noqa: PLC0415
 
-        definition = load_definitions(files, port=ports[0])
+        wanted = wanted_files(definitions) if definitions else _wanted_of_project(told, path, place)
+        read = read_definitions(wanted)
+        files, definition = tuple(read.files), definition_of(read, ports[0])
     if told.lists:
         lists = with_settings(definition.lists, told.lists, ports[0], str(path))
         definition = replace(definition, lists=lists)
     buses = Buses.of_project(told.buses)
-    return Project(path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys))
+    return Project(path, files, definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys))
 
 
 def document() -> str:
@@ -101,47 +98,13 @@ def document() -> str:
     return document_table(ProjectFile, f"Project file `{PROJECT_NAME}`")
 
 
-def _matches(patterns: Sequence[str], base: Path, place: Place) -> list[str]:
-    """Return the files of all patterns, each once: in the order of the patterns, those of one pattern sorted."""
-    found: dict[str, None] = {}
-    for number, pattern in enumerate(patterns):
-        own = sorted(_files(pattern, base, place.below(number)))
-        if not own:
-            next_step = f"Patterns are relative to {base.resolve()}; correct the pattern, or leave it out."
-            raise place.below(number).error(f"no file matches {pattern[:200]!r}", next_step)
-        found |= dict.fromkeys(map(str, own))
-        if len(found) > MAX_DEFINITION_FILES:
-            raise _too_many(pattern, place.below(number))
-    return list(found)
-
-
-def _files(pattern: str, base: Path, place: Place) -> Iterator[Path]:
-    """Yield the files of a pattern; those below hidden directories only where the pattern names such a one."""
-    wanted = Path(pattern)
-    parts = list(wanted.parts)
-    if wanted.is_absolute():
-        base, parts = Path(wanted.anchor), parts[1:]
-    try:
-        if (base / wanted).is_file():
-            yield base / wanted
-            return
-        seen = base.glob("/".join([*parts, "*"] if parts[-1:] == ["**"] else parts))
-        hidden = any(_is_hidden(part) for part in parts)
-        for number, path in enumerate(seen):
-            if number >= _MAX_SEEN:
-                raise _too_many(pattern, place)
-            if path.is_file() and (hidden or not any(map(_is_hidden, path.parts[len(base.parts) :]))):
-                yield path
-    except (ValueError, OSError) as error:
-        raise place.error(f"the pattern {pattern[:200]!r} cannot be followed: {error}") from None
-
-
-def _is_hidden(part: str) -> bool:
-    return part.startswith(".") and part != ".."
-
-
-def _too_many(pattern: str, place: Place) -> ConfigurationError:
-    return place.error(
-        f"{pattern[:200]!r} matches more than {count(MAX_DEFINITION_FILES)} files",
-        "Name the directories that hold the definitions.",
-    )
+def _wanted_of_project(told: ProjectFile, path: Path | None, place: Place) -> list[DefinitionFile]:
+    """Return the files that the patterns of a project stand for; ConfigurationError names the pattern."""
+    found: dict[str, DefinitionFile] = {}
+    for number, pattern in enumerate(told.definitions):
+        try:
+            own = wanted_files([pattern], path.parent if path else None)
+        except ConfigurationError as error:
+            raise place.below("definitions").below(number).error(error.what, error.next_step) from None
+        found |= {file.path: file for file in own if file.path not in found}
+    return list(found.values())

@@ -8,6 +8,8 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path, PureWindowsPath
 
+from nvscope.definition.foreign_files import foreign_file
+from nvscope.definition.model import Problem
 from nvscope.definition.position import Position
 from nvscope.errors import ConfigurationError
 from nvscope.units import data_size
@@ -25,12 +27,25 @@ _XML_ENCODING = re.compile(rb"""<\?xml[^>]{0,100}?encoding\s*=\s*["']([A-Za-z][\
 _NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _MOST_NO_TEXT = 0.05
 _END_OF_TEXT = "\x1a"
-# pcap and pcapng in both byte orders. The rooms of captures and of definitions do not know each other.
-_CAPTURE_MAGICS = (
-    b"\xa1\xb2\xc3\xd4", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d", b"\x4d\x3c\xb2\xa1", b"\n\r\r\n",
-)  # fmt: skip
 _CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]{3,}")
 _HIGH_LETTER = re.compile(rb"[\xa8\xb8\xc0-\xff]")
+
+
+class DefinitionError(ConfigurationError):
+    """Something in a definition file is wrong, at a known place."""
+
+    def __init__(self, what: str, position: Position, next_step: str = "") -> None:
+        super().__init__(what, where=str(position), next_step=next_step)
+        self.position = position
+
+    @property
+    def problem(self) -> Problem:
+        """The error as a value."""
+        return Problem(self.what, self.position, self.next_step)
+
+
+class NoDefinition(DefinitionError):
+    """A file is of another kind than definitions are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +69,9 @@ class Source:
         line = bisect_right(self.line_starts, offset)
         return Position(self.file, line, offset - self.line_starts[line - 1] + 1)
 
-    def error(self, what: str, offset: int, next_step: str = "") -> ConfigurationError:
+    def error(self, what: str, offset: int, next_step: str = "") -> DefinitionError:
         """Return the error that something is wrong at an offset."""
-        return ConfigurationError(what, where=str(self.position(offset)), next_step=next_step)
+        return DefinitionError(what, self.position(offset), next_step)
 
 
 def read_source(path: str, encoding: str | None = None) -> Source:
@@ -64,7 +79,7 @@ def read_source(path: str, encoding: str | None = None) -> Source:
 
     Without ``encoding``: by byte order mark, by what an XML prolog says, UTF-8 where the bytes are that, and else the
     Windows code page 1251 or 1252. A Ctrl-Z that ends the text, as MS-DOS wrote it, is left out. Raises
-    ConfigurationError where the file cannot be read, is too large, or is no text.
+    ConfigurationError where the file cannot be read, NoDefinition where it is too large, no text, or something else.
     """
     try:
         with Path(path).open("rb") as file:
@@ -74,7 +89,10 @@ def read_source(path: str, encoding: str | None = None) -> Source:
         raise ConfigurationError(what, where=path, next_step="Check the path of the definition file.") from None
     if len(data) > MAX_FILE_BYTES:
         what = f"the file is larger than {data_size(MAX_FILE_BYTES)}"
-        raise ConfigurationError(what, where=path, next_step="Export only the lists and the types that they use.")
+        raise NoDefinition(what, Position(path, 0, 0), "Export only the lists and the types that they use.")
+    foreign = foreign_file(data, path)
+    if foreign is not None:
+        raise NoDefinition(foreign.what, Position(path, 0, 0), foreign.next_step)
     source = Source(path, _without_end(decode(data, path, encoding)))
     _check_text(source, data)
     return source
@@ -88,19 +106,18 @@ def _without_end(text: str) -> str:
 
 
 def _check_text(source: Source, data: bytes) -> None:
-    """Raise ConfigurationError where a file is no text: NUL or many other characters that nobody types."""
+    """Raise NoDefinition where a file is no text: NUL or many other characters that nobody types."""
     first = _NO_TEXT.search(source.text)
     if first is None:
         return
     if "\0" not in source.text and len(_NO_TEXT.findall(source.text)) <= _MOST_NO_TEXT * len(source.text):
         return
-    if data.startswith(_CAPTURE_MAGICS):
-        next_step = (
-            "Name captures without an option; definitions are .gvl, .exp, .TcGVL, .TcDUT, PLCopen XML or ST text."
-        )
-        raise ConfigurationError("a capture, no definition file", where=source.file, next_step=next_step)
+    position = source.position(first.start())
+    if data.count(0) * 3 > len(data):
+        what = "the file looks like UTF-16 without a byte order mark"
+        raise NoDefinition(what, position, "Save it as UTF-8.")
     next_step = "Export the lists and their types from the project as text; the project file itself cannot be read."
-    raise source.error("no definition file: binary data", first.start(), next_step)
+    raise NoDefinition("no definition file: binary data", position, next_step)
 
 
 def decode(data: bytes, path: str, encoding: str | None = None) -> str:
@@ -111,7 +128,8 @@ def decode(data: bytes, path: str, encoding: str | None = None) -> str:
     if encoding is not None:
         return _decode_as(data, path, encoding)
     prolog = _XML_ENCODING.match(data)
-    if prolog is not None and _is_text_encoding(name := prolog[1].decode("ascii")):
+    # Bytes in which such a prolog can be read are not UTF-16, whatever it says: many a tool writes one in UTF-8.
+    if prolog is not None and _is_text_encoding(name := prolog[1].decode("ascii")) and _keeps_ascii(name):
         return data.decode(name, errors="replace")
     try:
         return data.decode("utf-8")
@@ -132,6 +150,13 @@ def _decode_as(data: bytes, path: str, encoding: str) -> str:
             f"the bytes are no {encoding[:60]}", where=str(Position(path, line, column)),
             next_step="Leave the encoding out to have it recognised.",
         ) from None  # fmt: skip
+
+
+def _keeps_ascii(name: str) -> bool:
+    try:
+        return "<?xml".encode(name) == b"<?xml"
+    except UnicodeError:
+        return False
 
 
 def _is_text_encoding(name: str) -> bool:

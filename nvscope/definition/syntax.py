@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from nvscope.definition.model import Problem
 from nvscope.definition.source import Source
 
 
@@ -42,33 +43,37 @@ class Operation:
 
 
 @dataclass(frozen=True, slots=True)
-class Conversion:
-    """``INT_TO_DINT(value)``: a call of a function whose name says that it converts."""
+class Call:
+    """``INT_TO_DINT(value)``, ``MAX(a, b)``: a call of a function, which nobody has looked up yet."""
 
     function: str
-    value: Expression
+    arguments: tuple[Expression, ...]
     offset: int
     depth: int
 
 
 @dataclass(frozen=True, slots=True)
 class Opaque:
-    """A value that is no constant integer: a string, a time, another call, values of an array."""
+    """A value that is no constant integer: a string, a time, values of an array."""
 
     offset: int
     depth: ClassVar[int] = 0
 
 
-Expression = Name | Number | Operation | Conversion | Opaque
+Expression = Name | Number | Operation | Call | Opaque
 
 
 @dataclass(frozen=True, slots=True)
 class NamedType:
-    """The name of a type, elementary or declared; with ``low`` and ``high`` a subrange."""
+    """The name of a type, elementary or declared; with ``low`` and ``high`` a subrange.
+
+    A ``generic`` function block has constants behind its name, on which its size depends.
+    """
 
     name: Name
     low: Expression | None = None
     high: Expression | None = None
+    generic: bool = False
     depth: ClassVar[int] = 0
 
 
@@ -114,15 +119,27 @@ class StructureType:
 
 @dataclass(frozen=True, slots=True)
 class EnumerationType:
-    """``values`` holds each name and the expression behind it, None where it counts on."""
+    """``values`` holds each name and the expression behind it, None where it counts on.
+
+    Without a ``base`` it is INT; ``base_told`` is False where the file does not say whether there is one.
+    """
 
     offset: int
     values: tuple[tuple[Name, Expression | None], ...]
     base: Name | None
+    base_told: bool = True
     depth: ClassVar[int] = 0
 
 
-TypeSyntax = NamedType | StringType | PointerType | ArrayType | StructureType | EnumerationType
+@dataclass(frozen=True, slots=True)
+class InvalidType:
+    """What stands where a type should be and cannot be read."""
+
+    problem: Problem
+    depth: ClassVar[int] = 0
+
+
+TypeSyntax = NamedType | StringType | PointerType | ArrayType | StructureType | EnumerationType | InvalidType
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +187,8 @@ class ListSyntax:
 
 @dataclass(frozen=True, slots=True)
 class FileSyntax:
-    """What one file declares."""
+    """What one file declares; ``left_out`` are declarations in it that cannot be read."""
 
     types: tuple[TypeDeclaration, ...] = ()
     lists: tuple[ListSyntax, ...] = ()
+    left_out: tuple[Problem, ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from nvscope.definition.declarations import parse_declarations
+from nvscope.definition.model import Problem
 from nvscope.definition.syntax import FileSyntax, ListSyntax, Name, TypeDeclaration
 from nvscope.definition.xml_tree import Element
 
@@ -17,6 +18,7 @@ def read_twincat(root: Element) -> FileSyntax:
     """
     types: list[TypeDeclaration] = []
     lists: list[ListSyntax] = []
+    left_out: list[Problem] = []
     if len(root.children) > MAX_OBJECTS:
         raise root.error(f"the file holds more than {MAX_OBJECTS} objects", "Name the files of the objects themselves.")
     if not root.children:
@@ -29,6 +31,7 @@ def read_twincat(root: Element) -> FileSyntax:
         elif holder is not None:
             declared = parse_declarations(root.source, holder.declarations())
             types += declared.types
+            left_out += declared.left_out
             if declared.blocks:
                 lists.append(ListSyntax(name, declared.blocks[0].offset, declared.blocks, root.source))
-    return FileSyntax(tuple(types), tuple(lists))
+    return FileSyntax(tuple(types), tuple(lists), tuple(left_out))

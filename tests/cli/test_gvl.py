@@ -149,12 +149,12 @@ def test_names_from_files_are_shown_as_they_are_and_obeyed_by_nothing(files: Pat
         (("diff", "press.gvl", "nowhere.gvl"), "nowhere.gvl: cannot be read"),
         (("diff", "press.gvl"), "Missing argument 'B'"),
         (("diff", "press.gvl", "types.st"), "types.st: no list is defined"),
-        (("diff", "press.gvl", "bad.gvl"), "bad.gvl, line 4, column 4: a is declared twice"),
-        (("lint", "bad.gvl"), "bad.gvl, line 4, column 4: a is declared twice"),
+        (("diff", "press.gvl", "bad.gvl"), "bad.gvl, line 4, column 5: found ';', expected a type"),
+        (("lint", "bad.gvl"), "bad.gvl, line 4, column 5: found ';', expected a type"),
     ],
 )
 def test_wrong_input_is_a_usage_error(arguments: tuple[str, ...], said: str, files: Path) -> None:
-    (files / "bad.gvl").write_text(gvl("a, a : INT;"), encoding="utf-8")
+    (files / "bad.gvl").write_text(gvl("a : ;"), encoding="utf-8")
     (files / "types.st").write_text("TYPE T : INT; END_TYPE", encoding="utf-8")
     done = nvscope(*arguments, cwd=files)
     assert (done.returncode, done.stdout) == (2, "")

@@ -17,15 +17,44 @@ def nvscope(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return run_text(*arguments, cwd=cwd)
 
 
-@pytest.mark.parametrize("verb", ["report", "packets", "export", "vars"])
-def test_definition_files_behind_one_gvl_option(verb: str, tmp_path: Path) -> None:
-    for name in ("axis.gvl", "batch.gvl"):
-        (tmp_path / name).write_bytes((CAPTURES / "peers" / name).read_bytes())
-    done = nvscope(verb, str(CAPTURE), "--gvl", "axis.gvl", "batch.gvl", cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == (
-        "nvscope: batch.gvl: a definition file, no capture\n  write --gvl in front of each definition file\n"
-    )
+PEERS = CAPTURES / "peers"
+VERBS = {
+    "report": (),
+    "packets": ("-c", "50", "-T", "fields", "-e", "var.stAxis.pos"),
+    "vars": ("--json",),
+    "export": ("-w", "out.csv", "--list", "axis"),
+}
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_definitions_are_known_by_their_content_however_they_are_named(verb: str, tmp_path: Path) -> None:
+    """What a shell makes of patterns, what it leaves of them, directories, and arguments without an option."""
+    (tmp_path / "plc" / "types").mkdir(parents=True)
+    (tmp_path / "plc" / "axis.gvl").write_bytes((PEERS / "axis.gvl").read_bytes())
+    (tmp_path / "plc" / "types" / "axis_types.st").write_bytes((PEERS / "axis_types.st").read_bytes())
+    (tmp_path / "plc" / "readme.md").write_text("# Types of the press\n")
+    (tmp_path / "peers.pcap").write_bytes((PEERS / "peers.pcap").read_bytes())
+
+    def said(*arguments: str) -> tuple[int, str, str, bytes]:
+        out = tmp_path / "out.csv"
+        out.unlink(missing_ok=True)
+        done = nvscope(verb, *arguments, *VERBS[verb], "-q" if verb != "packets" else "-n", cwd=tmp_path)
+        return done.returncode, done.stdout, done.stderr, out.read_bytes() if out.exists() else b""
+
+    files = "plc/axis.gvl", "plc/types/axis_types.st"
+    expected = said("peers.pcap", "--gvl", files[0], "--gvl", files[1])
+    assert expected[0] == 0
+    assert (expected[1] + expected[3].decode()).strip()
+    assert said("peers.pcap", "--gvl", *files) == expected
+    assert said("--gvl", *files, "peers.pcap") == expected
+    assert said("--gvl", "peers.pcap", *files) == expected
+    assert said("peers.pcap", *files) == expected
+    assert said(*files, "peers.pcap") == expected
+    assert said("peers.pcap", "--gvl", "plc") == expected
+    assert said("peers.pcap", "plc") == expected
+    assert said("peers.pcap", "--gvl", "plc/**/*") == expected
+    assert said("peers.pcap", "--gvl", "plc/*.gvl", "--gvl", "plc/types/*") == expected
+    assert said("*.pcap", "plc/*.gvl", "plc/types/*.st") == expected
 
 
 @pytest.mark.parametrize(
@@ -37,11 +66,36 @@ def test_definition_files_behind_one_gvl_option(verb: str, tmp_path: Path) -> No
         ("export", "<?xml version='1.0'?><project/>"),
     ],
 )
-def test_definition_files_are_known_by_name_or_content(name: str, text: str, tmp_path: Path) -> None:
+def test_a_definition_alone_is_nothing_to_report_on(name: str, text: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     done = nvscope("report", name, cwd=tmp_path)
     assert done.returncode == 2
-    assert f"{name}: a definition file, no capture" in done.stderr
+    assert done.stderr == (
+        "nvscope: no capture is given, only definitions\n"
+        f"  name the capture, too; `nvscope gvl layout {name}` shows what a definition says\n"
+    )
+
+
+def test_what_stands_for_no_file_is_told(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for given, said in (
+        ("*.gvl", f"nvscope: no file matches '*.gvl'\n  Patterns are relative to {tmp_path.resolve()}; correct"),
+        ("empty", "nvscope: empty: no definition file is in it\n"),
+        ("axis.gvl", "nvscope: axis.gvl: cannot be read: No such file or directory\n"),
+    ):
+        done = nvscope("report", str(CAPTURE), "--gvl", given, cwd=tmp_path)
+        assert done.returncode == 2
+        assert done.stderr.startswith(said)
+
+
+def test_a_directory_with_captures_is_a_source_and_its_definitions_are_told(tmp_path: Path) -> None:
+    (tmp_path / "day").mkdir()
+    for name in ("peers.pcap", "batch.gvl"):
+        (tmp_path / "day" / name).write_bytes((PEERS / name).read_bytes())
+    done = nvscope("report", "day", "-q", cwd=tmp_path)
+    assert done.stderr == "nvscope: day holds definitions, too; --gvl day takes them.\n"
+    assert "batch" not in done.stdout
+    assert nvscope("report", "day", "--gvl", "day", "-q", cwd=tmp_path).stderr == ""
 
 
 def test_what_can_be_read_as_a_capture_is_one_whatever_its_name(tmp_path: Path) -> None:

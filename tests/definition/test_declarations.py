@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from nvscope.definition.model import UnknownName
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.variables import Scalar, ScalarKind, elements, size_bytes_of
 from tests.definition.declared import declared, problem, shown, types_of
@@ -76,6 +77,25 @@ TYPES = {
     "DWORD := SHL(1, 3) OR 16#FF AND NOT (a <> b)": "DWORD",
     "INT := ptr^.member[3].x": "INT",
     "REAL := 1. + 2": "REAL",
+    "Axis := ()": f"STRUCTURE {AXIS}",
+    "ARRAY [0..1] OF Axis := [(), (pos := 1)]": f"ARRAY[0..1] OF STRUCTURE {AXIS}",
+    "ARRAY [0..1] OF Motor[(1, x := 2), (3, x := 4)]": "ARRAY[0..1] OF Motor",
+    "Motor[(run := TRUE)]": "Motor",
+    "Trace<10>": "Trace<…>",
+    "ARRAY [0..1] OF Lib.Ring<N + 1, 2>": "ARRAY[0..1] OF Lib.Ring<…>",
+    "BOOL := TRUE AND_THEN FALSE OR_ELSE TRUE": "BOOL",
+    "STRING := UTF8#'gr$'ün'": "STRING(80)",
+    'WSTRING := WSTRING#"a;b"': "WSTRING(80)",
+    "ARRAY [1..SIZEOF(DINT) + SIZEOF(LREAL)] OF BYTE": "ARRAY[1..12] OF BYTE",
+    "ARRAY [1..SIZEOF(Speeds)] OF BYTE": "ARRAY[1..4] OF BYTE",
+    "STRING(EXPT(2, N) - 1)": "STRING(15)",
+    "ARRAY [1..SHL(1, N)] OF BYTE": "ARRAY[1..16] OF BYTE",
+    "ARRAY [1..shr(16#FF, 4)] OF BYTE": "ARRAY[1..15] OF BYTE",
+    "ARRAY [1..MAX(N, 2, TYPED)] OF BYTE": "ARRAY[1..7] OF BYTE",
+    "ARRAY [1..MIN(N, TYPED)] OF BYTE": "ARRAY[1..4] OF BYTE",
+    "ARRAY [1..LIMIT(1, 99, N)] OF BYTE": "ARRAY[1..4] OF BYTE",
+    "ARRAY [1..ABS(-N)] OF BYTE": "ARRAY[1..4] OF BYTE",
+    "ARRAY [1..SEL(TRUE, 1, N)] OF BYTE": "ARRAY[1..4] OF BYTE",
 }
 
 
@@ -93,7 +113,7 @@ def test_variables_and_everything_around_them(tmp_path: Path) -> None:
             a, b : REAL; c AT %MB0 : INT := 5;;
             {attribute 'unit' := 'm/s'} {attribute 'hidden'}
             speed /* inside */ : (* here { *) REAL; { region "x" }
-            d AT %I*, e : BOOL;
+            d AT %I*, e AT %IR3.0, g AT %QR4.0 : BOOL;
         END_VAR
         VAR_GLOBAL END_VAR
         Var_Global f : TIME; END_VAR;""",
@@ -103,7 +123,8 @@ def test_variables_and_everything_around_them(tmp_path: Path) -> None:
     assert found.name == "List"
     assert (found.list_id, found.interval_ns) == (None, None)
     assert [(variable.name, shown(variable.type)) for variable in found.variables] == [
-        ("a", "REAL"), ("b", "REAL"), ("c", "INT"), ("speed", "REAL"), ("d", "BOOL"), ("e", "BOOL"), ("f", "TIME"),
+        ("a", "REAL"), ("b", "REAL"), ("c", "INT"), ("speed", "REAL"), ("d", "BOOL"), ("e", "BOOL"), ("g", "BOOL"),
+        ("f", "TIME"),
     ]  # fmt: skip
     assert [dict(variable.attributes) for variable in found.variables if variable.attributes] == [
         {"unit": "m/s", "hidden": ""}
@@ -154,6 +175,8 @@ def test_scalars_are_those_of_the_wire() -> None:
 
 PROBLEMS = {
     "VAR_GLOBAL\n a : INT\n b : REAL;\nEND_VAR": "3:2 found 'b', expected ';'",
+    "VAR_GLOBAL x : INT = 5; END_VAR": "1:20 found '=', expected ':='",
+    "TYPE S : STRUCT x : INT = 5; END_STRUCT END_TYPE": "1:25 found '=', expected ':='",
     "VAR_GLOBAL a INT; END_VAR": "1:14 found 'INT', expected ',', ':' or AT",
     "VAR_GLOBAL a : ; END_VAR": "1:16 found ';', expected a type",
     "VAR_GLOBAL a : INT;": "1:20 found the end of the text, expected a name or END_VAR",
@@ -179,7 +202,19 @@ PROBLEMS = {
     "VAR_GLOBAL a : ARRAY [INT_TO_UINT(-1)..3] OF INT; END_VAR": "1:35 -1 does not fit into UINT",
     "VAR_GLOBAL a : ARRAY [0..REAL_TO_INT(3)] OF INT; END_VAR": "1:26 a constant integer is expected",
     "VAR_GLOBAL a : ARRAY [0..INT_TO_DINT[3]] OF INT; END_VAR": "1:26 a constant integer is expected",
-    "VAR_GLOBAL a : ARRAY [0..SIZEOF(x)] OF INT; END_VAR": "1:26 a constant integer is expected",
+    "VAR_GLOBAL a : ARRAY [0..SIZEOF(3)] OF INT; END_VAR": "1:26 a constant integer is expected",
+    "TYPE S : STRUCT m : INT; END_STRUCT END_TYPE VAR_GLOBAL a : ARRAY [0..SIZEOF(S)] OF INT; END_VAR": (
+        "1:78 nobody knows SIZEOF(S), which depends on the controller"
+    ),
+    "VAR_GLOBAL a : ARRAY [0..SIZEOF(__XWORD)] OF INT; END_VAR": (
+        "1:33 nobody knows SIZEOF(__XWORD), which depends on the controller"
+    ),
+    "VAR_GLOBAL a : ARRAY [0..LEN('abc')] OF INT; END_VAR": "1:26 a constant integer is expected",
+    "VAR_GLOBAL a : ARRAY [0..EXPT(2, -1)] OF INT; END_VAR": "1:26 EXPT(2, -1) is no integer of 64 bits",
+    "VAR_GLOBAL a : ARRAY [0..EXPT(10, 9999999)] OF INT; END_VAR": "1:26 EXPT(10, 9999999) is no integer of 64 bits",
+    "VAR_GLOBAL a : ARRAY [0..EXPT(10, 60)] OF INT; END_VAR": "1:26 the value does not fit into 64 bits",
+    "VAR_GLOBAL a : ARRAY [0..SHL(1, 99)] OF INT; END_VAR": "1:26 SHL(1, 99) is no integer of 64 bits",
+    "VAR_GLOBAL a : ARRAY [0..LIMIT(1, 2)] OF INT; END_VAR": "1:26 a constant integer is expected",
     "VAR_GLOBAL a : ARRAY [0..99999999999999999999] OF INT; END_VAR": "1:26 the value does not fit into 64 bits",
     "VAR_GLOBAL a : ARRAY [1..1000, 1..101] OF INT; END_VAR": (
         "1:32 the array has 101 000 elements, more than 100 000"
@@ -249,6 +284,7 @@ UNKNOWN = {
     "TYPE E : (a := n, b); F : (c) Base; S EXTENDS Base : STRUCT END_STRUCT END_TYPE "
     "VAR_GLOBAL e : E; f : F; s : S; END_VAR": ["1:16 n constant", "1:31 Base"],
     "VAR_GLOBAL CONSTANT n : INT := m + 1; END_VAR VAR_GLOBAL a : ARRAY [0..n] OF INT; END_VAR": ["1:32 m constant"],
+    "VAR_GLOBAL a : FELD[0..4]; b : FELD[0..4] OF INT; END_VAR": ["1:16 FELD"],
     # What no list needs is not looked at.
     "TYPE Other : STRUCT x : PVOD; y : Nowhere; END_STRUCT END_TYPE VAR_GLOBAL a : INT; END_VAR": [],
 }  # fmt: skip
@@ -260,7 +296,8 @@ def test_names_that_no_file_declares_are_told_all_at_once(text: str, tmp_path: P
     assert [
         f"{one.position.line}:{one.position.column} {one.name}{' constant' * one.constant}"
         + (f" near {one.nearest}" if one.nearest else "")
-        for one in found.unknown
+        for one in found.flaws_of(found.lists)
+        if isinstance(one, UnknownName)
     ] == UNKNOWN[text]
     assert found.lists
 
@@ -284,7 +321,7 @@ def test_types_of_common_libraries_have_the_size_that_is_public(tmp_path: Path) 
     found = declared(text, tmp_path)
     (entry,) = found.lists
     assert [size_bytes_of(each.type) for each in entry.variables] == [256, 24, 4, 8, 20, 0, 0]
-    assert [one.name for one in found.unknown] == ["T_Unheard"]
+    assert [one.name for one in found.flaws_of(found.lists) if isinstance(one, UnknownName)] == ["T_Unheard"]
     # What the project declares itself goes before.
     own = declared(f"TYPE T_MaxString : STRING(9); END_TYPE {text}", tmp_path).lists[0].variables[0]
     assert size_bytes_of(own.type) == 10
@@ -297,6 +334,6 @@ def test_a_circle_of_constants_that_hang_on_an_unknown_one_ends(tmp_path: Path) 
         "VAR_GLOBAL x : INT(0..a); y : INT(0..b); z : INT(0..c); END_VAR"
     )
     found = declared(text, tmp_path)
-    assert [one.name for one in found.unknown] == ["nowhere"]
+    assert [one.name for one in found.flaws_of(found.lists) if isinstance(one, UnknownName)] == ["nowhere"]
     kinds = [shown(each.type) for entry in found.lists for each in entry.variables]
     assert kinds == ["INT", "INT", "INT(0..3)"]

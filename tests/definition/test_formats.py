@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import ListDefinition
+from nvscope.definition.model import ListDefinition, Problem, UnknownName
 from nvscope.definition.position import Position
 from nvscope.definition.source import MAX_FILE_BYTES, decode
 from nvscope.definition.variables import elements, size_bytes_of
 from nvscope.errors import ConfigurationError
-from tests.definition.declared import SAMPLES, shown, types_of
+from tests.definition.declared import SAMPLES, shown
 
 PEERS = Path(__file__).parent.parent.parent / "captures" / "peers"
 MINIMAL_GVL = "<GVL><Declarations>VAR_GLOBAL a : INT; END_VAR</Declarations>{}</GVL>"
@@ -64,7 +64,9 @@ def test_lists_of_the_captures() -> None:
 
 
 def test_gvl_without_its_types_says_what_is_missing() -> None:
-    (unknown,) = load_definitions(sample("axis.gvl")).unknown
+    definition = load_definitions(sample("axis.gvl"))
+    (unknown,) = definition.flaws_of(definition.lists)
+    assert isinstance(unknown, UnknownName)
     assert (unknown.name, unknown.constant) == ("Axis", False)
     assert str(unknown.position) == f"{SAMPLES / 'axis.gvl'}, line 6, column 11"
 
@@ -85,7 +87,8 @@ def test_gvl_with_escaped_declarations(tmp_path: Path) -> None:
         " END_VAR</Declarations><NetvarSettings/></GVL>",
         encoding="utf-8",
     )
-    (unknown,) = load_definitions([str(file)]).unknown
+    definition = load_definitions([str(file)])
+    (unknown,) = definition.flaws_of(definition.lists)
     assert str(unknown.position) == f"{file}, line 3, column 6"
 
 
@@ -207,20 +210,26 @@ def test_plcopen() -> None:
 def test_plcopen_that_says_too_little(tmp_path: Path) -> None:
     globals_of = "<project>\n<globalVars name='G'>{}</globalVars></project>"
     variable = "<variable name='a'><type>{}</type></variable>"
-    found = {
-        text: (error := failure(tmp_path / "a.xml", globals_of.format(text).encode())).what + error.where[-10:]
-        for text in (
-            "<variable><type><INT/></type></variable>",
-            "<variable name='a'/>",
-            variable.format(""),
-            variable.format("<array><baseType><INT/></baseType></array>"),
-            variable.format("<array><dimension lower='0'/><baseType><INT/></baseType></array>"),
-            variable.format("<array><dimension lower='0' upper='+'/><baseType><INT/></baseType></array>"),
-            variable.format("<enum><values/></enum>"),
-        )
-    }
-    assert list(found.values()) == [
-        "the element variable has no name column 22",
+    assert failure(tmp_path / "a.xml", globals_of.format("<variable><type><INT/></type></variable>").encode()).what == (
+        "the element variable has no name"
+    )
+    found = []
+    for text in (
+        "<variable name='a'/>",
+        variable.format(""),
+        variable.format("<array><baseType><INT/></baseType></array>"),
+        variable.format("<array><dimension lower='0'/><baseType><INT/></baseType></array>"),
+        variable.format("<array><dimension lower='0' upper='+'/><baseType><INT/></baseType></array>"),
+        variable.format("<enum><values/></enum>"),
+    ):
+        after = "<variable name='z'><type><INT/></type></variable>"
+        (tmp_path / "a.xml").write_bytes(globals_of.format(text + after).encode())
+        (entry,) = load_definitions([str(tmp_path / "a.xml")]).lists
+        assert list(variables(entry)) == ["a", "z"]
+        (problem,) = entry.flaws
+        assert isinstance(problem, Problem)
+        found.append(f"{problem.what} column {problem.position.column}")
+    assert found == [
         "the element variable has no type column 22",
         "the element type holds no type column 41",
         "the array has no dimension column 47",
@@ -231,7 +240,9 @@ def test_plcopen_that_says_too_little(tmp_path: Path) -> None:
     told = []
     for text in ("<INTEGER/>", "<derived name='Valve'/>", "<string length='n'/>"):
         (tmp_path / "a.xml").write_bytes(globals_of.format(variable.format(text)).encode())
-        (unknown,) = load_definitions([str(tmp_path / "a.xml")]).unknown
+        definition = load_definitions([str(tmp_path / "a.xml")])
+        (unknown,) = definition.flaws_of(definition.lists)
+        assert isinstance(unknown, UnknownName)
         told.append((unknown.name, unknown.position.line, unknown.position.column, unknown.constant))
     assert told == [("INTEGER", 2, 47, False), ("Valve", 2, 47, False), ("n", 2, 47, True)]
 
@@ -246,13 +257,35 @@ def test_the_name_of_a_file_does_not_matter(tmp_path: Path) -> None:
 def test_a_type_in_two_files(tmp_path: Path) -> None:
     same, other = tmp_path / "same.st", tmp_path / "other.st"
     same.write_text("TYPE AXIS : STRUCT pos : LREAL; (* [mm] *) vel : REAL; END_STRUCT END_TYPE")
-    with pytest.raises(ConfigurationError, match="declared twice, differently") as caught:
-        types_of([*sample("axis_types.st"), str(same)], tmp_path)
-    assert caught.value.where == f"{same}, line 1, column 6"
-    other.write_text((SAMPLES / "axis_types.st").read_text().replace("\t", " // a comment\n "))
-    assert list(types_of([*sample("axis_types.st"), str(other)], tmp_path)) == ["Axis"]
-    # Nobody needs it.
-    assert not load_definitions([*sample("axis_types.st"), str(same)]).lists
+    first, user = tmp_path / "first.st", tmp_path / "user.st"
+    first.write_text((SAMPLES / "axis_types.st").read_text())
+    user.write_text("VAR_GLOBAL a : Axis; b : INT; END_VAR")
+    definition = load_definitions(list(map(str, [first, same, user])))
+    (problem,) = definition.flaws_of(definition.lists)
+    assert isinstance(problem, Problem)
+    assert (problem.what, str(problem.position)) == (
+        "the type AXIS is declared twice, differently", f"{same}, line 1, column 6",
+    )  # fmt: skip
+    assert variables(definition.lists[0]) == {"a": "AXIS", "b": "INT"}
+    other.write_text(first.read_text().replace("\t", " // a comment\n "))
+    definition = load_definitions(list(map(str, [first, other, user])))
+    assert definition.flaws_of(definition.lists) == []
+    assert variables(definition.lists[0])["a"] == "STRUCTURE pos: LREAL; vel: REAL;"
+
+
+def test_of_several_projects_in_a_folder_each_has_its_own_types_and_constants(tmp_path: Path) -> None:
+    for project, kind, size in (("press", "INT", 3), ("oven", "LREAL", 5)):
+        (tmp_path / project / "types").mkdir(parents=True)
+        (tmp_path / project / "lists").mkdir()
+        (tmp_path / project / "types" / "axis.st").write_text(f"TYPE Axis : STRUCT pos : {kind}; END_STRUCT END_TYPE")
+        (tmp_path / project / "types" / "sizes.st").write_text(f"VAR_GLOBAL CONSTANT n : INT := {size}; END_VAR")
+        (tmp_path / project / "lists" / "List.st").write_text("VAR_GLOBAL a : Axis; b : STRING(n); END_VAR")
+    definition = load_definitions([str(tmp_path)])
+    assert definition.flaws_of(definition.lists) == []
+    assert [variables(entry) for entry in definition.lists] == [
+        {"a": "STRUCTURE pos: LREAL;", "b": "STRING(5)"},
+        {"a": "STRUCTURE pos: INT;", "b": "STRING(3)"},
+    ]
 
 
 def test_constants_of_one_name_in_two_lists(tmp_path: Path) -> None:
@@ -262,19 +295,22 @@ def test_constants_of_one_name_in_two_lists(tmp_path: Path) -> None:
     paths = [str(tmp_path / f"{name}.st") for name in "ABC"]
     assert [variables(found)["x"] for found in load_definitions(paths).lists] == ["INT(0..1)", "INT(0..2)", "INT(0..2)"]
     (tmp_path / "D.st").write_text("VAR_GLOBAL x : INT(0..n); END_VAR")
-    with pytest.raises(ConfigurationError, match="'n' has several values"):
-        load_definitions([*paths, str(tmp_path / "D.st")])
+    definition = load_definitions([*paths, str(tmp_path / "D.st")])
+    (problem,) = definition.flaws_of(definition.lists)
+    assert isinstance(problem, Problem)
+    assert problem.what == "the constant 'n' has several values"
+    assert variables(definition.lists[-1]) == {"x": "INT"}
 
 
 @pytest.mark.parametrize(
     ("text", "message", "place"),
     [
         ("<GVL>\n <Declarations></GVL>", "this is no well-formed XML: mismatched tag", (2, 18)),
-        ("\n<html/>", "no format of definitions has the root element 'html'", (2, 1)),
+        ("\n<page/>", "no format of definitions has the root element 'page'", (2, 1)),
         ("<GVL/>", "the element Declarations is missing", (1, 1)),
         ("<project/>", "the file declares neither types nor variables", (1, 1)),
         ("<TcPlcObject/>", "the file holds no object", (1, 1)),
-        ('<project><dataType name="a"/></project>', "the element dataType has no baseType", (1, 10)),
+        ("<project><dataType/></project>", "the file declares neither types nor variables", (1, 1)),
         ("<!DOCTYPE GVL SYSTEM 'x'><GVL/>", "the XML has document type or entities that no definition needs", (1, 25)),
         ("<a>" * 1_000, "elements are nested deeper than 200", (1, 601)),
     ],
@@ -288,7 +324,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="cannot be read") as caught:
         load_definitions([str(tmp_path / "missing.gvl")])
     assert caught.value.where == str(tmp_path / "missing.gvl")
-    with pytest.raises(ConfigurationError, match="cannot be read"):
+    with pytest.raises(ConfigurationError, match="no definition file is in it"):
         load_definitions([str(tmp_path)])
     assert "larger than 16.0 MB" in failure(tmp_path / "large.st", b" " * (MAX_FILE_BYTES + 1)).what
 
@@ -296,9 +332,9 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_what_is_no_text_is_not_read_as_one(tmp_path: Path) -> None:
     capture = failure(tmp_path / "a.pcap", (PEERS.parent / "telegrams.pcap").read_bytes())
     assert (capture.what, capture.where) == ("a capture, no definition file", str(tmp_path / "a.pcap"))
-    program = failure(tmp_path / "plant.project", b"\x7fELF 'not closed\n\0")
+    program = failure(tmp_path / "plant.gvl", b"\x7fELF 'not closed\n\0")
     assert (program.what, program.where) == (
-        "no definition file: binary data", f"{tmp_path / 'plant.project'}, line 1, column 1",
+        "no definition file: binary data", f"{tmp_path / 'plant.gvl'}, line 1, column 1",
     )  # fmt: skip
     assert "binary data" in failure(tmp_path / "packed", bytes(range(1, 256))).what
 

@@ -9,8 +9,8 @@ import pytest
 
 from dissectors.can.canopen import PREDEFINED, services_within
 from nvscope.definition.lint import RULES, Mistake, lint
-from nvscope.definition.load import read_definitions
-from nvscope.definition.resolve import resolve
+from nvscope.definition.load import definition_of, load_definitions, read_definitions
+from nvscope.definition.wanted_files import wanted_files
 
 SETTINGS = {
     "ListIdentifier": "7", "Pack": "True", "Checksum": "False", "Acknowledge": "False", "CyclicTransmission": "True",
@@ -38,10 +38,15 @@ def mistakes(path: Path, files: Sequence[str]) -> list[Mistake]:
     """Return what is found in files that are called a, b, …"""
     names = []
     for number, text in enumerate(files):
-        names.append(path / f"{'abcdef'[number]}.{'gvl' if text.startswith('<') else 'st'}")
+        suffix = "xml" if text.startswith("<?") else "gvl" if text.startswith("<") else "st"
+        names.append(path / f"{'abcdef'[number]}.{suffix}")
         names[-1].write_text(text, encoding="utf-8")
-    read = read_definitions([str(name) for name in names])
-    return lint(read, resolve(read))
+    return linted(*map(str, names))
+
+
+def linted(*paths: str) -> list[Mistake]:
+    read = read_definitions(wanted_files(paths))
+    return lint(list(read.files.values()), definition_of(read))
 
 
 def told(found: Sequence[Mistake]) -> list[str]:
@@ -55,7 +60,43 @@ def told(found: Sequence[Mistake]) -> list[str]:
 CONSTANT = "VAR_GLOBAL CONSTANT n : INT := 3; END_VAR"
 LONG = "aPos : ARRAY [0..9] OF REAL; aLog : ARRAY [1..100] OF DINT;"
 
+ENUMERATION = (
+    "<?xml version='1.0'?><project><types><dataTypes><dataType name='E'><baseType><enum><values><value name='off'/>"
+    "</values>{}</enum></baseType></dataType></dataTypes></types></project>"
+)
+
 SAMPLES: list[tuple[str, list[str], str, list[str]]] = [
+    (
+        "unreadable",
+        [gvl("a : INT;"), "TYPE T : STRUCT m : ; END_STRUCT END_TYPE"],
+        "b.st:1:21 found ';', expected a type",
+        [gvl("a : INT;"), "TYPE T : STRUCT m : INT; END_STRUCT END_TYPE"],
+    ),
+    (
+        "unreadable",
+        [gvl("a : INT;"), "TYPE INT : STRUCT m : INT; END_STRUCT END_TYPE"],
+        "b.st:1:6 INT is an elementary type and cannot be declared",
+        [gvl("a : INT;"), "TYPE INTS : STRUCT m : INT; END_STRUCT END_TYPE"],
+    ),
+    (
+        "assumed-base",
+        [gvl("a : E;"), ENUMERATION.format("")],
+        "b.xml:1:78 the base type of E is not in this export, INT is assumed",
+        [gvl("a : E;"), ENUMERATION.format("<baseType><USINT/></baseType>")],
+    ),
+    (
+        "contradiction",
+        [gvl("a : SINT(0..128);")],
+        "a.gvl:4:13 128 does not fit into SINT",
+        [gvl("a : SINT(0..127);")],
+    ),
+    (
+        # What no list needs is nobody's contradiction.
+        "contradiction",
+        [gvl("a : T;"), "TYPE T : INT(5..3); END_TYPE"],
+        "b.st:1:14 the upper bound 3 is below the lower bound 5",
+        [gvl("a : INT;"), "TYPE T : INT(5..3); END_TYPE"],
+    ),
     (
         "duplicate-identifier",
         [gvl(), gvl("nCount : DINT;")],
@@ -229,9 +270,9 @@ def test_the_same_file_given_twice_is_no_duplicate(tmp_path: Path) -> None:
     file = tmp_path / "a.gvl"
     file.write_text(gvl(), encoding="utf-8")
     (tmp_path / "link.gvl").symlink_to(file)
-    read = read_definitions([str(file), f"{tmp_path}/./a.gvl", str(tmp_path / "link.gvl")])
-    assert len(read) == 1
-    assert lint(read, resolve(read)) == []
+    paths = [str(file), f"{tmp_path}/./a.gvl", str(tmp_path / "link.gvl")]
+    assert len(read_definitions(wanted_files(paths)).files) == 1
+    assert linted(*paths) == []
 
 
 def test_the_files_of_both_sides_are_no_duplicate_as_long_as_they_say_the_same(tmp_path: Path) -> None:
@@ -239,10 +280,8 @@ def test_the_files_of_both_sides_are_no_duplicate_as_long_as_they_say_the_same(t
         (tmp_path / side).mkdir()
         (tmp_path / side / "press.gvl").write_text(gvl(text), encoding="utf-8")
     sides = [str(tmp_path / side / "press.gvl") for side in ("sender", "reader")]
-    read = read_definitions(sides)
-    assert lint(read, resolve(read)) == []
-    read = read_definitions([*sides, str(tmp_path / "other" / "press.gvl")])
-    assert [each.rule.id for each in lint(read, resolve(read))] == ["duplicate-identifier"]
+    assert linted(*sides) == []
+    assert [each.rule.id for each in linted(*sides, str(tmp_path / "other" / "press.gvl"))] == ["duplicate-identifier"]
 
 
 def test_mistakes_are_in_the_order_of_the_files_and_lines(tmp_path: Path) -> None:
@@ -258,10 +297,8 @@ def test_a_list_over_several_connections_is_told_once(tmp_path: Path) -> None:
     )
     file = tmp_path / "a.exp"
     file.write_text(export, encoding="utf-8")
-    read = read_definitions([str(file)])
-    definition = resolve(read)
-    assert [entry.list_id for entry in definition.lists] == [1, 2]
-    assert [each.rule.id for each in lint(read, definition)] == ["unknown-size"]
+    assert [entry.list_id for entry in load_definitions([str(file)]).lists] == [1, 2]
+    assert [each.rule.id for each in linted(str(file))] == ["unknown-size"]
 
 
 def test_the_predefined_connection_set_is_in_order_and_without_overlap() -> None:

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 from nvscope.definition.buses import BusSettings
 from nvscope.definition.limits import Limits
+from nvscope.definition.model import Problem
 from nvscope.definition.project import Project, find_project
-from nvscope.definition.project_file import MAX_DEFINITION_FILES, document, read_project
+from nvscope.definition.project_file import document, read_project
+from nvscope.definition.wanted_files import MAX_DEFINITION_FILES
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.errors import ConfigurationError
 from nvscope.list_key import ANY_CHANNEL, ListKey
@@ -281,14 +283,18 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_a_pattern_over_too_many_files_is_not_followed(tmp_path: Path) -> None:
     for number in range(MAX_DEFINITION_FILES + 1):
         (tmp_path / f"{number}.gvl").touch()
-    assert "matches more than 1 000 files" in mistake(tmp_path, "definitions = '*.gvl'")[1]
+    assert "stands for more than 5 000 files" in mistake(tmp_path, "definitions = '*.gvl'")[1]
 
 
 def test_a_mistake_in_a_definition_file_names_that_file(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="has no subranges") as caught:
-        plant(
-            tmp_path, "definitions = 'plc/*.gvl'", a_gvl=GVL.format(identifier=7, more="").replace("INT", "REAL(0..1)")
-        )
+    text = GVL.format(identifier=7, more="")
+    found = plant(tmp_path, "definitions = 'plc/*.gvl'", a_gvl=text.replace("INT", "REAL(0..1)")).definition
+    (problem,) = found.flaws_of(found.lists)
+    assert isinstance(problem, Problem)
+    assert problem.what == "REAL has no subranges"
+    assert str(problem.position).startswith(f"{tmp_path / 'plc' / 'a.gvl'}, line 1, column ")
+    with pytest.raises(ConfigurationError, match="expected ';'") as caught:
+        plant(tmp_path, "definitions = 'plc/*.gvl'", a_gvl=text.replace("INT;", "INT"))
     assert caught.value.where.startswith(f"{tmp_path / 'plc' / 'a.gvl'}, line 1, column ")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.definition.load import load_definitions
-from nvscope.definition.model import ListDefinition
+from nvscope.definition.model import ListDefinition, Problem
 from nvscope.definition.packing import pack
 from nvscope.definition.variables import Enumeration, Structure
 from nvscope.errors import ConfigurationError
@@ -173,5 +173,8 @@ def test_plcopen_initial_values_matter_only_where_something_depends_on_them(tmp_
     assert elements(found) == ["a", "c"]
     constant = global_list(variable("N", value="a ?? b"), ' constant="true"')
     array = '<type><array><dimension lower="1" upper="N"/><baseType><BYTE/></baseType></array></type>'
-    with pytest.raises(ConfigurationError, match="a constant integer is expected"):
-        lists(tmp_path / "b.xml", plcopen(constant + global_list(variable("last", array))))
+    (found,) = lists(tmp_path / "b.xml", plcopen(constant + global_list(variable("last", array) + variable("c"))))
+    assert elements(found) == ["last", "c"]
+    (problem,) = found.flaws
+    assert isinstance(problem, Problem)
+    assert problem.what == "a constant integer is expected"

@@ -1,0 +1,126 @@
+"""Which of the files on a command line are captures, and which are definitions: their content decides."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import typer
+
+from nvscope.capture.content import STDIN
+from nvscope.errors import UnreadableInput, UsageError
+
+_MOST_LOOKED_AT = 1_000
+
+
+@dataclass(frozen=True, slots=True)
+class NamedFiles:
+    """The captures, of which there is one at least, and the definitions, of which there may be none."""
+
+    captures: list[str]
+    definitions: list[str]
+
+
+def named_files(
+    sources: Sequence[str] | None, read: Sequence[str] | None, gvl: Sequence[str] | None = None
+) -> NamedFiles:
+    """Return what was named as arguments, by -r and by --gvl, sorted by what it is.
+
+    A shell makes one --gvl and arguments of ``--gvl *.gvl``, and does not say what stands first. A pattern that it left
+    as it is stands for its files. Raises UsageError where there is no capture.
+    """
+    captures = list(read or ())
+    definitions: list[str] = []
+    for path in gvl or ():
+        (captures if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
+    for path in _expanded(sources or ()):
+        (definitions if _is_definition(path) else captures).append(path)
+    if not captures:
+        if definitions:
+            raise UsageError(
+                "no capture is given, only definitions",
+                next_step=f"name the capture, too; `nvscope gvl layout {definitions[0]}` shows what a definition says",
+            )
+        raise UsageError("no source is given", next_step="name a capture file, or - to read one from stdin")
+    if not definitions:
+        for path in captures:
+            if _is_directory(path) and _holds_definitions(path):
+                typer.echo(f"nvscope: {path} holds definitions, too; --gvl {path} takes them.", err=True)
+    return NamedFiles(captures, definitions)
+
+
+def _expanded(sources: Sequence[str]) -> list[str]:
+    """Return the sources, with the files of patterns in place of these: some shells leave them to the program."""
+    found: list[str] = []
+    for path in sources:
+        if path != STDIN and ("*" in path or "?" in path or "[" in path) and not os.path.lexists(path):
+            from glob import glob
+
+            found += sorted(glob(path)) or [path]
+        else:
+            found.append(path)
+    return found
+
+
+def _is_definition(path: str) -> bool:
+    """Return whether a file, or what lies below a directory, may be a definition and cannot be a capture."""
+    if _is_directory(path):
+        return _holds_definitions(path) and not _holds_captures(path)
+    return _is_file(path) and _is_worth_reading(path) and not _is_capture(path)
+
+
+def _is_file(path: str) -> bool:
+    try:
+        # Nothing but files: what is read from a pipe is gone.
+        return stat.S_ISREG(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False  # opening it will say what is wrong
+
+
+def _is_directory(path: str) -> bool:
+    return path != STDIN and os.path.isdir(path)
+
+
+def _is_worth_reading(path: str) -> bool:
+    from nvscope.definition.wanted_files import is_worth_reading
+
+    return is_worth_reading(path)
+
+
+def _is_capture(path: str) -> bool:
+    from nvscope.capture.capture_file import CaptureFile
+    from nvscope.capture.formats import NoCapture
+
+    try:
+        CaptureFile(path)
+    except NoCapture:
+        return False
+    except UnreadableInput:
+        pass  # opening it once more will say what is wrong
+    return True
+
+
+def _holds_captures(directory: str) -> bool:
+    """Return whether a capture is in a directory; those below are not looked at, as where captures are read."""
+    try:
+        with os.scandir(directory) as entries:
+            paths = sorted(entry.path for entry in entries if entry.is_file())
+    except OSError:
+        return True  # opening it will say what is wrong
+    return any(map(_is_capture, paths))
+
+
+def _holds_definitions(directory: str) -> bool:
+    """Return whether something below a directory is called like a definition, or begins like one."""
+    looked_at = 0
+    for folder, _, names in os.walk(directory):
+        for name in names:
+            path = os.path.join(folder, name)
+            looked_at += 1
+            if looked_at > _MOST_LOOKED_AT:
+                return False
+            if not name.startswith(".") and _is_file(path) and _is_worth_reading(path) and not _is_capture(path):
+                return True
+    return False

@@ -1,0 +1,133 @@
+"""Which files a person means who names definitions: files, directories with all below them, or patterns."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from nvscope.definition.foreign_files import FOREIGN_FILES, HEAD_BYTES
+from nvscope.errors import ConfigurationError
+from nvscope.units import count
+
+MAX_DEFINITION_FILES = 5_000
+"""Files that one path or pattern may stand for; one over a whole disk must not be followed to its end."""
+DEFINITION_SUFFIXES = (".gvl", ".exp", ".st", ".xml", ".tcgvl", ".tcdut", ".tcpou", ".tcio")
+"""How files are called that may hold definitions; others are looked at whether they begin like one."""
+
+_MAX_SEEN = 100_000
+_FOREIGN_SUFFIXES = (".export", *(suffix for kind in FOREIGN_FILES for suffix in kind.suffixes))
+_WILD = re.compile(r"[*?\[]")
+_BEGIN = re.compile(
+    rb"(?:\xef\xbb\xbf)?\s*(?:(?:<\?xml[^>]*>\s*)?(?:<!--.*?-->\s*)*<(?:GVL|TcPlcObject|project)\b"
+    rb"|(?i:VAR_GLOBAL|TYPE)\s|\(\*\s*@)",
+    re.DOTALL,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DefinitionFile:
+    """A file that may hold definitions; ``given`` is what a person wrote, its own path or what it was found by."""
+
+    path: str
+    given: str
+
+    @property
+    def named(self) -> bool:
+        """Whether it was named by itself: then it must be a definition."""
+        return self.path == self.given
+
+
+def wanted_files(given: Sequence[str], base: Path | None = None) -> list[DefinitionFile]:
+    """Return the files that paths and patterns stand for, each once, those of one pattern or directory sorted.
+
+    Patterns are relative to ``base``, the working directory without one: ``*`` within a directory, ``**`` over
+    directories too. Hidden files and directories are left out where a pattern does not name such a one. Raises
+    ConfigurationError where there is no file, or there are too many.
+    """
+    found: dict[str, DefinitionFile] = {}
+    for text in given:
+        for file in _files_of(text, base):
+            found.setdefault(file.path, file)
+    return list(found.values())
+
+
+def has_pattern(text: str) -> bool:
+    """Return whether a path that leads to no file stands for several."""
+    return _WILD.search(text) is not None and not os.path.lexists(text)
+
+
+def is_worth_reading(path: str) -> bool:
+    """Return whether a file that nobody named by itself is worth reading: by its name, or its first bytes."""
+    if path.lower().endswith((*DEFINITION_SUFFIXES, *_FOREIGN_SUFFIXES)):
+        return True
+    try:
+        with Path(path).open("rb") as file:
+            return _BEGIN.match(file.read(HEAD_BYTES)) is not None
+    except (OSError, ValueError):
+        return False
+
+
+def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
+    path = Path(text) if base is None else base / text
+    try:
+        if path.is_dir() and text:
+            found = [file for file in _sorted(_below(path), text) if is_worth_reading(file)]
+            if not found:
+                raise ConfigurationError(
+                    "no definition file is in it", where=text, next_step="Name the directory of the exported lists."
+                )
+            return [DefinitionFile(file, text) for file in found]
+        if not has_pattern(str(path)) and (base is None or path.is_file()):
+            return [DefinitionFile(str(path), str(path))]
+        matched = _sorted(_matching(text, base or Path()), text) if text else []
+        if text.endswith("*"):
+            # It asks for no kind of file: what is called or begins like a definition is meant.
+            matched = [file for file in matched if is_worth_reading(file)] or matched
+    except (ValueError, OSError) as error:
+        raise ConfigurationError(
+            f"{text[:200]!r} cannot be followed: {error}", next_step="Check the path of the definition files."
+        ) from None
+    if not matched:
+        where = f"Patterns are relative to {(base or Path()).resolve()}"
+        raise ConfigurationError(f"no file matches {text[:200]!r}", next_step=f"{where}; correct the pattern.")
+    return [DefinitionFile(file, text) for file in matched]
+
+
+def _below(directory: Path) -> Iterator[Path]:
+    """Yield all files below a directory but hidden ones; links to directories are not followed."""
+    for folder, directories, names in os.walk(directory):
+        directories[:] = [name for name in directories if not _is_hidden(name)]
+        yield from (Path(folder, name) for name in names if not _is_hidden(name))
+
+
+def _matching(pattern: str, base: Path) -> Iterator[Path]:
+    wanted = Path(pattern)
+    parts = list(wanted.parts)
+    if wanted.is_absolute():
+        base, parts = Path(wanted.anchor), parts[1:]
+    hidden = any(_is_hidden(part) for part in parts)
+    for path in base.glob("/".join([*parts, "*"] if parts[-1:] == ["**"] else parts)):
+        if hidden or not any(map(_is_hidden, path.parts[len(base.parts) :])):
+            yield path
+
+
+def _sorted(paths: Iterator[Path], text: str) -> list[str]:
+    """Return those that are files, in order; ConfigurationError where these are too many, or too much was seen."""
+    seen = list(islice(paths, _MAX_SEEN + 1))
+    found = [str(path) for path in sorted(seen) if path.is_file()]
+    if len(found) > MAX_DEFINITION_FILES and len(seen) <= _MAX_SEEN:
+        found = [path for path in found if is_worth_reading(path)]
+    if len(seen) > _MAX_SEEN or len(found) > MAX_DEFINITION_FILES:
+        raise ConfigurationError(
+            f"{text[:200]!r} stands for more than {count(MAX_DEFINITION_FILES)} files",
+            next_step="Name the directories that hold the definitions.",
+        )
+    return found
+
+
+def _is_hidden(part: str) -> bool:
+    return part.startswith(".") and part not in {".", ".."}
