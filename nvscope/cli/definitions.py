@@ -85,6 +85,8 @@ def tell_of_lists(inquiry: Inquiry) -> None:
 
     definition = inquiry.project.definition
     tell_of_flaws(definition, [entry for entry in definition.lists if entry.key])
+    if inquiry.project.files and not definition.lists:
+        typer.echo("nvscope: the definition files declare types, but no list: name the exported list, too.", err=True)
     layouts = inquiry.layouts
     for key, element in layouts.left_out.items() if layouts else ():
         entry = layouts.list_of(key) if layouts else None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -151,6 +151,8 @@ def packets(
         typer.echo("nvscope: a finding is shown by the telegrams of its first ten events, not by all.", err=True)
     if telegrams.fragments:
         typer.echo(f"nvscope: {units.count_of(telegrams.fragments, 'IP fragment')}, not put together.", err=True)
+    if inquiry and plant.files:
+        tell_of_lists(inquiry)
     if tell_of_losses(source.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)
 

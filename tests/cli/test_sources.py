@@ -109,3 +109,25 @@ def test_other_files_are_no_captures_but_no_definitions_either(tmp_path: Path) -
     done = nvscope("report", "notes.txt", cwd=tmp_path)
     assert done.returncode == 4
     assert "notes.txt, offset 0: the bytes 54 79 70 65, expected a pcap" in done.stderr
+
+
+@pytest.mark.parametrize("verb", ["report", "packets -V -c 1"])
+def test_definitions_of_types_alone_say_so(verb: str, tmp_path: Path) -> None:
+    (tmp_path / "types.st").write_text("TYPE Axis : STRUCT pos : LREAL; END_STRUCT END_TYPE")
+    done = nvscope(*verb.split(), str(CAPTURE), "types.st", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "nvscope: the definition files declare types, but no list: name the exported list, too.\n" in done.stderr
+
+
+@pytest.mark.parametrize("verb", ["report", "packets -V -c 1", "vars", "export -w out.csv"])
+def test_every_verb_tells_what_the_definitions_lack(verb: str, tmp_path: Path) -> None:
+    (tmp_path / "plc").mkdir()
+    for name in ("axis.gvl", "counters.gvl"):
+        (tmp_path / "plc" / name).write_bytes((PEERS / name).read_bytes())
+    (tmp_path / "plc" / "old.gvl").write_text("<GVL>")
+    done = nvscope(*verb.split(), str(PEERS / "peers.pcap"), "--gvl", "plc", cwd=tmp_path)
+    assert done.returncode == 0
+    said = done.stderr.splitlines()
+    assert "nvscope: left out: plc/old.gvl, line 1, column 6: this is no well-formed XML" in done.stderr
+    assert sum("types that no file declares: Axis (plc/axis.gvl, line 6, column 11)" in line for line in said) == 1
+    assert "nvscope: axis: nobody knows how many bytes stAxis : Axis has; from there on, bytes are bytes." in said
