@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 What = Literal["values", "telegrams"]
 Form = Literal["wide", "long"]
+Rows = Literal["telegram", "cycle"]
 
 Written = tuple[str, int, int]
 """The name of a file, how many telegrams are in it, and how many times that are null since no column holds them."""
@@ -62,6 +63,14 @@ def export(
             "and telegram, all lists in one file.",
         ),
     ] = None,
+    by: Annotated[
+        Rows | None,
+        typer.Option(
+            "--rows",
+            help="telegram, as without it. cycle: a row for telegrams that a sender sent together (rising SubIndexes, "
+            "within half an interval, or 10 ms where none is defined), with the last value of every variable.",
+        ),
+    ] = None,
     listed: Annotated[
         list[str] | None,
         typer.Option("--list", metavar="LIST", help="Only this list: its name, identifier, or key as udp/1202/7."),
@@ -84,18 +93,21 @@ def export(
     What a telegram does not send is null. Files appear when they are complete. Exits with 3 where a capture could not
     be read to its end.
 
-    TIME, LTIME and times of day are durations: in CSV seconds, in NDJSON numbers of nanoseconds, in the long form
-    nanoseconds (integer). DATE, DT, LDATE and LDT are times without a zone, to the nanosecond (in the long form
-    nanoseconds since 1970). Times beyond 292 years or the year 2262 are null and counted; the long form has them in
-    the column unsigned. What nobody has described, such as a POINTER and all behind it, is bytes: in CSV and NDJSON
-    hexadecimal digits. What is no number is NaN, inf or -inf in CSV, null in NDJSON.
+    TIME, LTIME and times of day are durations: in Parquet by their type, elsewhere nanoseconds, in CSV and NDJSON with
+    the unit in the name (tRun_ns), in the long form in the column integer. DATE, DT, LDATE and LDT are times without a
+    zone, to the nanosecond (in the long form nanoseconds since 1970). Times beyond 292 years or the year 2262 are null
+    and counted; the long form has them in the column unsigned. What nobody has described, such as a POINTER and all
+    behind it, is bytes: in CSV and NDJSON hexadecimal digits. What is no number is NaN, inf or -inf in CSV, null in
+    NDJSON.
     """
     files_named = named_files(sources, read, gvl)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     if not write:
         raise UsageError("no file to write is named", next_step="add -w FILE.parquet, .csv or .ndjson")
-    form_text = f"--form {form}" if form else "--list" if listed else ""
+    if by == "cycle" and form == "long":
+        raise UsageError("--rows cycle is for --form wide", next_step="the long form has a row a value; leave one out")
+    form_text = f"--form {form}" if form else f"--rows {by}" if by else "--list" if listed else ""
     wants_telegrams = what == "telegrams" or (fields is not None and what is None)
     if wants_telegrams and gvl and not (fields or wanted is not None):
         raise UsageError(
@@ -138,7 +150,7 @@ def export(
                 assert layouts is not None
                 told = DefinedTelegrams(layouts, keys=[key for key, _ in lists])
                 rows = values(source, reading, told, progress)
-                written = _write_values(told, rows, lists, write, form or "wide", files)
+                written = _write_values(told, rows, lists, write, "cycle" if by == "cycle" else form or "wide", files)
                 fragments = told.fragments
             else:
                 from nvscope.analysis.packets import packets
@@ -152,7 +164,9 @@ def export(
         files.discard()
         raise
     if lists:
-        _tell_of_values(told, written, write, quiet=quiet, all_lists=not listed)
+        _tell_of_values(
+            told, written, write, "cycle" if by == "cycle" else "telegram", quiet=quiet, all_lists=not listed
+        )
         if not listed:
             tell_of_lists(inquiry)
     else:
@@ -166,14 +180,14 @@ def export(
 
 
 def _write_values(
-    telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], lists: Lists, path: str, form: Form, files: Files
+    telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], lists: Lists, path: str, form: Form | Rows, files: Files
 ) -> list[Written]:
     from nvscope.export.values import paths_of, write_long, write_wide
 
     if form == "long":
         return [(path, write_long(telegrams, rows, path, files), 0)]
     paths = paths_of(path, lists)
-    told = write_wide(telegrams, rows, paths, files)
+    told = write_wide(telegrams, rows, paths, files, by_cycle=form == "cycle")
     return [(name, count, beyond) for name, (count, beyond) in zip(paths, told, strict=True)]
 
 
@@ -209,9 +223,9 @@ def _write_telegrams(
 
 
 def _tell_of_values(
-    telegrams: DefinedTelegrams, written: list[Written], path: str, *, quiet: bool, all_lists: bool
+    telegrams: DefinedTelegrams, written: list[Written], path: str, row: str, *, quiet: bool, all_lists: bool
 ) -> None:
-    """Say what was written where several files were, and always what was not."""
+    """Say what was written where several files were, and always what was not; a ``row`` is of a telegram or cycle."""
     from nvscope.export.unwritten import ASSUMED_PACKING, beyond_time, left_out, why_nothing
     from nvscope.list_key import Transport
     from nvscope.units import count_of
@@ -225,7 +239,7 @@ def _tell_of_values(
         tell(f"{why_nothing(telegrams)}; {where} columns, but no rows.")
     elif len(written) > 1 and not quiet:
         for name, count, _ in written:
-            tell(f"{visible(name)}: {count_of(count, 'telegram')}")
+            tell(f"{visible(name)}: {count_of(count, row)}")
     for name, _, beyond in written:
         if beyond:
             tell(f"{visible(name)}: {beyond_time(beyond)}")

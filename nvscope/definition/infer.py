@@ -121,7 +121,7 @@ def least_first_bytes(before: Sequence[int]) -> int:
 def _field(candidate: Candidate, data: U8, first: U8, place_probability: float, prefix: str) -> Field:
     name, price = candidate.prices[0]
     weights = [2.0 ** -min(other - price, 60.0) for _, other in candidate.prices]
-    # Of a number the sign often cannot be told: that is no doubt about the field.
+    # Of a number the sign often cannot be told: that is no doubt about the field, but its type is a guess then.
     alike = {"UINT": "INT", "UDINT": "DINT", "ULINT": "LINT", "BYTE": "SINT"}
     alike |= {signed: unsigned for unsigned, signed in alike.items()}
     same = sum(
@@ -132,20 +132,26 @@ def _field(candidate: Candidate, data: U8, first: U8, place_probability: float, 
     raw, ahead = data[:, span], first[:, span]
     constant = bool((raw == raw[0]).all())
     evidence, word = _evidence(name, raw, ahead, constant)
+    twin = sum(weight for weight, (other, _) in zip(weights, candidate.prices, strict=True) if other == alike.get(name))
+    guessed_sign = twin > (1 - _SURE_FROM) * same
+    if guessed_sign and not (constant and not raw.any()):
+        evidence += "; the sign is a guess"
     kind: Scalar | String = (
         String(candidate.size_bytes - 1) if name in ("STRING", "UNKNOWN") else SCALARS[_DECLARED.get(name, name)]
     )
     others = tuple(other for weight, (other, _) in zip(weights[1:], candidate.prices[1:], strict=True) if weight > 0.1)
     return Field(
         candidate.offset, candidate.size_bytes, kind, f"{prefix}b{candidate.offset}_{word}", probability,
-        _grade(name, probability, constant, bool(raw.any()), len(data)), evidence, others,
+        _grade(name, probability, constant, bool(raw.any()), len(data), guessed_sign=guessed_sign), evidence, others,
     )  # fmt: skip
 
 
-def _grade(name: str, probability: float, constant: bool, any_set: bool, telegrams: int) -> str:
+def _grade(
+    name: str, probability: float, constant: bool, any_set: bool, telegrams: int, *, guessed_sign: bool
+) -> str:  # fmt: skip
     if name == "UNKNOWN" or telegrams < _FEW_TELEGRAMS or (constant and not any_set):
         return GUESS
-    if probability >= _SURE_FROM and (not constant or name == "STRING"):
+    if probability >= _SURE_FROM and (not constant or name == "STRING") and not guessed_sign:
         return SURE
     return LIKELY if probability >= _LIKELY_FROM else GUESS
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nvscope.definition.model import ListDefinition
 from nvscope.errors import UsageError
+from nvscope.export.cycle_rows import CycleRows
 from nvscope.export.files import Files, table_file
 from nvscope.export.held import Slabs
 from nvscope.export.long import LongTable, long_schema
@@ -24,12 +25,18 @@ _MOST_NAME = 80
 
 
 def write_wide(
-    telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], paths: Sequence[str], files: Files
+    telegrams: DefinedTelegrams,
+    rows: Iterable[DefinedRows],
+    paths: Sequence[str],
+    files: Files,
+    *,
+    by_cycle: bool = False,
 ) -> list[tuple[int, int]]:
     """Write the ``rows`` of each list to the file of its number; return how many there are of each.
 
-    The second number is how many times in them no column of times holds: they are null. Raises UsageError for more
-    lists or columns than can be written side by side.
+    With ``by_cycle`` it is a row a cycle and not a telegram (``CycleRows``). The second number is how many times no
+    column of times holds: they are null. Raises UsageError for more lists or columns than can be written side by
+    side.
     """
     if len(paths) > MAX_FILES:
         raise UsageError(
@@ -50,13 +57,19 @@ def write_wide(
             )
     # Opened at once: that one cannot be written is to be said before a long capture is read.
     opened = [files.open(path) for path in paths]
+    cycles = [
+        CycleRows(table.schema, first.layout.list.interval_ns if first.layout.list.cyclic else None)
+        for table, (first, *_) in zip(tables, places, strict=True)
+        if by_cycle
+    ]
+    written = cycles or tables
     wide = WideTables(
-        tables, lambda number: table_file(opened[number], tables[number].schema), telegrams.places
-    )  # fmt: skip
+        tables, lambda number: table_file(opened[number], written[number].schema), telegrams.places, cycles
+    )
     for batch in rows:
         wide.add(batch)
     wide.finish()
-    return [(written, table.beyond_time) for written, table in zip(wide.rows, tables, strict=True)]
+    return [(rows_written, table.beyond_time) for rows_written, table in zip(wide.rows, tables, strict=True)]
 
 
 def write_long(telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], path: str, files: Files) -> int:

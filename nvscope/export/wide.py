@@ -15,6 +15,7 @@ from dissectors.batch import I64
 from nvscope.capture.spans import stretches
 from nvscope.definition.variables import Element, Enumeration, scalar_of
 from nvscope.export.arrays import LABEL, MOMENT, Spread, array_of, arrow_type, labels, spread_parts
+from nvscope.export.cycle_rows import CycleRows
 from nvscope.export.files import TableFile
 from nvscope.export.held import HeldTelegrams, OpenPart, Slabs
 from nvscope.export.names import Names, value_names
@@ -158,15 +159,20 @@ def _columns(places: Sequence[Place], head: Sequence[Any]) -> tuple[list[_Column
 
 
 class WideTables:
-    """The tables of all lists; each goes to its file when it, or all together, hold enough."""
+    """The tables of all lists; each goes to its file when it, or all together, hold enough.
+
+    With ``cycles``, one a table, a file has a row a cycle.
+    """
 
     def __init__(
         self,
         tables: Sequence[WideTable],
         open_file: Callable[[int], TableFile],
         places: Sequence[Place],
+        cycles: Sequence[CycleRows] = (),
     ) -> None:
         self._tables = tables
+        self._cycles = cycles
         self._open = open_file
         # The places of a list follow each other.
         self._number = [place.number for place in places]
@@ -199,13 +205,19 @@ class WideTables:
         for number, table in enumerate(self._tables):
             if table.rows:
                 self._write(number)
+            if self._cycles:
+                self._put(number, self._cycles[number].finish())
             self._file(number).close()
 
     def _write(self, number: int) -> None:
         table = self._tables[number]
         self._held_bytes -= table.held_bytes
-        self.rows[number] += table.rows
-        self._file(number).write(table.take())
+        taken = table.take()
+        self._put(number, self._cycles[number].take(taken) if self._cycles else taken)
+
+    def _put(self, number: int, table: Any) -> None:
+        self.rows[number] += len(table)
+        self._file(number).write(table)
 
     def _file(self, number: int) -> TableFile:
         if number not in self._files:

@@ -55,14 +55,13 @@ def sent_values() -> dict[int, dict[str, list[Any]]]:
     return sent
 
 
-def column_of(table: pl.DataFrame, name: str, ending: str) -> list[Any]:
+def column_of(table: pl.DataFrame, name: str) -> list[Any]:
     """Return the values that were sent of a variable, times in ms as the peers log them."""
-    column = table[name].drop_nulls()
+    in_ns = f"{name}_ns" in table.columns
+    column = table[f"{name}_ns" if in_ns else name].drop_nulls()
     if column.dtype == pl.Duration:
         return column.dt.total_milliseconds().to_list()
-    if name == "t":
-        return [round(value * 1000) if ending == "csv" else value // 1_000_000 for value in column.to_list()]
-    return column.to_list()
+    return [value // 1_000_000 for value in column.to_list()] if in_ns else column.to_list()
 
 
 def is_within(decoded: list[Any], logged: list[Any], ending: str) -> bool:
@@ -96,7 +95,7 @@ def test_every_value_is_the_one_that_was_sent(tmp_path: Path, ending: str) -> No
     for list_id, elements in sent.items():
         table = READERS[ending](tmp_path / f"values.{names[list_id]}.{ending}")
         for name, logged in elements.items():
-            decoded = column_of(table, name, ending)
+            decoded = column_of(table, name)
             assert 0.9 * len(logged) <= len(decoded) <= len(logged)
             assert is_within(decoded, logged, ending), (list_id, name)
 

@@ -38,7 +38,7 @@ def test_the_variables_as_data() -> None:
     text = next(row for row in document["variables"] if row["name"] == "sText")
     assert text == {
         "list": "udp/1202/42", "list_name": "axis", "name": "sText", "type": "STRING(30)", "sender": "10.77.0.3",
-        "packing": "documented", "subindex": 0, "value": "order 199", "text": "'order 199'",
+        "packing": "documented", "subindex": 0, "unit": None, "value": "order 199", "text": "'order 199'",
         "last_ns": "1795255531065858815",
         "changed_ns": "1795255531065858815", "telegrams": 199, "changes": 198,
         "min": None, "max": None, "min_text": None, "max_text": None,
@@ -189,13 +189,13 @@ def test_layouts_without_a_definition(tmp_path: Path) -> None:
     done = nvscope("vars", CAPTURE, "--infer", "--list", "42", "-w", str(draft))
     assert done.returncode == 0
     assert done.stdout.splitlines()[:7] == [
-        "udp/1202/42 from 10.77.0.3: 1 telegram a cycle, every 50.1 ms, 11 sure.",
+        "udp/1202/42 from 10.77.0.3: 1 telegram a cycle, every 50.1 ms, 5 sure, 6 likely.",
         "",
         "  SubIndex 0: Items 11, Length 88, 199 telegrams",
-        "  Offset  Bytes  Type        Grade  Evidence                     Or",
-        "       0      1  BOOL        sure   FALSE and TRUE only",
-        "       1      2  INT         sure   -29686 to 29690              UINT",
-        "       3      4  REAL        sure   REAL 0.0131845 to 98.1761",
+        "  Offset  Bytes  Type        Grade   Evidence                                    Or",
+        "       0      1  BOOL        sure    FALSE and TRUE only",
+        "       1      2  INT         likely  -29686 to 29690; the sign is a guess        UINT",
+        "       3      4  REAL        sure    REAL 0.0131845 to 98.1761",
     ]
     assert str(draft) in done.stderr
     shown = nvscope("vars", CAPTURE, "--gvl", str(draft))

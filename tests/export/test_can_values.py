@@ -43,11 +43,11 @@ def same(told: Any, expected: Any) -> bool:
 
 
 def in_its_unit(one: Sent, name: str) -> Any:
-    """Return a value as JSON has it: times in the unit of their type, what is no number as null."""
+    """Return a value as JSON has it: durations in ns, dates in the unit of their type, what is no number as null."""
     value, kind = one.values[name], type_of(one, name).type
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return value // 10**6 if kind in ("TIME", "TOD") else value // 10**9 if kind in ("DATE", "DT") else value
+    return value // 10**9 if kind in ("DATE", "DT") else value
 
 
 def beyond(one: Sent, name: str) -> bool:

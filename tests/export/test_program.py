@@ -8,6 +8,7 @@ import math
 import struct
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -91,10 +92,11 @@ def test_times_have_one_form_and_what_it_cannot_hold_is_told(tmp_path: Path) -> 
     assert numbers["v_t"].to_list() == [1_500_000_000] * 3
     for ending in ("csv", "ndjson"):
         nvscope("export", capture, *gvl, "-w", f"o.{ending}", cwd=tmp_path)
-    seconds, lines = pl.read_csv(tmp_path / "o.csv", infer_schema=False), pl.read_ndjson(tmp_path / "o.ndjson")
-    assert seconds["v_lt"].to_list() == ["86400.000000000", None, "9223372036.854775807"]
-    assert lines["v_lt"].to_list() == numbers["v_lt"].to_list()
-    for read in (seconds, lines):
+    for read in (pl.read_csv(tmp_path / "o.csv"), pl.read_ndjson(tmp_path / "o.ndjson")):
+        # Without a type of their own, durations have their unit in the name.
+        assert read.columns[4:] == ["v_t_ns", "v_lt_ns", "v_od_ns", "v_lod_ns", "v_d", "v_ld", "v_m", "v_lm"]
+        for name in ("t", "lt", "od", "lod"):
+            assert read[f"v_{name}_ns"].to_list() == numbers[f"v_{name}"].to_list()
         assert read["v_lm"].to_list() == ["1970-01-02T00:00:00.000000000", None, "2262-04-11T23:47:16.854775807"]
     assert nvscope("export", capture, *gvl, "--form", "long", "-w", "l.parquet", cwd=tmp_path).stderr == ""
     long = pl.read_parquet(tmp_path / "l.parquet").filter(pl.col("variable") == "v_lt")
@@ -127,3 +129,33 @@ def test_texts_and_numbers_are_written_alike_everywhere(tmp_path: Path) -> None:
     lines = [json.loads(line) for line in (tmp_path / "o.ndjson").read_text().splitlines()]
     assert [line["s"].encode() for line in lines] == texts
     assert [line["r"] for line in lines] == [1.5, None, None, None]
+
+
+def test_a_duration_has_one_unit_in_all_data(tmp_path: Path) -> None:
+    """What vars, history and export say of a TIME is the same number, and each says that it is nanoseconds."""
+    gvl = defined(tmp_path, "plant", "t : TIME;\n\tn : INT;")
+    capture = written(tmp_path, numbered([struct.pack("<Ih", 1500, 7), struct.pack("<Ih", 1750, 8)], 2))
+    last = json.loads(nvscope("vars", capture, *gvl, "--json", cwd=tmp_path).stdout)["variables"]
+    assert [(row["unit"], row["value"], row["min"], row["max"]) for row in last] == [
+        ("ns", 1_750_000_000, 1_500_000_000, 1_750_000_000), (None, 8, 7, 8),
+    ]  # fmt: skip
+    changes = json.loads(nvscope("vars", capture, *gvl, "--history", "t", "--json", cwd=tmp_path).stdout)["changes"]
+    assert [(row["unit"], row["old"], row["new"]) for row in changes] == [
+        ("ns", None, 1_500_000_000), ("ns", 1_500_000_000, 1_750_000_000),
+    ]  # fmt: skip
+    was = json.loads(nvscope("vars", capture, *gvl, "--at", "#1", "--json", cwd=tmp_path).stdout)["variables"]
+    assert [(row["unit"], row["value"]) for row in was] == [("ns", 1_500_000_000), (None, 7)]
+    nvscope("export", capture, *gvl, "-w", "o.csv", cwd=tmp_path)
+    assert pl.read_csv(tmp_path / "o.csv")["t_ns"].to_list() == [1_500_000_000, 1_750_000_000]
+
+
+def test_changes_of_reals_have_all_digits_that_count(tmp_path: Path) -> None:
+    gvl = defined(tmp_path, "plant", "r : REAL;\n\tl : LREAL;")
+    near = np.float32(0.1)
+    rows = [(near, 0.1), (np.nextafter(near, np.float32(1)), 0.1 + 0.2), (np.float32(16_777_216), 1e22), (0.0, -0.0)]
+    data = [struct.pack("<fd", real, long) for real, long in rows]
+    capture = written(tmp_path, numbered(data, 2))
+    changes = json.loads(nvscope("vars", capture, *gvl, "--history", "*", "--json", cwd=tmp_path).stdout)["changes"]
+    texts = {name: [row["new_text"] for row in changes if row["name"] == name] for name in "rl"}
+    assert texts["r"] == ["0.1", "0.10000001", "16777216", "0"]
+    assert texts["l"] == ["0.1", "0.30000000000000004", "1e+22", "-0"]

@@ -1,6 +1,7 @@
 """Changes of variables, and variables at a time, as data (schemas ``nvscope.history/1`` and ``nvscope.at/1``).
 
-Values are as in ``nvscope.vars/1``; absolute times are nanoseconds as decimal strings, durations numbers in ns.
+Values are as in ``nvscope.vars/1``, texts of changes with all digits that count. Absolute times are nanoseconds as
+decimal strings, durations numbers in ns.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from nvscope.list_key import ListKey
 from nvscope.tracker.variables.history import Entry, History
 from nvscope.tracker.variables.moment import LastTelegram, Moment
 from nvscope.version import __version__
-from nvscope.view.documents.variables import filter_told, plain_value, text_of, value_text
+from nvscope.view.documents.variables import exact_text, filter_told, json_value, unit_of, value_text
 
 HISTORY_SCHEMA = "nvscope.history/1"
 AT_SCHEMA = "nvscope.at/1"
@@ -41,10 +42,11 @@ def change_row(entry: Entry) -> dict[str, Any]:
         "subindex": stream.subindex,
         "name": element.name,
         "changed": entry.changed,
-        "old": None if old is None else plain_value(old),
-        "new": plain_value(new),
-        "old_text": None if old is None else text_of(kind, old),
-        "new_text": text_of(kind, new),
+        "unit": unit_of(kind),
+        "old": None if old is None else json_value(kind, old),
+        "new": json_value(kind, new),
+        "old_text": None if old is None else exact_text(kind, old),
+        "new_text": exact_text(kind, new),
     }
 
 
@@ -186,11 +188,12 @@ def _expected(layouts: Layouts, key: ListKey, newest: LastTelegram | None) -> Se
 
 def _state(last: LastTelegram | None, offset: int, place: int, time_ns: int, missing: str) -> dict[str, Any]:
     if last is None:
-        return {**dict.fromkeys(("value", "text", "frame", "sent_ns", "age_ns")), "missing": missing}
+        return {**dict.fromkeys(("unit", "value", "text", "frame", "sent_ns", "age_ns")), "missing": missing}
     kind = last.layout.elements[place].type
     raw = last.data[offset : offset + kind.size_bytes].tobytes()
     return {
-        "value": plain_value(value_of(kind, raw)),
+        "unit": unit_of(kind),
+        "value": json_value(kind, value_of(kind, raw)),
         "text": value_text(kind, raw),
         "frame": last.frame,
         "sent_ns": str(last.time_ns),

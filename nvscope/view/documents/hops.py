@@ -8,7 +8,7 @@ from typing import Any
 from nvscope.definition.value import value_of
 from nvscope.tracker.variables.hops import Direction, End, Hops, Pair, ordered
 from nvscope.units import divide
-from nvscope.view.documents.variables import plain_value, value_text
+from nvscope.view.documents.variables import json_value, unit_of, value_text
 
 
 def hop_rows(hops: Hops, end_ns: int | None) -> list[dict[str, Any]]:
@@ -53,7 +53,8 @@ def _end(end: End) -> dict[str, Any]:
         "list": str(end.stream.list),
         "sender": end.stream.sender,
         "telegrams": end.telegrams,
-        "value": plain_value(value_of(kind, end.last)),
+        "unit": unit_of(kind),
+        "value": json_value(kind, value_of(kind, end.last)),
         "text": value_text(kind, end.last),
     }
 

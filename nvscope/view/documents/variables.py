@@ -117,14 +117,15 @@ def _rows(subindex: int, sender: str, known: StreamValues) -> list[dict[str, Any
                 "sender": sender,
                 "packing": ASSUMED if known.layout.list.on_can else DOCUMENTED,
                 "subindex": subindex,
-                "value": plain_value(value_of(element.type, raw)),
+                "unit": unit_of(element.type),
+                "value": json_value(element.type, value_of(element.type, raw)),
                 "text": value_text(element.type, raw),
                 "last_ns": str(known.last_ns),
                 "changed_ns": str(int(known.changed_ns[place])),
                 "telegrams": known.telegrams,
                 "changes": int(known.changes[place]),
-                "min": None if least is None else plain_value(value_of(element.type, least)),
-                "max": None if most is None else plain_value(value_of(element.type, most)),
+                "min": None if least is None else json_value(element.type, value_of(element.type, least)),
+                "max": None if most is None else json_value(element.type, value_of(element.type, most)),
                 "min_text": None if least is None else value_text(element.type, least),
                 "max_text": None if most is None else value_text(element.type, most),
             }
@@ -143,13 +144,37 @@ def _bounds(known: StreamValues) -> list[tuple[bytes | None, bytes | None]]:
     return bounds
 
 
-def plain_value(value: Value) -> bool | int | float | str | None:
-    """Return a value as JSON has it: bytes as hexadecimal text, None for a number that is not finite."""
+def unit_of(kind: Elementary) -> str | None:
+    """Return in which unit ``json_value`` is, None of what has none: durations in ns, dates as the type counts."""
+    if not isinstance(kind, Scalar) or not kind.unit_ns:
+        return None
+    return "ns" if _is_duration(kind) or kind.unit_ns == 1 else "s"
+
+
+def _is_duration(kind: Elementary) -> bool:
+    return isinstance(kind, Scalar) and kind.kind in (ScalarKind.DURATION, ScalarKind.TIME_OF_DAY)
+
+
+def json_value(kind: Elementary, value: Value) -> bool | int | float | str | None:
+    """Return a value as JSON has it: bytes as hexadecimal text, durations in ns, None for what is no finite number."""
+    if isinstance(value, int) and isinstance(kind, Scalar) and _is_duration(kind):
+        return value * kind.unit_ns
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, float):
         return value if isfinite(value) else None
     return value
+
+
+def exact_text(kind: Elementary, value: Value) -> str:
+    """Return what ``text_of`` does, of a REAL or LREAL with as many digits as tell it from its neighbours."""
+    if not isinstance(value, float) or not isfinite(value):
+        return text_of(kind, value)
+    if isinstance(kind, Scalar) and kind.size_bytes == 4:
+        # Nine digits tell every REAL from its neighbours.
+        texts = (f"{value:.{digits}g}" for digits in range(1, 10))
+        return next(text for text in texts if np.float32(text) == value)
+    return repr(value).removesuffix(".0")
 
 
 def value_text(kind: Elementary, raw: bytes) -> str:

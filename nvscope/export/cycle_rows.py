@@ -1,0 +1,135 @@
+"""Tables with a row a telegram to tables with a row a cycle, for lists of which each variable is a telegram.
+
+Telegrams of one sender are of one cycle where they follow each other with rising SubIndexes and not later than a gap.
+A row has the last value of every variable, also of one that an earlier cycle sent. It is written when the next cycle of
+its sender begins, so that any cut into tables gives the same rows in the same order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from dissectors.batch import I64, Bool
+from nvscope.export.arrays import MOMENT, array_of
+
+USUAL_GAP_NS = 10_000_000
+"""The gap that ends a cycle where no definition says an interval; else it is half of that."""
+
+TELEGRAMS = pa.field("nv.telegrams", pa.uint16())
+"""How many telegrams of a cycle came; it stands where a row of a telegram has its SubIndex."""
+
+_HEAD = 4
+_TIME, _FRAME, _SENDER, _SUBINDEX = range(_HEAD)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Telegrams, grouped by sender and in order within; those of open cycles stand in front as one row each.
+
+    ``begin_ns`` and ``begin_frame`` are those of the cycle for such a row, ``last_ns`` and ``subindex`` those of its
+    last telegram, ``telegrams`` how many it stands for.
+    """
+
+    table: Any
+    sender: I64
+    begin_ns: I64
+    begin_frame: I64
+    last_ns: I64
+    subindex: I64
+    telegrams: I64
+    frame: I64
+
+    def take(self, rows: I64) -> _Rows:
+        columns = (
+            self.sender, self.begin_ns, self.begin_frame, self.last_ns, self.subindex, self.telegrams, self.frame
+        )  # fmt: skip
+        return _Rows(self.table.take(pa.array(rows)), *(column[rows] for column in columns))
+
+    def behind(self, open_rows: _Rows) -> _Rows:
+        """Return these rows behind those of open cycles."""
+        columns = [
+            np.concatenate([getattr(open_rows, name), getattr(self, name)])
+            for name in ("sender", "begin_ns", "begin_frame", "last_ns", "subindex", "telegrams", "frame")
+        ]
+        return _Rows(pa.concat_tables([open_rows.table, self.table]), *columns)
+
+
+class CycleRows:
+    """Takes tables of one list in the order of the capture; ``schema`` is that of these tables."""
+
+    def __init__(self, schema: Any, interval_ns: int | None) -> None:
+        self._gap_ns = interval_ns // 2 if interval_ns else USUAL_GAP_NS
+        self.schema = schema.set(_SUBINDEX, TELEGRAMS)
+        self._open: _Rows | None = None
+
+    def take(self, table: Any) -> Any:
+        """Return the rows of the cycles that ended with a table's telegrams."""
+        return self._ended(_rows_of(table.combine_chunks()), last=False)
+
+    def finish(self) -> Any:
+        """Return the rows of the cycles that are open."""
+        left, self._open = self._open, None
+        return self.schema.empty_table() if left is None else self._ended(left, last=True)
+
+    def _ended(self, rows: _Rows, *, last: bool) -> Any:
+        if self._open is not None:
+            rows = rows.behind(self._open)
+        rows = rows.take(np.argsort(rows.sender, kind="stable"))
+        first = np.append(True, rows.sender[1:] != rows.sender[:-1])
+        step_ns = np.diff(rows.last_ns, prepend=rows.last_ns[:1])
+        rising = np.diff(rows.subindex, prepend=rows.subindex[:1]) > 0
+        begins = first | ~(rising & (step_ns >= 0) & (step_ns <= self._gap_ns))
+        begin, end = np.flatnonzero(begins), np.append(np.flatnonzero(begins)[1:], len(begins)) - 1
+        table = _last_values(rows.table, first)
+        cycles = _Rows(
+            table.take(pa.array(end)), rows.sender[end], rows.begin_ns[begin], rows.begin_frame[begin],
+            rows.last_ns[end], rows.subindex[end], np.add.reduceat(rows.telegrams, begin), rows.frame[end],
+        )  # fmt: skip
+        is_open = np.append(first[begin][1:], True)
+        if last:
+            return self._table(cycles.take(np.argsort(cycles.begin_frame, kind="stable")))
+        self._open = cycles.take(np.flatnonzero(is_open))
+        ended = np.flatnonzero(~is_open)
+        # A cycle ends where the next one of its sender begins.
+        return self._table(cycles.take(ended[np.argsort(cycles.begin_frame[ended + 1], kind="stable")]))
+
+    def _table(self, cycles: _Rows) -> Any:
+        columns = [
+            array_of(cycles.begin_ns, MOMENT),
+            array_of(cycles.begin_frame, pa.int64()),
+            cycles.table.column(_SENDER),
+            array_of(np.minimum(cycles.telegrams, 0xFFFF).astype(np.uint16), pa.uint16()),
+            *cycles.table.columns[_HEAD:],
+        ]
+        return pa.table(columns, schema=self.schema)
+
+
+def _rows_of(table: Any) -> _Rows:
+    time_ns = table.column(_TIME).cast(pa.int64()).to_numpy()
+    frame = table.column(_FRAME).to_numpy()
+    sender = table.column(_SENDER).combine_chunks()
+    if isinstance(sender, pa.ChunkedArray):
+        sender = sender.chunk(0)
+    # Numbers of senders are the same in all tables.
+    number = sender.indices.to_numpy().astype(np.int64)
+    subindex = table.column(_SUBINDEX).to_numpy().astype(np.int64)
+    return _Rows(table, number, time_ns, frame, time_ns, subindex, np.ones(len(frame), np.int64), frame)
+
+
+def _last_values(table: Any, first: Bool) -> Any:
+    """Return a table in which every null is the last value above it of its group, which begins with a ``first`` row."""
+    place = np.arange(len(first))
+    group = np.maximum.accumulate(np.where(first, place, 0))
+    columns = []
+    for number, column in enumerate(table.columns):
+        if number < _HEAD or not column.null_count:
+            columns.append(column)
+            continue
+        valid = column.is_valid().to_numpy()
+        last = np.maximum.accumulate(np.where(valid, place, -1))
+        columns.append(column.take(pa.array(last, mask=last < group)))
+    return pa.table(columns, schema=table.schema)

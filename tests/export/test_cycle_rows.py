@@ -1,0 +1,127 @@
+"""Rows by cycle against a loop in plain Python, and the program on a list that is not packed."""
+
+from __future__ import annotations
+
+import struct
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pyarrow as pa
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nvscope.export.arrays import LABEL, MOMENT
+from nvscope.export.cycle_rows import USUAL_GAP_NS, CycleRows
+from tests.definition.lists import telegram
+from tests.export.given import written
+from tests.laws import examples
+from tests.program import run_text
+
+SENDERS = ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
+SCHEMA = pa.schema(
+    [
+        pa.field("frame.time", MOMENT), pa.field("frame.number", pa.int64()), pa.field("ip.src", LABEL),
+        pa.field("nv.subindex", pa.uint16()), pa.field("a", pa.int32()), pa.field("b", pa.string()),
+        pa.field("b.name", LABEL), pa.field("t", pa.duration("ns")),
+    ]
+)  # fmt: skip
+Row = dict[str, Any]
+
+
+def table(rows: list[Row]) -> Any:
+    names = [name for name in SCHEMA.names if name != "ip.src"]
+    columns = [pa.array([row[name] for row in rows], SCHEMA.field(name).type) for name in names]
+    numbers = pa.array([row["ip.src"] for row in rows], pa.int32())
+    columns.insert(2, pa.DictionaryArray.from_arrays(numbers, SENDERS))
+    return pa.table(columns, schema=SCHEMA)
+
+
+def plain(rows: list[Row], gap_ns: int) -> list[Row]:
+    """Return the rows of cycles: those that ended, in the order in which the next ones began, then the open ones."""
+    done: list[Row] = []
+    opened: dict[int, Row] = {}
+    last: dict[int, Row] = {}
+    for row in rows:
+        sender, before = row["ip.src"], last.get(row["ip.src"])
+        together = (
+            before is not None
+            and row["nv.subindex"] > before["nv.subindex"]
+            and 0 <= row["frame.time"] - before["frame.time"] <= gap_ns
+        )
+        values = {name: row[name] for name in ("a", "b", "b.name", "t") if row[name] is not None}
+        if together:
+            opened[sender]["nv.telegrams"] += 1
+            opened[sender] |= values
+        else:
+            carried = dict.fromkeys(("a", "b", "b.name", "t"))
+            if sender in opened:
+                carried = {name: opened[sender][name] for name in carried}
+                done.append(opened[sender])
+            head = {"frame.time": row["frame.time"], "frame.number": row["frame.number"], "ip.src": SENDERS[sender]}
+            opened[sender] = {**head, "nv.telegrams": 1, **carried, **values}
+        last[sender] = row
+    return done + sorted(opened.values(), key=lambda row: int(row["frame.number"]))
+
+
+@st.composite
+def telegrams(draw: st.DrawFn) -> list[Row]:
+    time_ns, found = 1_700_000_000_000_000_000, []
+    for number in range(draw(st.integers(1, 40))):
+        time_ns += draw(st.sampled_from([0, 1_000, 3_000_000, 12_000_000, -1, 1_000_000_000]))
+        present = draw(st.sampled_from(["a", "b", "t", ""]))
+        text = draw(st.sampled_from(["x", "=y", ""]))
+        found.append(
+            {
+                "frame.time": time_ns, "frame.number": number + 1, "ip.src": draw(st.integers(0, 2)),
+                "nv.subindex": draw(st.integers(0, 4)), "a": number if present == "a" else None,
+                "b": text if present == "b" else None, "b.name": text if present == "b" else None,
+                "t": number * 1_000 if present == "t" else None,
+            }
+        )  # fmt: skip
+    return found
+
+
+@examples(300)
+@given(rows=telegrams(), cuts=st.lists(st.integers(0, 40), max_size=5), interval=st.sampled_from([None, 5_000_000]))
+def test_any_cut_gives_the_rows_of_a_plain_loop(rows: list[Row], cuts: list[int], interval: int | None) -> None:
+    cycles = CycleRows(SCHEMA, interval)
+    bounds = [0, *sorted(cuts), len(rows)]
+    parts = [cycles.take(table(rows[low:high])) for low, high in pairwise(bounds) if low < high]
+    found = pa.concat_tables([*parts, cycles.finish()], promote_options="default")
+    assert found.schema.names == ["frame.time", "frame.number", "ip.src", "nv.telegrams", "a", "b", "b.name", "t"]
+    numbers = found.set_column(0, "frame.time", found.column(0).cast(pa.int64()))
+    numbers = numbers.set_column(7, "t", numbers.column(7).cast(pa.int64()))
+    assert numbers.to_pylist() == plain(rows, interval // 2 if interval else USUAL_GAP_NS)
+
+
+def test_a_list_that_is_not_packed_by_cycle(tmp_path: Path) -> None:
+    """Three telegrams a cycle become one row, without holes from the first whole cycle on."""
+    declared = "VAR_GLOBAL bRun : BOOL; nSpeed : INT; tRun : TIME; END_VAR"
+    (tmp_path / "flags.gvl").write_text(
+        f"<GVL><Declarations>{declared}</Declarations><NetvarSettings Protocol='UDP'><ListIdentifier>5</ListIdentifier>"
+        "<Pack>False</Pack><CyclicTransmission>True</CyclicTransmission><Interval>T#100ms</Interval>"
+        "</NetvarSettings></GVL>"
+    )
+    frames = [
+        telegram(data, 1, subindex=subindex, counter=cycle + 1, ts_ns=at_ns, list_id=5)
+        for cycle in range(4)
+        for subindex, data in enumerate([b"\1", struct.pack("<h", cycle), struct.pack("<I", 50 * cycle)])
+        for at_ns in [1_700_000_000_000_000_000 + cycle * 100_000_000 + subindex * 1_000_000]
+        if (cycle, subindex) != (2, 1)
+    ]
+    capture = written(tmp_path, frames)
+    done = run_text("export", capture, "flags.gvl", "--rows", "cycle", "-w", "o.csv", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = pl.read_csv(tmp_path / "o.csv")
+    assert rows.columns == [
+        "frame.time", "frame.number", "ip.src", "nv.telegrams", "bRun", "nSpeed", "tRun_ns",
+    ]  # fmt: skip
+    assert rows.select("frame.number", "nv.telegrams", "nSpeed", "tRun_ns").rows() == [
+        (1, 3, 0, 0), (4, 3, 1, 50_000_000), (7, 2, 1, 100_000_000), (9, 3, 3, 150_000_000),
+    ]  # fmt: skip
+    both = ("--rows", "cycle", "--form", "long")
+    done = run_text("export", capture, "flags.gvl", *both, "-w", "o.csv", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("nvscope: --rows cycle is for --form wide\n")
