@@ -12,6 +12,7 @@ from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     DecodeOption,
     FilterOption,
+    ForceOption,
     ReadOption,
     SourcesArgument,
     port_rules,
@@ -21,11 +22,11 @@ from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
-    from nvscope.export.files import Files
     from nvscope.export.lists import Lists
     from nvscope.view.fields.field import TelegramField
     from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
     from nvscope.view.rows.frames import FrameRows, PacketRows
+    from nvscope.whole_files import WholeFiles
 
 What = Literal["values", "telegrams"]
 Form = Literal["wide", "long"]
@@ -83,6 +84,7 @@ def export(
     gvl: GvlOption = None,
     project: ProjectOption = None,
     decode: DecodeOption = None,
+    force: ForceOption = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="No progress bar; of the files, only what was left out.")
     ] = False,
@@ -120,7 +122,8 @@ def export(
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import ProgressBar, watching
-    from nvscope.export.files import Files, format_of
+    from nvscope.export.files import format_of
+    from nvscope.whole_files import WholeFiles
 
     format_of(write)
     inquiry = Inquiry(paths, project_of(project, gvl), ports, watch=watching(quiet=quiet))
@@ -140,7 +143,8 @@ def export(
     keep_freed_memory()
     source, reading = inquiry.open(), inquiry.reading(filtered)
     columns = [] if lists else named or inquiry.default_fields(source)
-    files = Files()
+    inputs = [*(info.path for info in source.infos), *inquiry.project.inputs]
+    files = WholeFiles(inputs, force=force)
     try:
         with ProgressBar(source, quiet=quiet) as progress:
             if lists:
@@ -180,7 +184,12 @@ def export(
 
 
 def _write_values(
-    telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], lists: Lists, path: str, form: Form | Rows, files: Files
+    telegrams: DefinedTelegrams,
+    rows: Iterable[DefinedRows],
+    lists: Lists,
+    path: str,
+    form: Form | Rows,
+    files: WholeFiles,
 ) -> list[Written]:
     from nvscope.export.values import paths_of, write_long, write_wide
 
@@ -198,7 +207,7 @@ def _fields(names: Sequence[str], inquiry: Inquiry) -> Sequence[TelegramField]:
 
 
 def _write_telegrams(
-    pieces: Iterable[FrameRows], fields: Sequence[TelegramField], path: str, files: Files
+    pieces: Iterable[FrameRows], fields: Sequence[TelegramField], path: str, files: WholeFiles
 ) -> None:  # fmt: skip
     from nvscope.export.files import format_of
     from nvscope.report.packets.records import Csv, JsonLines

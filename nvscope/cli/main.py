@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import signal
 import sys
 from typing import NoReturn, cast
 
@@ -20,11 +22,14 @@ _CommandLineError = cast(
 )
 
 
+_ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_SIGNALLED = 128
 _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
 
 
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
+    _end_in_order()
     start_no_threads()
     look_for_cycles_seldom()
     leave_the_rest_at_exit()
@@ -43,9 +48,11 @@ def main() -> NoReturn:
         sys.exit(ExitCode.USAGE)
     except (typer.Abort, KeyboardInterrupt):
         sys.exit(ExitCode.INTERRUPTED)
-    except (BrokenPipeError, SystemExit) as end:
+    except _Ended as end:
+        sys.exit(_SIGNALLED + end.number)
+    except (BrokenPipeError, SystemExit) as left:
         # Whoever read this has read enough; typer turns a broken pipe into an exit of its own.
-        reason = end.__context__ if isinstance(end, SystemExit) else end
+        reason = left.__context__ if isinstance(left, SystemExit) else left
         if not isinstance(reason, BrokenPipeError):
             raise
         _drop_output()
@@ -65,6 +72,29 @@ def main() -> NoReturn:
         print("nvscope: this is a bug of nvscope; please report it with the lines above.", file=sys.stderr)
         sys.exit(ExitCode.BUG)
     sys.exit(status if isinstance(status, int) else ExitCode.GOOD)
+
+
+class _Ended(BaseException):
+    """The process was asked to end; what is half written is removed on the way."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+def _end_in_order() -> None:
+    """Let SIGTERM and SIGHUP end the program as Ctrl-C does: with its files whole, or not there."""
+
+    def end(number: int, _: object) -> None:
+        for name in _ENDING:
+            signal.signal(name, signal.SIG_IGN)  # once is enough
+        raise _Ended(number)
+
+    for name in _ENDING:
+        # Who started the program with nohup wants it to go on.
+        if signal.getsignal(name) is signal.SIG_DFL:
+            with contextlib.suppress(ValueError):  # not in the main thread
+                signal.signal(name, end)
 
 
 def _drop_output() -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nvscope.capture.formats import suffixes_that
+from nvscope.cli.sources import ForceOption
 from nvscope.errors import CaptureError, NvscopeError, UsageError
 
 if TYPE_CHECKING:
     from nvscope.simulate.scenario import Scenario
+
+_HEAD_BYTES = 200
 
 
 def simulate(
@@ -32,6 +37,7 @@ def simulate(
             "--gvl", metavar="DIRECTORY", help="Where a .gvl file for each list on CAN goes; reports need them."
         ),
     ] = None,
+    force: ForceOption = False,
     keys: Annotated[bool, typer.Option("--keys", help="List all keys of a scenario and their meaning.")] = False,
 ) -> None:
     """Write the traffic of a scenario to a capture file, and beside it what was put into it.
@@ -48,12 +54,7 @@ def simulate(
             "a scenario and -w FILE are needed",
             next_step="nvscope simulate SCENARIO.toml -w FILE.pcap; --keys lists what a scenario can say",
         )
-    told_to = None if truth == "-" else Path(truth or f"{write}.truth.json")
-    if told_to is not None and told_to.resolve() == Path(write).resolve():
-        raise UsageError("the truth and the capture are the same file", next_step="name another file with --truth")
-    for path in filter(None, (Path(write), told_to)):
-        if not path.parent.is_dir():
-            raise CaptureError("no such directory", where=str(path.parent), next_step="make it, or name another one")
+    told_to = None if truth == "-" else truth or f"{write}.truth.json"
     plan = load_scenario(scenario)
 
     import json
@@ -61,38 +62,61 @@ def simulate(
     from nvscope.simulate.can.definition import can_definitions
     from nvscope.simulate.simulator import open_capture
     from nvscope.simulate.simulator import simulate as run
+    from nvscope.whole_files import Existing, WholeFiles
 
-    # What stands under the name already stays until there is something whole to replace it.
-    unfinished = Path(write).with_name(f".{Path(write).name[:200]}.unfinished{Path(write).suffix[:20]}")
     texts = can_definitions(plan)
     definitions = _definition_files(plan, gvl, texts) if gvl is not None else {}
-    sink = open_capture(plan, str(unfinished), write)
+    # What stands under the names already stays until there is something whole to replace it.
+    files = WholeFiles([scenario], force=force)
     try:
-        try:
-            told = run(plan, sink)
-        finally:
-            sink.close()
-        text = json.dumps(told, indent=2) + "\n"
-        if told_to is None:
-            typer.echo(text, nl=False)
-        else:
-            told_to.write_text(text, encoding="utf-8")
+        capture = files.reserve(write)
+        told_file = None
+        if told_to is not None:
+            told_file = files.open(told_to, Existing.REPLACED if truth or _is_truth(told_to) else Existing.KEPT)
         for path, content in definitions.items():
             path.parent.mkdir(exist_ok=True)
-            path.write_text(content, encoding="utf-8")
-        unfinished.replace(write)
-    except NvscopeError as error:
-        if error.where == str(unfinished):
-            error.where = write  # nobody has heard of the other name
-        raise
+            files.write(str(path), content.encode())
+        with named(capture.unfinished, write):
+            sink = open_capture(plan, capture.unfinished, write)
+            try:
+                told = run(plan, sink)
+            finally:
+                sink.close()
+        text = json.dumps(told, indent=2) + "\n"
+        if told_file is None:
+            typer.echo(text, nl=False)
+        else:
+            told_file.file.write(text.encode())
+        files.publish()
     except OSError as error:
+        if isinstance(error, BrokenPipeError):
+            raise
         where = error.filename or write
         raise CaptureError(error.strerror or str(error), where=str(where), next_step="name another file") from error
     finally:
-        unfinished.unlink(missing_ok=True)
+        files.discard()
     if told_to is not None:
         frames = told["capture"]["frames"]
         typer.echo(f"{write}: {frames} frames; the truth about them: {told_to}", err=True)
+
+
+@contextmanager
+def named(unfinished: str, name: str) -> Iterator[None]:
+    """Let errors about a file that has another name as yet tell the one that was asked for."""
+    try:
+        yield
+    except NvscopeError as error:
+        error.where = name if error.where == unfinished else error.where
+        raise
+
+
+def _is_truth(path: str) -> bool:
+    """Return whether a file is a truth that was written before: it can be made again."""
+    try:
+        with Path(path).open("rb") as file:
+            return b'"nvscope.truth/' in file.read(_HEAD_BYTES)
+    except OSError:
+        return False
 
 
 def _definition_files(plan: Scenario, directory: str, definitions: dict[str, str]) -> dict[Path, str]:

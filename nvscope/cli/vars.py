@@ -15,13 +15,14 @@ from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     DecodeOption,
     FilterOption,
+    ForceOption,
     ReadOption,
     SourcesArgument,
     port_rules,
     tell_of_losses,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
-from nvscope.errors import CaptureError, ExitCode, UsageError
+from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
@@ -68,6 +69,7 @@ def variables(
             "-w", "--write", metavar="FILE", help="With --infer: the drafted .gvl; of several lists, one file each."
         ),
     ] = None,
+    force: ForceOption = False,
     as_json: Annotated[
         bool,
         typer.Option("--json", help="Print JSON (nvscope.vars/1, nvscope.history/1, nvscope.at/1, nvscope.infer/1)."),
@@ -101,7 +103,7 @@ def variables(
     names = {} if no_names else plant.node_names
     asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names)
     if infer:
-        infos = _infer(asked, listed, write)
+        infos = _infer(asked, listed, write, force=force)
     elif history is not None:
         infos = _history(asked, history, listed, every)
     elif at is not None:
@@ -267,12 +269,13 @@ def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
     return found.source.infos
 
 
-def _infer(asked: _Asked, listed: str | None, write: str | None) -> Sequence[SourceInfo]:
+def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool) -> Sequence[SourceInfo]:
     """Propose layouts, and draft definition files of them."""
     from nvscope.analysis.inference import infer
     from nvscope.definition.gvl_text import gvl_text
     from nvscope.report import inference as face
     from nvscope.view.documents.inference import drafts, inference_document, proposals
+    from nvscope.whole_files import WholeFiles
 
     inferred = infer(asked.inquiry, expression=asked.wanted)
     samples, source = inferred.samples, inferred.source
@@ -289,13 +292,17 @@ def _infer(asked: _Asked, listed: str | None, write: str | None) -> Sequence[Sou
     made = drafts(found)
     if not made:
         typer.echo(f"nvscope: nothing to draft, {write} was not written.", err=True)
-    for draft, path in zip(made, _draft_paths(write, [(draft.port, draft.list_id) for draft in made]), strict=True):
-        try:
-            path.write_text(gvl_text(draft), encoding="utf-8")
-        except OSError as error:
-            raise CaptureError(
-                f"cannot be written: {error.strerror or error}", where=str(path), next_step="name another file"
-            ) from error
+    drafted = [*zip(made, _draft_paths(write, [(draft.port, draft.list_id) for draft in made]), strict=True)]
+    files = WholeFiles([*(info.path for info in source.infos), *asked.inquiry.project.inputs], force=force)
+    try:
+        for draft, path in drafted:
+            # Somebody may have worked on a draft: one that is there already stays, whatever its name.
+            files.write(str(path), gvl_text(draft).encode())
+        files.publish()
+    except BaseException:
+        files.discard()
+        raise
+    for draft, path in drafted:
         note = f"; it does not fit the wire: {draft.problem}" if draft.problem else ""
         typer.echo(f"nvscope: {path}: draft of list {draft.list_id}, {_CHECK}{note}.", err=True)
     return source.infos

@@ -36,6 +36,11 @@ class Project:
     keys: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def inputs(self) -> list[str]:
+        """The paths of all files that were read for it."""
+        return [*([str(self.path)] if self.path else ()), *self.files]
+
+    @property
     def node_names(self) -> dict[str, str]:
         """The names of the nodes that have one, by address."""
         return {address: node.name for address, node in self.nodes.items() if node.name}

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from nvscope.errors import UsageError
-from nvscope.export.whole_file import WholeFile
 from nvscope.view.escape import visible
+from nvscope.whole_files import WholeFile
 
 _ENDINGS = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet"}
 
@@ -27,32 +27,6 @@ def format_of(path: str) -> str:
         what = f"no export format ends in {visible(ending)}" if ending else "the name says no format"
         raise UsageError(what, where=path, next_step=f"name the file {', '.join(_ENDINGS)}")
     return _ENDINGS[ending]
-
-
-class Files:
-    """The files of one export: all of them appear when all are complete, or none at all."""
-
-    def __init__(self) -> None:
-        self._files: list[WholeFile] = []
-
-    def open(self, path: str) -> WholeFile:
-        """Return a new file; CaptureError where it cannot be written."""
-        file = WholeFile(path)
-        self._files.append(file)
-        file.open()
-        return file
-
-    def publish(self) -> None:
-        """Give all files their names."""
-        for file in self._files:
-            file.finish()
-        for file in self._files:
-            file.publish()
-
-    def discard(self) -> None:
-        """Remove what has not got its name."""
-        for file in self._files:
-            file.discard()
 
 
 def table_file(file: WholeFile, schema: Any) -> TableFile:

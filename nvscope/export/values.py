@@ -9,13 +9,14 @@ from pathlib import Path
 from nvscope.definition.model import ListDefinition
 from nvscope.errors import UsageError
 from nvscope.export.cycle_rows import CycleRows
-from nvscope.export.files import Files, table_file
+from nvscope.export.files import table_file
 from nvscope.export.held import Slabs
 from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.list_key import ListKey
 from nvscope.units import count
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams, Place
+from nvscope.whole_files import Existing, WholeFiles
 
 MAX_FILES = 500
 MAX_COLUMNS = 10_000
@@ -28,7 +29,7 @@ def write_wide(
     telegrams: DefinedTelegrams,
     rows: Iterable[DefinedRows],
     paths: Sequence[str],
-    files: Files,
+    files: WholeFiles,
     *,
     by_cycle: bool = False,
 ) -> list[tuple[int, int]]:
@@ -56,7 +57,8 @@ def write_wide(
                 next_step="write them below each other with --form long, or choose other lists with --list",
             )
     # Opened at once: that one cannot be written is to be said before a long capture is read.
-    opened = [files.open(path) for path in paths]
+    named = Existing.REPLACED if len(paths) == 1 else Existing.KEPT
+    opened = [files.open(path, named) for path in paths]
     cycles = [
         CycleRows(table.schema, first.layout.list.interval_ns if first.layout.list.cyclic else None)
         for table, (first, *_) in zip(tables, places, strict=True)
@@ -72,7 +74,7 @@ def write_wide(
     return [(rows_written, table.beyond_time) for rows_written, table in zip(wide.rows, tables, strict=True)]
 
 
-def write_long(telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], path: str, files: Files) -> int:
+def write_long(telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], path: str, files: WholeFiles) -> int:
     """Write the values of all ``rows`` to one file; return how many telegrams there are."""
     file = table_file(files.open(path), long_schema(telegrams.keys))
     long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, file)

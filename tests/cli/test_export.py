@@ -238,7 +238,7 @@ def test_an_old_file_stays_where_the_new_one_cannot_be_finished(tmp_path: Path, 
     command = [*COMMAND, "export", CAPTURE, *AXIS, "-w", path.name]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, preexec_fn=small)
     assert done.returncode == 5, done.stderr
-    assert "the output cannot be written" in done.stderr
+    assert f"nvscope: {path.name}: cannot be written: File too large" in done.stderr
     assert "Traceback" not in done.stderr
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
     assert path.read_text() == "old"
@@ -252,7 +252,10 @@ def test_a_replaced_file_and_a_link_to_one(tmp_path: Path) -> None:
     assert (tmp_path / "real.csv").read_text().startswith("frame.time,")
 
 
-def test_an_interrupted_export_leaves_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)], ids=["INT", "TERM", "HUP"]
+)
+def test_an_interrupted_export_leaves_nothing(number: signal.Signals, code: int, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "nvscope", "export", "-", *AXIS, "-w", "out.parquet"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, cwd=tmp_path, stderr=subprocess.PIPE) as process:
         assert process.stdin
@@ -262,10 +265,10 @@ def test_an_interrupted_export_leaves_nothing(tmp_path: Path) -> None:
         while not list(tmp_path.iterdir()) and time.monotonic() < deadline:
             time.sleep(0.05)
         (unfinished,) = tmp_path.iterdir()
-        assert re.fullmatch(r"\.out\.parquet\.[0-9a-f]{16}\.unfinished", unfinished.name)
-        process.send_signal(signal.SIGINT)
+        assert re.fullmatch(r"\.out\.parquet\.[0-9a-f]{16}\.unfinished\.parquet", unfinished.name)
+        process.send_signal(number)
         _, errors = process.communicate(timeout=30)
-    assert (process.returncode, errors) == (130, b"")
+    assert (process.returncode, errors) == (code, b"")
     assert not list(tmp_path.iterdir())
 
 

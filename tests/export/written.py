@@ -11,9 +11,9 @@ from nvscope.analysis.values import values
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.engine.reading import Choose, Reading
-from nvscope.export.files import Files
 from nvscope.export.values import paths_of, write_long, write_wide
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
+from nvscope.whole_files import WholeFiles
 from tests.oracle.frame import Frame
 from tests.packets import Batches, batch_of
 
@@ -32,7 +32,7 @@ def wide(
     frames: Sequence[Frame], lists: Sequence[ListDefinition], path: Path, batch_frames: int = 1000
 ) -> list[pl.DataFrame]:
     """Return the wide tables of some lists."""
-    files = Files()
+    files = WholeFiles(force=True)
     telegrams, rows = telegrams_of(frames, lists, batch_frames)
     paths = paths_of(
         str(path / "out.parquet"), [(key, entry) for key, entry in zip(telegrams.keys, lists, strict=True)]
@@ -46,7 +46,7 @@ def long(
     frames: Sequence[Frame], lists: Sequence[ListDefinition], path: Path, batch_frames: int = 1000
 ) -> pl.DataFrame:
     """Return the long table of some lists."""
-    files = Files()
+    files = WholeFiles(force=True)
     write_long(*telegrams_of(frames, lists, batch_frames), str(path / "out.parquet"), files)
     files.publish()
     return pl.read_parquet(path / "out.parquet")

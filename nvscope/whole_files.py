@@ -1,0 +1,208 @@
+"""Files that appear under their names when all are complete, and take the place of nothing that was not meant."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import shutil
+from collections.abc import Callable, Iterable
+from enum import Enum
+from pathlib import Path
+from typing import Any, BinaryIO, TypeVar
+
+from nvscope.errors import CaptureError, UsageError
+
+_Result = TypeVar("_Result")
+
+_BUFFER_BYTES = 64 << 10
+_LONGEST_NAME_BYTES = 180
+_NEXT_STEP = "check the directory, its permissions and the space left"
+
+
+class Existing(Enum):
+    """What becomes of a file that is there already; ``--force`` always replaces it."""
+
+    REPLACED = "replaced"
+    """It was asked for by name, and what is in it can be made again."""
+    KEPT = "kept"
+    """It was not asked for by name, or somebody may have changed it."""
+
+
+class WholeFiles:
+    """The files that one command writes: all of them appear when all are complete, or none at all.
+
+    ``inputs`` are files that it reads: none of them is written. With ``force`` whatever exists is replaced.
+    """
+
+    def __init__(self, inputs: Iterable[str | os.PathLike[str]] = (), *, force: bool = False) -> None:
+        self._inputs = {identity: os.fspath(path) for path in inputs if (identity := _identity(Path(path)))}
+        self._force = force
+        self._files: list[WholeFile] = []
+
+    def open(self, path: str, existing: Existing = Existing.REPLACED) -> WholeFile:
+        """Return a new file, open for writing.
+
+        Raises UsageError where the name is that of an input, of another output, or of a file that is to be kept;
+        CaptureError where it cannot be written.
+        """
+        return self._added(WholeFile(path), existing).open()
+
+    def reserve(self, path: str, existing: Existing = Existing.REPLACED) -> WholeFile:
+        """Return a new file that something else opens, as ``unfinished``. Raises what ``open`` does."""
+        file = self.open(path, existing)
+        file.file.close()
+        return file
+
+    def write(self, path: str, content: bytes, existing: Existing = Existing.KEPT) -> None:
+        """Write a whole file; one that has this content already is left as it is. Raises what ``open`` does."""
+        with contextlib.suppress(OSError, ValueError):
+            if Path(path).is_file() and Path(path).read_bytes() == content:
+                existing = Existing.REPLACED
+        self.open(path, existing).file.write(content)
+
+    def publish(self) -> None:
+        """Give all files their names."""
+        for file in self._files:
+            file.finish()
+        for file in self._files:
+            file.publish()
+
+    def discard(self) -> None:
+        """Remove what has not got its name."""
+        for file in self._files:
+            file.discard()
+
+    def _added(self, file: WholeFile, existing: Existing) -> WholeFile:
+        identity = _identity(file.target)
+        if identity is not None and identity in self._inputs:
+            what = "the output is one of the inputs"
+            raise UsageError(what, where=file.path, next_step="name another file; inputs are never written")
+        if any(
+            file.target == other.target or (identity and identity == _identity(other.target)) for other in self._files
+        ):
+            raise UsageError("two outputs have this name", where=file.path, next_step="name another file")
+        if existing is Existing.KEPT and not self._force and file.target.is_file():
+            raise UsageError("exists already", where=file.path, next_step="--force replaces it; or name another file")
+        # Noted before it is there, so that no interrupt finds a file that nobody knows of.
+        self._files.append(file)
+        return file
+
+
+class WholeFile:
+    """A file being written beside the one that it replaces when it is complete.
+
+    What is no regular file (a pipe, a terminal) is written to as it is. Nothing is there before ``open``: who keeps it
+    first can discard it whenever that ends. What goes wrong is a CaptureError that names the file.
+    """
+
+    file: BinaryIO
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._unfinished: Path | None = None
+        with self._told():
+            # Where the name is a link, what it leads to is replaced.
+            self.target = Path(path).resolve() if Path(path).is_symlink() else Path(path)
+
+    @property
+    def unfinished(self) -> str:
+        """Where the file is until it has its name."""
+        return str(self._unfinished or self.target)
+
+    def open(self) -> WholeFile:
+        """Open ``file``, and return this one."""
+        with self._told():
+            if self.target.is_dir():
+                raise IsADirectoryError(None, "is a directory")
+            if _is_link_of_another(Path(self.path)):
+                raise PermissionError(None, "it is a link of another user")
+            if self.target.exists() and not self.target.is_file():
+                self.file = _Writer(self.target.open("wb", 0), self._error)
+            else:
+                self._open_beside()
+        return self
+
+    def _open_beside(self) -> None:
+        suffix = self.target.suffix[:20]
+        told = self.target.name.encode("utf-8", "surrogateescape")[:_LONGEST_NAME_BYTES].decode("utf-8", "ignore")
+        name = f".{told}.{os.urandom(8).hex()}.unfinished{suffix}"
+        # The name is nobody else's: it cannot be guessed, and what has it already is not written to.
+        self._unfinished = self.target.with_name(name)
+        self.file = _Writer(self._unfinished.open("xb", 0), self._error)
+
+    def finish(self) -> None:
+        """Write what is left, and close the file; it still has its other name."""
+        self.file.close()
+
+    def publish(self) -> None:
+        """Give the finished file its name, and the permissions of the one that it replaces."""
+        if self._unfinished:
+            with self._told():
+                with contextlib.suppress(OSError):
+                    shutil.copymode(self.target, self._unfinished)
+                os.replace(self._unfinished, self.target)
+            self._unfinished = None
+
+    def discard(self) -> None:
+        """Remove the file where it has not got its name; whatever goes wrong with that has gone wrong before."""
+        with contextlib.suppress(OSError, CaptureError):
+            if hasattr(self, "file"):
+                self.file.close()
+        if self._unfinished:
+            with contextlib.suppress(OSError):
+                self._unfinished.unlink(missing_ok=True)
+            self._unfinished = None
+
+    @contextlib.contextmanager
+    def _told(self) -> Any:
+        try:
+            yield
+        except BrokenPipeError:
+            raise
+        except (OSError, ValueError, RuntimeError) as error:
+            raise self._error(error) from error
+
+    def _error(self, error: Exception) -> CaptureError:
+        what = getattr(error, "strerror", None) or str(error)
+        return CaptureError(f"cannot be written: {what}", where=self.path, next_step=_NEXT_STEP)
+
+
+class _Writer(io.BufferedWriter):
+    """A buffered file whose failures are errors that name it."""
+
+    def __init__(self, raw: Any, error: Callable[[Exception], CaptureError]) -> None:
+        super().__init__(raw, _BUFFER_BYTES)
+        self._error = error
+
+    def write(self, data: Any) -> int:
+        return self._tried(lambda: super(_Writer, self).write(data))
+
+    def flush(self) -> None:
+        self._tried(super().flush)
+
+    def close(self) -> None:
+        self._tried(super().close)
+
+    def _tried(self, action: Callable[[], _Result]) -> _Result:
+        try:
+            return action()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise self._error(error) from error
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Return what a file is known by whatever it is called, None where there is none."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return None
+    return (status.st_dev, status.st_ino)
+
+
+def _is_link_of_another(path: Path) -> bool:
+    """Return whether a name is a link that another user laid: it may lead to a file of ours that he cannot write."""
+    user = getattr(os, "geteuid", None)
+    return user is not None and path.is_symlink() and path.lstat().st_uid not in {user(), 0}
