@@ -19,6 +19,7 @@ from nvscope.capture.source import Attachment, SourceInfo, Truncation
 from nvscope.capture.stoppable import StoppableBatches
 from nvscope.capture.time_span import TimeSpan
 from nvscope.errors import UnreadableInput
+from nvscope.near_files import perhaps
 
 _READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
@@ -191,9 +192,9 @@ class CaptureFile:
             raise self._unreadable(error) from error
 
     def _unreadable(self, error: OSError) -> UnreadableInput:
-        return UnreadableInput(
-            error.strerror or str(error), where=self.path, next_step="check the path and the permissions"
-        )
+        check = "check the path and the permissions"
+        next_step = perhaps(self.path, check) if isinstance(error, FileNotFoundError) else check
+        return UnreadableInput(error.strerror or str(error), where=self.path, next_step=next_step)
 
     def _tell(self, descriptor: int, share: int, span: TimeSpan) -> _Opened:
         """Find out what the file is, and get ready to read it with a ``share``-th of the memory."""

@@ -6,12 +6,16 @@ from typing import Annotated
 
 import typer
 
+from nvscope.cli.completion import codes
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
 
 
 def explain(
     code: Annotated[
-        str | None, typer.Argument(help="A finding or a figure: NV301, 301, no-acknowledgement, lost, list.jitter.")
+        str | None,
+        typer.Argument(
+            help="A finding or a figure: NV301, 301, no-acknowledgement, lost, list.jitter.", autocompletion=codes
+        ),
     ] = None,
     colour: ColourOption = "auto",
 ) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from nvscope.cli import completion
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -74,11 +75,22 @@ def export(
     ] = None,
     listed: Annotated[
         list[str] | None,
-        typer.Option("--list", metavar="LIST", help="Only this list: its name, identifier, or key as udp/1202/7."),
+        typer.Option(
+            "--list",
+            metavar="LIST",
+            help="Only this list: its name, identifier, or key as udp/1202/7.",
+            autocompletion=completion.lists,
+        ),
     ] = None,
     fields: Annotated[
         list[str] | None,
-        typer.Option("-e", "--field", metavar="FIELD", help="A field of telegrams to write, such as nv.counter."),
+        typer.Option(
+            "-e",
+            "--field",
+            metavar="FIELD",
+            help="A field of telegrams to write, such as nv.counter.",
+            autocompletion=completion.fields,
+        ),
     ] = None,
     wanted: FilterOption = None,
     gvl: GvlOption = None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nvscope.cli.definitions import ProjectOption, project_of, tell_of_flaws
+from nvscope.cli.help import Command, Group
 from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import ExitCode, UsageError
 
@@ -20,6 +21,7 @@ app = typer.Typer(
     help="Look at definition files: byte maps of the telegrams, mistakes, and what differs between two sides.",
     no_args_is_help=True,
     rich_markup_mode=None,
+    cls=Group,
 )
 
 FilesArgument = Annotated[
@@ -54,7 +56,7 @@ def _plant(files: Sequence[str] | None, project: str | None, *, quiet: bool = Fa
     return replace(plant, definition=replace(plant.definition, lists=described))
 
 
-@app.command()
+@app.command(cls=Command)
 def layout(
     files: FilesArgument = None,
     project: ProjectOption = None,
@@ -70,7 +72,7 @@ def layout(
     tell(document, partial(face.render, colour=shown, width=width()), as_json=as_json, colour=shown)
 
 
-@app.command()
+@app.command(cls=Command)
 def lint(
     files: FilesArgument = None,
     project: ProjectOption = None,
@@ -109,7 +111,7 @@ def _types_option(name: str, whose: str) -> Any:
     )
 
 
-@app.command()
+@app.command(cls=Command)
 def diff(
     a: Annotated[str, typer.Argument(metavar="A", help="Definition file of the sender.")],
     b: Annotated[str, typer.Argument(metavar="B", help="Definition file of the reader.")],

@@ -8,11 +8,10 @@ import typer
 
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
-from nvscope.errors import UsageError
 
 
 def keys(
-    fields: Annotated[bool, typer.Option("--fields", help="List every field, with its type and what it is.")] = False,
+    fields: Annotated[bool, typer.Option("--fields", help="The fields alone, once there are key bindings.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The same for programs.")] = False,
     gvl: GvlOption = None,
     project: ProjectOption = None,
@@ -20,10 +19,7 @@ def keys(
 ) -> None:
     """List the fields that a display filter (-Y) and -e may name; with definitions also those of the variables."""
     if not fields:
-        raise UsageError(
-            "there are no key bindings, since there is no live screen yet",
-            next_step="`nvscope keys --fields` lists the fields that -Y and -e may name",
-        )
+        typer.echo("nvscope: there is no live screen yet, and so there are no key bindings.", err=True)
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.report import fields as face
 

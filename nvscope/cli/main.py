@@ -12,8 +12,9 @@ from typing import NoReturn, cast
 import typer
 
 from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
-from nvscope.cli.program import program
+from nvscope.cli.program import VERBS, program
 from nvscope.cli.threads import start_no_threads
+from nvscope.cli.words import in_order
 from nvscope.errors import CaptureError, ExitCode, NvscopeError
 
 # Typer brings a click of its own, or uses the installed one, depending on its version.
@@ -38,7 +39,8 @@ def main() -> NoReturn:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
         getattr(sys, name).reconfigure(errors="backslashreplace")
     try:
-        status = program(next(iter(sys.argv[1:]), None))(standalone_mode=False)
+        words = in_order(sys.argv[1:], VERBS)
+        status = program(next(iter(words), None))(words, prog_name="nvscope", standalone_mode=False)
         sys.stdout.flush()
     except NvscopeError as error:
         _show(error)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from nvscope.cli.completion import fields as fields_beginning
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -57,7 +58,11 @@ def packets(
     fields: Annotated[
         list[str] | None,
         typer.Option(
-            "-e", "--field", metavar="FIELD", help="A field to write, such as nv.counter; -T fields if no -T."
+            "-e",
+            "--field",
+            metavar="FIELD",
+            help="A field to write, such as nv.counter; -T fields if no -T.",
+            autocompletion=fields_beginning,
         ),
     ] = None,
     settings: Annotated[

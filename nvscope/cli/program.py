@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from importlib import import_module
+from typing import Any
 
 import typer
 
+from nvscope.cli.help import Command, Group
 from nvscope.version import __version__
 
 VERBS = {
     "report": "nvscope.cli.report:report",
+    "vars": "nvscope.cli.vars:variables",
     "packets": "nvscope.cli.packets:packets",
     "export": "nvscope.cli.export:export",
+    "gvl": "nvscope.cli.gvl:app",
+    "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",
     "keys": "nvscope.cli.keys:keys",
-    "simulate": "nvscope.cli.simulate:simulate",
-    "vars": "nvscope.cli.vars:variables",
-    "gvl": "nvscope.cli.gvl:app",
 }
 """Verbs in the order of ``--help``, and where each is: a function, or a program of verbs of its own."""
 
-_HELP = "Analyze CODESYS network variables: who sends what, what is lost, who does not answer, and what to check."
+_HELP = """Analyze CODESYS network variables: who sends what, what is lost, who does not answer, and what to check.
+
+`nvscope FILE` is `nvscope report FILE`; `nvscope help VERB` tells more about a verb. Options may stand in front of the
+verb or behind it."""
 
 
 def program(wanted: str | None = None) -> typer.Typer:
@@ -34,6 +39,7 @@ def program(wanted: str | None = None) -> typer.Typer:
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
+        cls=_Program,
     )
     app.callback(help=_HELP)(_options)
     for name in (wanted,) if wanted in VERBS else VERBS:
@@ -42,8 +48,15 @@ def program(wanted: str | None = None) -> typer.Typer:
         if isinstance(verb, typer.Typer):
             app.add_typer(verb, name=name)
         else:
-            app.command(name)(verb)
+            app.command(name, cls=Command)(verb)
     return app
+
+
+class _Program(Group):
+    """The verbs in the order of the table, whatever each of them is."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return [name for name in VERBS if name in self.commands]
 
 
 def _show_version(wanted: bool) -> None:

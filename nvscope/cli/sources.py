@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.cli.completion import expressions
 from nvscope.duration import parse_duration
 from nvscope.errors import UsageError
 
@@ -43,6 +44,7 @@ FilterOption = Annotated[
         "-Y",
         "--filter",
         metavar="EXPR",
+        autocompletion=expressions,
         help="Show only what it chooses, such as 'nv.index == 7 && nv.flags.ack'; in Wireshark's syntax, over the "
         "fields of `nvscope keys --fields`.",
         show_default=False,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from nvscope.cli.completion import lists
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -61,7 +62,12 @@ def variables(
     ] = False,
     listed: Annotated[
         str | None,
-        typer.Option("--list", metavar="LIST", help="Only this list: its name, identifier, or key as udp/1202/7."),
+        typer.Option(
+            "--list",
+            metavar="LIST",
+            help="Only this list: its name, identifier, or key as udp/1202/7.",
+            autocompletion=lists,
+        ),
     ] = None,
     write: Annotated[
         str | None,

@@ -131,9 +131,13 @@ def _nothing_named(rest: str, wanted: str, names: Mapping[str, str], found: Sele
     if found.unplaced:
         cause = found.unplaced[0][1]
         return UsageError(unplaced_text(found.unplaced), next_step=f"{cause.name} stands for all bytes from there on")
-    whole = {text.split(".")[0].split("[")[0].removesuffix("…") for text in names}
-    near = get_close_matches(wanted, [*names, *(whole - names.keys())], _MOST_NEAR, 0.5)
-    told = ", ".join(names.get(text, text) for text in near)
+    # Structures and arrays as a whole, in their own spelling.
+    whole = {text: names[text] for text in names}
+    for text, name in names.items():
+        front = text.split(".")[0].split("[")[0].removesuffix("…")
+        whole.setdefault(front, name[: len(front)])
+    near = get_close_matches(wanted, whole, _MOST_NEAR, 0.5)
+    told = ", ".join(whole[text] for text in near)
     return UsageError(
         f"no variable is named {rest.strip()[:80]!r}",
         next_step=f"near it: {told}" if told else "`nvscope gvl layout` shows all names of the definition files",

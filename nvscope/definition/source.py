@@ -12,6 +12,7 @@ from nvscope.definition.foreign_files import foreign_file
 from nvscope.definition.model import Problem
 from nvscope.definition.position import Position
 from nvscope.errors import ConfigurationError
+from nvscope.near_files import perhaps
 from nvscope.units import data_size
 
 MAX_FILE_BYTES = 16_000_000
@@ -86,7 +87,9 @@ def read_source(path: str, encoding: str | None = None) -> Source:
             data = file.read(MAX_FILE_BYTES + 1)
     except (OSError, ValueError) as error:
         what = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise ConfigurationError(what, where=path, next_step="Check the path of the definition file.") from None
+        check = "Check the path of the definition file."
+        next_step = perhaps(path, check) if isinstance(error, FileNotFoundError) else check
+        raise ConfigurationError(what, where=path, next_step=next_step) from None
     if len(data) > MAX_FILE_BYTES:
         what = f"the file is larger than {data_size(MAX_FILE_BYTES)}"
         raise NoDefinition(what, Position(path, 0, 0), "Export only the lists and the types that they use.")

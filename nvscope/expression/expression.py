@@ -116,6 +116,8 @@ class _Compiler(Terms):
         everyone = sign == "!=" if everyone is None else everyone
         if isinstance(right, Written):
             value = self._fit(right, left)
+            if sign in ("==", "!="):
+                self._one_of_its_texts(right, left, value)
             if isinstance(value, literals.Network) and not value.is_single and sign not in ("==", "!="):
                 raise self._error("a network is neither below nor above an address", right.span)
             return over(lambda column: compare(sign, column, value), left.evaluate, everyone=everyone)

@@ -67,6 +67,7 @@ _TESTS = {
     "some", "every",
 }  # fmt: skip
 _HEXADECIMAL = re.compile(r"[0-9a-f]|(?:[0-9a-f]{2})+(?:\.(?:[0-9a-f]{2})+)*", re.IGNORECASE | re.ASCII)
+_MOST_TEXTS = 5
 _LITERALS = {"digits", "colons", "iec_time", "iec_date", "string", "raw_string"}
 
 
@@ -80,6 +81,7 @@ class Typed:
     count: int = 1
     is_computed: bool = False
     values: Mapping[str, int] = field(default_factory=dict)
+    texts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +159,7 @@ class Terms:
         parts = named.either or (name,)
         self.fields.update(dict.fromkeys(parts))
         evaluate = lambda operands: [operands[part] for part in parts]  # noqa: E731
-        return Typed(named.type, evaluate, span, len(parts), values=named.values)
+        return Typed(named.type, evaluate, span, len(parts), values=named.values, texts=named.texts)
 
     def _unknown(self, text: str, span: Span) -> ExpressionError:
         offered = [name for name, named in self._names.items() if not named.refused]
@@ -300,6 +302,13 @@ class Terms:
             if literal.is_name:
                 raise self._unknown(literal.constant.text, literal.span) from None
             raise self._error(str(error), literal.span, f"{self._of(other)} is {WORDS[other.type]}") from None
+
+    def _one_of_its_texts(self, literal: Written, other: Typed, value: Value) -> None:
+        """Raise ExpressionError for a text that a field never has: what asks for it would choose nothing, or all."""
+        if other.texts and isinstance(value, str) and value not in other.texts:
+            what = f"{self._of(other)} is never {literal.constant.text[:60]}"
+            many = f"it may be {', '.join(other.texts[:_MOST_TEXTS])}, …"
+            raise self._error(what, literal.span, nearest(value, other.texts, "it is one of", many))
 
     def _number_named(self, literal: Written, values: Mapping[str, int]) -> int:
         """Return the number that a name of one stands for, in any case."""

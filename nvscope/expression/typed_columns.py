@@ -71,7 +71,8 @@ class Named:
 
     ``udp.port`` is either of two ports. ``refused`` says why a field that exists cannot stand in an expression,
     ``instead`` what to write in its place.
-    ``values`` are names of its numbers, which may stand for them as texts. ``test`` is the expression that the name
+    ``values`` are names of its numbers, which may stand for them as texts; ``texts`` are the only ones that a field of
+    texts has, empty where it may have any. ``test`` is the expression that the name
     stands for where it is no value: ``ip`` chooses the telegrams that have it.
     """
 
@@ -79,6 +80,7 @@ class Named:
     either: tuple[str, ...] = ()
     refused: str = ""
     values: Mapping[str, int] = field(default_factory=dict)
+    texts: tuple[str, ...] = ()
     test: str = ""
     instead: str = ""
 

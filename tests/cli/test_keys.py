@@ -48,7 +48,7 @@ def test_with_definitions_the_variables_are_listed_too() -> None:
     assert entries["var.aLimits[3]"]["help"] == "DINT of list axis"
 
 
-def test_there_are_no_key_bindings_yet() -> None:
+def test_without_an_option_the_fields_are_shown_and_that_there_are_no_keys_yet() -> None:
     done = keys()
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "--fields" in done.stderr
+    assert (done.returncode, done.stdout) == (0, keys("--fields").stdout)
+    assert done.stderr == "nvscope: there is no live screen yet, and so there are no key bindings.\n"

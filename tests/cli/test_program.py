@@ -202,11 +202,8 @@ def test_a_verb_alone_is_as_in_the_whole_program(verb: str, options: list[str]) 
 @pytest.mark.parametrize("arguments", [[], ["--help"]])
 def test_whoever_asks_for_no_verb_is_told_of_all(arguments: list[str]) -> None:
     told = CliRunner().invoke(program(next(iter(arguments), None)), arguments).output
-    assert [line.split()[0] for line in told.split("Commands:\n")[1].splitlines()] == [*VERBS]
-
-
-def test_an_unknown_verb_is_told() -> None:
-    assert "No such command 'reprot'" in CliRunner().invoke(program("reprot"), ["reprot"]).output
+    verbs = told.split("Verbs:\n")[1].splitlines()
+    assert [line.split()[0] for line in verbs if line[2:3].strip()] == [*VERBS]
 
 
 def test_a_full_disk_is_told_without_a_traceback() -> None:

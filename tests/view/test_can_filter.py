@@ -187,7 +187,7 @@ def drawn_atom(chance: random.Random, model: Fields) -> tuple[str, Test]:
         return f"{name} contains {value.hex(':')}", lambda fields: name in fields and value in fields[name]
     if kind == "text":
         name = chance.choice(["can.channel", "canopen.function"])
-        value = model.get(name, "can0")
+        value = model.get(name, "can0" if name == "can.channel" else "SYNC")
         return f'{name} == "{value}"', lambda fields: name in fields and fields[name] == value
     name, field = chance.choice(
         [

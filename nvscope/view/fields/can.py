@@ -96,11 +96,11 @@ CAN_FIELDS = (
             ),
             TelegramField(
                 "can.fault", _TEXT, "Fault", "what is wrong with the frame: " + ", ".join(filter(None, _FAULTS)),
-                _fault, lambda frames: frames.fault != Fault.NONE,
+                _fault, lambda frames: frames.fault != Fault.NONE, texts=tuple(filter(None, _FAULTS)),
             ),
             TelegramField(
                 "canopen.function", _TEXT, "Function", "what CANopen uses the identifier for, such as heartbeat",
-                _function, lambda frames: _function_number(frames) != 0,
+                _function, lambda frames: _function_number(frames) != 0, texts=tuple(filter(None, FUNCTION_NAMES)),
             ),
             TelegramField(
                 "canopen.node", _UNSIGNED, "Node", "node-ID in the identifier, by CANopen", _node,

@@ -155,7 +155,13 @@ def expression_names(fields: Mapping[str, TelegramField]) -> dict[str, Named]:
     """Return what an expression may name, given the fields there are."""
     return {
         **{
-            name: Named(field.type, values=field.values, refused=visible(field.refused), instead=visible(field.instead))
+            name: Named(
+                field.type,
+                values=field.values,
+                texts=field.texts,
+                refused=visible(field.refused),
+                instead=visible(field.instead),
+            )
             for name, field in fields.items()
         },
         **{name: Named(fields[parts[0]].type, parts) for name, parts in EITHER_OF.items()},

@@ -42,7 +42,7 @@ def _header_fields() -> Iterator[TelegramField]:
         if entry.name == "id":
             yield TelegramField(
                 "nv.service", FieldType.TEXT, "Service", f"name of the service that {entry.label} stands for",
-                _service, _service_known, of=NETVAR, constant=True,
+                _service, _service_known, of=NETVAR, constant=True, texts=tuple(filter(None, _SERVICES)),
             )  # fmt: skip
 
 
@@ -106,7 +106,7 @@ NETVAR_FIELDS = (
     TelegramField(
         "nv.fault", FieldType.TEXT, "Fault",
         "what is wrong with the telegram: " + ", ".join(filter(None, _FAULTS)), _fault, _has_fault, of=NETVAR,
-        constant=True,
+        constant=True, texts=tuple(filter(None, _FAULTS)),
     ),
     TelegramField(
         "nv.truncated", FieldType.BOOL, "Truncated", "fewer bytes were captured than the payload has",

@@ -8,7 +8,7 @@ a finding that names none shows in all telegrams of its list, node and SubIndex.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +17,7 @@ from dissectors.batch import I64, Bool
 from dissectors.can.pdo import EXTENDED
 from dissectors.carried import Carrier
 from nvscope.expression.typed_columns import Column, FieldType, TextColumn
+from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.figures import Figure, Of, Unit, Value, figures_of
@@ -292,13 +293,18 @@ def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
     def known(rows: FrameRows) -> Bool:
         return _number(rows) >= 0
 
-    def entry(name: str, kind: FieldType, text: str, read: Callable[[FrameRows], Column]) -> TelegramField:
-        return TelegramField(f"finding.{name}", kind, f"Finding's {name}", text, read, known, judged=True)
+    def entry(
+        name: str, kind: FieldType, text: str, read: Callable[[FrameRows], Column], texts: Iterable[str] = ()
+    ) -> TelegramField:
+        told = tuple(dict.fromkeys(texts))
+        return TelegramField(f"finding.{name}", kind, f"Finding's {name}", text, read, known, judged=True, texts=told)
 
+    kinds = CATALOGUE.values()
+    severities = column(lambda one: one.kind.severity.word)
     return [
-        entry("code", _TEXT, "such as NV201; shown by the telegrams of its first ten events", column(_code)),
-        entry("name", _TEXT, "such as telegram-gap", column(lambda finding: finding.kind.name)),
-        entry("severity", _TEXT, "error, warning or note", column(lambda one: one.kind.severity.word)),
+        entry("code", _TEXT, "such as NV201; shown by the telegrams of its first ten events", column(_code), CATALOGUE),
+        entry("name", _TEXT, "such as telegram-gap", column(lambda one: one.kind.name), (kind.name for kind in kinds)),
+        entry("severity", _TEXT, "error, warning or note", severities, (kind.severity.word for kind in kinds)),
         entry("count", _SIGNED, "how many events it has", count),
         entry("message", _TEXT, "its sentence", column(lambda finding: finding.message)),
     ]

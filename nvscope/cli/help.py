@@ -1,0 +1,115 @@
+"""Help: options in groups, examples at the end, and no sentence cut."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from typer.core import TyperCommand, TyperGroup
+
+READ, SHOWN, DEFINED, WRITTEN, HELP = "What is read", "What is shown", "Definitions and names", "How it is told", "Help"
+
+GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
+        DEFINED: ("--gvl", "--project", "-n", "--types", "--a-types", "--b-types"),
+        WRITTEN: (
+            "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--color", "--truth",
+        ),
+        HELP: ("--help",),
+    }
+)  # fmt: skip
+"""The groups of options by one of their names; those that stand in none choose what is shown (``SHOWN``)."""
+
+ORDER = (SHOWN, READ, DEFINED, WRITTEN, HELP)
+
+EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
+    {
+        "report": (
+            ("nvscope plant.pcapng", "what is wrong, errors first"),
+            ("nvscope report plant.pcapng plc", "with the definitions in the folder plc"),
+            ("nvscope report plant.pcapng --from-time 5s --to-time -2s", "a part of the capture"),
+            ("nvscope report plant.pcapng -Y 'list.lost > 0' --json", "lists that lost something, for programs"),
+        ),
+        "vars": (
+            ("nvscope vars plant.pcapng plc", "the last value of every variable"),
+            ("nvscope vars plant.pcapng plc --history 'stAxis.*'", "every change"),
+            ("nvscope vars plant.pcapng plc --at 5s", "what they were five seconds after the start"),
+            ("nvscope vars plant.pcapng --infer -w draft.gvl", "propose the layout of lists nobody defined"),
+        ),
+        "packets": (
+            ("nvscope packets plant.pcapng -c 20", "the first telegrams"),
+            ("nvscope packets plant.pcapng -V -c 1 --gvl plc", "one of them as a tree, with its variables"),
+            ("nvscope packets plant.pcapng -Y 'finding.code == \"NV201\"'", "those around lost telegrams"),
+            ("nvscope packets plant.pcapng -T csv -e frame.time -e nv.counter", "fields for other programs"),
+        ),
+        "export": (
+            ("nvscope export plant.pcapng plc -w values.parquet", "every value, a file a list"),
+            ("nvscope export plant.pcapng plc -w flags.csv --list axis --rows cycle", "a row for each cycle"),
+            ("nvscope export plant.pcapng -w telegrams.csv", "without definitions: the telegrams"),
+        ),
+        "gvl layout": (("nvscope gvl layout plc", "what lies where in each telegram"),),
+        "gvl lint": (("nvscope gvl lint plc", "what will not work, before it is sent"),),
+        "gvl diff": (("nvscope gvl diff sender.gvl reader.gvl", "whether both sides mean the same"),),
+        "simulate": (("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),),
+        "explain": (
+            ("nvscope explain NV301", "a finding: what it means and what to do"),
+            ("nvscope explain jitter", "a figure: what it tells, and where"),
+        ),
+        "keys": (("nvscope keys --gvl plc", "all fields, those of the variables too"),),
+    }
+)
+"""Command lines by verb, each with what it shows."""
+
+_GAP = "   "
+
+
+class Command(TyperCommand):
+    """A verb whose help has groups of options, and ends with examples."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        groups: dict[str, list[tuple[str, str]]] = {title: [] for title in ORDER}
+        arguments: list[tuple[str, str]] = []
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is None:
+                continue
+            if parameter.param_type_name == "argument":
+                arguments.append(record)
+            else:
+                groups[group_of(parameter.opts)].append(record)
+        for title, records in (("Arguments", arguments), *groups.items()):
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        examples = EXAMPLES.get(verb_of(ctx.command_path), ())
+        if examples:
+            with formatter.section("Examples"):
+                for line, what in examples:
+                    formatter.write(f"  {line}\n{_GAP * 2}{what}\n")
+
+
+class Group(TyperGroup):
+    """Verbs whose descriptions are not cut."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        rows = []
+        for name in self.list_commands(ctx):
+            command = self.get_command(ctx, name)
+            if command is not None and not command.hidden:
+                rows.append((name, " ".join((command.help or "").split("\n\n")[0].split())))
+        with formatter.section("Verbs"):
+            formatter.write_dl(rows)
+
+
+def group_of(names: list[str]) -> str:
+    """Return the title of the group of an option, known by its names."""
+    return next((title for title, told in GROUPS.items() if set(told) & set(names)), SHOWN)
+
+
+def verb_of(command_path: str) -> str:
+    """Return the verb of a command path such as ``nvscope gvl lint``."""
+    return " ".join(command_path.split()[1:])

@@ -1,0 +1,183 @@
+"""What people write instead of what the program expects: no verb, options in front of it, names nearly right."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from nvscope.cli.help import EXAMPLES, GROUPS, group_of
+from nvscope.cli.program import VERBS, program
+from nvscope.cli.words import in_order
+from nvscope.errors import UsageError
+from tests.program import run, run_text
+
+ROOT = Path(__file__).parents[2]
+PEERS = ROOT / "captures" / "peers"
+PLANT = ROOT / "captures" / "plant.pcapng.gz"
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("report x", "report x"),
+        ("x.pcap", "report x.pcap"),
+        ("-", "report -"),
+        ("./x", "report ./x"),
+        ("*.pcap", "report *.pcap"),
+        ("can:socketcan:can0", "report can:socketcan:can0"),
+        ("-v x.pcap", "report -v x.pcap"),
+        ("-r x.pcap --json", "report -r x.pcap --json"),
+        ("--color never vars x", "vars --color never x"),
+        ("-q --gvl=plc packets x", "packets -q --gvl=plc x"),
+        ("help", "--help"),
+        ("help gvl lint", "gvl lint --help"),
+        ("--version", "--version"),
+        ("", ""),
+    ],
+)
+def test_words_are_put_into_order(given: str, meant: str) -> None:
+    assert in_order(given.split(), VERBS) == meant.split()
+
+
+def test_a_file_is_reported_whatever_it_is_called(tmp_path: Path) -> None:
+    shutil.copy(PEERS / "peers.pcap", tmp_path / "monday")
+    assert run("monday", cwd=tmp_path).stdout == run("report", "monday", cwd=tmp_path).stdout
+    # A verb is a verb, also where a file has its name.
+    shutil.copy(PEERS / "peers.pcap", tmp_path / "keys")
+    assert run_text("keys", cwd=tmp_path).stdout.startswith("field")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("reprot", "no verb and no file is called 'reprot'\n  perhaps nvscope report, nvscope export\n"),
+        ("mondy", "no verb and no file is called 'mondy'\n  perhaps monday\n"),
+        ("zzz", "no verb and no file is called 'zzz'\n  `nvscope --help` lists the verbs\n"),
+        ("help lnt", "no verb is called 'lnt'\n"),
+        ("report plant.pcap", "plant.pcap: No such file or directory\n  perhaps plant.pcapng\n"),
+        ("plant.pcap", "plant.pcap: No such file or directory\n  perhaps plant.pcapng\n"),
+        ("report sub/plant.pcap", "sub/plant.pcap: No such file or directory\n  perhaps sub/plan.pcap\n"),
+        ("gvl layout axs.gvl", "axs.gvl: cannot be read: No such file or directory\n  perhaps axis.gvl\n"),
+        ("report gone/x.pcap", "gone/x.pcap: No such file or directory\n  check the path and the permissions\n"),
+    ],
+)
+def test_names_that_are_nearly_right_are_offered(words: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    for name in ("monday", "plant.pcapng", "sub/plan.pcap", "axis.gvl"):
+        (tmp_path / name).touch()
+    done = run_text(*words.split(), cwd=tmp_path)
+    assert done.returncode in (2, 4)
+    assert done.stderr.startswith(f"nvscope: {said}")
+
+
+def test_variables_are_offered_in_their_own_spelling() -> None:
+    words = ("vars", PEERS / "peers.pcap", PEERS / "axis.gvl", PEERS / "axis_types.st", "--history")
+    assert run_text(*words, "stAxs.pos").stderr.endswith("near it: stAxis.pos, stAxis, stAxis.vel\n")
+    assert run_text(*words, "alimit").stderr.endswith("near it: aLimits, aLimits[3], aLimits[2]\n")
+
+
+@pytest.mark.parametrize(
+    ("expression", "said"),
+    [
+        ('nv.service == "data"', 'nv.service is never "data"'),
+        ('finding.code == "NV999"', 'finding.code is never "NV999"'),
+        ('finding.code in {"NV201", "NV2O2"}', 'finding.code is never "NV2O2"'),
+        ('finding.severity != "fatal"', 'finding.severity is never "fatal"'),
+        ('nv.fault == "shorts"', 'nv.fault is never "shorts"'),
+        ('canopen.function == "heartbeats"', 'canopen.function is never "heartbeats"'),
+    ],
+)
+def test_a_text_that_a_field_never_has_is_a_mistake(expression: str, said: str) -> None:
+    done = run_text("packets", PEERS / "peers.pcap", "-Y", expression)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in done.stderr
+    assert "perhaps" in done.stderr or "it is one of" in done.stderr or "it may be" in done.stderr
+
+
+@pytest.mark.parametrize("expression", ['finding.code contains "NV2"', 'nv.service matches "data"', 'list.name == "x"'])
+def test_parts_of_texts_and_open_sets_may_be_anything(expression: str) -> None:
+    assert run_text("packets", PEERS / "peers.pcap", "-Y", expression).returncode == 0
+
+
+def verbs() -> list[tuple[str, ...]]:
+    return [*((verb,) for verb in VERBS), *(("gvl", verb) for verb in ("layout", "lint", "diff"))]
+
+
+@pytest.mark.parametrize("verb", verbs(), ids=" ".join)
+@pytest.mark.parametrize("columns", ["60", "80", "120"])
+def test_help_is_whole(verb: tuple[str, ...], columns: str) -> None:
+    done = run_text(*verb, "--help", environment={"COLUMNS": columns})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == run_text("help", *verb, environment={"COLUMNS": columns}).stdout
+    # A sentence that was cut ends like this.
+    assert "...\n" not in done.stdout.replace("...]...\n", "...]\n").replace("ARGS]...\n", "").replace("...]\n", "")
+    if EXAMPLES.get(" ".join(verb)):
+        assert done.stdout.rstrip().splitlines()[-2].startswith("  nvscope ")
+
+
+def test_verbs_stand_in_the_order_of_use() -> None:
+    lines = run_text("--help").stdout.splitlines()
+    start = lines.index("Verbs:")
+    assert [line.split()[0] for line in lines[start + 1 :] if line[2:3].strip()] == list(VERBS)
+
+
+def test_every_option_stands_in_a_group_that_is_its_own() -> None:
+    told = [name for names in GROUPS.values() for name in names]
+    assert len(told) == len(set(told))
+    known = set()
+    for verb in verbs():
+        text = run_text(*verb, "--help", environment={"COLUMNS": "200"}).stdout
+        known |= {word.strip(",") for line in text.splitlines() for word in line.split()[:2] if word.startswith("-")}
+    assert set(told) - known == set()
+    assert group_of(["-w", "--write"]) == "How it is told"
+
+
+@pytest.mark.parametrize("verb", EXAMPLES)
+def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
+    """Each of them runs, on a capture and definitions of these names."""
+    (tmp_path / "plc").mkdir()
+    for name in ("axis.gvl", "axis_types.st", "batch.gvl"):
+        shutil.copy(PEERS / name, tmp_path / "plc" / name)
+    shutil.copy(PEERS / "peers.pcap", tmp_path / "plant.pcapng")
+    for side in ("sender", "reader"):
+        shutil.copy(PEERS / "batch.gvl", tmp_path / f"{side}.gvl")
+    shutil.copy(ROOT / "tests" / "scenarios" / "loss.toml", tmp_path / "plant.toml")
+    for line, _ in EXAMPLES[verb]:
+        program_name, *words = shlex.split(line)
+        assert program_name == "nvscope"
+        assert words[: len(verb.split())] == verb.split() or (verb == "report" and words[0] == "plant.pcapng")
+        done = run_text(*words, cwd=tmp_path)
+        assert done.returncode in ((0, 1) if verb in ("gvl lint", "gvl diff") else (0,)), (line, done.stderr)
+        assert done.stdout or "-w" in words or "the filter chooses none" in done.stderr
+
+
+def completed(words: str, path: Path) -> list[str]:
+    environment = {
+        "_NVSCOPE_COMPLETE": "complete_bash", "COMP_WORDS": f"nvscope {words}", "COMP_CWORD": str(len(words.split())),
+    }  # fmt: skip
+    return run_text(cwd=path, environment=environment).stdout.split()
+
+
+def test_the_shell_completes_codes_fields_and_lists(tmp_path: Path) -> None:
+    (tmp_path / "nvscope.toml").write_text(f"definitions = ['{PEERS}/axis*']\n")
+    assert completed("explain NV20", tmp_path) == [f"NV20{digit}" for digit in range(1, 8)]
+    assert "nv.counter" in completed("packets x -e nv.c", tmp_path)
+    assert "var.stAxis.pos" in completed("packets x -e var.stA", tmp_path)
+    assert completed("vars x --list a", tmp_path) == ["axis"]
+    assert completed("vars x -Y !nv.fl", tmp_path)[0].startswith("!nv.flags")
+    (tmp_path / "nvscope.toml").write_text("definitions = 5\n")
+    assert completed("vars x --list a", tmp_path) == []
+    assert "nv.counter" in completed("packets x -e nv.c", tmp_path)
+
+
+def test_a_word_that_is_no_verb_is_a_usage_error_with_a_next_step() -> None:
+    with pytest.raises(UsageError) as caught:
+        in_order(["raport"], VERBS)
+    assert caught.value.next_step == "perhaps nvscope report, nvscope export"
+
+
+def test_one_verb_alone_is_what_it_is_in_the_whole_program() -> None:
+    assert {command.name for command in program("vars").registered_commands} == {"vars"}
