@@ -17,6 +17,7 @@ _Result = TypeVar("_Result")
 
 _BUFFER_BYTES = 64 << 10
 _LONGEST_NAME_BYTES = 180
+_STDOUT = 1
 _NEXT_STEP = "check the directory, its permissions and the space left"
 
 
@@ -27,6 +28,11 @@ class Existing(Enum):
     """It was asked for by name, and what is in it can be made again."""
     KEPT = "kept"
     """It was not asked for by name, or somebody may have changed it."""
+
+
+def is_stdout(path: str) -> bool:
+    """Return whether a name stands for stdout: ``-``, or with the suffix of a format ``-.ndjson``."""
+    return path.startswith("-") and os.path.splitext(path)[0] == "-"
 
 
 class WholeFiles:
@@ -74,7 +80,7 @@ class WholeFiles:
             file.discard()
 
     def _added(self, file: WholeFile, existing: Existing) -> WholeFile:
-        identity = _identity(file.target)
+        identity = None if is_stdout(file.path) else _identity(file.target)
         if identity is not None and identity in self._inputs:
             what = "the output is one of the inputs"
             raise UsageError(what, where=file.path, next_step="name another file; inputs are never written")
@@ -92,8 +98,8 @@ class WholeFiles:
 class WholeFile:
     """A file being written beside the one that it replaces when it is complete.
 
-    What is no regular file (a pipe, a terminal) is written to as it is. Nothing is there before ``open``: who keeps it
-    first can discard it whenever that ends. What goes wrong is a CaptureError that names the file.
+    What is no regular file (a pipe, a terminal, stdout) is written to as it is. Nothing is there before ``open``: who
+    keeps it first can discard it whenever that ends. What goes wrong is a CaptureError that names the file.
     """
 
     file: BinaryIO
@@ -113,11 +119,13 @@ class WholeFile:
     def open(self) -> WholeFile:
         """Open ``file``, and return this one."""
         with self._told():
-            if self.target.is_dir():
+            if is_stdout(self.path):
+                self.file = _Writer(os.fdopen(os.dup(_STDOUT), "wb", 0), self._error)
+            elif self.target.is_dir():
                 raise IsADirectoryError(None, "is a directory")
-            if _is_link_of_another(Path(self.path)):
+            elif _is_link_of_another(Path(self.path)):
                 raise PermissionError(None, "it is a link of another user")
-            if self.target.exists() and not self.target.is_file():
+            elif self.target.exists() and not self.target.is_file():
                 self.file = _Writer(self.target.open("wb", 0), self._error)
             else:
                 self._open_beside()

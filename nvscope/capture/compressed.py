@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Protocol
 
 GZIP = "gzip"
@@ -15,8 +16,10 @@ ZSTD = "zstd"
 LZ4 = "lz4"
 
 _MAGICS = {b"\x1f\x8b": GZIP, b"\x28\xb5\x2f\xfd": ZSTD, b"\x04\x22\x4d\x18": LZ4}
-# Frames without data that zstd tools (pzstd) put first: 184d2a50 to 184d2a5f.
-_SKIPPABLE = {bytes((byte, 0x2A, 0x4D, 0x18)): ZSTD for byte in range(0x50, 0x60)}
+# Frames without data that tools (pzstd) put first: 184d2a50 to 184d2a5f, and how many bytes they have.
+_SKIPPABLE = {bytes((byte, 0x2A, 0x4D, 0x18)) for byte in range(0x50, 0x60)}
+_SKIPPABLE_HEAD_BYTES = 8
+_MAGIC_BYTES = 4
 
 _PIECE_BYTES = 1 << 20
 # zstd gives all output for its input at once, up to 128 KiB for every 4 bytes: this much is at most 32 MiB.
@@ -24,12 +27,22 @@ _ZSTD_INPUT_BYTES = 1024
 _ZSTD_WINDOW_BYTES = 128 << 20
 
 
+_KEPT_BYTES = 8 << 20
+_STEP_BYTES = 4 << 10
+"""Input of a member up to which it is kept, to decode it again should it be damaged; beyond, what is fed at once."""
+
+
 def compression_of(head: bytes) -> str:
-    """Return the compression that the first bytes of a file show, or ''."""
-    for magic, name in (_MAGICS | _SKIPPABLE).items():
-        if head.startswith(magic):
-            return name
-    return ""
+    """Return the compression that the first bytes of a file show, or ''.
+
+    Frames to be skipped, which zstd and lz4 have in common, are of what follows them.
+    """
+    rest = head
+    while rest[:4] in _SKIPPABLE and len(rest) >= _SKIPPABLE_HEAD_BYTES:
+        rest = rest[_SKIPPABLE_HEAD_BYTES + int.from_bytes(rest[4:8], "little") :]
+    if rest[:4] in _SKIPPABLE or (rest is not head and len(rest) < _MAGIC_BYTES):
+        return ZSTD
+    return next((name for magic, name in _MAGICS.items() if rest.startswith(magic)), "")
 
 
 class _Decoder(Protocol):
@@ -58,7 +71,9 @@ class Decompressed:
 
     def __iter__(self) -> Iterator[bytes]:
         decoder: _Decoder | None = None
-        read_bytes = 0
+        failures = _FAILURES[self._compression]()
+        kept: list[bytes] | None = []
+        read_bytes = given_bytes = 0
         head = b""
         for piece in self._pieces:
             if not piece:
@@ -75,20 +90,45 @@ class Decompressed:
                     if len(data) < 4:
                         head, data = data, b""
                         break
-                    if compression_of(data[:4]) != self._compression:
+                    begins = data[:_MAGIC_BYTES]
+                    if not (begins in _SKIPPABLE and self._compression != GZIP) and (
+                        compression_of(begins) != self._compression
+                    ):
                         self.failure = f"something else follows the {self._compression} data"
                         return
-                    decoder = self._decoder()
+                    decoder, kept, given_bytes = self._decoder(), [], 0
+                step = data if kept is not None else data[:_STEP_BYTES]
+                if kept is not None:
+                    kept.append(step)
                 try:
-                    yield from decoder.pieces(data)
-                except _FAILURES[self._compression]() as error:
+                    for decoded in decoder.pieces(step):
+                        given_bytes += len(decoded)
+                        yield decoded
+                except failures as error:
                     self.failure = f"the {self._compression} data are damaged ({error}) before byte {read_bytes}"
+                    yield from self._up_to_the_damage(kept or [], given_bytes)
                     return
-                data = decoder.unused_data if decoder.eof else b""
+                data = data[len(step) :] if not decoder.eof else decoder.unused_data + data[len(step) :]
+                kept = kept if kept is not None and sum(map(len, kept)) <= _KEPT_BYTES else None
                 if decoder.eof:
                     decoder = None
         if decoder is not None or head:
             self.failure = f"the {self._compression} data end early, after {read_bytes} bytes"
+
+    def _up_to_the_damage(self, kept: list[bytes], given_bytes: int) -> Iterator[bytes]:
+        """Yield what a damaged member holds in front of the damage, without the bytes that were given already.
+
+        A decoder that fails gives nothing of what it was fed last, which may be a whole capture.
+        """
+        decoder, failures = self._decoder(), _FAILURES[self._compression]()
+        last = kept[-1] if kept else b""
+        with suppress(failures):
+            for step in [*kept[:-1], *(last[place : place + 1] for place in range(len(last)))]:
+                for decoded in decoder.pieces(step):
+                    fresh = decoded[given_bytes:]
+                    given_bytes -= min(given_bytes, len(decoded))
+                    if fresh:
+                        yield fresh
 
 
 class _Gzip:

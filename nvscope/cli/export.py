@@ -11,11 +11,15 @@ from nvscope.cli import completion
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
+    NOTHING_BETWEEN,
     DecodeOption,
     FilterOption,
     ForceOption,
+    FromTimeOption,
     ReadOption,
     SourcesArgument,
+    ToTimeOption,
+    asked_range,
     port_rules,
     tell_of_losses,
 )
@@ -45,8 +49,8 @@ def export(
             "-w",
             "--write",
             metavar="FILE",
-            help="The file to write, in the format of its ending: .csv, .ndjson (.jsonl) or .parquet. One that exists "
-            "is replaced.",
+            help="The file to write, in the format of its ending: .csv, .ndjson (.jsonl) or .parquet; - is stdout as "
+            "CSV, -.ndjson stdout as NDJSON. One that exists is replaced.",
             show_default=False,
         ),
     ] = None,
@@ -96,6 +100,9 @@ def export(
     gvl: GvlOption = None,
     project: ProjectOption = None,
     decode: DecodeOption = None,
+    from_time: FromTimeOption = None,
+    to_time: ToTimeOption = None,
+    utc: Annotated[bool, typer.Option("--utc", help="Take --from-time and --to-time as UTC.")] = False,
     force: ForceOption = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="No progress bar; of the files, only what was left out.")
@@ -138,7 +145,8 @@ def export(
     from nvscope.whole_files import WholeFiles
 
     format_of(write)
-    inquiry = Inquiry(paths, project_of(project, gvl), ports, watch=watching(quiet=quiet))
+    between = asked_range(from_time, to_time, utc=utc)
+    inquiry = Inquiry(paths, project_of(project, gvl), ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
     if layouts is not None:
@@ -187,6 +195,8 @@ def export(
             tell_of_lists(inquiry)
     else:
         _tell_of_telegrams(telegrams, write)
+    if between and not (told.frames if lists else telegrams.frames):
+        typer.echo(NOTHING_BETWEEN, err=True)
     if fragments:
         from nvscope.units import count_of
 

@@ -17,8 +17,11 @@ from nvscope.cli.sources import (
     DecodeOption,
     FilterOption,
     ForceOption,
+    FromTimeOption,
     ReadOption,
     SourcesArgument,
+    ToTimeOption,
+    asked_range,
     port_rules,
     tell_of_losses,
 )
@@ -81,6 +84,8 @@ def variables(
         typer.Option("--json", help="Print JSON (nvscope.vars/1, nvscope.history/1, nvscope.at/1, nvscope.infer/1)."),
     ] = False,
     decode: DecodeOption = None,
+    from_time: FromTimeOption = None,
+    to_time: ToTimeOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -105,7 +110,8 @@ def variables(
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
 
-    inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet))
+    between = asked_range(from_time, to_time, utc=utc)
+    inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
     names = {} if no_names else plant.node_names
     asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names)
     if infer:

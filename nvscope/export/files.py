@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import os
 from typing import Any, Protocol
 
 from nvscope.errors import UsageError
 from nvscope.view.escape import visible
-from nvscope.whole_files import WholeFile
+from nvscope.whole_files import WholeFile, is_stdout
 
 _ENDINGS = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet"}
 
@@ -21,8 +21,15 @@ class TableFile(Protocol):
 
 
 def format_of(path: str) -> str:
-    """Return csv, ndjson or parquet, by the ending of a file's name; UsageError for another one."""
-    ending = Path(path).suffix.lower()
+    """Return csv, ndjson or parquet, by the ending of a file's name; UsageError for another one.
+
+    Stdout without one is CSV. What is written to it must not need a file in which one can go back.
+    """
+    if path == "-":
+        return "csv"
+    ending = os.path.splitext(path)[1].lower()
+    if is_stdout(path) and _ENDINGS.get(ending) == "parquet":
+        raise UsageError("Parquet cannot be written to stdout", next_step="name a file, or take -w -.csv or -.ndjson")
     if ending not in _ENDINGS:
         what = f"no export format ends in {visible(ending)}" if ending else "the name says no format"
         raise UsageError(what, where=path, next_step=f"name the file {', '.join(_ENDINGS)}")

@@ -16,7 +16,7 @@ from nvscope.export.wide import WideTable, WideTables
 from nvscope.list_key import ListKey
 from nvscope.units import count
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams, Place
-from nvscope.whole_files import Existing, WholeFiles
+from nvscope.whole_files import Existing, WholeFiles, is_stdout
 
 MAX_FILES = 500
 MAX_COLUMNS = 10_000
@@ -43,6 +43,11 @@ def write_wide(
         raise UsageError(
             f"{count(len(paths))} lists are more than can be written side by side",
             next_step="choose some with --list, or write one file of all with --form long",
+        )
+    if len(paths) > 1 and is_stdout(paths[0]):
+        raise UsageError(
+            f"{count(len(paths))} lists cannot be written to stdout side by side",
+            next_step="choose one with --list, or write all below each other with --form long",
         )
     places: list[list[Place]] = [[] for _ in paths]
     for place in telegrams.places:
