@@ -48,6 +48,8 @@ from nvscope.view.documents.figures import lookup
 if TYPE_CHECKING:
     import polars as pl
 
+    from nvscope.analysis.inquiry import Analysis
+    from nvscope.capture.source import SourceInfo
     from nvscope.export.lists import Lists
 
 AnyPath = str | os.PathLike[str]
@@ -106,6 +108,7 @@ class Captures:
     def __init__(self, inquiry: Inquiry, where: str | None = None) -> None:
         self._inquiry = inquiry
         self._where = where
+        self._warned: set[str] = set()
         if where is not None:
             from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
 
@@ -128,7 +131,28 @@ class Captures:
 
         It is without the values of variables, for which there are ``values`` and ``at``.
         """
-        return self._inquiry.report(self._inquiry.analyze(self._where))
+        return self._inquiry.report(self._analysis)
+
+    @property
+    def truncations(self) -> pl.DataFrame:
+        """A row a file that could not be read to its end: path, offset in it, and why."""
+        cut = [(info.path, info.truncation) for info in self._analysis.infos if info.truncation]
+        rows = [{"path": path, "offset": told.offset, "message": told.message} for path, told in cut]
+        return _frame(rows, {"path": str, "offset": int, "message": str})
+
+    @cached_property
+    def _analysis(self) -> Analysis:
+        found = self._inquiry.analyze(self._where)
+        self._warn_of_cuts(found.infos)
+        return found
+
+    def _warn_of_cuts(self, infos: Iterable[SourceInfo]) -> None:
+        """Warn of files that could not be read to their end, once for each of these captures."""
+        for info in infos:
+            if info.truncation and info.path not in self._warned:
+                self._warned.add(info.path)
+                told = f"{info.path}, offset {info.truncation.offset}: {info.truncation.message}"
+                warnings.warn(told, stacklevel=3)
 
     @cached_property
     def lists(self) -> pl.DataFrame:
@@ -194,6 +218,7 @@ class Captures:
         for rows in packets(source, inquiry.reading(chosen), PacketRows()):
             table.add(rows)
         table.finish()
+        self._warn_of_cuts(source.infos)
         return collected.frame()
 
     def values(self, name: str | int | None = None, *, form: Literal["wide", "long"] = "wide") -> pl.DataFrame:
@@ -224,8 +249,10 @@ class Captures:
             )
         chosen = None if self._where is None else inquiry.filter(self._where)
         telegrams = DefinedTelegrams(inquiry.defined_layouts(), keys=[key for key, _ in lists])
-        rows = values(inquiry.open(), inquiry.reading(chosen), telegrams)
+        source = inquiry.open()
+        rows = values(source, inquiry.reading(chosen), telegrams)
         frame, beyond = wide_frame(telegrams, rows) if form == "wide" else (long_frame(telegrams, rows), 0)
+        self._warn_of_cuts(source.infos)
         for sentence in [*([beyond_time(beyond)] if beyond else []), *left_out(telegrams)]:
             warnings.warn(sentence, stacklevel=2)
         return frame
@@ -235,16 +262,18 @@ class Captures:
 
         ``name`` is that of a variable, a structure or an array, or a pattern with *; ``of`` is the list, where several
         have it. ``every``: a row a telegram, changed or not. ``old`` and ``new`` are texts as an engineer writes them,
-        ``value`` is the new one where it is a number or BOOL that a float holds exactly, of times in the unit of their
-        type: ms, of LTIME ns. UsageError where nothing has the name.
+        ``value`` is the new one where it is a number or BOOL that a float holds exactly; durations are ns. UsageError
+        where nothing has the name.
         """
         from nvscope.analysis.history import Changes  # noqa: PLC0415
         from nvscope.view.documents.history import change_row  # noqa: PLC0415
 
+        changes = Changes(self._inquiry, name, listed=of, every=every, expression=self._where)
         rows = [
             row | {"time": row["time_ns"], "old": row["old_text"], "new": row["new_text"], "value": _number(row["new"])}
-            for row in map(change_row, Changes(self._inquiry, name, listed=of, every=every, expression=self._where))
+            for row in map(change_row, changes)
         ]
+        self._warn_of_cuts(changes.source.infos)
         kinds: dict[str, _Kind] = {"time": "time", "frame": int, "list": str, "list_name": str, "name": str}
         kinds |= {"sender": str, "subindex": int, "changed": bool, "old": str, "new": str, "value": float}
         return _frame(rows, kinds)
@@ -261,6 +290,7 @@ class Captures:
 
         asked = parse_time("at", time)
         found = at(self._inquiry, asked, expression=self._where, told=f"at {time}")
+        self._warn_of_cuts(found.source.infos)
         layouts = self._inquiry.defined_layouts()
         document = at_document(found.moment, layouts, found.time_ns, expression=self._where)
         rows = [{**row, "age": row["age_ns"], "value": _number(row["value"])} for row in document["variables"]]
@@ -273,7 +303,9 @@ class Captures:
         from nvscope.analysis.inference import infer  # noqa: PLC0415
         from nvscope.view.documents.inference import inference_document, proposals  # noqa: PLC0415
 
-        samples = infer(self._inquiry, expression=self._where).samples
+        inferred = infer(self._inquiry, expression=self._where)
+        self._warn_of_cuts(inferred.source.infos)
+        samples = inferred.samples
         rows = [
             {"list": entry["list"], "sender": entry["sender"], "subindex": telegram["subindex"], **proposed}
             for entry in inference_document(proposals(samples), samples)["lists"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -237,3 +238,28 @@ def test_proposals_are_those_of_the_program() -> None:
         for field in layout["fields"]
     ]
     assert nvscope.open(PEERS).infer().select("list", "subindex", "offset", "type", "grade").rows() == told
+
+
+def test_a_capture_that_was_cut_is_a_warning_whatever_is_asked(tmp_path: Path) -> None:
+    cut = tmp_path / "cut.pcap"
+    cut.write_bytes(PEERS.read_bytes()[:-10])
+    asked = (
+        lambda plant: plant.lists,
+        lambda plant: plant.values("axis"),
+        lambda plant: plant.telegrams(),
+        lambda plant: plant.history("stAxis.pos"),
+        lambda plant: plant.at("1s"),
+        lambda plant: plant.infer(),
+        lambda plant: plant.truncations,
+    )
+    for ask in asked:
+        with pytest.warns(UserWarning, match=r"cut\.pcap, offset \d+: "):
+            ask(nvscope.open(cut, AXIS))
+    plant = nvscope.open(cut, AXIS)
+    with pytest.warns(UserWarning, match=r"cut\.pcap"):
+        rows = plant.truncations.rows()
+    assert [(path, offset > 0) for path, offset, _ in rows] == [(str(cut), True)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        plant.telegrams()  # told once is enough
+    assert nvscope.open(PEERS).truncations.is_empty()

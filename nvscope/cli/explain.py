@@ -17,12 +17,18 @@ def explain(
             help="A finding or a figure: NV301, 301, no-acknowledgement, lost, list.jitter.", autocompletion=codes
         ),
     ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The same as JSON (nvscope.explain/1).")] = False,
     colour: ColourOption = "auto",
 ) -> None:
     """Tell what a finding means, its usual causes, and what to do, or what a figure tells; without CODE, list all
     findings."""
     from nvscope.report import explain as face
 
+    if as_json:
+        from nvscope.report import json
+
+        typer.echo(json.render(face.document(code)), nl=False)
+        return
     shown = colour_wanted(colour)
     if code is None:
         typer.echo(face.overview(colour=shown, width=width()), nl=False, color=shown)

@@ -35,6 +35,7 @@ def main() -> NoReturn:
     look_for_cycles_seldom()
     leave_the_rest_at_exit()
     for name in ("stdout", "stderr"):
+        _let_wait(name)
         if getattr(sys, name) is None:  # the shell closed it
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
         getattr(sys, name).reconfigure(errors="backslashreplace")
@@ -74,6 +75,14 @@ def main() -> NoReturn:
         print("nvscope: this is a bug of nvscope; please report it with the lines above.", file=sys.stderr)
         sys.exit(ExitCode.BUG)
     sys.exit(status if isinstance(status, int) else ExitCode.GOOD)
+
+
+def _let_wait(name: str) -> None:
+    """Let a stream wait for its reader: where whoever started the program made it not to, output would be cut."""
+    with contextlib.suppress(AttributeError, OSError, ValueError):
+        descriptor = getattr(sys, name).fileno()
+        if not os.get_blocking(descriptor):
+            os.set_blocking(descriptor, True)
 
 
 class _Ended(BaseException):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from nvscope.errors import UsageError
 from nvscope.findings.catalogue import CATALOGUE
@@ -10,9 +11,12 @@ from nvscope.findings.kind import FindingKind
 from nvscope.report.ansi import paint
 from nvscope.report.content import status
 from nvscope.report.explain_figure import figure_called, figure_lines
-from nvscope.tracker.figures import FIGURES
+from nvscope.tracker.figures import FIGURES, Figure
+from nvscope.version import __version__
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
+
+SCHEMA = "nvscope.explain/1"
 
 _MIN_WIDTH = 40
 _TEXT_WIDTH = 90
@@ -26,15 +30,58 @@ def render(name: str, *, colour: bool = False, width: int = 80) -> str:
     anything else.
     """
     width = min(max(width, _MIN_WIDTH), _TEXT_WIDTH)
-    kind, figure = _kind(name), figure_called(name.strip().lower())
-    if kind is None and figure is None:
-        raise UsageError(f"no finding or figure is called {visible(name)!s}", next_step=_nearest(name.strip().lower()))
+    kind, figure = _found(name)
     lines: list[Line] = []
     if kind is not None:
         lines += _lines(kind, width)
     if figure is not None:
         lines += [[], *figure_lines(figure, width)] if lines else figure_lines(figure, width)
     return paint(lines, colour=colour)
+
+
+def document(name: str | None) -> dict[str, Any]:
+    """Return what ``render`` tells as data (schema ``nvscope.explain/1``); without a name of all kinds and figures.
+
+    UsageError as ``render``.
+    """
+    if name is None:
+        kinds, figures = list(CATALOGUE.values()), list(FIGURES)
+    else:
+        kind, figure = _found(name)
+        kinds, figures = [kind] if kind else [], [figure] if figure else []
+    return {
+        "schema": SCHEMA,
+        "tool": {"name": "nvscope", "version": __version__},
+        "findings": [
+            {
+                "code": kind.code,
+                "name": kind.name,
+                "severity": kind.severity.word,
+                "judged": bool(kind.judged),
+                "meaning": kind.meaning,
+                "causes": list(kind.causes),
+                "next_steps": list(kind.next_steps),
+            }
+            for kind in kinds
+        ],
+        "figures": [
+            {
+                "name": figure.name,
+                "unit": figure.unit or None,
+                "help": figure.help,
+                "of": [of.value for of in figure.of],
+                "joins": figure.joins.value,
+            }
+            for figure in figures
+        ],
+    }
+
+
+def _found(name: str) -> tuple[FindingKind | None, Figure | None]:
+    kind, figure = _kind(name), figure_called(name.strip().lower())
+    if kind is None and figure is None:
+        raise UsageError(f"no finding or figure is called {visible(name)!s}", next_step=_nearest(name.strip().lower()))
+    return kind, figure
 
 
 def overview(*, colour: bool = False, width: int = 80) -> str:

@@ -253,3 +253,18 @@ def test_truth_and_capture_are_two_files(tmp_path: Path) -> None:
     done = nvscope("simulate", ROOT / "captures" / "plant.toml", "-w", capture, "--truth", capture)
     assert done.returncode == ExitCode.USAGE
     assert not capture.exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "set_blocking"), reason="this system has no such pipes")
+def test_output_into_a_pipe_that_does_not_wait_is_whole() -> None:
+    """Who starts the program may have made its end of the pipe not to wait; then the reader is slow."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with subprocess.Popen([*COMMAND, "packets", PEERS, "-T", "json"], stdout=writing, cwd=ROOT) as process:
+        os.close(writing)
+        parts = []
+        while part := os.read(reading, 1000):
+            parts.append(part)
+    os.close(reading)
+    assert process.returncode == 0
+    assert b"".join(parts) == nvscope("packets", PEERS, "-T", "json").stdout

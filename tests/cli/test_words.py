@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import shutil
 from pathlib import Path
@@ -181,3 +182,22 @@ def test_a_word_that_is_no_verb_is_a_usage_error_with_a_next_step() -> None:
 
 def test_one_verb_alone_is_what_it_is_in_the_whole_program() -> None:
     assert {command.name for command in program("vars").registered_commands} == {"vars"}
+
+
+def test_what_explain_tells_is_there_for_programs_too() -> None:
+    one = json.loads(run_text("explain", "NV201", "--json").stdout)
+    assert one["schema"] == "nvscope.explain/1"
+    (finding,) = one["findings"]
+    assert (finding["code"], finding["name"], finding["severity"], finding["judged"]) == (
+        "NV201", "telegram-gap", "error", True,
+    )  # fmt: skip
+    told = " ".join(run_text("explain", "NV201", environment={"COLUMNS": "90"}).stdout.split())
+    assert all(" ".join(text.split()) in told for text in (finding["meaning"], *finding["next_steps"]))
+    figure = json.loads(run_text("explain", "jitter", "--json").stdout)
+    assert ([row["code"] for row in figure["findings"]], [row["name"] for row in figure["figures"]]) == (
+        ["NV502"], ["jitter"],
+    )  # fmt: skip
+    whole = json.loads(run_text("explain", "--json").stdout)
+    assert finding in whole["findings"]
+    assert len(whole["findings"]) > 40
+    assert run_text("explain", "nothing", "--json").returncode == 2
