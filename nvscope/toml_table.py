@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import os
 import re
+import stat
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from datetime import UTC, datetime
@@ -24,6 +26,8 @@ T = TypeVar("T")
 _MAX_ROWS = 10_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MAX_FILE_BYTES = 1_000_000
+_MOST_PARTS = 200
+_DEEP_KEY = re.compile(rf"""(?:[\w\-"' \t]*+\.){{{_MOST_PARTS + 1}}}""")
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)\Z")
 
 
@@ -98,6 +102,12 @@ def read_table(cls: type[T], table: Any, place: Place) -> T:
     return cls(**values)
 
 
+def check_keys(text: str, place: Place) -> None:
+    """Raise ConfigurationError for a key of many parts: a table is made for each, and a path of all above it."""
+    if _DEEP_KEY.search(text):
+        raise place.error(f"a key has more than {_MOST_PARTS} parts", "Write tables with a name of one part each.")
+
+
 def read_toml(path: str | Path) -> tuple[dict[str, Any], Place]:
     """Return the tables of a TOML file, and the place that finds the lines of its keys.
 
@@ -107,6 +117,9 @@ def read_toml(path: str | Path) -> tuple[dict[str, Any], Place]:
 
     place = Place(str(path))
     try:
+        if stat.S_ISFIFO(os.stat(path).st_mode):
+            # One that lies there under the name of a project file would be waited for without an end.
+            raise place.error("cannot be read: it is a pipe", "Check the path of the file.")
         with Path(path).open("rb") as file:
             content = file.read(_MAX_FILE_BYTES + 1)
     except (OSError, ValueError) as error:
@@ -120,6 +133,7 @@ def read_toml(path: str | Path) -> tuple[dict[str, Any], Place]:
         before = content[: error.start]
         line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
         raise Place(f"{path}, line {line}, column {column}").error("not UTF-8", "Save the file as UTF-8.") from None
+    check_keys(text, place)
     try:
         return tomllib.loads(text), Place(str(path), text=text)
     except RecursionError:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from enum import Enum
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
+from weakref import WeakSet
 
 from nvscope.errors import CaptureError, UsageError
 
@@ -35,6 +36,15 @@ def is_stdout(path: str) -> bool:
     return path.startswith("-") and os.path.splitext(path)[0] == "-"
 
 
+_LIVE: WeakSet[WholeFiles] = WeakSet()
+
+
+def discard_all() -> None:
+    """Remove all that has not got its name, of whomever: the process ends at once."""
+    for files in list(_LIVE):
+        files.discard()
+
+
 class WholeFiles:
     """The files that one command writes: all of them appear when all are complete, or none at all.
 
@@ -45,6 +55,7 @@ class WholeFiles:
         self._inputs = {identity: os.fspath(path) for path in inputs if (identity := _identity(Path(path)))}
         self._force = force
         self._files: list[WholeFile] = []
+        _LIVE.add(self)
 
     def open(self, path: str, existing: Existing = Existing.REPLACED) -> WholeFile:
         """Return a new file, open for writing.

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from dissectors.batch import PAD_BYTES, U8
+from nvscope.capture import bus_error
 
 SMALL_FILE_BYTES = 8 << 20
 CHUNK_BYTES = 8 << 20
@@ -52,10 +53,12 @@ class ByteWindow(Protocol):
 class MappedWindow:
     """A regular file, mapped. The last bytes come as a padded copy, and a small file as a whole.
 
-    A file that another program shortens while it is mapped ends the process; one that grows is read to the size it had.
+    A file that another program shortens while it is mapped ends the process (``bus_error``); one that grows is read to
+    the size it had. ``path`` is what it is called then.
     """
 
-    def __init__(self, descriptor: int, size: int, *, small_file_bytes: int = SMALL_FILE_BYTES) -> None:
+    def __init__(self, descriptor: int, size: int, *, small_file_bytes: int = SMALL_FILE_BYTES, path: str = "") -> None:
+        bus_error.mapped(id(self), path)
         self._map = mmap.mmap(descriptor, size, access=mmap.ACCESS_READ)
         if hasattr(mmap, "MADV_SEQUENTIAL"):
             self._map.madvise(mmap.MADV_SEQUENTIAL)
@@ -83,6 +86,7 @@ class MappedWindow:
 
     def close(self) -> None:
         """Drop the map; it goes when the last batch over it does."""
+        bus_error.unmapped(id(self))
         del self._data
 
 

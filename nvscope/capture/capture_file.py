@@ -181,6 +181,8 @@ class CaptureFile:
 
     def _open(self, share: int = 1, span: TimeSpan | None = None) -> _Opened:
         try:
+            if self.path == STDIN and sys.stdin is None:
+                raise UnreadableInput("stdin is closed", where=self.path, next_step="name a file instead")
             descriptor = sys.stdin.fileno() if self.path == STDIN else os.open(self.path, _READ_ONLY)
             try:
                 return self._tell(descriptor, share, span or TimeSpan())

@@ -115,7 +115,8 @@ class Content:
     def _map(self) -> ByteWindow | None:
         assert self.size_bytes is not None
         try:
-            return MappedWindow(self._descriptor, self.size_bytes, small_file_bytes=self._sizes.small_file_bytes)
+            small = self._sizes.small_file_bytes
+            return MappedWindow(self._descriptor, self.size_bytes, small_file_bytes=small, path=self.path)
         except (OSError, ValueError):
             # Empty, or of a kind that cannot be mapped: read like a stream.
             return None

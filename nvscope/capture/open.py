@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -26,7 +27,9 @@ def open_source(paths: Sequence[str], *, batch_packets: int = 131_072) -> FileSo
     sizes = ReadingSizes(batch_packets=batch_packets)
     files: list[CaptureFile] = []
     for path in paths:
-        if path != STDIN and Path(path).is_dir():
+        if not path:
+            raise UsageError("the name of a source is empty", next_step="name a capture file, or - for stdin")
+        if path != STDIN and os.path.isdir(path):
             files += _open_directory(path, sizes)
         else:
             files.append(CaptureFile(path, sizes=sizes))

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import signal
 import sys
-from typing import NoReturn, cast
+from typing import Any, NoReturn, cast
 
 import typer
 
+from nvscope.capture.bus_error import end_in_words
 from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
 from nvscope.cli.program import VERBS, program
 from nvscope.cli.threads import start_no_threads
 from nvscope.cli.words import in_order
-from nvscope.errors import CaptureError, ExitCode, NvscopeError
+from nvscope.errors import CaptureError, ExitCode, NvscopeError, UnreadableInput
+from nvscope.whole_files import discard_all
 
 # Typer brings a click of its own, or uses the installed one, depending on its version.
 _CommandLineError = cast(
@@ -31,6 +34,7 @@ _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
     _end_in_order()
+    end_in_words(_tidied)
     start_no_threads()
     look_for_cycles_seldom()
     leave_the_rest_at_exit()
@@ -39,6 +43,7 @@ def main() -> NoReturn:
         if getattr(sys, name) is None:  # the shell closed it
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
         getattr(sys, name).reconfigure(errors="backslashreplace")
+    sys.stderr = _stderr_that_never_fails()
     try:
         words = in_order(sys.argv[1:], VERBS)
         status = program(next(iter(words), None))(words, prog_name="nvscope", standalone_mode=False)
@@ -62,11 +67,19 @@ def main() -> NoReturn:
         sys.exit(ExitCode.GOOD)
     except OSError as error:
         if error.errno not in _OUTPUT_FAILS:
-            raise
+            # Something of the system that nobody expected at this place; it says itself what it is.
+            failure = UnreadableInput(
+                error.strerror or str(error), where=str(error.filename or ""), next_step="check paths and permissions"
+            )
+            _show(failure)
+            sys.exit(failure.exit_code)
         _drop_output()
         _show(
             CaptureError(f"the output cannot be written: {error.strerror}", next_step="make room, or write elsewhere")
         )
+        sys.exit(ExitCode.CAPTURE)
+    except MemoryError:
+        _show(CaptureError("there is not enough memory", next_step="read a part with --from-time and --to-time"))
         sys.exit(ExitCode.CAPTURE)
     except Exception:
         import traceback
@@ -77,12 +90,38 @@ def main() -> NoReturn:
     sys.exit(status if isinstance(status, int) else ExitCode.GOOD)
 
 
+def _tidied() -> int:
+    discard_all()
+    return ExitCode.DATA_LOSS
+
+
 def _let_wait(name: str) -> None:
     """Let a stream wait for its reader: where whoever started the program made it not to, output would be cut."""
     with contextlib.suppress(AttributeError, OSError, ValueError):
         descriptor = getattr(sys, name).fileno()
         if not os.get_blocking(descriptor):
             os.set_blocking(descriptor, True)
+
+
+class _Forgiving(io.FileIO):
+    """A file to which nothing is written where it cannot be: what is said on stderr decides no exit code."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data) or 0
+        except OSError:
+            return len(data)
+
+
+def _stderr_that_never_fails() -> io.TextIOWrapper:
+    stream: Any = sys.stderr
+    try:
+        raw = _Forgiving(stream.fileno(), "w", closefd=False)
+    except (OSError, ValueError):
+        return cast("io.TextIOWrapper", stream)
+    return io.TextIOWrapper(
+        io.BufferedWriter(raw), encoding=stream.encoding, errors="backslashreplace", line_buffering=True
+    )
 
 
 class _Ended(BaseException):

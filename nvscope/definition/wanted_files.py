@@ -72,9 +72,11 @@ def is_worth_reading(path: str) -> bool:
 
 
 def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
+    if not text.strip():
+        raise ConfigurationError("the name of a definition file is empty", next_step="Name a file or a directory.")
     path = Path(text) if base is None else base / text
     try:
-        if path.is_dir() and text:
+        if path.is_dir():
             found = [file for file in _sorted(_below(path), text) if is_worth_reading(file)]
             if not found:
                 raise ConfigurationError(
@@ -83,7 +85,7 @@ def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
             return [DefinitionFile(file, text) for file in found]
         if not has_pattern(str(path)) and (base is None or path.is_file()):
             return [DefinitionFile(str(path), str(path))]
-        matched = _sorted(_matching(text, base or Path()), text) if text else []
+        matched = _sorted(_matching(text, base or Path()), text)
         if text.endswith("*"):
             # It asks for no kind of file: what is called or begins like a definition is meant.
             matched = [file for file in matched if is_worth_reading(file)] or matched
@@ -92,8 +94,11 @@ def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
             f"{text[:200]!r} cannot be followed: {error}", next_step="Check the path of the definition files."
         ) from None
     if not matched:
-        where = f"Patterns are relative to {(base or Path()).resolve()}"
-        raise ConfigurationError(f"no file matches {text[:200]!r}", next_step=f"{where}; correct the pattern.")
+        try:
+            where = f"Patterns are relative to {(base or Path()).resolve()}; correct the pattern."
+        except OSError:
+            where = "The working directory is gone; name the path from the root."
+        raise ConfigurationError(f"no file matches {text[:200]!r}", next_step=where)
     return [DefinitionFile(file, text) for file in matched]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from nvscope.simulate.check import check_scenario
 from nvscope.simulate.scenario import Scenario, Selection
-from nvscope.toml_table import Place, document_table, read_table
+from nvscope.toml_table import Place, check_keys, document_table, read_table
 
 MAX_FILE_BYTES = 1_000_000
 
@@ -32,6 +32,7 @@ def load_scenario(path: str | Path) -> Scenario:
 def read_scenario(text: str, path: str = "scenario") -> Scenario:
     """Return the scenario of a TOML text; ``path`` is what messages call it."""
     place = Place(path)
+    check_keys(text, place)
     try:
         table = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:

@@ -212,7 +212,7 @@ def test_identifiers_are_written_in_several_ways(key: str, tmp_path: Path) -> No
         ("ports = yes", ", line 1, column 9", "no TOML: Invalid value", "stand in quotes"),
         ("ports = [", ", line 1, column 10", "no TOML: Invalid value", "stand in quotes"),
         ("definitions = 'no/*.gvl'", ": definitions[0]", "no file matches 'no/*.gvl'", "are relative to"),
-        ("definitions = ['']", ": definitions[0]", "''", ""),
+        ("definitions = ['']", ": definitions[0]", "is empty", ""),
         ("definitions = 'a/b**'", ": definitions[0]", "cannot be followed: Invalid pattern", ""),
         ('definitions = "a\\u0000"', ": definitions[0]", "no file matches 'a\\x00'", ""),
         ("[nodes]\npress = {}", ': nodes."press"', "'press' is no IP address", '"192.168.1.10" ='),
