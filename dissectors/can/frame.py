@@ -21,8 +21,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, U32, Bool, LinkType, PacketBatch, Records
-from dissectors.headers import SLL, SLL2, SLL2_INTERFACE, TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL
+from dissectors.batch import I64, U8, U16, U32, Bool, Direction, LinkType, PacketBatch, Records
+from dissectors.headers import PACKET_OUTGOING, SLL, SLL2, SLL2_INTERFACE, TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL
 from dissectors.layout import Bit, Field, Layout
 
 EXTENDED = Bit(31, "extended", "extended frame: an identifier of 29 bits")
@@ -77,19 +77,21 @@ class CanBatch:
 
     ``data`` is the buffer that ``at`` points into: ``captured`` bytes of a frame's data lie from ``at``, none of a
     remote frame. ``row`` is the row of the packet, ``channel`` the bus (for SLL2 in a batch without channels: the index
-    of the interface). ``identifier`` has no flag bits; of an error frame it holds the classes
+    of the interface). ``direction`` is a ``Direction``, from the capture or a cooked header. ``identifier`` has no flag
+    bits; of an error frame it holds the classes
     (``dissectors.can.error``). An error frame is neither extended nor remote, and no FD frame is remote or error.
     ``length`` is what the frame tells, be it possible or not; ``dlc`` is the data length code on the wire: up to 8, for
     CAN FD up to 15, and of a classic frame of 8 bytes 9 to 15 where the frame tells it (``len8_dlc``). Where ``fault``
     is SHORT, all that is told is 0.
-    All columns have shape (n,); row, ts_ns and at int64, channel uint16, identifier uint32, length, dlc, captured and
-    fault (``Fault``) uint8, the rest bool.
+    All columns have shape (n,); row, ts_ns and at int64, channel uint16, identifier uint32, direction, length, dlc,
+    captured and fault (``Fault``) uint8, the rest bool.
     """
 
     data: U8
     row: I64
     ts_ns: I64
     channel: U16
+    direction: U8
     identifier: U32
     extended: Bool
     remote: Bool
@@ -181,8 +183,8 @@ def dissect_can(packets: PacketBatch, rows: I64 | None = None) -> CanBatch:
     whole = len(spans.row) == len(packets)
     ts_ns = packets.ts_ns if whole else packets.ts_ns[spans.row]
     return CanBatch(
-        packets.data, spans.row, ts_ns, _channels(packets, spans), identifier, extended, remote, error, fd, brs, esi,
-        length, _dlc(head, length, fd, error), at, captured.astype(np.uint8), fault,
+        packets.data, spans.row, ts_ns, _channels(packets, spans), _directions(packets, spans), identifier, extended,
+        remote, error, fd, brs, esi, length, _dlc(head, length, fd, error), at, captured.astype(np.uint8), fault,
     )  # fmt: skip
 
 
@@ -208,8 +210,8 @@ class _Spans:
 
     ``row`` is the row of the packet; ``at`` and ``end`` are absolute offsets of the frame and of the end of what was
     captured, int64. ``protocol`` is uint16: 0 where the link type says CAN, else the cooked frame's ``TYPE_CAN…``.
-    ``interface`` (uint32) is the index that an SLL2 header tells, 0 elsewhere. ``cooked`` is False where all protocols
-    are 0. All columns have shape (n,).
+    ``interface`` (uint32) is the index that an SLL2 header tells, 0 elsewhere; ``direction`` (uint8) is what the packet
+    type of a cooked header says. ``cooked`` is False where all protocols are 0. All columns have shape (n,).
     """
 
     row: I64
@@ -217,6 +219,7 @@ class _Spans:
     end: I64
     protocol: U16
     interface: U32
+    direction: U8
     cooked: bool
 
 
@@ -230,8 +233,10 @@ def _spans(batch: PacketBatch, rows: I64 | None = None) -> _Spans:
     end = at + captured
     if batch.single_link == LinkType.CAN_SOCKETCAN:
         nothing = np.broadcast_to(np.uint32(0), (len(rows),))
-        return _Spans(rows, at, end, PacketBatch.link_column(0, len(rows)), nothing, False)
+        unknown = np.broadcast_to(np.uint8(Direction.UNKNOWN), (len(rows),))
+        return _Spans(rows, at, end, PacketBatch.link_column(0, len(rows)), nothing, unknown, False)
     protocol, interface = np.zeros(len(rows), np.uint16), np.zeros(len(rows), np.uint32)
+    direction = np.zeros(len(rows), np.uint8)
     start = at.copy()
     mine = links == LinkType.CAN_SOCKETCAN
     for link, layout in _COOKED.items():
@@ -241,11 +246,14 @@ def _spans(batch: PacketBatch, rows: I64 | None = None) -> _Spans:
             kind = head["type"].astype(np.uint16)
             protocol[positions] = kind
             mine[positions] = (kind >= TYPE_CAN) & (kind <= TYPE_CAN_XL)
+            direction[positions] = np.where(head["packet_type"] == PACKET_OUTGOING, Direction.TX, Direction.RX)
             if layout is SLL2:
                 inside = np.ascontiguousarray(head["interface"]).view(SLL2_INTERFACE.dtype)
                 interface[positions] = inside["index"]
             start[positions] += layout.size_bytes
-    return _Spans(rows[mine], start[mine], end[mine], protocol[mine], interface[mine], True)
+    return _Spans(
+        rows[mine], start[mine], end[mine], protocol[mine], interface[mine], direction[mine], True
+    )  # fmt: skip
 
 
 def _bit(numbers: U8, position: int) -> Bool:
@@ -275,6 +283,13 @@ def channels_of(packets: PacketBatch) -> U16:
     column = np.zeros(len(packets), np.uint16)
     column[spans.row] = _channels(packets, spans)
     return column
+
+
+def _directions(packets: PacketBatch, spans: _Spans) -> U8:
+    if packets.direction is None:
+        return spans.direction
+    told = packets.direction if len(spans.row) == len(packets) else packets.direction[spans.row]
+    return np.where(told == Direction.UNKNOWN, spans.direction, told) if spans.cooked else told
 
 
 def _channels(packets: PacketBatch, spans: _Spans) -> U16:

@@ -98,8 +98,6 @@ def _candump_screen(head: bytes) -> tuple[str, str] | None:
     return "what candump shows on a screen, expected its log", "record with candump -L, or candump -l for a file"
 
 
-_PYTHON_CAN = "nvscope.capture.can.log:CanLogReader"
-
 FORMATS = (
     CaptureFormat(
         name="pcap",
@@ -131,27 +129,46 @@ FORMATS = (
     CaptureFormat(
         name="asc",
         suffixes=(".asc",),
-        reader=_PYTHON_CAN,
+        reader="nvscope.capture.can.asc:AscReader",
         is_line=_begins(rb"(?i)\s*(?:date\s+\w{2,3}\s|base\s+(?:hex|dec)\b)"),
         only_can=True,
     ),
-    CaptureFormat(name="blf", suffixes=(".blf",), reader=_PYTHON_CAN, magics=(b"LOGG",), only_can=True),
+    CaptureFormat(
+        name="blf",
+        suffixes=(".blf",),
+        reader="nvscope.capture.can.blf:BlfReader",
+        magics=(b"LOGG",),
+        only_can=True,
+    ),
     CaptureFormat(
         name="trc",
         suffixes=(".trc",),
-        reader=_PYTHON_CAN,
+        reader="nvscope.capture.can.trc:TrcReader",
         is_line=_begins(rb"\s*;\$FILEVERSION\s*=|\s*;\s+Start time:|\s*\d+\)\s+\d+(?:\.\d+)?\s+\S"),
         only_can=True,
     ),
     CaptureFormat(
         name="csv",
         suffixes=(".csv",),
-        reader=_PYTHON_CAN,
+        reader="nvscope.capture.can.csv_log:CsvReader",
         is_line=_begins(rb"timestamp,arbitration_id,"),
         only_can=True,
     ),
-    CaptureFormat(name="sqlite", suffixes=(".db",), reader=_PYTHON_CAN, magics=(b"SQLite format 3\0",), only_can=True),
-    CaptureFormat(name="mf4", suffixes=(".mf4",), reader=_PYTHON_CAN, magics=(b"MDF     ",), only_can=True),
+    CaptureFormat(
+        name="sqlite",
+        suffixes=(".db",),
+        reader="nvscope.capture.can.sqlite_log:SqliteReader",
+        magics=(b"SQLite format 3\0",),
+        only_can=True,
+    ),
+    CaptureFormat(
+        name="mf4",
+        suffixes=(".mf4",),
+        reader="nvscope.capture.can.mdf:MdfReader",
+        # Loggers finish a file when they close it, which many never do.
+        magics=(b"MDF     ", b"UnFinMF "),
+        only_can=True,
+    ),
 )
 
 CAN_LOGS = frozenset(known.name for known in FORMATS if known.only_can)

@@ -234,6 +234,9 @@ class Timeline:
         channel = None
         if any(batch.channel is not None for batch in batches):
             channel = np.concatenate([batch.channels for batch in batches])[order]
+        direction = None
+        if any(batch.direction is not None for batch in batches):
+            direction = np.concatenate([batch.directions for batch in batches])[order]
         done = [0] * len(batches)
         for rows in stretches(captured, self._batch_packets, self._batch_bytes):
             counts = np.bincount(origin[rows], minlength=len(batches)).tolist()
@@ -244,7 +247,8 @@ class Timeline:
                 offset[origin[rows] == number] = part
             column = PacketBatch.link_column(only or 0, len(offset)) if link is None else link[rows]
             own = None if channel is None else channel[rows]
-            yield PacketBatch(data, offset, captured[rows], original[rows], ts_ns[rows], column, own)
+            way = None if direction is None else direction[rows]
+            yield PacketBatch(data, offset, captured[rows], original[rows], ts_ns[rows], column, own, direction=way)
             done = [at + count for at, count in zip(done, counts, strict=True)]
 
 
