@@ -53,6 +53,10 @@ class Direction(IntEnum):
     TX = 2
 
 
+DIRECTION_NAMES = ("", "Rx", "Tx")
+"""What CAN tools call directions, by number; '' where it is unknown."""
+
+
 @dataclass(frozen=True, slots=True)
 class PacketBatch:
     """Some packets of a capture, in the order of the capture.

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from dissectors.batch import Direction
 from nvscope.capture.capture_file import CaptureFile
+from nvscope.capture.open import open_sink, open_source
 from tests.capture.can.logs import Frame, frames_of
 
 DATE = "Sat Sep 30 10:06:13.191 PM 2017"
@@ -18,12 +22,13 @@ START_NS = 1_506_809_173_191_000_000
 
 
 @pytest.fixture
-def zone(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+def zone(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[None]:
     """The local time zone for a test that asks for one."""
     monkeypatch.setenv("TZ", request.param)
     time.tzset()
-    request.addfinalizer(time.tzset)
-    request.addfinalizer(monkeypatch.undo)
+    yield
+    monkeypatch.undo()
+    time.tzset()
 
 
 utc = pytest.mark.parametrize("zone", ["UTC"], indirect=True)
@@ -61,7 +66,8 @@ FAST = "0 0 2 4 01 02"
         ("2.5 CANFD 1 Rx 300x  0 1 9 12 " + "0a " * 12 + "1 2 1000 4 5 6 7 8", (0x300, "xfs", 12, b"\n" * 12, 0)),
         # A classic frame, a remote one and an empty one of CAN FD, as their flags say.
         ("2.5 CANFD 1 Rx 300  0 0 2 2 01 02 1 2 200000 4 5 6 7 8", (0x300, "", 2, b"\1\2", 0)),
-        ("2.5 CANFD 1 Tx 50005x 0 1 5 0 140000 73 200050 7a60 46500250 460a0250 20011736 20010205", (0x50005, "xr", 5, b"", 0)),
+        ("2.5 CANFD 1 Tx 50005x 0 1 5 0 140000 73 200050 7a60 46500250 460a0250 20011736 20010205",
+         (0x50005, "xr", 5, b"", 0)),
         ("2.5 CANFD 1 Rx 300  0 0 0 0 1 2 1000 4 5 6 7 8", (0x300, "f", 0, b"", 0)),
         ("2.5 CANFD 1 Rx 300  0 0 5 0", (0x300, "r", 5, b"", 0)),
         ("2.5 1 ErrorFrame", (0, "e", 8, bytes(8), 0)),
@@ -108,8 +114,10 @@ def test_lines_of_asc_that_are_no_frames(tmp_path: Path, line: str) -> None:
         ("0.5 1  Speed Rx d 1 01", "no identifier in 'Speed'"), ("0.5 1  800 Rx d 0", "of more than 11 bits"),
         ("0.5 1  20000000x Rx d 0", "of more than 29 bits"), ("0.5 1  123 Rx d 1f 1", "a data length code of 31"),
         ("0.5 1x  123 Rx d 0", "no channel"), ("0.5 CANFD 1 Rx", "the line ends before a frame"),
-        ("0.5 CANFD 1 Rx 300 0 0", "the line ends before the data"), ("0.5 CANFD 1 Rx 300 0 0 9 12 01", "1 of 12 bytes"),
-        ("0.5 CANFD 1 Rx 300 0 0 2 3 01 02 03", "where the code 2 means 2"), ("0.5 CANFD 1 Up 300 " + FAST, "no direction"),
+        ("0.5 CANFD 1 Rx 300 0 0", "the line ends before the data"),
+        ("0.5 CANFD 1 Rx 300 0 0 9 12 01", "1 of 12 bytes"),
+        ("0.5 CANFD 1 Rx 300 0 0 2 3 01 02 03", "where the code 2 means 2"),
+        ("0.5 CANFD 1 Up 300 " + FAST, "no direction"),
         ("9999999999.0 1 123 Rx d 0", "a time after 2116"),
     ],
 )  # fmt: skip
@@ -227,7 +235,8 @@ def test_lines_of_trc_that_are_no_frames(tmp_path: Path, head: str, line: str) -
     ("line", "told"),
     [
         ("what a crash left here", "no number of a message"), ("  2  1", "no type"), ("  2  1.0 DT", "no identifier"),
-        ("  2  1.0 XY 1 0100 Rx - 1 00", "no type of a message in 'XY'"), ("  2  1.0 DT 1 0100 Rx - 8 00", "1 of 8 bytes"),
+        ("  2  1.0 XY 1 0100 Rx - 1 00", "no type of a message in 'XY'"),
+        ("  2  1.0 DT 1 0100 Rx - 8 00", "1 of 8 bytes"),
         ("  2  1.0 DT 1 0100 Rx - 8", "0 of 8 bytes"), ("  2  x DT 1 0100 Rx - 1 00", "no time in 'x'"),
         ("  2  1.0 DT 1 0100 Rx - 1 0g", "no byte of data"), ("  2  1.0 DT b 0100 Rx - 1 00", "no bus"),
         ("  2  1.0 FD 1 0100 Rx - 9 00", "1 of 12 bytes"), ("  2  1.0 DT 1 0800 Rx - 0", "of more than 11 bits"),
@@ -258,3 +267,37 @@ def test_directions(tmp_path: Path, name: str, text: str) -> None:
     (batch,) = source
     told = [Direction.RX, Direction.TX, Direction.UNKNOWN]
     assert batch.directions.tolist() == told * (len(batch) // 3)
+
+
+@pytest.mark.parametrize("suffix", [".pcapng", ".log"])
+def test_directions_are_written_and_read_again(tmp_path: Path, suffix: str) -> None:
+    source, _ = read(tmp_path / "a.asc", ASC + "0.1 1 123 Rx d 1 11\n0.2 1 123 Tx d 2 11 22\n0.3 1 ErrorFrame\n" * 3)
+    (batch,) = source
+    with open_sink(str(tmp_path / f"b{suffix}"), source.channels) as sink:
+        sink.write(batch)
+    (again,) = CaptureFile(str(tmp_path / f"b{suffix}"))
+    assert again.directions.tolist() == batch.directions.tolist() == [1, 2, 0] * 3
+    assert [again.packet(row) for row in range(9)] == [batch.packet(row) for row in range(9)]
+
+
+def test_directions_of_files_are_kept_where_they_are_merged(tmp_path: Path) -> None:
+    for name, way in (("a", "R"), ("b", "T")):
+        lines = [f"({number}.{ord(name)}) can0 123#11 {way}\n" for number in range(5)]
+        (tmp_path / f"{name}.log").write_text("".join(lines))
+    (tmp_path / "c.log").write_text("(9.0) can0 123#11\n")
+    source = open_source([str(tmp_path / f"{name}.log") for name in "abc"])
+    told = [way for batch in source for way in batch.directions.tolist()]
+    assert told == [1, 2] * 5 + [0]
+    part = open_source([str(tmp_path / "a.log")]).between(2 * 10**9, None)
+    assert [way for batch in part for way in batch.directions.tolist()] == [1] * 3
+
+
+@pytest.mark.skipif(not shutil.which("tshark"), reason="no tshark")
+def test_directions_are_those_that_tshark_reads(tmp_path: Path) -> None:
+    source, _ = read(tmp_path / "a.asc", ASC + "0.1 1 123 Rx d 1 11\n0.2 1 123 Tx d 2 11 22\n0.3 1 ErrorFrame\n")
+    with open_sink(str(tmp_path / "b.pcapng"), source.channels) as sink:
+        for batch in source:
+            sink.write(batch)
+    command = ["tshark", "-r", str(tmp_path / "b.pcapng"), "-T", "fields", "-e", "frame.packet_flags_direction"]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n")
+    assert [int(one, 16) if one else 0 for one in told[:3]] == [1, 2, 0]
