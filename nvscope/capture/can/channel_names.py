@@ -20,10 +20,10 @@ class ChannelNames:
 
     def __init__(self, names: list[str]) -> None:
         self._names = names
-        self._numbers: dict[int | None, int] = {}
+        self._numbers: dict[int | str | None, int] = {}
 
-    def number(self, told: int | None) -> int:
-        """Return the place of the channel that a log calls by a number; raises TooManyChannels."""
+    def number(self, told: int | str | None) -> int:
+        """Return the place of the channel that a log calls by a number or a name; raises TooManyChannels."""
         known = self._numbers.get(told)
         if known is not None:
             return known
@@ -33,6 +33,6 @@ class ChannelNames:
             if not self._names and None in self._numbers:
                 # What came before has no name, which need not be said as long as nothing has one.
                 self._names.append("")
-            self._names.append("" if told is None else f"can{told}")
+            self._names.append("" if told is None else told if isinstance(told, str) else f"can{told}")
         number = self._numbers[told] = max(len(self._names) - 1, 0)
         return number

@@ -23,10 +23,10 @@ _CHUNK_FRAMES = 4096
 
 
 class LoggedFrame(NamedTuple):
-    """A frame, and its channel: the number that the log gives it, None where it gives none."""
+    """A frame, and its channel: the number or the name that the log gives it, None where it gives none."""
 
     frame: CanFrame
-    channel: int | None
+    channel: int | str | None
 
 
 class LineFormat(Protocol):
@@ -95,13 +95,13 @@ class TextLogReader(Reader):
         yield from batches.add(CanRows.of(frames, channels))
 
     def _fault(self, what: str, count: int = 1) -> None:
-        if not self._wrong:
+        if not self._first_fault[1]:
             self._first_fault = self.position, what
         self._wrong += count
 
     def _tell(self) -> None:
-        if self._wrong:
-            at, what = self._first_fault
-            more = "the line is left out" if self._wrong == 1 else f"{self._wrong} such lines are left out"
-            self.progress.left_out = f"{what}; {more}"
+        at, what = self._first_fault
+        if what:
+            more = "; the line is left out" if self._wrong == 1 else f"; {self._wrong} such lines are left out"
+            self.progress.left_out = what + (more if self._wrong else "")
             self.progress.truncation = Truncation(at, self.progress.left_out)

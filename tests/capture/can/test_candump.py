@@ -244,13 +244,6 @@ def test_a_log_whose_begin_is_damaged_is_still_told_to_be_one(tmp_path: Path) ->
     assert source.infos[0].truncation.message.startswith("line 1, column 1")
 
 
-def test_what_candump_shows_on_a_screen_is_no_log(tmp_path: Path) -> None:
-    path = tmp_path / "a.log"
-    path.write_text("  can0  181   [8]  00 11 22 33 44 55 66 77\n" * 3)
-    with pytest.raises(UnreadableInput, match="on a screen"):
-        open_source([str(path)])
-
-
 COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
     "gz": gzip.compress,
     "zst": zstandard.ZstdCompressor().compress,
