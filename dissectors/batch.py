@@ -42,6 +42,7 @@ class LinkType(IntEnum):
     CAN_SOCKETCAN = 227
     IPV4 = 228
     IPV6 = 229
+    UPPER_PDU = 252
     LINUX_SLL2 = 276
 
 

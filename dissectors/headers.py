@@ -43,6 +43,17 @@ SLL2 = Layout(
     ),
     "Linux cooked capture v2",
 )
+UPPER_PDU_TAG = Layout(
+    "exported_pdu",
+    (
+        Field("tag", ">u2", "Tag", "0 the end, 12 the dissector's name"),
+        Field("length", ">u2", "Length", "bytes of the tag's value that follow"),
+    ),
+    "Exported PDU",
+)
+PDU_TAG_END, PDU_TAG_DISSECTOR = 0, 12
+"""Tags in front of a PDU that Wireshark exported (``wsutil/exported_pdu_tlvs.h``): the last one, the dissector."""
+
 PACKET_OUTGOING = 4
 """The packet type of SLL and SLL2 where the capturing host sent it (``PACKET_OUTGOING`` of ``linux/if_packet.h``)."""
 

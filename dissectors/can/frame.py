@@ -22,7 +22,18 @@ from enum import IntEnum
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, Bool, Direction, LinkType, PacketBatch, Records
-from dissectors.headers import PACKET_OUTGOING, SLL, SLL2, SLL2_INTERFACE, TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL
+from dissectors.headers import (
+    PACKET_OUTGOING,
+    PDU_TAG_DISSECTOR,
+    PDU_TAG_END,
+    SLL,
+    SLL2,
+    SLL2_INTERFACE,
+    TYPE_CAN,
+    TYPE_CAN_FD,
+    TYPE_CAN_XL,
+    UPPER_PDU_TAG,
+)
 from dissectors.layout import Bit, Field, Layout
 
 EXTENDED = Bit(31, "extended", "extended frame: an identifier of 29 bits")
@@ -54,6 +65,10 @@ FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 DLC_OF_LENGTH: U8 = np.searchsorted(FD_LENGTHS, np.arange(MAX_FD_DATA_BYTES + 1)).astype(np.uint8)
 """The smallest DLC of CAN FD that holds so many bytes of data, shape (65,)."""
 
+# Frames in the byte order of the host, as Wireshark exports them, are those of cooked captures.
+_PDU_DISSECTORS = {b"can-hostendian": TYPE_CAN, b"canfd": TYPE_CAN_FD, b"can-bigendian": 0}
+_MAX_PDU_TAGS = 32
+_NAME_BYTES = 16
 _XL = 0x80  # CANXL_XLF: where classic and FD frames have their length, CAN XL has flags, this one always set
 _COOKED = {LinkType.LINUX_SLL: SLL, LinkType.LINUX_SLL2: SLL2}
 _KNOWN_FD_FLAGS = sum(bit.mask for bit in FRAME["fd_flags"].bits)
@@ -120,7 +135,7 @@ class CanBatch:
 
 
 def dissect_can(packets: PacketBatch, rows: I64 | None = None) -> CanBatch:
-    """Find and read every CAN frame of a packet batch: of link type 227, and inside of SLL and SLL2.
+    """Find and read every CAN frame of a packet batch: of link type 227, inside of SLL and SLL2, in exported PDUs.
 
     Where ``rows`` (rising) are given, only these packets are looked at. Total: wrong bytes are frames with a fault, or
     no frames; nothing raises.
@@ -224,7 +239,10 @@ class _Spans:
 
 
 def _spans(batch: PacketBatch, rows: I64 | None = None) -> _Spans:
-    """Find the CAN frames of a packet batch, or of some of its rows (rising): of link type 227, and in SLL and SLL2."""
+    """Find the CAN frames of a packet batch, or of some of its rows (rising).
+
+    Of link type 227, in SLL and SLL2, and in PDUs that Wireshark exported.
+    """
     if rows is None:
         rows, links = np.arange(len(batch)), batch.link
         at, captured = batch.offset, batch.captured
@@ -251,9 +269,56 @@ def _spans(batch: PacketBatch, rows: I64 | None = None) -> _Spans:
                 inside = np.ascontiguousarray(head["interface"]).view(SLL2_INTERFACE.dtype)
                 interface[positions] = inside["index"]
             start[positions] += layout.size_bytes
+    exported = np.flatnonzero(links == LinkType.UPPER_PDU)
+    if len(exported):
+        begin, kind = start[exported], protocol[exported]
+        mine[exported] = _inside_pdus(batch.data, at[exported], end[exported], begin, kind)
+        start[exported], protocol[exported] = begin, kind
     return _Spans(
         rows[mine], start[mine], end[mine], protocol[mine], interface[mine], direction[mine], True
     )  # fmt: skip
+
+
+def _dissectors(data: U8, at: I64, size: I64) -> I64:
+    """Return the places in ``_PDU_DISSECTORS``, from 1, of the names of at most ``_NAME_BYTES`` bytes; 0 of others."""
+    every: Records = np.ndarray((len(data) - _NAME_BYTES + 1,), f"V{_NAME_BYTES}", data, strides=(1,))
+    text = every[at].view(np.uint8).reshape(-1, _NAME_BYTES)
+    text[np.arange(_NAME_BYTES) >= size[:, np.newaxis]] = 0
+    number = np.zeros(len(at), np.int64)
+    for place, name in enumerate(_PDU_DISSECTORS, 1):
+        number[(text == np.frombuffer(name.ljust(_NAME_BYTES, b"\0"), np.uint8)).all(axis=1)] = place
+    return number
+
+
+def _inside_pdus(data: U8, at: I64, end: I64, start: I64, protocol: U16) -> Bool:
+    """Find the frames inside of PDUs that Wireshark exported: fill in ``start`` and ``protocol`` of those that are CAN.
+
+    Tags stand in front of a frame, and one has the name of its dissector.
+    """
+    found: Bool = np.zeros(len(at), np.bool_)
+    named = np.zeros(len(at), np.int64)
+    here = at.copy()
+    rows = np.flatnonzero(here + UPPER_PDU_TAG.size_bytes <= end)
+    for _ in range(_MAX_PDU_TAGS):
+        if not len(rows):
+            break
+        tag = UPPER_PDU_TAG.gather(data, here[rows])
+        size = tag["length"].astype(np.int64)
+        here[rows] += UPPER_PDU_TAG.size_bytes
+        told = np.flatnonzero(
+            (tag["tag"] == PDU_TAG_DISSECTOR) & (size <= _NAME_BYTES) & (here[rows] + size <= end[rows])
+        )
+        if len(told):
+            named[rows[told]] = _dissectors(data, here[rows[told]], size[told])
+        ends = tag["tag"] == PDU_TAG_END
+        here[rows] += size
+        ended = rows[ends]
+        found[ended] = named[ended] > 0
+        rows = rows[~ends]
+        rows = rows[here[rows] + UPPER_PDU_TAG.size_bytes <= end[rows]]
+    start[found] = here[found]
+    protocol[found] = np.array([0, *_PDU_DISSECTORS.values()], np.uint16)[named[found]]
+    return found
 
 
 def _bit(numbers: U8, position: int) -> Bool:
