@@ -138,7 +138,9 @@ class Inquiry:
         return source if self.asked is None else part_of(source, self.asked, lambda: self._end_ns)
 
     def _whole(self) -> Source:
-        return open_source(self.captures) if isinstance(self.captures, Sequence) else self.captures
+        if not isinstance(self.captures, Sequence):
+            return self.captures
+        return open_source(self.captures, renamed=self.project.channels)
 
     def latest_ns(self, told: str) -> int | None:
         """Return the latest time of the captures, None where they hold no packet; nothing else of them is looked at.

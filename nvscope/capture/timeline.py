@@ -10,8 +10,9 @@ packet, so that the others need not wait for one.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Protocol
 from weakref import ReferenceType, ref
 
@@ -94,12 +95,21 @@ class Timeline:
     """The packets of several tracks by time, and what is known of the tracks in the order they were given.
 
     Channels of one name are one channel, whichever track they are of; those beyond 65 536 names are the last one.
+    ``renamed`` are the names that channels are given in place of those that their tracks tell.
     A track that says ``until_ns`` does not hold back the others; where all do, and none has packets, so does the
     timeline.
     """
 
-    def __init__(self, tracks: Sequence[Track], *, batch_packets: int = 32_768, batch_bytes: int = BATCH_BYTES) -> None:
+    def __init__(
+        self,
+        tracks: Sequence[Track],
+        *,
+        batch_packets: int = 32_768,
+        batch_bytes: int = BATCH_BYTES,
+        renamed: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self._tracks = tracks
+        self._renamed = renamed
         self._files = [track if isinstance(track, FileSource) else None for track in tracks]
         self.channels: list[str] = []
         self._numbers: dict[str, int] = {}
@@ -208,7 +218,8 @@ class Timeline:
             own = channels_of(batch)
             number = np.zeros(int(own.max(initial=0)) + 1, np.uint16)
             for place in np.flatnonzero(np.bincount(own)).tolist():
-                name = channel_name(track.channels, place)
+                told = channel_name(track.channels, place)
+                name = self._renamed.get(told, told)
                 if name not in self._numbers and len(self.channels) <= _MAX_CHANNEL:
                     self._numbers[name] = len(self.channels)
                     self.channels.append(name)

@@ -9,6 +9,7 @@ import typer
 
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.sources import (
+    ChannelMapOption,
     DecodeOption,
     FilterOption,
     ReadOption,
@@ -16,6 +17,7 @@ from nvscope.cli.sources import (
     chosen,
     port_rules,
     tell_of_losses,
+    with_channels,
 )
 from nvscope.errors import ExitCode, UsageError
 
@@ -74,6 +76,7 @@ def export(
     gvl: GvlOption = None,
     project: ProjectOption = None,
     decode: DecodeOption = None,
+    channel_map: ChannelMapOption = None,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="No progress bar; of the files, only what was left out.")
     ] = False,
@@ -110,7 +113,7 @@ def export(
     from nvscope.export.files import Files, format_of
 
     format_of(write)
-    inquiry = Inquiry(paths, project_of(project, gvl), ports, watch=watching(quiet=quiet))
+    inquiry = Inquiry(paths, with_channels(project_of(project, gvl), channel_map), ports, watch=watching(quiet=quiet))
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
     if layouts is not None:

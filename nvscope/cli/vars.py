@@ -12,6 +12,7 @@ import typer
 
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.sources import (
+    ChannelMapOption,
     DecodeOption,
     FilterOption,
     ReadOption,
@@ -19,6 +20,7 @@ from nvscope.cli.sources import (
     chosen,
     port_rules,
     tell_of_losses,
+    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import CaptureError, ExitCode, UsageError
@@ -73,6 +75,7 @@ def variables(
         typer.Option("--json", help="Print JSON (nvscope.vars/1, nvscope.history/1, nvscope.at/1, nvscope.infer/1)."),
     ] = False,
     decode: DecodeOption = None,
+    channel_map: ChannelMapOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -85,7 +88,7 @@ def variables(
     paths = chosen(sources, read)
     ports = port_rules(decode)
     _check(gvl, history, every, at, infer, write)
-    plant = project_of(project, gvl)
+    plant = with_channels(project_of(project, gvl), channel_map)
     if not infer and not plant.files:
         raise UsageError(
             "no definition is given",
