@@ -8,7 +8,7 @@ MAX_LINE_BYTES = 64 << 10
 
 
 class TextLines:
-    """The lines of a text, each with a line end.
+    """The lines of a text, each with a line end; "" says that there is nothing for the moment.
 
     ``number`` is that of the last line, ``offset`` where it begins; ``ended`` tells whether the text has its end. A
     line of more than ``MAX_LINE_BYTES`` is left out and counted in ``too_long``, with the first one's number in
@@ -34,6 +34,9 @@ class TextLines:
         skipping = False
         following = 0
         for piece in pieces:
+            if not piece:
+                yield ""
+                continue
             lines = (rest + piece).split(b"\n")
             rest = lines.pop()
             for line in lines:

@@ -58,6 +58,14 @@ class TextLogReader(Reader):
         chunk = min(_CHUNK_FRAMES, self.sizes.batch_packets)
         lines = TextLines(self.content.pieces())
         for line in lines:
+            if not line:
+                # Who writes into a pipe wants to see what is there.
+                if frames:
+                    yield from self._add(batches, frames, channels)
+                    frames, channels = [], []
+                if batches.rows:
+                    yield batches.take()
+                continue
             self.position = lines.offset
             if self.content.failure and not lines.ended:
                 # What is left of a line whose rest could not be decompressed may look like a whole one.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -12,6 +13,7 @@ from hypothesis import HealthCheck, given
 
 from dissectors.batch import Direction
 from nvscope.capture.capture_file import CaptureFile
+from nvscope.capture.text_lines import TextLines
 from tests.capture.can import logs
 from tests.capture.can.logs import Frame, frames_of, line_of
 from tests.laws import examples
@@ -144,3 +146,21 @@ def test_it_is_the_log_that_it_is_made_of(tmp_path: Path, log: list[Frame]) -> N
     _, found = read(tmp_path / "a.txt", shown.decode("latin-1"))
     told = [frame._replace(flags=frame.flags.replace("b", "").replace("s", ""), raw_dlc=0) for frame in log]
     assert found == told
+
+
+def test_who_writes_into_a_pipe_sees_what_is_there(tmp_path: Path) -> None:
+    """A pause hands on the lines before it, without waiting for more."""
+    lines = TextLines(iter([b" (001.0)  can0  123   [1]  11\n (002.0)", b"", b"  can0  124   [1]  11\n"]))
+    assert [(line.strip()[-2:], lines.ended) for line in lines] == [("11", True), ("", True), ("11", True)]
+    script = (
+        "from nvscope.capture.open import open_source\nfor batch in open_source(['-']): print(len(batch), flush=True)"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as reader:
+        assert reader.stdin is not None
+        assert reader.stdout is not None
+        for _ in range(2):
+            reader.stdin.write(b" (001.0)  can0  123   [1]  11\n" * 300)
+            reader.stdin.flush()
+            assert reader.stdout.readline() == b"300\n"
+        reader.stdin.close()
+        assert reader.stdout.read() == b""
