@@ -73,7 +73,7 @@ class AscLines:
         text = line.strip()
         if not text or text.startswith("//"):
             return None
-        if not text.isprintable() and not text.replace("\t", " ").isprintable():
+        if not (text.isprintable() or text.replace("\t", " ").isprintable()):
             raise LineFault("characters that no log has")
         timed = _TIMED.fullmatch(text)
         if not timed:
@@ -135,14 +135,18 @@ class AscLines:
             dlc = number(rest[0], self._base, "data length code") if rest and _is_number(rest[0], self._base) else 0
             frame = remote_frame(ts_ns, word, dlc)
         elif kind == "d" and rest:
-            frame = self._data_frame(ts_ns, word, number(rest[0], self._base, "data length code"), rest[1:])
+            dlc = number(rest[0], self._base, "data length code")
+            if dlc <= MAX_DATA_BYTES:
+                return LoggedFrame(classic_frame(ts_ns, word, dlc, rest[1:], self._base, _DIRECTIONS[way]), channel)
+            frame = self._data_frame(ts_ns, word, dlc, rest[1:])
         else:
             raise LineFault("neither a data nor a remote frame behind the direction")
         return LoggedFrame(frame._replace(direction=_DIRECTIONS[way]), channel)
 
     def _data_frame(self, ts_ns: int, word: int, dlc: int, texts: list[str]) -> CanFrame:
+        """Return a frame whose data length code is above 8."""
         held = texts[:dlc]
-        fast = dlc > MAX_DATA_BYTES and dlc in FD_LENGTHS and len(held) == dlc
+        fast = dlc in FD_LENGTHS and len(held) == dlc
         if fast and all(_is_byte(text, self._base) for text in held):
             # Some programs write frames of CAN FD as if they were classic ones.
             return fd_frame(ts_ns, word, dlc, 0, texts, self._base)

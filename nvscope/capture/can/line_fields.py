@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from dissectors.batch import Direction
 from dissectors.can.frame import FD_LENGTHS
 from nvscope.capture.can.frame import (
     EXTENDED,
@@ -16,6 +17,10 @@ from nvscope.capture.can.frame import (
 )
 
 _MAX_DLC = 15
+_PAIRS = re.compile(r"(?:[0-9A-Fa-f]{2}(?: |\Z))*")
+_DIGITS = {
+    2: re.compile(r"[01]{1,12}"), 10: re.compile(r"[0-9]{1,12}"), 16: re.compile(r"[0-9A-Fa-f]{1,12}"),
+}  # fmt: skip
 _DECIMAL = re.compile(r"(-?)(\d{1,12})(?:[.,](\d{1,18}))?")
 
 
@@ -25,8 +30,7 @@ class LineFault(Exception):
 
 def number(text: str, base: int, what: str) -> int:
     """Return a number of digits alone, or say that there is none."""
-    digits = "0123456789abcdef"[:base]
-    if not text or not all(character in digits for character in text.lower()) or len(text) > 12:
+    if not _DIGITS[base].fullmatch(text):
         raise LineFault(f"no {what} in {text[:40]!r}")
     return int(text, base)
 
@@ -45,6 +49,9 @@ def data_bytes(texts: list[str], count: int, base: int) -> bytes:
     """Return the first ``count`` of some bytes, which have to be there."""
     if len(texts) < count:
         raise LineFault(f"{len(texts)} of {count} bytes of data")
+    joined = " ".join(texts[:count])
+    if base == 16 and _PAIRS.fullmatch(joined):
+        return bytes.fromhex(joined)
     told = [number(text, base, "byte of data") for text in texts[:count]]
     if any(byte > 0xFF for byte in told):
         raise LineFault("a byte of data above 255")
@@ -71,10 +78,14 @@ def remote_frame(ts_ns: int, word: int, dlc: int) -> CanFrame:
     return CanFrame(ts_ns, word | REMOTE, length, 0, raw_dlc, b"")
 
 
-def classic_frame(ts_ns: int, word: int, dlc: int, texts: list[str], base: int) -> CanFrame:
+def classic_frame(
+    ts_ns: int, word: int, dlc: int, texts: list[str], base: int, way: Direction = Direction.UNKNOWN
+) -> CanFrame:
     """Return a classic frame and the data that its data length code says."""
+    if dlc <= MAX_DATA_BYTES:
+        return CanFrame(ts_ns, word, dlc, 0, 0, data_bytes(texts, dlc, base), way)
     length, raw_dlc = classic_length(dlc)
-    return CanFrame(ts_ns, word, length, 0, raw_dlc, data_bytes(texts, length, base))
+    return CanFrame(ts_ns, word, length, 0, raw_dlc, data_bytes(texts, length, base), way)
 
 
 def fd_frame(ts_ns: int, word: int, length: int, flags: int, texts: list[str], base: int) -> CanFrame:

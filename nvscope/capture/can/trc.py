@@ -74,7 +74,7 @@ class TrcLines:
 
     def __init__(self) -> None:
         self._major, self._minor = 1, 0
-        self._columns = ""
+        self._letters = _COLUMNS_1[0]
         self._days = self._date = ""
         self._utc = False
         self._start_ns: int | None = None
@@ -87,31 +87,31 @@ class TrcLines:
             self._head(text)
             return None
         fields = self._fields(text)
-        count = fields.of("N", "number").removesuffix(")" if self._major == 1 else "")
+        told = fields.told
+        count = told["N"] if "N" in told else fields.of("N", "number")
+        if self._major == 1:
+            count = count.removesuffix(")")
         if not count.isdecimal():
             raise LineFault(f"no number of a message in {count[:40]!r}")
         ts_ns = scaled_ns(fields.of("O", "time"), _MS_NS) + self._started_ns()
-        frame = self._frame_2(ts_ns, fields) if self._major > 1 else self._frame_1(ts_ns, fields)
+        way = _DIRECTIONS.get(told.get("d", ""), Direction.UNKNOWN)
+        frame = self._frame_2(ts_ns, fields, way) if self._major > 1 else self._frame_1(ts_ns, fields, way)
         if frame is None:
             return None
-        bus = fields.told.get("B", str(_ONLY_BUS)) if "B" in self._letters else str(_ONLY_BUS)
-        channel = None if bus == "-" else number(bus, 10, "bus")
-        way = _DIRECTIONS.get(fields.told.get("d", ""), Direction.UNKNOWN)
-        return LoggedFrame(frame._replace(direction=way), channel)
-
-    @property
-    def _letters(self) -> str:
-        return self._columns or _COLUMNS_1.get(self._minor, _COLUMNS_1[3])
+        bus = told.get("B", "")
+        return LoggedFrame(frame, (None if bus == "-" else number(bus, 10, "bus")) if bus else _ONLY_BUS)
 
     def _head(self, text: str) -> None:
         if match := _VERSION.match(text):
             self._major, self._minor = int(match[1]), int(match[2])
+            # The columns of version 2 are named behind it.
+            self._letters = "" if self._major > 1 else _COLUMNS_1.get(self._minor, _COLUMNS_1[3])
         elif match := _START_DAYS.match(text):
             self._days = match[1]
         elif match := _START_DATE.match(text):
             self._date = match[1]
         elif match := _COLUMNS.match(text):
-            self._columns = match[1].replace(",", "")[:_MOST_COLUMNS]
+            self._letters = match[1].replace(",", "")[:_MOST_COLUMNS]
         elif _BY_PYTHON_CAN in text:
             self._utc = True
 
@@ -124,7 +124,7 @@ class TrcLines:
         return self._start_ns
 
     def _fields(self, text: str) -> _Fields:
-        if self._major > 1 and not self._columns:
+        if not self._letters:
             raise LineFault("no $COLUMNS before the first message")
         letters = self._letters
         words = text.split()
@@ -132,7 +132,7 @@ class TrcLines:
         # What is left empty in a status shifts the columns behind its type, which are not looked at.
         return _Fields(dict(zip(letters[:last], words, strict=False)), words[last:])
 
-    def _frame_1(self, ts_ns: int, fields: _Fields) -> CanFrame | None:
+    def _frame_1(self, ts_ns: int, fields: _Fields, way: Direction) -> CanFrame | None:
         kind = fields.told.get("d", "")
         identifier = fields.of("I", "identifier")
         if kind == "Warng" or (self._minor == 0 and identifier == _WARNING_ID):
@@ -145,14 +145,16 @@ class TrcLines:
             told = data_bytes(rest if first == _ERROR else fields.data, min(dlc, 8), 16)
             return _error(ts_ns, error_frame.of_peak(number(identifier, 16, "kind of error"), told))
         word = _word(identifier)
-        return remote_frame(ts_ns, word, dlc) if first == _REMOTE else classic_frame(ts_ns, word, dlc, fields.data, 16)
+        if first == _REMOTE:
+            return remote_frame(ts_ns, word, dlc)._replace(direction=way)
+        return classic_frame(ts_ns, word, dlc, fields.data, 16, way)
 
-    def _frame_2(self, ts_ns: int, fields: _Fields) -> CanFrame | None:
+    def _frame_2(self, ts_ns: int, fields: _Fields, way: Direction) -> CanFrame | None:
         kind = fields.of("T", "type")
         if kind in _NO_FRAMES:
             return None
         if kind == _ERROR_2:
-            return _error(ts_ns, error_frame.UNTOLD)
+            return _error(ts_ns, error_frame.UNTOLD)._replace(direction=way)
         if kind not in _FAST and kind not in (_DATA, _REMOTE_2):
             raise LineFault(f"no type of a message in {kind[:40]!r}")
         word = _word(fields.of("I", "identifier"))
@@ -163,10 +165,10 @@ class TrcLines:
             dlc = number(fields.of("L", "length"), 10, "length")
             length = FD_LENGTHS[dlc] if dlc < len(FD_LENGTHS) else dlc
         if kind == _REMOTE_2:
-            return remote_frame(ts_ns, word, dlc)
+            return remote_frame(ts_ns, word, dlc)._replace(direction=way)
         if kind in _FAST:
-            return fd_frame(ts_ns, word, length, _FAST[kind], fields.data, 16)
-        return classic_frame(ts_ns, word, dlc, fields.data, 16)
+            return fd_frame(ts_ns, word, length, _FAST[kind], fields.data, 16)._replace(direction=way)
+        return classic_frame(ts_ns, word, dlc, fields.data, 16, way)
 
 
 class TrcReader(TextLogReader):
