@@ -289,3 +289,11 @@ def test_objects_are_found_at_once_where_they_are_found_one_by_one(tmp_path: Pat
     content = b"".join(pieces)
     data = np.frombuffer(content + bytes(128), np.uint8)
     assert walk(data, 0, len(content)).at.tolist() == list(walked_singly(content))
+
+
+def test_an_object_too_short_for_its_head_is_none_even_if_another_seems_to_follow(tmp_path: Path) -> None:
+    """Its type reads "LOBJ", and begins where it says that it ends."""
+    short = b"LOBJ" + struct.pack("<HHL", 32, 1, 12) + GOOD
+    source, found = read(tmp_path / "a.blf", file_head() + container(GOOD + short))
+    assert len(found) == 1
+    assert "an object of 12 bytes" in str(source.infos[0].truncation)

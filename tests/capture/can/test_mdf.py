@@ -139,3 +139,29 @@ def test_a_file_that_its_logger_did_not_finish(tmp_path: Path) -> None:
     source = CaptureFile(str(tmp_path / "b.mf4"))
     assert source.infos[0].format == "mf4"
     assert frames_of(source) == whole
+
+
+class Group:
+    """A group of frames in chunks of two."""
+
+    def __init__(self, kind: int, times: list[int]) -> None:
+        self.records = np.empty(0, RECORD)
+        self.kind, self.times = kind, times
+
+    @property
+    def ended(self) -> bool:
+        return not self.times
+
+    def fill(self) -> None:
+        if not len(self.records):
+            self.records = np.zeros(len(self.times[:2]), RECORD)
+            self.records["ts_ns"], self.records["kind"] = self.times[:2], self.kind
+            self.times = self.times[2:]
+
+
+def test_groups_are_merged_by_time() -> None:
+    """A chunk is not written beyond what others can still have; each group keeps its own order."""
+    groups = [Group(0, [1, 5, 6, 7, 9, 8]), Group(1, [2, 3, 4, 10]), Group(2, [])]
+    merged = np.concatenate(list(mdf_child._merged(groups)))  # type: ignore[arg-type]
+    assert merged["ts_ns"].tolist() == [1, 2, 3, 4, 5, 6, 7, 9, 8, 10]
+    assert merged["kind"].tolist() == [0, 1, 1, 1, 0, 0, 0, 0, 0, 1]

@@ -301,3 +301,13 @@ def test_directions_are_those_that_tshark_reads(tmp_path: Path) -> None:
     command = ["tshark", "-r", str(tmp_path / "b.pcapng"), "-T", "fields", "-e", "frame.packet_flags_direction"]
     told = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n")
     assert [int(one, 16) if one else 0 for one in told[:3]] == [1, 2, 0]
+
+
+@utc
+@pytest.mark.parametrize(
+    ("told", "hour"), [("12:06:13 AM", 0), ("12:06:13 PM", 12), ("1:06:13 PM", 13), ("12:06:13", 12)]
+)
+def test_hours_of_dates(tmp_path: Path, zone: None, told: str, hour: int) -> None:
+    text = f"date Sat Sep 30 {told} 2017\nbase hex  timestamps absolute\n0.0 1 123 Rx d 0\n"
+    seconds = one(tmp_path / "a.asc", text).ts_ns // 10**9
+    assert seconds % 86_400 == hour * 3600 + 6 * 60 + 13
