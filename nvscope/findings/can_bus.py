@@ -70,6 +70,9 @@ def judge_buses(facts: Facts) -> Iterator[Finding]:
 def _load(facts: Facts, bus: CanBusSummary) -> Iterator[Finding]:
     if bus.bit_rate is None or bus.load is None:
         return
+    times_ns = {time_ns for one in bus.identifiers for time_ns in (one.first_ns, one.last_ns)}
+    if len(times_ns) < 2:
+        return  # a log without times, or a single frame: nobody knows how long it took
     above = bus.load.second_ns[bus.load.second > facts.limits.bus_load_percent]
     if not len(above):
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from nvscope.capture.text_lines import TextLines
 from tests.capture.can import logs
 from tests.capture.can.logs import Frame, frames_of, line_of
 from tests.laws import examples
+from tests.program import run_text
 
 _slow = examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 S_NS = 10**9
@@ -87,6 +89,13 @@ def test_without_times_that_is_told(tmp_path: Path) -> None:
     source, found = read(tmp_path / "a.txt", "  can0  123   [1]  11\n" * 3)
     assert [frame.ts_ns for frame in found] == [0, 0, 0]
     assert "no times were recorded" in str(source.infos[0].truncation)
+
+
+def test_a_bus_is_not_called_busy_where_no_times_were_recorded(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("  can0  123   [8]  11 22 33 44 55 66 77 88\n" * 3000)
+    done = run_text("report", "a.txt", "--bitrate", "10k", "--json", cwd=tmp_path)
+    assert done.returncode == 3
+    assert [finding["code"] for finding in json.loads(done.stdout)["findings"]] == ["NV903"]
 
 
 def test_directions(tmp_path: Path) -> None:
