@@ -42,7 +42,20 @@ class LinkType(IntEnum):
     CAN_SOCKETCAN = 227
     IPV4 = 228
     IPV6 = 229
+    UPPER_PDU = 252
     LINUX_SLL2 = 276
+
+
+class Direction(IntEnum):
+    """Which way a packet went where it was captured, as ``epb_flags`` of pcapng number it."""
+
+    UNKNOWN = 0
+    RX = 1
+    TX = 2
+
+
+DIRECTION_NAMES = ("", "Rx", "Tx")
+"""What CAN tools call directions, by number; '' where it is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +70,7 @@ class PacketBatch:
     which of several buses or interfaces a packet was captured; None where all are of number 0.
     ``until_ns``: time has passed up to here, behind the packets, and nothing comes any more from before; an empty batch
     with it says "nothing until then". None where nobody says so; of a slice, unless it is the whole batch.
+    ``direction`` (``Direction``, uint8) is None where it is unknown of all.
     Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
     """
 
@@ -68,6 +82,7 @@ class PacketBatch:
     link: U16
     channel: U16 | None = None
     until_ns: int | None = None
+    direction: U8 | None = None
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -78,7 +93,7 @@ class PacketBatch:
         whole = self.until_ns is not None and rows.indices(len(self)) == (0, len(self), 1)
         return PacketBatch(
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows],
-            channel, self.until_ns if whole else None,
+            channel, self.until_ns if whole else None, None if self.direction is None else self.direction[rows],
         )  # fmt: skip
 
     @staticmethod
@@ -138,6 +153,11 @@ class PacketBatch:
     def channels(self) -> U16:
         """The channel of each row."""
         return PacketBatch.link_column(0, len(self)) if self.channel is None else self.channel
+
+    @property
+    def directions(self) -> U8:
+        """The direction of each row."""
+        return np.zeros(len(self), np.uint8) if self.direction is None else self.direction
 
     @property
     def single_link(self) -> int | None:

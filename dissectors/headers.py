@@ -27,7 +27,7 @@ VLAN = Layout(
 SLL = Layout(
     "sll",
     (
-        Field("packet_type", ">u2", "Packet type", "1 broadcast, 2 multicast"),
+        Field("packet_type", ">u2", "Packet type", "1 broadcast, 2 multicast, 4 sent"),
         Field("address", "V12", "Address", "hardware type, length and address of the sender"),
         Field("type", ">u2", "Protocol", "protocol inside", base="hex"),
     ),
@@ -38,11 +38,25 @@ SLL2 = Layout(
     (
         Field("type", ">u2", "Protocol", "protocol inside", base="hex"),
         Field("interface", "V8", "Interface", "reserved, interface index, hardware type"),
-        Field("packet_type", "u1", "Packet type", "1 broadcast, 2 multicast"),
+        Field("packet_type", "u1", "Packet type", "1 broadcast, 2 multicast, 4 sent"),
         Field("address", "V9", "Address", "length and hardware address of the sender"),
     ),
     "Linux cooked capture v2",
 )
+UPPER_PDU_TAG = Layout(
+    "exported_pdu",
+    (
+        Field("tag", ">u2", "Tag", "0 the end, 12 the dissector's name"),
+        Field("length", ">u2", "Length", "bytes of the tag's value that follow"),
+    ),
+    "Exported PDU",
+)
+PDU_TAG_END, PDU_TAG_DISSECTOR = 0, 12
+"""Tags in front of a PDU that Wireshark exported (``wsutil/exported_pdu_tlvs.h``): the last one, the dissector."""
+
+PACKET_OUTGOING = 4
+"""The packet type of SLL and SLL2 where the capturing host sent it (``PACKET_OUTGOING`` of ``linux/if_packet.h``)."""
+
 SLL2_INTERFACE = Layout(
     "sll2.interface",
     (

@@ -38,7 +38,12 @@ MOST_VARIETIES = 1 << 16
 """With more than these, what was learned is let go: traffic in which nothing recurs must not fill the memory."""
 
 _UNKNOWN, _PECULIAR = NOBODY, -2
-_WITHOUT_CAN = frozenset(LinkType) - {LinkType.CAN_SOCKETCAN, LinkType.LINUX_SLL, LinkType.LINUX_SLL2}
+_WITHOUT_CAN = frozenset(LinkType) - {
+    LinkType.CAN_SOCKETCAN,
+    LinkType.LINUX_SLL,
+    LinkType.LINUX_SLL2,
+    LinkType.UPPER_PDU,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +123,12 @@ class Sorter:
             frames = found
             variety[frames.row] = self._varieties.frame_numbers(frames, packets, self._pdos)
         peeled = dissection.peeled
+        unsupported = peeled.unsupported
+        if unsupported is not None and frames is not None:
+            # Of exported PDUs, CAN frames alone are read.
+            unsupported[frames.row] = False
         return SortedPackets(
-            packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, peeled.unsupported,
+            packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, unsupported,
             self._claimed(dissection, variety), peeled.tcp, frames,
         )  # fmt: skip
 

@@ -32,6 +32,12 @@ CLASSES = (
     Bit(8, "restarted", "controller restarted"),
     Bit(9, "counters", "error counters"),
 )
+UNTOLD_CLASS = "unknown"
+"""What stands for the class of an error frame that tells none: most logs record no more than that there was one."""
+
+CLASS_LABELS = {bit.name: bit.label for bit in CLASSES} | {UNTOLD_CLASS: "class not recorded"}
+"""What classes are called, by name."""
+
 LOST_ARBITRATION, CONTROLLER, PROTOCOL, TRANSCEIVER = (CLASSES[position].mask for position in range(1, 5))
 BUS_OFF, RESTARTED, COUNTERS = (CLASSES[position].mask for position in (6, 8, 9))
 
@@ -170,7 +176,9 @@ def describe_error(identifier: int, data: bytes) -> str:
         if identifier & bit.mask:
             details = _details(bit.mask, told)
             parts.append(f"{bit.label}: {', '.join(details)}" if details else bit.label)
-    return "; ".join(parts) or "an error of no known class"
+    if parts:
+        return "; ".join(parts)
+    return "an error of no known class" if identifier else f"error frame, {CLASS_LABELS[UNTOLD_CLASS]}"
 
 
 def _details(class_mask: int, told: dict[str, int]) -> list[str]:

@@ -21,8 +21,19 @@ from enum import IntEnum
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, U32, Bool, LinkType, PacketBatch, Records
-from dissectors.headers import SLL, SLL2, SLL2_INTERFACE, TYPE_CAN, TYPE_CAN_FD, TYPE_CAN_XL
+from dissectors.batch import I64, U8, U16, U32, Bool, Direction, LinkType, PacketBatch, Records
+from dissectors.headers import (
+    PACKET_OUTGOING,
+    PDU_TAG_DISSECTOR,
+    PDU_TAG_END,
+    SLL,
+    SLL2,
+    SLL2_INTERFACE,
+    TYPE_CAN,
+    TYPE_CAN_FD,
+    TYPE_CAN_XL,
+    UPPER_PDU_TAG,
+)
 from dissectors.layout import Bit, Field, Layout
 
 EXTENDED = Bit(31, "extended", "extended frame: an identifier of 29 bits")
@@ -54,6 +65,10 @@ FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 DLC_OF_LENGTH: U8 = np.searchsorted(FD_LENGTHS, np.arange(MAX_FD_DATA_BYTES + 1)).astype(np.uint8)
 """The smallest DLC of CAN FD that holds so many bytes of data, shape (65,)."""
 
+# Frames in the byte order of the host, as Wireshark exports them, are those of cooked captures.
+_PDU_DISSECTORS = {b"can-hostendian": TYPE_CAN, b"canfd": TYPE_CAN_FD, b"can-bigendian": 0}
+_MAX_PDU_TAGS = 32
+_NAME_BYTES = 16
 _XL = 0x80  # CANXL_XLF: where classic and FD frames have their length, CAN XL has flags, this one always set
 _COOKED = {LinkType.LINUX_SLL: SLL, LinkType.LINUX_SLL2: SLL2}
 _KNOWN_FD_FLAGS = sum(bit.mask for bit in FRAME["fd_flags"].bits)
@@ -77,19 +92,21 @@ class CanBatch:
 
     ``data`` is the buffer that ``at`` points into: ``captured`` bytes of a frame's data lie from ``at``, none of a
     remote frame. ``row`` is the row of the packet, ``channel`` the bus (for SLL2 in a batch without channels: the index
-    of the interface). ``identifier`` has no flag bits; of an error frame it holds the classes
+    of the interface). ``direction`` is a ``Direction``, from the capture or a cooked header. ``identifier`` has no flag
+    bits; of an error frame it holds the classes
     (``dissectors.can.error``). An error frame is neither extended nor remote, and no FD frame is remote or error.
     ``length`` is what the frame tells, be it possible or not; ``dlc`` is the data length code on the wire: up to 8, for
     CAN FD up to 15, and of a classic frame of 8 bytes 9 to 15 where the frame tells it (``len8_dlc``). Where ``fault``
     is SHORT, all that is told is 0.
-    All columns have shape (n,); row, ts_ns and at int64, channel uint16, identifier uint32, length, dlc, captured and
-    fault (``Fault``) uint8, the rest bool.
+    All columns have shape (n,); row, ts_ns and at int64, channel uint16, identifier uint32, direction, length, dlc,
+    captured and fault (``Fault``) uint8, the rest bool.
     """
 
     data: U8
     row: I64
     ts_ns: I64
     channel: U16
+    direction: U8
     identifier: U32
     extended: Bool
     remote: Bool
@@ -118,7 +135,7 @@ class CanBatch:
 
 
 def dissect_can(packets: PacketBatch, rows: I64 | None = None) -> CanBatch:
-    """Find and read every CAN frame of a packet batch: of link type 227, and inside of SLL and SLL2.
+    """Find and read every CAN frame of a packet batch: of link type 227, inside of SLL and SLL2, in exported PDUs.
 
     Where ``rows`` (rising) are given, only these packets are looked at. Total: wrong bytes are frames with a fault, or
     no frames; nothing raises.
@@ -181,8 +198,8 @@ def dissect_can(packets: PacketBatch, rows: I64 | None = None) -> CanBatch:
     whole = len(spans.row) == len(packets)
     ts_ns = packets.ts_ns if whole else packets.ts_ns[spans.row]
     return CanBatch(
-        packets.data, spans.row, ts_ns, _channels(packets, spans), identifier, extended, remote, error, fd, brs, esi,
-        length, _dlc(head, length, fd, error), at, captured.astype(np.uint8), fault,
+        packets.data, spans.row, ts_ns, _channels(packets, spans), _directions(packets, spans), identifier, extended,
+        remote, error, fd, brs, esi, length, _dlc(head, length, fd, error), at, captured.astype(np.uint8), fault,
     )  # fmt: skip
 
 
@@ -208,8 +225,8 @@ class _Spans:
 
     ``row`` is the row of the packet; ``at`` and ``end`` are absolute offsets of the frame and of the end of what was
     captured, int64. ``protocol`` is uint16: 0 where the link type says CAN, else the cooked frame's ``TYPE_CAN…``.
-    ``interface`` (uint32) is the index that an SLL2 header tells, 0 elsewhere. ``cooked`` is False where all protocols
-    are 0. All columns have shape (n,).
+    ``interface`` (uint32) is the index that an SLL2 header tells, 0 elsewhere; ``direction`` (uint8) is what the packet
+    type of a cooked header says. ``cooked`` is False where all protocols are 0. All columns have shape (n,).
     """
 
     row: I64
@@ -217,11 +234,15 @@ class _Spans:
     end: I64
     protocol: U16
     interface: U32
+    direction: U8
     cooked: bool
 
 
 def _spans(batch: PacketBatch, rows: I64 | None = None) -> _Spans:
-    """Find the CAN frames of a packet batch, or of some of its rows (rising): of link type 227, and in SLL and SLL2."""
+    """Find the CAN frames of a packet batch, or of some of its rows (rising).
+
+    Of link type 227, in SLL and SLL2, and in PDUs that Wireshark exported.
+    """
     if rows is None:
         rows, links = np.arange(len(batch)), batch.link
         at, captured = batch.offset, batch.captured
@@ -230,8 +251,10 @@ def _spans(batch: PacketBatch, rows: I64 | None = None) -> _Spans:
     end = at + captured
     if batch.single_link == LinkType.CAN_SOCKETCAN:
         nothing = np.broadcast_to(np.uint32(0), (len(rows),))
-        return _Spans(rows, at, end, PacketBatch.link_column(0, len(rows)), nothing, False)
+        unknown = np.broadcast_to(np.uint8(Direction.UNKNOWN), (len(rows),))
+        return _Spans(rows, at, end, PacketBatch.link_column(0, len(rows)), nothing, unknown, False)
     protocol, interface = np.zeros(len(rows), np.uint16), np.zeros(len(rows), np.uint32)
+    direction = np.zeros(len(rows), np.uint8)
     start = at.copy()
     mine = links == LinkType.CAN_SOCKETCAN
     for link, layout in _COOKED.items():
@@ -241,11 +264,61 @@ def _spans(batch: PacketBatch, rows: I64 | None = None) -> _Spans:
             kind = head["type"].astype(np.uint16)
             protocol[positions] = kind
             mine[positions] = (kind >= TYPE_CAN) & (kind <= TYPE_CAN_XL)
+            direction[positions] = np.where(head["packet_type"] == PACKET_OUTGOING, Direction.TX, Direction.RX)
             if layout is SLL2:
                 inside = np.ascontiguousarray(head["interface"]).view(SLL2_INTERFACE.dtype)
                 interface[positions] = inside["index"]
             start[positions] += layout.size_bytes
-    return _Spans(rows[mine], start[mine], end[mine], protocol[mine], interface[mine], True)
+    exported = np.flatnonzero(links == LinkType.UPPER_PDU)
+    if len(exported):
+        begin, kind = start[exported], protocol[exported]
+        mine[exported] = _inside_pdus(batch.data, at[exported], end[exported], begin, kind)
+        start[exported], protocol[exported] = begin, kind
+    return _Spans(
+        rows[mine], start[mine], end[mine], protocol[mine], interface[mine], direction[mine], True
+    )  # fmt: skip
+
+
+def _dissectors(data: U8, at: I64, size: I64) -> I64:
+    """Return the places in ``_PDU_DISSECTORS``, from 1, of the names of at most ``_NAME_BYTES`` bytes; 0 of others."""
+    every: Records = np.ndarray((len(data) - _NAME_BYTES + 1,), f"V{_NAME_BYTES}", data, strides=(1,))
+    text = every[at].view(np.uint8).reshape(-1, _NAME_BYTES)
+    text[np.arange(_NAME_BYTES) >= size[:, np.newaxis]] = 0
+    number = np.zeros(len(at), np.int64)
+    for place, name in enumerate(_PDU_DISSECTORS, 1):
+        number[(text == np.frombuffer(name.ljust(_NAME_BYTES, b"\0"), np.uint8)).all(axis=1)] = place
+    return number
+
+
+def _inside_pdus(data: U8, at: I64, end: I64, start: I64, protocol: U16) -> Bool:
+    """Find the frames inside of PDUs that Wireshark exported: fill in ``start`` and ``protocol`` of those that are CAN.
+
+    Tags stand in front of a frame, and one has the name of its dissector.
+    """
+    found: Bool = np.zeros(len(at), np.bool_)
+    named = np.zeros(len(at), np.int64)
+    here = at.copy()
+    rows = np.flatnonzero(here + UPPER_PDU_TAG.size_bytes <= end)
+    for _ in range(_MAX_PDU_TAGS):
+        if not len(rows):
+            break
+        tag = UPPER_PDU_TAG.gather(data, here[rows])
+        size = tag["length"].astype(np.int64)
+        here[rows] += UPPER_PDU_TAG.size_bytes
+        told = np.flatnonzero(
+            (tag["tag"] == PDU_TAG_DISSECTOR) & (size <= _NAME_BYTES) & (here[rows] + size <= end[rows])
+        )
+        if len(told):
+            named[rows[told]] = _dissectors(data, here[rows[told]], size[told])
+        ends = tag["tag"] == PDU_TAG_END
+        here[rows] += size
+        ended = rows[ends]
+        found[ended] = named[ended] > 0
+        rows = rows[~ends]
+        rows = rows[here[rows] + UPPER_PDU_TAG.size_bytes <= end[rows]]
+    start[found] = here[found]
+    protocol[found] = np.array([0, *_PDU_DISSECTORS.values()], np.uint16)[named[found]]
+    return found
 
 
 def _bit(numbers: U8, position: int) -> Bool:
@@ -275,6 +348,13 @@ def channels_of(packets: PacketBatch) -> U16:
     column = np.zeros(len(packets), np.uint16)
     column[spans.row] = _channels(packets, spans)
     return column
+
+
+def _directions(packets: PacketBatch, spans: _Spans) -> U8:
+    if packets.direction is None:
+        return spans.direction
+    told = packets.direction if len(spans.row) == len(packets) else packets.direction[spans.row]
+    return np.where(told == Direction.UNKNOWN, spans.direction, told) if spans.cooked else told
 
 
 def _channels(packets: PacketBatch, spans: _Spans) -> U16:

@@ -138,7 +138,9 @@ class Inquiry:
         return source if self.asked is None else part_of(source, self.asked, lambda: self._end_ns)
 
     def _whole(self) -> Source:
-        return open_source(self.captures) if isinstance(self.captures, Sequence) else self.captures
+        if not isinstance(self.captures, Sequence):
+            return self.captures
+        return open_source(self.captures, renamed=self.project.channels)
 
     def latest_ns(self, told: str) -> int | None:
         """Return the latest time of the captures, None where they hold no packet; nothing else of them is looked at.
@@ -317,7 +319,8 @@ class Inquiry:
     def _fields(self, verdicts: Verdicts | None) -> Mapping[str, TelegramField]:
         from nvscope.view.fields.vocabulary import vocabulary  # noqa: PLC0415
 
-        return vocabulary(self.layouts, self.names, verdicts, fields_of(self.protocols))
+        further = [kind for one in self.protocols for kind in one.findings()]
+        return vocabulary(self.layouts, self.names, verdicts, fields_of(self.protocols), further)
 
     def _judged(self, expression: str, found: Analysis) -> DisplayFilter:
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415

@@ -21,6 +21,9 @@ def join(parts: list[PacketBatch]) -> PacketBatch:
         np.concatenate([part.ts_ns for part in parts]),
         np.concatenate([part.link for part in parts]),
         None if all(part.channel is None for part in parts) else np.concatenate([part.channels for part in parts]),
+        direction=None
+        if all(part.direction is None for part in parts)
+        else np.concatenate([part.directions for part in parts]),
     )
 
 
@@ -40,6 +43,7 @@ class BatchBuilder:
         self._ts_ns = np.empty(capacity, np.int64)
         self._link: int | U16 = -1
         self._channel: U16 | None = None
+        self._direction: U8 | None = None
 
     def add(self, part: PacketBatch) -> Iterator[PacketBatch]:
         """Take the rows of ``part`` and yield the batches that become full."""
@@ -56,6 +60,10 @@ class BatchBuilder:
                 self._channel = np.zeros(self._capacity, np.uint16)
             if self._channel is not None:
                 self._channel[target] = part.channels[source]
+            if part.direction is not None and self._direction is None:
+                self._direction = np.zeros(self._capacity, np.uint8)
+            if self._direction is not None:
+                self._direction[target] = part.directions[source]
             self.rows += count
             done += count
             if self.rows == self._capacity:
@@ -79,7 +87,8 @@ class BatchBuilder:
         link = PacketBatch.link_column(self._link, self.rows) if isinstance(self._link, int) else self._link[rows]
         channel = None if self._channel is None else self._channel[rows]
         batch = PacketBatch(
-            data, self._offset[rows], self._captured[rows], self._original[rows], self._ts_ns[rows], link, channel
-        )
+            data, self._offset[rows], self._captured[rows], self._original[rows], self._ts_ns[rows], link, channel,
+            direction=None if self._direction is None else self._direction[rows],
+        )  # fmt: skip
         self._renew()
         return batch

@@ -12,7 +12,7 @@ from dissectors.batch import PacketBatch
 from nvscope.capture.between import Between
 from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES
 from nvscope.capture.content import EXPECTED, STDIN, Content, ContentSizes
-from nvscope.capture.formats import NoCapture, format_of, near_miss
+from nvscope.capture.formats import NoCapture, format_of
 from nvscope.capture.pieces import Stopped
 from nvscope.capture.reader import Progress, Reader, ReadingSizes
 from nvscope.capture.source import Attachment, SourceInfo, Truncation
@@ -211,5 +211,4 @@ class CaptureFile:
         if known is not None:
             make: type[Reader] = known.reader_class()
             return _Opened(known.name, content, make(content, sizes))
-        what, next_step = near_miss(content.head) or (f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", "")
-        raise NoCapture(what, where=content.begin, next_step=next_step)
+        raise NoCapture(f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", where=content.begin)

@@ -34,8 +34,7 @@ class CaptureFormat:
     """One capture format; ``name`` is what reports call it, ``suffixes`` those of its files.
 
     A binary format is told by ``magics``, any of which its files begin with, a text format by ``is_line``: given one of
-    the first lines, and whether all of that is there, it tells whether it is one of the format's. ``near_miss`` returns
-    what is wrong with bytes that are nearly of the format, and what to do instead.
+    the first lines, and whether all of that is there, it tells whether it is one of the format's.
 
     ``reader`` (``module:class``, made of Content and ReadingSizes) is a ``nvscope.capture.reader.Reader``. ``sink``
     (made of a path and names of channels, or None) is a ``nvscope.capture.source.Sink``, '' where nothing writes the
@@ -48,7 +47,6 @@ class CaptureFormat:
     sink: str = ""
     magics: tuple[bytes, ...] = ()
     is_line: Callable[[bytes, bool], bool] | None = None
-    near_miss: Callable[[bytes], tuple[str, str] | None] | None = None
     only_can: bool = False
     mixes_links: bool = False
     names_channels: bool = False
@@ -75,14 +73,14 @@ def _begins(pattern: bytes) -> Callable[[bytes, bool], bool]:
 
 
 _CANDUMP_BEGIN = re.compile(rb"[ \t]*\(-?\d{1,12}(?:\.\d{1,18})?\)(?:[ \t]|\Z)")
-_SCREEN = re.compile(rb"[ \t]*(?:\(\d+\.\d+\)[ \t]+)?\S+[ \t]+(?:[RT]X [ -B E]*)?[0-9A-Fa-f]{3,8}[ \t]+\[\d+\]")
+_SCREEN = re.compile(rb"[ \tm][0-9A-Fa-f]{3,8}[ \t]+(?:\[\d+\]|\{[9A-Fa-f]\})")
 
 
 def _is_candump(line: bytes, whole: bool) -> bool:
     if not _CANDUMP_BEGIN.match(line):
         return False
     if not whole:
-        return not _SCREEN.match(line)
+        return not _SCREEN.search(line)
     from nvscope.capture.can.candump_line import LineFault, parse  # noqa: PLC0415
 
     try:
@@ -92,13 +90,13 @@ def _is_candump(line: bytes, whole: bool) -> bool:
     return True
 
 
-def _candump_screen(head: bytes) -> tuple[str, str] | None:
-    if not any(_SCREEN.match(line) for line in head.splitlines()[:20]):
-        return None
-    return "what candump shows on a screen, expected its log", "record with candump -L, or candump -l for a file"
+def _is_candump_screen(line: bytes, whole: bool) -> bool:
+    if not _SCREEN.search(line):
+        return False
+    from nvscope.capture.can.candump_screen import is_screen_line  # noqa: PLC0415
 
+    return is_screen_line(line)
 
-_PYTHON_CAN = "nvscope.capture.can.log:CanLogReader"
 
 FORMATS = (
     CaptureFormat(
@@ -124,34 +122,60 @@ FORMATS = (
         reader="nvscope.capture.can.candump:CandumpReader",
         sink="nvscope.capture.can.candump_sink:CandumpSink",
         is_line=_is_candump,
-        near_miss=_candump_screen,
+        only_can=True,
+        names_channels=True,
+    ),
+    CaptureFormat(
+        name="candump-screen",
+        suffixes=(".txt",),
+        reader="nvscope.capture.can.candump_screen:ScreenReader",
+        is_line=_is_candump_screen,
         only_can=True,
         names_channels=True,
     ),
     CaptureFormat(
         name="asc",
         suffixes=(".asc",),
-        reader=_PYTHON_CAN,
+        reader="nvscope.capture.can.asc:AscReader",
         is_line=_begins(rb"(?i)\s*(?:date\s+\w{2,3}\s|base\s+(?:hex|dec)\b)"),
         only_can=True,
     ),
-    CaptureFormat(name="blf", suffixes=(".blf",), reader=_PYTHON_CAN, magics=(b"LOGG",), only_can=True),
+    CaptureFormat(
+        name="blf",
+        suffixes=(".blf",),
+        reader="nvscope.capture.can.blf:BlfReader",
+        magics=(b"LOGG",),
+        only_can=True,
+    ),
     CaptureFormat(
         name="trc",
         suffixes=(".trc",),
-        reader=_PYTHON_CAN,
+        reader="nvscope.capture.can.trc:TrcReader",
         is_line=_begins(rb"\s*;\$FILEVERSION\s*=|\s*;\s+Start time:|\s*\d+\)\s+\d+(?:\.\d+)?\s+\S"),
         only_can=True,
     ),
     CaptureFormat(
         name="csv",
         suffixes=(".csv",),
-        reader=_PYTHON_CAN,
+        reader="nvscope.capture.can.csv_log:CsvReader",
         is_line=_begins(rb"timestamp,arbitration_id,"),
         only_can=True,
     ),
-    CaptureFormat(name="sqlite", suffixes=(".db",), reader=_PYTHON_CAN, magics=(b"SQLite format 3\0",), only_can=True),
-    CaptureFormat(name="mf4", suffixes=(".mf4",), reader=_PYTHON_CAN, magics=(b"MDF     ",), only_can=True),
+    CaptureFormat(
+        name="sqlite",
+        suffixes=(".db",),
+        reader="nvscope.capture.can.sqlite_log:SqliteReader",
+        magics=(b"SQLite format 3\0",),
+        only_can=True,
+    ),
+    CaptureFormat(
+        name="mf4",
+        suffixes=(".mf4",),
+        reader="nvscope.capture.can.mdf:MdfReader",
+        # Loggers finish a file when they close it, which many never do.
+        magics=(b"MDF     ", b"UnFinMF "),
+        only_can=True,
+    ),
 )
 
 CAN_LOGS = frozenset(known.name for known in FORMATS if known.only_can)
@@ -181,11 +205,6 @@ def is_enough(head: bytes) -> bool:
         return False
     # No text begins with a NUL or a control character: what is compressed, or nothing at all.
     return len(head) >= TEXT_HEAD_BYTES or format_of(head) is not None or not _TEXT.match(head)
-
-
-def near_miss(head: bytes) -> tuple[str, str] | None:
-    """Return what first bytes of no format are nearly, and what to do instead; None where they are nothing known."""
-    return next((found for known in FORMATS if known.near_miss and (found := known.near_miss(head))), None)
 
 
 def written_as(path: str) -> CaptureFormat | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.content import STDIN
@@ -15,10 +16,13 @@ from nvscope.capture.timeline import Timeline
 from nvscope.errors import UnreadableInput, UsageError
 
 
-def open_source(paths: Sequence[str], *, batch_packets: int = 131_072) -> FileSource:
+def open_source(
+    paths: Sequence[str], *, batch_packets: int = 131_072, renamed: Mapping[str, str] = MappingProxyType({})
+) -> FileSource:
     """Return the packets of capture files as one timeline.
 
-    "-" is stdin, a directory all capture files in it. Raises UnreadableInput, also later when a file changes or goes.
+    "-" is stdin, a directory all capture files in it. ``renamed`` are names of channels by those that files tell.
+    Raises UnreadableInput, also later when a file changes or goes.
     """
     if not paths:
         raise UsageError("no capture file is given")
@@ -33,7 +37,9 @@ def open_source(paths: Sequence[str], *, batch_packets: int = 131_072) -> FileSo
             files += _open_directory(path, sizes)
         else:
             files.append(CaptureFile(path, sizes=sizes))
-    return files[0] if len(files) == 1 else Timeline(files, batch_packets=batch_packets)
+    if len(files) == 1 and not renamed:
+        return files[0]
+    return Timeline(files, batch_packets=batch_packets, renamed=renamed)
 
 
 def _open_directory(directory: str, sizes: ReadingSizes) -> list[CaptureFile]:

@@ -8,16 +8,16 @@ MAX_LINE_BYTES = 64 << 10
 
 
 class TextLines:
-    """The lines of a text, each with a line end; passed to python-can in place of an open file.
+    """The lines of a text, each with a line end; "" says that there is nothing for the moment.
 
-    ``number`` is that of the last line, ``offset`` where it begins. A line of more than ``MAX_LINE_BYTES`` is left out
-    and counted in ``too_long``, with the first one's number in ``first_too_long``. Text that is no UTF-8 is read as
-    Windows-1252, which German months in the dates of .asc files are often in.
+    ``number`` is that of the last line, ``offset`` where it begins; ``ended`` tells whether the text has its end. A
+    line of more than ``MAX_LINE_BYTES`` is left out and counted in ``too_long``, with the first one's number in
+    ``first_too_long``. Text that is no UTF-8 is read as Windows-1252, which German months in dates are often in.
     """
 
     def __init__(self, pieces: Iterator[bytes]) -> None:
         self._lines = self._split(pieces)
-        self._pushed: list[str] = []
+        self.ended = True
         self.number = 0
         self.offset = 0
         self.too_long = 0
@@ -27,22 +27,16 @@ class TextLines:
         return self
 
     def __next__(self) -> str:
-        if self._pushed:
-            return self._pushed.pop()
         return next(self._lines)
-
-    def push(self, line: str) -> None:
-        """Let a line come next that is none of the file's."""
-        self._pushed.append(line)
-
-    def close(self) -> None:
-        """Nothing: the file is closed by who opened it."""
 
     def _split(self, pieces: Iterator[bytes]) -> Iterator[str]:
         rest = b""
         skipping = False
         following = 0
         for piece in pieces:
+            if not piece:
+                yield ""
+                continue
             lines = (rest + piece).split(b"\n")
             rest = lines.pop()
             for line in lines:
@@ -64,6 +58,7 @@ class TextLines:
         if rest and not skipping:
             self.number += 1
             self.offset = following
+            self.ended = False
             yield _decoded(rest, first=self.number == 1)
 
     def _skip(self, count: int) -> None:

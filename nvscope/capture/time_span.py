@@ -72,4 +72,5 @@ def _taken(batch: PacketBatch, rows: I64) -> PacketBatch:
         batch.ts_ns[rows],
         batch.link[rows] if link is None else PacketBatch.link_column(link, len(rows)),
         None if batch.channel is None else batch.channel[rows],
+        direction=None if batch.direction is None else batch.direction[rows],
     )

@@ -10,8 +10,9 @@ packet, so that the others need not wait for one.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Protocol
 from weakref import ReferenceType, ref
 
@@ -94,12 +95,21 @@ class Timeline:
     """The packets of several tracks by time, and what is known of the tracks in the order they were given.
 
     Channels of one name are one channel, whichever track they are of; those beyond 65 536 names are the last one.
+    ``renamed`` are the names that channels are given in place of those that their tracks tell.
     A track that says ``until_ns`` does not hold back the others; where all do, and none has packets, so does the
     timeline.
     """
 
-    def __init__(self, tracks: Sequence[Track], *, batch_packets: int = 32_768, batch_bytes: int = BATCH_BYTES) -> None:
+    def __init__(
+        self,
+        tracks: Sequence[Track],
+        *,
+        batch_packets: int = 32_768,
+        batch_bytes: int = BATCH_BYTES,
+        renamed: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self._tracks = tracks
+        self._renamed = renamed
         self._files = [track if isinstance(track, FileSource) else None for track in tracks]
         self.channels: list[str] = []
         self._numbers: dict[str, int] = {}
@@ -208,7 +218,8 @@ class Timeline:
             own = channels_of(batch)
             number = np.zeros(int(own.max(initial=0)) + 1, np.uint16)
             for place in np.flatnonzero(np.bincount(own)).tolist():
-                name = channel_name(track.channels, place)
+                told = channel_name(track.channels, place)
+                name = self._renamed.get(told, told)
                 if name not in self._numbers and len(self.channels) <= _MAX_CHANNEL:
                     self._numbers[name] = len(self.channels)
                     self.channels.append(name)
@@ -234,6 +245,9 @@ class Timeline:
         channel = None
         if any(batch.channel is not None for batch in batches):
             channel = np.concatenate([batch.channels for batch in batches])[order]
+        direction = None
+        if any(batch.direction is not None for batch in batches):
+            direction = np.concatenate([batch.directions for batch in batches])[order]
         done = [0] * len(batches)
         for rows in stretches(captured, self._batch_packets, self._batch_bytes):
             counts = np.bincount(origin[rows], minlength=len(batches)).tolist()
@@ -244,7 +258,8 @@ class Timeline:
                 offset[origin[rows] == number] = part
             column = PacketBatch.link_column(only or 0, len(offset)) if link is None else link[rows]
             own = None if channel is None else channel[rows]
-            yield PacketBatch(data, offset, captured[rows], original[rows], ts_ns[rows], column, own)
+            way = None if direction is None else direction[rows]
+            yield PacketBatch(data, offset, captured[rows], original[rows], ts_ns[rows], column, own, direction=way)
             done = [at + count for at, count in zip(done, counts, strict=True)]
 
 

@@ -12,6 +12,7 @@ from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_o
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
+    ChannelMapOption,
     DecodeOption,
     FilterOption,
     ForceOption,
@@ -22,6 +23,7 @@ from nvscope.cli.sources import (
     asked_range,
     port_rules,
     tell_of_losses,
+    with_channels,
 )
 from nvscope.errors import ExitCode, UsageError
 
@@ -104,6 +106,7 @@ def export(
     to_time: ToTimeOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Take --from-time and --to-time as UTC.")] = False,
     force: ForceOption = False,
+    channel_map: ChannelMapOption = None,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="No progress bar; of the files, only what was left out.")
     ] = False,
@@ -146,7 +149,8 @@ def export(
 
     format_of(write)
     between = asked_range(from_time, to_time, utc=utc)
-    inquiry = Inquiry(paths, project_of(project, gvl), ports, watch=watching(quiet=quiet), asked=between)
+    plant = with_channels(project_of(project, gvl), channel_map)
+    inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
     if layouts is not None:

@@ -13,6 +13,7 @@ from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, pro
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
+    ChannelMapOption,
     DecodeOption,
     FilterOption,
     FromTimeOption,
@@ -21,7 +22,9 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     port_rules,
+    tell_of_channels,
     tell_of_losses,
+    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
@@ -81,6 +84,7 @@ def packets(
     project: ProjectOption = None,
     no_names: NoNamesOption = False,
     decode: DecodeOption = None,
+    channel_map: ChannelMapOption = None,
     from_time: FromTimeOption = None,
     to_time: ToTimeOption = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
@@ -101,7 +105,7 @@ def packets(
     between = asked_range(from_time, to_time, utc=moment in ("u", "ud"))
     asked = trees or wanted is not None or bool(fields) or records or between is not None
 
-    plant = project_of(project, gvl)
+    plant = with_channels(project_of(project, gvl), channel_map)
     from nvscope.definition.defined_pdos import pdos_of
 
     pdos = pdos_of(plant.definition)
@@ -129,7 +133,7 @@ def packets(
     from nvscope.cli.progress import ProgressBar
     from nvscope.view.rows.frames import PacketRows
 
-    source = inquiry.open() if inquiry else open_source(paths)
+    source = inquiry.open() if inquiry else open_source(paths, renamed=plant.channels)
     face = make(source)
     reading = inquiry.reading(chosen_by) if inquiry else reading_of(ports, pdos)
     telegrams = PacketRows(limit=count)
@@ -142,6 +146,8 @@ def packets(
             out.flush()
         out.write(face.end())
         out.flush()
+    if count is None:
+        tell_of_channels(channel_map, source.channels)
     if between and not telegrams.frames:
         typer.echo(NOTHING_BETWEEN, err=True)
     elif not telegrams.telegrams:

@@ -11,6 +11,7 @@ from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, pro
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
+    ChannelMapOption,
     DecodeOption,
     FilterOption,
     FromTimeOption,
@@ -20,7 +21,9 @@ from nvscope.cli.sources import (
     asked_range,
     duration_ns,
     port_rules,
+    tell_of_channels,
     tell_of_losses,
+    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, width
 from nvscope.errors import ExitCode, UsageError
@@ -46,6 +49,7 @@ def report(
     project: ProjectOption = None,
     no_names: NoNamesOption = False,
     decode: DecodeOption = None,
+    channel_map: ChannelMapOption = None,
     from_time: FromTimeOption = None,
     to_time: ToTimeOption = None,
     timeout: Annotated[
@@ -85,7 +89,7 @@ def report(
         raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
 
     asked = asked_range(from_time, to_time, utc=utc)
-    plant = project_of(project, gvl)
+    plant = with_channels(project_of(project, gvl), channel_map)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
 
     from nvscope.analysis.inquiry import Inquiry
@@ -111,6 +115,7 @@ def report(
         text = face.render(document, colour=shown, width=width(), utc=utc, details=details)
     typer.echo(text, nl=not text.endswith("\n"), color=shown)
     tell_of_lists(inquiry)
+    tell_of_channels(channel_map, [bus.channel for bus in found.summary.can.buses])
     if fragments := found.state.capture.fragments:
         typer.echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
     if asked and not found.summary.capture.frames:

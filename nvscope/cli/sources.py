@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -15,6 +16,7 @@ from nvscope.errors import UsageError
 if TYPE_CHECKING:
     from dissectors.netvar import PortRules
     from nvscope.capture.source import SourceInfo
+    from nvscope.definition.project import Project
     from nvscope.view.asked_time import AskedRange
 
 SourcesArgument = Annotated[
@@ -69,10 +71,57 @@ ToTimeOption = Annotated[
 
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that exist and were not asked for by name.")]
 
+ChannelMapOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--channel-map",
+        metavar="OLD=NEW[,…]",
+        help="Call a channel of the captures otherwise, such as can1=press; two of one name are one bus. Goes before "
+        "the table [channels] of the project.",
+        show_default=False,
+    ),
+]
+
 NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-time leave."
 
 _DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*")
 _MAX_PORT = 65535
+
+
+def with_channels(project: Project, options: Sequence[str] | None) -> Project:
+    """Return a project with the names that --channel-map gives; UsageError where one cannot be understood."""
+    told: dict[str, str] = {}
+    from nvscope.definition.buses import MAX_CHANNEL_NAME, is_channel_name
+
+    for option in options or ():
+        for text in option.split(","):
+            old, sign, new = (part.strip() for part in text.partition("="))
+            if not sign or not is_channel_name(old) or not is_channel_name(new):
+                raise UsageError(
+                    f"--channel-map {option[:80]}: expected OLD=NEW, names of 1 to {MAX_CHANNEL_NAME} characters",
+                    next_step="for example --channel-map can1=press, or can1=can0,can2=can1",
+                )
+            if told.setdefault(old, new) != new:
+                raise UsageError(
+                    f"--channel-map gives {old} two names: {told[old]} and {new}", next_step="leave one of them out"
+                )
+    return replace(project, channels={**project.channels, **told}) if told else project
+
+
+def tell_of_channels(options: Sequence[str] | None, seen: Sequence[str]) -> None:
+    """Say on stderr which names of --channel-map no channel of the captures got; ``seen`` are those that they have."""
+    if not options:
+        return
+    from nvscope.toml_table import nearest
+    from nvscope.view.escape import visible
+
+    for text in (text for option in options for text in option.split(",")):
+        old, _, new = (part.strip() for part in text.partition("="))
+        if new not in seen:
+            known = visible(nearest(old, list(seen))) or "The captures have no channels."
+            typer.echo(
+                f"nvscope: --channel-map {visible(text)}: no channel is called {visible(old)}. {known}", err=True
+            )
 
 
 def port_rules(options: Sequence[str] | None) -> PortRules | None:

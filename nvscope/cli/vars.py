@@ -14,6 +14,7 @@ from nvscope.cli.completion import lists
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
+    ChannelMapOption,
     DecodeOption,
     FilterOption,
     ForceOption,
@@ -24,6 +25,7 @@ from nvscope.cli.sources import (
     asked_range,
     port_rules,
     tell_of_losses,
+    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
 from nvscope.errors import ExitCode, UsageError
@@ -86,6 +88,7 @@ def variables(
     decode: DecodeOption = None,
     from_time: FromTimeOption = None,
     to_time: ToTimeOption = None,
+    channel_map: ChannelMapOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -99,7 +102,7 @@ def variables(
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     _check(gvl, history, every, at, infer, write)
-    plant = project_of(project, gvl)
+    plant = with_channels(project_of(project, gvl), channel_map)
     if not infer and not plant.files:
         raise UsageError(
             "no definition is given",

@@ -12,9 +12,11 @@ from nvscope.errors import UsageError
 from nvscope.toml_table import Place, ValueKind, key, mapping, read_table
 
 ANY_CHANNEL = "*"
+MAX_CHANNEL_NAME = 60
+"""Characters that the name of a channel may have where a person gives it."""
+
 _MOST_BITS_PER_S = 20_000_000
 _LEAST_BITS_PER_S = 1_000
-_MAX_CHANNEL = 60
 _RATE = re.compile(r"(\d{1,8})(?:\.(\d{1,6}))?\s*([kM]?)(?:bit/s)?", re.IGNORECASE)
 _FACTORS = {"": 1, "k": 1_000, "m": 1_000_000}
 _EXAMPLE = 'Write bits per second, such as 250000, or "250k", "1M".'
@@ -44,6 +46,11 @@ def _rate(value: Any, place: Place) -> int:
 BIT_RATE = ValueKind('bit rate, such as 250000 or "250k"', _rate)
 
 
+def is_channel_name(text: str) -> bool:
+    """Return whether a channel can be given this name, which reports and keys of lists show."""
+    return 0 < len(text) <= MAX_CHANNEL_NAME and text.isprintable() and not any(map(str.isspace, text))
+
+
 @dataclass(frozen=True, slots=True)
 class BusSettings:
     """A CAN bus, by the name of its channel in the capture: ``[buses.can0]``. ``[buses."*"]`` is for all others.
@@ -60,8 +67,8 @@ class BusSettings:
 def _buses(value: Any, place: Place) -> tuple[tuple[str, BusSettings], ...]:
     found = []
     for name, table in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
-        if not 0 < len(name) <= _MAX_CHANNEL:
-            raise place.error(f"the name of a channel has 1 to {_MAX_CHANNEL} characters")
+        if not 0 < len(name) <= MAX_CHANNEL_NAME:
+            raise place.error(f"the name of a channel has 1 to {MAX_CHANNEL_NAME} characters")
         found.append((name, read_table(BusSettings, table, place.below(name))))
     return tuple(found)
 

@@ -24,6 +24,7 @@ class Project:
 
     ``definition`` are the lists of the definition ``files`` with the settings of the project, and those that only the
     project names (they have no variables). ``nodes`` are keyed by the text of the address as reports write it.
+    ``channels`` are the names of channels by those that captures tell.
     """
 
     path: Path | None = None
@@ -34,6 +35,7 @@ class Project:
     limits: Limits = field(default_factory=Limits)
     buses: Buses = field(default_factory=Buses)
     keys: Mapping[str, str] = field(default_factory=dict)
+    channels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def inputs(self) -> list[str]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nvscope.definition.buses import BUS_TABLES, Buses, BusSettings
+from nvscope.definition.buses import BUS_TABLES, MAX_CHANNEL_NAME, Buses, BusSettings, is_channel_name
 from nvscope.definition.limits import Limits
 from nvscope.definition.model import DEFAULT_PORT, Definition
 from nvscope.definition.project import PROJECT_NAME, Project
@@ -40,6 +40,16 @@ def _keys(value: Any, place: Place) -> tuple[tuple[str, str], ...]:
     return tuple(mapping(TEXT).read(value, place).items())
 
 
+def _channels(value: Any, place: Place) -> tuple[tuple[str, str], ...]:
+    told = mapping(TEXT).read(value, place)
+    for name, given in told.items():
+        if not all(is_channel_name(one) for one in (name, given)):
+            raise place.below(name).error(
+                f"the name of a channel has 1 to {MAX_CHANNEL_NAME} characters, and no blanks"
+            )
+    return tuple(told.items())
+
+
 @dataclass(frozen=True, slots=True)
 class ProjectFile:
     """The keys of ``nvscope.toml``, all of which may be left out."""
@@ -57,6 +67,11 @@ class ProjectFile:
     nodes: tuple[tuple[str, Node], ...] = key(NODE_TABLES, "a node", default=())
     lists: tuple[tuple[int, ListSettings], ...] = key(LIST_TABLES, "what no definition file says of a list", default=())
     buses: tuple[tuple[str, BusSettings], ...] = key(BUS_TABLES, "bit rates of a CAN bus", default=())
+    channels: tuple[tuple[str, str], ...] = key(
+        ValueKind("table of names", _channels),
+        'what channels are called here, by the names that captures tell: can1 = "press"; two may get one name',
+        default=(),
+    )
     limits: Limits = key(  # noqa: RUF009  # a field, not a default
         table_of(Limits), "from where on something is worth a finding", default=_USUAL
     )
@@ -90,7 +105,10 @@ def read_project(path: Path | None, definitions: Sequence[str] | None = None) ->
         lists = with_settings(definition.lists, told.lists, ports[0], str(path))
         definition = replace(definition, lists=lists)
     buses = Buses.of_project(told.buses)
-    return Project(path, files, definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys))
+    return Project(
+        path, files, definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),
+        dict(told.channels),
+    )  # fmt: skip
 
 
 def document() -> str:

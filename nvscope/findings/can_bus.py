@@ -70,6 +70,9 @@ def judge_buses(facts: Facts) -> Iterator[Finding]:
 def _load(facts: Facts, bus: CanBusSummary) -> Iterator[Finding]:
     if bus.bit_rate is None or bus.load is None:
         return
+    times_ns = {time_ns for one in bus.identifiers for time_ns in (one.first_ns, one.last_ns)}
+    if len(times_ns) < 2:
+        return  # a log without times, or a single frame: nobody knows how long it took
     above = bus.load.second_ns[bus.load.second > facts.limits.bus_load_percent]
     if not len(above):
         return
@@ -88,12 +91,11 @@ def _load(facts: Facts, bus: CanBusSummary) -> Iterator[Finding]:
 
 
 def _errors(facts: Facts, channel: str, errors: BusErrors) -> Finding:
-    from dissectors.can.error import CLASSES, CONTROLLER_BITS
+    from dissectors.can.error import CLASS_LABELS, CONTROLLER_BITS
 
-    classes_told = {bit.name: bit.label for bit in CLASSES}
     states_told = {bit.name: bit.label for bit in CONTROLLER_BITS}
-    classes = ", ".join(f"{classes_told[name]} ({units.count(times)})" for name, times in errors.classes.items())
-    parts = [f"Channel {channel}: error frames, by what they tell: {classes or 'nothing known'}."]
+    classes = ", ".join(f"{CLASS_LABELS[name]} ({units.count(times)})" for name, times in errors.classes.items())
+    parts = [f"Channel {channel}: error frames, by what they tell: {classes}."]
     if errors.bus_offs:
         parts.append(_bus_off(errors, facts.at_ns))
     reached = [f"{states_told[name]} ({units.count(times)})" for name, times in errors.states.items()]

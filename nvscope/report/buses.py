@@ -75,7 +75,7 @@ def error_lines(bus: Row, clock: Clock) -> list[list[Cell]]:
     errors = bus["errors"]
     if errors is None:
         return []
-    told = _counts(errors["classes"]) or "of no known class"
+    told = _counts(errors["classes"])
     lines = [[Cell(units.count_of(errors["frames"], "error frame"), Tone.WARNING), Cell(f": {told}")]]
     off = errors["bus_off"]
     if off["count"]:

@@ -54,7 +54,7 @@ def test_no_two_rows_have_a_name_a_suffix_or_a_magic_in_common() -> None:
     magics = [magic for known in FORMATS for magic in known.magics]
     assert not [one for one in magics for other in magics if one is not other and one.startswith(other)]
     assert set(FORMATS[0].magics) == set(pcap.MAGICS)
-    assert {"candump", "asc", "blf", "trc", "csv", "sqlite", "mf4"} == CAN_LOGS
+    assert {"candump", "candump-screen", "asc", "blf", "trc", "csv", "sqlite", "mf4"} == CAN_LOGS
 
 
 @pytest.mark.parametrize("known", WRITTEN, ids=_by_name)

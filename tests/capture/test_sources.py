@@ -18,12 +18,13 @@ from nvscope.capture.open import open_source
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.source import FileSource, SourceInfo
 from tests.capture import build
+from tests.capture.can.test_blf import container, file_head, item, message
 from tests.capture.reference import Packet
 
 PACKETS = [Packet(build.BASE_S * 10**9 + n, 40, 1, bytes((n % 251,)) * 40) for n in range(3000)]
 RAW = build.pcap(PACKETS)
 LINES = b"".join(b"(1436509052.%06d) can0 123#%02X\n" % (n, n % 256) for n in range(3000))
-NAMES = ("a.pcap", "a.pcapng", "a.log", "a.pcap.gz", "a.log.gz", "a.asc")
+NAMES = ("a.pcap", "a.pcapng", "a.log", "a.pcap.gz", "a.log.gz", "a.asc", "a.trc", "a.blf", "a.txt")
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="needs to see what is open")
 
@@ -34,7 +35,15 @@ def write(path: Path) -> str:
     asc = b"date Mon Jan 1 10:00:00 2024\nbase hex timestamps absolute\nno internal events logged\n" + b"".join(
         b" %d.%06d 1 123 Rx d 1 0%d\n" % (n // 1000, n % 1000, n % 8) for n in range(3000)
     )
-    raw = {"pcap": RAW, "pcapng": pcapng, "log": LINES, "asc": asc}[path.name.split(".")[1]]
+    trc = b";$FILEVERSION=1.1\n;$STARTTIME=45292.5\n" + b"".join(
+        b" %d) %d.5 Rx 0123 1 0%d\n" % (n + 1, n, n % 8) for n in range(3000)
+    )
+    blf = file_head() + b"".join(
+        container(b"".join(item(1, message(), time=1000 * (100 * part + n)) for n in range(100))) for part in range(30)
+    )
+    screen = b"".join(b" (1436509052.%06d)  can0  123   [1]  %02X\n" % (n, n % 256) for n in range(3000))
+    raws = {"pcap": RAW, "pcapng": pcapng, "log": LINES, "asc": asc, "trc": trc, "blf": blf, "txt": screen}
+    raw = raws[path.name.split(".")[1]]
     path.write_bytes(gzip.compress(raw, 1) if path.suffix == ".gz" else raw)
     return str(path)
 

@@ -84,7 +84,9 @@ def drawn_frame(chance: random.Random) -> tuple[str, Fields]:
     if kind != "error" and not extended:
         fields |= canopen_of(identifier)
     fields |= {"list.id": identifier} if kind in ("data", "extended", "fd") else {}
-    return f"{channel} {text}#{body}", fields
+    way = chance.choice(["", "Rx", "Tx"])
+    fields |= {"can.direction": way} if way else {}
+    return f"{channel} {text}#{body}{way and ' ' + way[0]}", fields
 
 
 @cache

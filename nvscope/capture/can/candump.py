@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, U8, PacketBatch
+from dissectors.batch import I64, U8, Direction, PacketBatch
 from nvscope.capture.byte_window import View
 from nvscope.capture.can.candump_columns import Prefix, Shape
 from nvscope.capture.can.candump_line import LineFault, is_silent, parse
@@ -38,13 +38,14 @@ _DIRECTIONS = [int(np.frombuffer(text, np.uint16)[0]) for text in (b" R", b" T")
 class _Stretch:
     """Some whole lines of a log, and what they become: ``is_frame`` tells which of them are frames.
 
-    A line goes to ``whole_end``, with its direction, to ``end`` without.
+    A line goes to ``whole_end``, with its ``direction``, to ``end`` without.
     """
 
-    def __init__(self, data: U8, start: I64, end: I64, whole_end: I64) -> None:
+    def __init__(self, data: U8, start: I64, end: I64, whole_end: I64, direction: U8) -> None:
         self.data = data
         self.start = start
         self.end = end
+        self.direction = direction
         self._whole_end = whole_end
         count = len(start)
         self.is_frame = np.zeros(count, np.bool_)
@@ -167,8 +168,9 @@ class CandumpReader(WindowReader):
             (len(data) - 1,), np.uint16, buffer=data, strides=(1,)
         )
         last = pairs[np.maximum(whole_end - 2, 0)]
-        end = whole_end - 2 * ((last == _DIRECTIONS[0]) | (last == _DIRECTIONS[1]))
-        return _Stretch(data, start, end, whole_end)
+        direction = (last == _DIRECTIONS[0]) * np.uint8(Direction.RX)
+        direction |= (last == _DIRECTIONS[1]) * np.uint8(Direction.TX)
+        return _Stretch(data, start, whole_end - 2 * (direction != 0), whole_end, direction)
 
     def _decode(self, stretch: _Stretch, origin: int) -> None:
         rest: I64 | None = None
@@ -198,10 +200,11 @@ class CandumpReader(WindowReader):
 
     def _try(self, stretch: _Stretch, shape: Shape, rest: I64 | None) -> I64:
         """Decode the lines that are of a shape among ``rest``, None for all; return the others."""
-        start, end = stretch.start, stretch.end
+        start, end, direction = stretch.start, stretch.end, stretch.direction
         if rest is not None:
-            start, end = start[rest], end[rest]
+            start, end, direction = start[rest], end[rest], direction[rest]
         frames, chosen = shape.take(stretch.data, start, end - start)
+        frames.direction = direction if chosen is None else direction[chosen]
         shape.hits += len(frames)
         if chosen is None:
             stretch.put(rest, frames)

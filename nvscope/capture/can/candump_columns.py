@@ -12,7 +12,7 @@ import re
 import numpy as np
 
 from dissectors.batch import I64, PAD_BYTES, U8, U64, Bool, Records
-from nvscope.capture.can.frame import CLASSIC_WORDS, FD_FRAME, FD_WORDS, HEAD_BYTES, CanRows
+from nvscope.capture.can.frame import CLASSIC_WORDS, FD_FRAME, FD_WORDS, HEAD_BYTES, KNOWN_FD_FLAGS, CanRows
 from nvscope.capture.digits import ZEROS, decimal, hexadecimal, last_characters
 from nvscope.capture.time_span import TIME_LIMIT_NS
 
@@ -41,7 +41,7 @@ _ZEROS = np.uint64(ZEROS)
 # FD flags of a character, 0 for what is no hexadecimal digit.
 _FD_FLAGS = np.zeros(256, np.uint32)
 for _digit in b"0123456789abcdefABCDEF":
-    _FD_FLAGS[_digit] = int(chr(_digit), 16) | FD_FRAME
+    _FD_FLAGS[_digit] = int(chr(_digit), 16) & KNOWN_FD_FLAGS | FD_FRAME
 
 # Bits of the identifier's four bytes, the first one lowest.
 _ERROR_BIT = np.uint64(0x20)
@@ -88,7 +88,8 @@ class Shape:
     def take(self, data: U8, start: I64, length: I64) -> tuple[CanRows, Bool | None]:
         """Return the frames of those lines at ``start`` that are of the shape, and which ones they are, None for all.
 
-        Of each line ``length`` characters count. At least ``PAD_BYTES`` bytes follow each start.
+        Of each line ``length`` characters count, those before the direction, which is left to be filled in. At least
+        ``PAD_BYTES`` bytes follow each start.
         """
         chosen: Bool | None = None
         block = _gather(data, start, self._block)
@@ -146,7 +147,8 @@ class Shape:
                 wrong |= bad
         channel, known = self._channels(block)
         captured = (size + HEAD_BYTES).astype(np.int32)
-        return CanRows(frames, captured, captured.astype(np.int64), ts_ns, channel), wrong, known
+        unknown = np.zeros(len(start), np.uint8)
+        return CanRows(frames, captured, captured.astype(np.int64), ts_ns, channel, unknown), wrong, known
 
     def _times(self, block: Records) -> tuple[I64, U64]:
         low = min(self._seconds, 8)

@@ -4,7 +4,8 @@
 
     (1436509052.249713) can0 044#2A366C2BBA          classic, 3 digits: standard, 8 digits: extended identifier
     (1436509052.249713) can0 18FF4400#R8 T           remote frame and its DLC; T or R is the direction
-    (1436509052.249713) can0 044##12A36              FD, one digit of flags: 1 bit rate switch, 2 error state
+    (1436509052.249713) can0 044##12A36              FD, one digit of flags: 1 bit rate switch, 2 error state,
+                                                     other bits say nothing
     (1436509052.249713) can0 044#2A366C2BBA001122_9  8 bytes with a raw DLC of 9 to F
     (1436509052.249713) can0 20000004#000C000000000000   error frame
 
@@ -17,11 +18,13 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from dissectors.batch import Direction
 from nvscope.capture.can.frame import (
     ERROR,
     EXTENDED,
     FD_FRAME,
     IDENTIFIER,
+    KNOWN_FD_FLAGS,
     MAX_CHANNEL_BYTES,
     MAX_DATA_BYTES,
     MAX_FD_DATA_BYTES,
@@ -36,7 +39,7 @@ _CHANNEL = re.compile(rb"(\S+)[ \t]+")
 _IDENTIFIER = re.compile(rb"([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#")
 _REMOTE = re.compile(rb"[Rr]([0-9A-Fa-f]?)(?:_([9A-Fa-f]))?")
 _DATA = re.compile(rb"(#[0-9A-Fa-f]\.?)?((?:[0-9A-Fa-f]{2}(?:\.(?=[0-9A-Fa-f]))?)*)(?:_([9A-Fa-f]))?")
-_END = re.compile(rb"(?:[ \t]+[RTrt])?[ \t]*\Z")
+_END = re.compile(rb"(?:[ \t]+([RTrt]))?[ \t]*\Z")
 _XL = re.compile(rb"[0-9A-Fa-f]{5}#|[0-9A-Fa-f]{3,8}#[0-9A-Fa-f]{2}:")
 _SILENT = re.compile(rb"[ \t\r]*(?:#|;|//|\Z)")
 
@@ -77,8 +80,11 @@ def parse(line: bytes) -> CandumpLine:
     if len(channel[1]) > MAX_CHANNEL_BYTES:
         raise LineFault(f"a channel name of more than {MAX_CHANNEL_BYTES} characters", 1 + channel.start(1))
     frame, after = _frame(line, channel.end(), -ts_ns if time[1] else ts_ns)
-    if not _END.match(line, after):
+    end = _END.match(line, after)
+    if not end:
         raise LineFault("something else follows the frame", 1 + after)
+    if end[1]:
+        frame = frame._replace(direction=Direction.RX if end[1] in b"Rr" else Direction.TX)
     return CandumpLine(frame, channel[1])
 
 
@@ -114,5 +120,5 @@ def _frame(line: bytes, at: int, ts_ns: int) -> tuple[CanFrame, int]:
     after = match.end()
     if after < len(line) and line[after] not in b" \t":
         raise LineFault("no hexadecimal digits in pairs", 1 + after)
-    flags = int(match[1][1:2], 16) | FD_FRAME if match[1] else 0
+    flags = int(match[1][1:2], 16) & KNOWN_FD_FLAGS | FD_FRAME if match[1] else 0
     return CanFrame(ts_ns, identifier, len(data), flags, int(match[3] or b"0", 16), data), after

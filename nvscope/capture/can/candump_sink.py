@@ -9,12 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U32, Bool, PacketBatch
+from dissectors.batch import I64, U8, U32, Bool, Direction, PacketBatch
 from dissectors.can.frame import MAX_DATA_BYTES, CanBatch, Fault, dissect_can
 from nvscope.capture.can.frame import BIT_RATE_SWITCH, ERROR, ERROR_STATE
 from nvscope.capture.output import FileSink
 from nvscope.errors import UsageError
 
+_DIRECTIONS = {Direction.UNKNOWN: b"", Direction.RX: b" R", Direction.TX: b" T"}
 _S_NS, _US_NS = 1_000_000_000, 1_000
 _SECOND_DIGITS = 10
 _ROWS = 1 << 15
@@ -28,8 +29,9 @@ _NIBBLE = np.frombuffer(b"0123456789ABCDEF", np.uint8)
 class CandumpSink(FileSink):
     """Writes CAN frames to a candump log; ``channels`` are the names of their channels by number, else ``can0`` …
 
-    Times have six decimals, or nine where there are nanoseconds. The names may grow while frames are written; blanks
-    in them become ``_``. Raises UsageError for what is no CAN frame, or none that a line could tell whole.
+    Times have six decimals, or nine where there are nanoseconds; R or T ends a line where the direction is known. The
+    names may grow while frames are written; blanks in them become ``_``. Raises UsageError for what is no CAN frame, or
+    none that a line could tell whole.
     """
 
     format_name = "candump"
@@ -98,7 +100,7 @@ class CandumpSink(FileSink):
             parts.append(_HEX[frames.data[frames.at[:, np.newaxis] + np.arange(length)]].reshape(len(frames), -1))
         if not fd and not error and int(frames.dlc[0]) > MAX_DATA_BYTES:
             parts += [b"_", _NIBBLE[frames.dlc][:, np.newaxis]]
-        parts.append(b"\n")
+        parts.append(_DIRECTIONS[Direction(int(frames.direction[0]))] + b"\n")
         block = np.empty((len(frames), sum(_width(part) for part in parts)), np.uint8)
         at = 0
         for part in parts:
@@ -118,7 +120,7 @@ def _kinds(frames: CanBatch) -> I64:
     kind: I64 = frames.channel.astype(np.int64)
     told: tuple[U8 | Bool, ...] = (
         frames.extended, frames.error, frames.fd, frames.remote, frames.ts_ns < 0, frames.ts_ns % _US_NS != 0,
-        frames.dlc > MAX_DATA_BYTES,
+        frames.dlc > MAX_DATA_BYTES, frames.direction == Direction.RX, frames.direction == Direction.TX,
     )  # fmt: skip
     for column in told:
         kind = kind << 1 | column

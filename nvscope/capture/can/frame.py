@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I32, I64, PAD_BYTES, U16, Bool, LinkType, PacketBatch
+from dissectors.batch import I32, I64, PAD_BYTES, U8, U16, Bool, Direction, LinkType, PacketBatch
 from dissectors.can import frame as can
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 EXTENDED, REMOTE, ERROR = can.EXTENDED.mask, can.REMOTE.mask, can.ERROR.mask
 IDENTIFIER, STANDARD_IDENTIFIER = can.EXTENDED_MASK, can.STANDARD_MASK
 BIT_RATE_SWITCH, ERROR_STATE, FD_FRAME = can.BIT_RATE_SWITCH.mask, can.ERROR_STATE.mask, can.FD_FRAME.mask
+KNOWN_FD_FLAGS = BIT_RATE_SWITCH | ERROR_STATE
+"""What a log says of an FD frame by flags; all other bits mean nothing, and Linux may set them."""
 HEAD_BYTES = can.FRAME.size_bytes
 MAX_DATA_BYTES, MAX_FD_DATA_BYTES = can.MAX_DATA_BYTES, can.MAX_FD_DATA_BYTES
 MAX_CHANNELS = 1 << 16
@@ -46,6 +48,7 @@ class CanFrame(NamedTuple):
     fd_flags: int
     raw_dlc: int
     data: bytes
+    direction: Direction = Direction.UNKNOWN
 
     @property
     def words(self) -> int:
@@ -75,13 +78,17 @@ class CanRows:
     original: I64
     ts_ns: I64
     channel: U16
+    direction: U8
 
     def __len__(self) -> int:
         return len(self.ts_ns)
 
     def __getitem__(self, rows: slice | I64 | Bool) -> CanRows:
         """Return the frames of a slice, of some row numbers, or those that a mask chooses."""
-        return CanRows(self.words[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.channel[rows])
+        return CanRows(
+            self.words[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.channel[rows],
+            self.direction[rows],
+        )  # fmt: skip
 
     @staticmethod
     def empty(count: int) -> CanRows:
@@ -92,6 +99,7 @@ class CanRows:
             np.empty(count, np.int64),
             np.empty(count, np.int64),
             np.empty(count, np.uint16),
+            np.empty(count, np.uint8),
         )
 
     def put(self, rows: I64 | slice, frames: CanRows) -> None:
@@ -106,6 +114,7 @@ class CanRows:
         self.original[rows] = frames.original
         self.ts_ns[rows] = frames.ts_ns
         self.channel[rows] = frames.channel
+        self.direction[rows] = frames.direction
 
     @staticmethod
     def of(frames: list[CanFrame], channels: list[int]) -> CanRows:
@@ -118,6 +127,7 @@ class CanRows:
             np.array([frame.original_bytes for frame in frames], np.int64),
             np.array([frame.ts_ns for frame in frames], np.int64),
             np.array(channels, np.uint16),
+            np.array([frame.direction for frame in frames], np.uint8),
         )
 
 
@@ -158,6 +168,7 @@ class FrameBatches:
             rows.ts_ns,
             PacketBatch.link_column(LinkType.CAN_SOCKETCAN, self.rows),
             rows.channel if rows.channel.any() else None,
+            direction=rows.direction if rows.direction.any() else None,
         )
         self._renew()
         return batch

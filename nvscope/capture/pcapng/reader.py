@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from dissectors.batch import I64, U32, PacketBatch
+from dissectors.batch import I64, U8, U32, Direction, PacketBatch
 from nvscope.capture.batch_builder import join
 from nvscope.capture.byte_window import View
 from nvscope.capture.content import Content
@@ -24,6 +24,7 @@ from nvscope.capture.pcapng.blocks import (
     OPTION_INTERFACE_DROPS,
     OPTION_INTERFACE_NAME,
     OPTION_PACKET_DROPS,
+    OPTION_PACKET_FLAGS,
     OPTION_SYSTEM_DROPS,
     OPTION_TIME_OFFSET,
     OPTION_TIME_RESOLUTION,
@@ -46,6 +47,7 @@ MAX_NAME_BYTES = 256
 MAX_COMMENTS = 10_000
 MAX_COMMENT_BYTES = 4 << 20
 _MAX_PACKET_OPTIONS = 64
+_DIRECTION_BITS = 3
 _MAX_BLOCK_OPTIONS = 1024
 # One count of a field of 64 bits is not believed beyond this, so that sums stay int64.
 _MOST_DROPS = 1 << 40
@@ -168,11 +170,11 @@ class PcapngReader(RecordReader):
         table = InterfaceTable(self._interfaces)
         packets = self._check(stretch, packets, table, defines)
         self._read_statistics(stretch, special)
-        self._read_packet_options(stretch, packets, frames)
+        direction = self._read_packet_options(stretch, packets, frames)
         self._keep_comments(stretch)
         if len(packets.at):
             self._blocks.packet_type = int(stretch.words[packets.index[-1], 0])
-        return self._batch(stretch, packets, table)
+        return replace(self._batch(stretch, packets, table), direction=direction)
 
     def _define_interfaces(self, stretch: _Stretch, special: I64) -> bool:
         defined = False
@@ -297,8 +299,9 @@ class PcapngReader(RecordReader):
             if counts:
                 self._interfaces[number].statistics_drops = sum(counts)
 
-    def _read_packet_options(self, stretch: _Stretch, packets: PacketBlocks, frames: int) -> None:
-        """Collect comments and drop counts, one option of every packet at a time."""
+    def _read_packet_options(self, stretch: _Stretch, packets: PacketBlocks, frames: int) -> U8 | None:
+        """Collect comments and drop counts, one option of every packet at a time; return directions, if any is told."""
+        direction: U8 | None = None
         if packets.drops is not None:
             self._add_drops(packets.interface, packets.drops)
         begin = packets.at + 28 + ((packets.captured + 3) & ~3)
@@ -322,6 +325,12 @@ class PcapngReader(RecordReader):
                 text = data[value[hit] : value[hit] + length[hit]].tobytes()
                 row = int(rows[hit])
                 stretch.comments.append((int(packets.index[row]), frames + row + 1, text))
+            flags = np.flatnonzero(going & (code == OPTION_PACKET_FLAGS) & (length == 4))
+            if len(flags):
+                flags = flags[stretch.words[packets.index[rows[flags]], 0] == ENHANCED_PACKET]
+                told = self._blocks.words(data, value[flags], 1)[:, 0] & np.uint32(_DIRECTION_BITS)
+                direction = np.zeros(len(packets.at), np.uint8) if direction is None else direction
+                direction[rows[flags]] = np.where(told == _DIRECTION_BITS, Direction.UNKNOWN, told)
             counts = np.flatnonzero(going & (code == OPTION_PACKET_DROPS) & (length == 8))
             if packets.drops is not None:
                 counts = counts[stretch.words[packets.index[rows[counts]], 0] == ENHANCED_PACKET]
@@ -334,6 +343,7 @@ class PcapngReader(RecordReader):
                 self._add_drops(packets.interface[rows[counts]], np.minimum(drops, _MOST_DROPS))
             going &= following + 4 <= end
             rows, at, end = rows[going], following[going], end[going]
+        return direction
 
     def _add_drops(self, interface: I64, drops: I64) -> None:
         for number in np.unique(interface[drops > 0]).tolist():

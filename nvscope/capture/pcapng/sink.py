@@ -15,6 +15,7 @@ from nvscope.capture.pcapng.blocks import (
     INTERFACE,
     OPTION_END,
     OPTION_INTERFACE_NAME,
+    OPTION_PACKET_FLAGS,
     OPTION_TIME_RESOLUTION,
     PACKET_OVERHEAD,
     SECTION,
@@ -22,12 +23,16 @@ from nvscope.capture.pcapng.blocks import (
 from nvscope.capture.record_reader import MAX_PACKET_BYTES
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, put_blocks, stretches
 
+# The flags of a packet, and the end of its options.
+_FLAGS_BYTES = 12
+
 
 class PcapngSink(FileSink):
     """Writes packets of any link types to a pcapng file of one section in this machine's byte order, times in ns.
 
     Every link type is an interface; with ``channels``, names by number that may grow, every channel of it is one, and
-    has its name. Packets are cut to ``MAX_PACKET_BYTES``, times before 1970 become 1970.
+    has its name. Packets of known direction have flags that tell it. Packets are cut to ``MAX_PACKET_BYTES``, times
+    before 1970 become 1970.
     """
 
     format_name = "pcapng"
@@ -65,7 +70,9 @@ class PcapngSink(FileSink):
 
     def _blocks(self, batch: PacketBatch, interface: U32) -> U8:
         captured = np.minimum(batch.captured, MAX_PACKET_BYTES).astype(np.int64)
+        told = np.flatnonzero(batch.directions) if batch.direction is not None else np.empty(0, np.int64)
         sizes = (captured + 3 & ~3) + PACKET_OVERHEAD
+        sizes[told] += _FLAGS_BYTES
         ends = np.cumsum(sizes)
         begins = ends - sizes
         units = np.maximum(batch.ts_ns, 0)
@@ -80,5 +87,10 @@ class PcapngSink(FileSink):
         blocks = np.zeros(int(ends[-1]), np.uint8)
         put_blocks(blocks, begins, headers)
         put_blocks(blocks, ends - 4, np.ascontiguousarray(headers[:, 1:2]))
+        if len(told):
+            options = np.empty((len(told), _FLAGS_BYTES // 4), np.uint32)
+            options[:] = np.frombuffer(struct.pack("=HHIHH", OPTION_PACKET_FLAGS, 4, 0, OPTION_END, 0), np.uint32)
+            options[:, 1] = batch.directions[told]
+            put_blocks(blocks, ends[told] - 4 - _FLAGS_BYTES, options)
         copy_spans(blocks, begins + 28, batch.data, batch.offset, captured)
         return blocks

@@ -15,6 +15,7 @@ from dissectors.can.error import (
     CONTROLLER,
     CONTROLLER_BITS,
     COUNTERS,
+    UNTOLD_CLASS,
     ErrorDetails,
     error_details,
 )
@@ -29,7 +30,7 @@ from nvscope.tracker.events import EventLog
 
 _UNTOLD = -1
 _STATES = len(CONTROLLER_BITS)
-_CLASS_OF_MASK = {bit.mask: bit for bit in CLASSES}
+_NAME_OF_MASK = {bit.mask: bit.name for bit in CLASSES} | {0: UNTOLD_CLASS}
 
 
 class _ChannelColumns(KeyedColumns):
@@ -69,8 +70,8 @@ class BusErrors:
     """The error frames of a channel.
 
     ``frames`` are the first ten of ``count``; without any, ``first_ns`` and ``last_ns`` are None. ``classes`` are those
-    of ``dissectors.can.error.CLASSES`` by how many frames told them, ``states`` likewise those of ``CONTROLLER_BITS``;
-    both by name, and only what was told.
+    of ``dissectors.can.error.CLASS_LABELS`` by how many frames told them, ``states`` likewise those of
+    ``CONTROLLER_BITS``; both by name, and only what was told.
     ``bus_offs`` counts how often the controller left the bus; ``restarts`` of them ended by a frame that says so,
     ``returns`` by frames on the bus again; ``off_ns`` is how long that took in all. ``off_since_ns`` is None unless it
     was off at the end. The error counters are the highest that were told, None without any.
@@ -93,7 +94,8 @@ class BusErrors:
 
 
 class CanErrors:
-    """The error frames of all channels. ``classes`` are events by (channel, class bit), ``all`` by (channel, 0).
+    """The error frames of all channels. ``classes`` are events by (channel, class bit, 0 for no class), ``all`` by
+    (channel, 0).
 
     ``channels`` number the rows of ``columns``.
     """
@@ -136,6 +138,9 @@ class CanErrors:
             if len(own):
                 mask = np.full(len(own), bit.mask, np.uint64)
                 self.classes.record(time_ns[own], frame[own], channel[own], mask)
+        untold = np.flatnonzero(details.classes == 0)
+        if len(untold):
+            self.classes.record(time_ns[untold], frame[untold], channel[untold], np.zeros(len(untold), np.uint64))
         for place, bit in enumerate(CONTROLLER_BITS):
             own = np.flatnonzero(details.controller & np.uint8(bit.mask))
             np.add.at(columns.states[:, place], number[own], 1)
@@ -193,7 +198,7 @@ class CanErrors:
         keys = zip(self.classes.keys.high.tolist(), self.classes.keys.low.tolist(), strict=True)
         for row, (channel, mask) in sorted(enumerate(keys), key=lambda pair: pair[1]):
             if frames := int(self.classes.rows.count[row]):
-                classes.setdefault(channel, {})[_CLASS_OF_MASK[mask].name] = frames
+                classes.setdefault(channel, {})[_NAME_OF_MASK[mask]] = frames
         found = {}
         events, columns, channels = self.all.rows, self.columns, self.all.keys.high
         rows = zip(channels.tolist(), self.channels.find(channels).tolist(), strict=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from dissectors.can.canopen import ERROR_REGISTER, NODE_STATES, emergency_text
-from dissectors.can.error import CLASSES, CONTROLLER_BITS
-from dissectors.layout import Bit
+from dissectors.can.error import CLASS_LABELS, CONTROLLER_BITS
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.bus import BitRate, BusLoad, CanBusSummary
 from nvscope.tracker.can.canopen import CanOpenNode, Emergency
@@ -31,6 +30,7 @@ _ERROR_FRAMES = FigureRow((BY_NAME["error_frames"],), Of.BUS, "errors")
 _BUS_OFFS = FigureRow((one for one in BUS_ERRORS if one.name.startswith("bus_off")), Of.BUS, "errors.bus_off")
 _ERROR_COUNTERS = FigureRow((BY_NAME["tx_errors"], BY_NAME["rx_errors"]), Of.BUS, "errors")
 
+_STATE_LABELS = {bit.name: bit.label for bit in CONTROLLER_BITS}
 _Names = Mapping[tuple[str, bool, int], tuple[str | None, str | None]]
 
 
@@ -104,8 +104,8 @@ def _errors(errors: BusErrors | None, measured: Measured) -> dict[str, Any] | No
         **_ERROR_FRAMES.read(measured),
         "first_ns": time_text(errors.first_ns),
         "last_ns": time_text(errors.last_ns),
-        "classes": _labelled(CLASSES, errors.classes),
-        "states": _labelled(CONTROLLER_BITS, errors.states),
+        "classes": _labelled(CLASS_LABELS, errors.classes),
+        "states": _labelled(_STATE_LABELS, errors.states),
         "bus_off": {
             **_BUS_OFFS.read(measured),
             "since_ns": time_text(errors.off_since_ns),
@@ -114,8 +114,8 @@ def _errors(errors: BusErrors | None, measured: Measured) -> dict[str, Any] | No
     }
 
 
-def _labelled(bits: Sequence[Bit], frames: Mapping[str, int]) -> list[dict[str, Any]]:
-    return [{"name": bit.name, "label": bit.label, "frames": frames[bit.name]} for bit in bits if bit.name in frames]
+def _labelled(labels: Mapping[str, str], frames: Mapping[str, int]) -> list[dict[str, Any]]:
+    return [{"name": name, "label": label, "frames": frames[name]} for name, label in labels.items() if name in frames]
 
 
 def _node(node: CanOpenNode) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dissectors.batch import DIRECTION_NAMES, Direction
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.canopen import FUNCTION_NAMES, function_of, node_of
 from dissectors.can.frame import CanBatch, Fault
@@ -47,6 +48,10 @@ def _node(frames: CanBatch) -> Any:
 def _bits(frames: CanBatch) -> Numbers:
     nominal, fast = wire_bits(frames, Stuffing.EXACT)
     return nominal + fast
+
+
+def _direction(frames: CanBatch) -> TextColumn:
+    return TextColumn(frames.direction.astype(np.int64), DIRECTION_NAMES)
 
 
 def _fault(frames: CanBatch) -> TextColumn:
@@ -93,6 +98,10 @@ CAN_FIELDS = (
             TelegramField(
                 "can.bits", _UNSIGNED, "Bits", "bits on the wire, with stuff bits",
                 _bits,
+            ),
+            TelegramField(
+                "can.direction", _TEXT, "Direction", "Rx received, Tx sent, where the capture was taken",
+                _direction, lambda frames: frames.direction != Direction.UNKNOWN,
             ),
             TelegramField(
                 "can.fault", _TEXT, "Fault", "what is wrong with the frame: " + ", ".join(filter(None, _FAULTS)),

@@ -19,6 +19,7 @@ from dissectors.carried import Carrier
 from nvscope.expression.typed_columns import Column, FieldType, TextColumn
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.finding import Finding
+from nvscope.findings.kind import FindingKind
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.figures import Figure, Of, Unit, Value, figures_of
 from nvscope.tracker.measured import Measured
@@ -126,8 +127,13 @@ class _Lasting:
         return key == self.key and self.node in (None, node)
 
 
-def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None) -> dict[str, TelegramField]:
-    """Return the fields ``list.*``, ``node.*``, ``bus.*`` and ``finding.*`` by name."""
+def verdict_fields(
+    names: Names | None = None, verdicts: Verdicts | None = None, further: Iterable[FindingKind] = ()
+) -> dict[str, TelegramField]:
+    """Return the fields ``list.*``, ``node.*``, ``bus.*`` and ``finding.*`` by name.
+
+    ``further`` are kinds of findings that the catalogue has not.
+    """
     known = names or Names()
     lists = [
         TelegramField(
@@ -160,7 +166,7 @@ def verdict_fields(names: Names | None = None, verdicts: Verdicts | None = None)
     lists += [_figure(Of.LIST, "of the list", figure, verdicts) for figure in figures_of(Of.LIST)]
     nodes += [_figure(Of.NODE, "of the sender on that list", figure, verdicts) for figure in figures_of(Of.NODE)]
     buses = [_figure(Of.BUS, "of the CAN bus", figure, verdicts) for figure in figures_of(Of.BUS)]
-    return {entry.name: entry for entry in (*lists, *nodes, *buses, *_finding_fields(verdicts))}
+    return {entry.name: entry for entry in (*lists, *nodes, *buses, *_finding_fields(verdicts, further))}
 
 
 def _in_list(rows: FrameRows) -> Bool:
@@ -280,7 +286,7 @@ def _code(finding: Finding) -> str:
     return finding.code
 
 
-def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
+def _finding_fields(verdicts: Verdicts | None, further: Iterable[FindingKind]) -> list[TelegramField]:
     findings = verdicts.findings if verdicts else []
 
     def column(tell: Callable[[Finding], str]) -> Callable[[FrameRows], Column]:
@@ -299,10 +305,11 @@ def _finding_fields(verdicts: Verdicts | None) -> list[TelegramField]:
         told = tuple(dict.fromkeys(texts))
         return TelegramField(f"finding.{name}", kind, f"Finding's {name}", text, read, known, judged=True, texts=told)
 
-    kinds = CATALOGUE.values()
+    kinds = [*CATALOGUE.values(), *further]
+    codes = [kind.code for kind in kinds]
     severities = column(lambda one: one.kind.severity.word)
     return [
-        entry("code", _TEXT, "such as NV201; shown by the telegrams of its first ten events", column(_code), CATALOGUE),
+        entry("code", _TEXT, "such as NV201; shown by the telegrams of its first ten events", column(_code), codes),
         entry("name", _TEXT, "such as telegram-gap", column(lambda one: one.kind.name), (kind.name for kind in kinds)),
         entry("severity", _TEXT, "error, warning or note", severities, (kind.severity.word for kind in kinds)),
         entry("count", _SIGNED, "how many events it has", count),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
+from nvscope.findings.kind import FindingKind
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.fields.verdicts import Names, Verdicts, verdict_fields
@@ -18,10 +19,12 @@ def vocabulary(
     names: Names | None = None,
     verdicts: Verdicts | None = None,
     fields: Iterable[TelegramField] = FIELDS.values(),
+    further: Iterable[FindingKind] = (),
 ) -> Mapping[str, TelegramField]:
     """Return all fields by name: ``fields`` of frames, and those of what is known about them.
 
-    With ``layouts`` also ``var.*``; without ``verdicts``, judged ones cannot be read.
+    With ``layouts`` also ``var.*``; without ``verdicts``, judged ones cannot be read. ``further`` are kinds of findings
+    that the catalogue has not.
     """
     variables: Mapping[str, TelegramField] = {}
     if layouts is not None:
@@ -29,4 +32,4 @@ def vocabulary(
 
         variables = variable_fields(layouts)
     own = {field.name: field for field in fields}
-    return {**own, **verdict_fields(names, verdicts), **variables}
+    return {**own, **verdict_fields(names, verdicts, further), **variables}

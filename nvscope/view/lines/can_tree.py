@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from dissectors.batch import DIRECTION_NAMES
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import EXTENDED_MASK, FRAME, STANDARD_MASK, CanBatch, Fault
 from dissectors.can.pdo import is_pdo
@@ -62,6 +63,8 @@ class CanTree:
         channel = visible(name)
         kind = f", {flags}" if (flags := flags_of(frame, 0)) else ""
         bits = sum(int(column[0]) for column in wire_bits(frame, Stuffing.EXACT))
+        way = DIRECTION_NAMES[int(frame.direction[0])]
+        kind += f", {way}" if way else ""
         told = f"  {identifier} on {channel}{kind}" + (f", {bits} bits on the wire" if bits else "")
         yield Entry([Cell("CAN", Tone.STRONG), Cell(told)])
         meaning = self._meanings.of(name, frame, 0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import LinkType
-from dissectors.headers import ETHERNET, IPV4, IPV6, NULL, SLL, SLL2, TCP, UDP, VLAN, VLAN_TYPES
+from dissectors.headers import ETHERNET, IPV4, IPV6, NULL, SLL, SLL2, TCP, UDP, UPPER_PDU_TAG, VLAN, VLAN_TYPES
 from dissectors.layout import Layout
 from dissectors.link import MAX_VLAN_TAGS
 
@@ -68,6 +68,12 @@ def link_layers(packet: bytes, link: int, stop: int) -> list[Layer]:
     """Return the headers of the link layer of a packet, as far as they end at ``stop`` or before."""
     found: list[Layer] = []
     at = 0
+    if link == LinkType.UPPER_PDU and stop > UPPER_PDU_TAG.size_bytes:
+        # The first of its tags, and the others.
+        return [
+            Layer(UPPER_PDU_TAG, 0, UPPER_PDU_TAG.size_bytes),
+            Layer(None, UPPER_PDU_TAG.size_bytes, stop),
+        ]
     for layout in _up_to_ip(packet, link):
         if at + layout.size_bytes > stop:
             break

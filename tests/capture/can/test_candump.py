@@ -69,6 +69,8 @@ def plainly(raw: bytes) -> tuple[list[Frame], list[int]]:
         ("(1.000000) can0 123#R8_D", Frame(10**9, "can0", 0x123, "r", 8, b"", 13)),
         ("(1.000000) can0 123##1112233", Frame(10**9, "can0", 0x123, "fb", 3, b"\x11\x22\x33")),
         ("(1.000000) can0 123##6", Frame(10**9, "can0", 0x123, "fs", 0, b"")),
+        ("(1.000000) can0 123##8112233", Frame(10**9, "can0", 0x123, "f", 3, b"\x11\x22\x33")),
+        ("(1.000000) can0 123##F112233", Frame(10**9, "can0", 0x123, "fbs", 3, b"\x11\x22\x33")),
         ("(1.000000) can0 20000004#000C000000000000", Frame(10**9, "can0", 4, "e", 8, b"\0\x0c" + bytes(6))),
         ("(1.000000) can0 123#", Frame(10**9, "can0", 0x123, "", 0, b"")),
         ("(1.000000) can0 123#11.22.33", Frame(10**9, "can0", 0x123, "", 3, b"\x11\x22\x33")),
@@ -242,13 +244,6 @@ def test_a_log_whose_begin_is_damaged_is_still_told_to_be_one(tmp_path: Path) ->
     assert len(found) == 2
     assert source.infos[0].truncation is not None
     assert source.infos[0].truncation.message.startswith("line 1, column 1")
-
-
-def test_what_candump_shows_on_a_screen_is_no_log(tmp_path: Path) -> None:
-    path = tmp_path / "a.log"
-    path.write_text("  can0  181   [8]  00 11 22 33 44 55 66 77\n" * 3)
-    with pytest.raises(UnreadableInput, match="on a screen"):
-        open_source([str(path)])
 
 
 COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {

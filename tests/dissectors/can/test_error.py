@@ -88,7 +88,8 @@ def test_a_bus_goes_off_and_comes_back() -> None:
         (0x010, "0000000003", "transceiver problem: 0x03"),
         (0x060, "", "no acknowledgement on transmission; bus off"),
         (0x300, "000000000000807f", "controller restarted; error counters: transmit 128, receive 127"),
-        (0, "ff", "an error of no known class"),
+        (0x400, "ff", "an error of no known class"),
+        (0, "ff", "error frame, class not recorded"),
     ],
 )
 def test_error_frames_in_words(classes: int, data: str, text: str) -> None:

@@ -119,7 +119,7 @@ def test_a_bus_that_fails_twice_and_stays_off() -> None:
 @pytest.mark.parametrize("word", [0x2000_0000, 0x2000_0400])
 def test_an_error_frame_of_no_known_class_is_one_all_the_same(word: int) -> None:
     (found,) = findings([(START_NS, 0, word, bytes(8))] * 3)
-    assert found.message == "Channel can0: error frames, by what they tell: nothing known."
+    assert found.message == "Channel can0: error frames, by what they tell: class not recorded (3)."
     assert found.count == 3
 
 

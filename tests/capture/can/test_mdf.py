@@ -1,0 +1,167 @@
+"""MDF files, which are read on the other side of a pipe: what comes through it, and what if nothing does."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dissectors.batch import Direction
+from nvscope.capture.can import mdf_child
+from nvscope.capture.can.mdf_child import DONE, FAILED, FRAMES, HEAD, RECORD
+from nvscope.capture.capture_file import CaptureFile
+from nvscope.errors import UnreadableInput
+from tests.capture.can.logs import Frame, frames_of
+from tests.capture.can.test_log import some_frames, written
+
+MDF = b"MDF     4.10    "
+
+
+def record(**told: object) -> bytes:
+    one = np.zeros(1, RECORD)
+    for name, value in told.items():
+        one[name] = value
+    return one.tobytes()
+
+
+def block(kind: bytes, content: bytes = b"") -> bytes:
+    return HEAD.pack(kind, len(content)) + content
+
+
+@pytest.fixture
+def child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A program in place of the one that reads; what it does is for the test to write."""
+    program = tmp_path / "child.py"
+    monkeypatch.setattr(mdf_child, "__file__", str(program))
+    (tmp_path / "a.mf4").write_bytes(MDF.ljust(64, b"\0"))
+    return program
+
+
+def says(program: Path, content: bytes, then: str = "") -> CaptureFile:
+    program.write_text(
+        f"import os, signal, sys, time\nsys.stdout.buffer.write({content!r})\nsys.stdout.flush()\n{then}\n"
+    )
+    return CaptureFile(str(program.parent / "a.mf4"))
+
+
+ONE = block(FRAMES, record(ts_ns=5, identifier=0x123, dlc=2, held=2, data=[1, 2, *[0] * 62], channel=1))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals")
+@pytest.mark.parametrize(
+    ("then", "told"),
+    [
+        ("os.kill(os.getpid(), signal.SIGSEGV)", "ended asammdf by SIGSEGV"),
+        ("os.kill(os.getpid(), signal.SIGKILL)", "ended asammdf by SIGKILL"),
+        ("sys.exit(3)", "ended asammdf with code 3"),
+    ],
+)
+def test_a_file_that_ends_who_reads_it_is_damaged(child: Path, then: str, told: str) -> None:
+    source = says(child, ONE, then)
+    assert [frame.identifier for frame in frames_of(source)] == [0x123]
+    truncation = source.infos[0].truncation
+    assert truncation is not None
+    assert told in truncation.message
+    with pytest.raises(UnreadableInput, match=told) as caught:
+        frames_of(says(child, b"", then))
+    assert "copy the file again" in caught.value.next_step
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (ONE + block(FAILED, b"MdfException: an invalid block"), "an invalid block"),
+        (ONE, "ended asammdf with code 0"),
+        (ONE + ONE[:20], "ended asammdf with code 0"),
+    ],
+)
+def test_a_file_that_is_not_read_to_its_end_is_damaged(child: Path, content: bytes, told: str) -> None:
+    source = says(child, content)
+    assert len(frames_of(source)) == 1
+    assert told in str(source.infos[0].truncation)
+
+
+def test_frames(child: Path) -> None:
+    content = b"".join(
+        [
+            record(ts_ns=1, identifier=0x123, dlc=2, held=2, data=[1, 2, *[9] * 62], channel=1, direction=1),
+            record(ts_ns=2, identifier=0x123, extended=1, dlc=9, held=12, fd=1, brs=1, esi=1, channel=2),
+            record(ts_ns=3, kind=2, identifier=0x123, dlc=4, channel=1),
+            record(ts_ns=4, identifier=0x123, dlc=13, held=8, channel=-1, direction=-1),
+            *(record(ts_ns=5 + kind, kind=1, identifier=0x2C0, dlc=kind, channel=1, direction=-1) for kind in range(7)),
+        ]
+    )
+    source = says(child, block(FRAMES, content) + block(DONE))
+    nothing = bytes(8)
+    stuff = bytes((0, 0, 4, 0, 0, 0, 0, 0))
+    assert frames_of(source) == [
+        Frame(1, "can1", 0x123, "", 2, b"\1\2"),
+        Frame(2, "can2", 0x123, "xfbs", 12, bytes(12)),
+        Frame(3, "can1", 0x123, "r", 4, b""),
+        Frame(4, "", 0x123, "", 8, nothing, 13),
+        Frame(5, "can1", 0, "e", 8, nothing),
+        Frame(6, "can1", 8, "e", 8, bytes((0, 0, 1, 0, 0, 0, 0, 0))),
+        Frame(7, "can1", 8, "e", 8, bytes((0, 0, 2, 0, 0, 0, 0, 0))),
+        Frame(8, "can1", 8, "e", 8, stuff),
+        Frame(9, "can1", 8, "e", 8, bytes((0, 0, 0, 8, 0, 0, 0, 0))),
+        Frame(10, "can1", 0x20, "e", 8, nothing),
+        Frame(11, "can1", 0, "e", 8, nothing),
+    ]
+    assert source.infos[0].truncation is None
+    (batch,) = source
+    assert batch.directions.tolist() == [Direction.TX, Direction.RX, Direction.RX, *[Direction.UNKNOWN] * 8]
+
+
+def test_frames_that_cannot_be_are_left_out(child: Path) -> None:
+    content = record(identifier=0x800) + record(ts_ns=1 << 62) + record(dlc=16) + record(ts_ns=7, identifier=1)
+    source = says(child, block(FRAMES, content) + block(DONE))
+    assert [frame.ts_ns for frame in frames_of(source)] == [7]
+    assert "3 such frames are left out" in str(source.infos[0].truncation)
+
+
+def test_who_stops_leaves_no_process_behind(child: Path) -> None:
+    source = says(child, ONE, f"open({str(child) + '.pid'!r}, 'w').write(str(os.getpid())); time.sleep(60)")
+    next(iter(source))
+    source.stop()
+    assert Path("/proc").exists() is False or not Path(f"/proc/{Path(f'{child}.pid').read_text()}").exists()
+
+
+def test_a_file_that_its_logger_did_not_finish(tmp_path: Path) -> None:
+    """As a CANedge writes it: the counts of records are 0, and the head says which to fill in."""
+    path = written(tmp_path / "a.mf4", some_frames(1, 20))
+    whole = frames_of(CaptureFile(str(path)))
+    raw = bytearray(path.read_bytes())
+    raw[:8] = b"UnFinMF "
+    raw[60:64] = (1).to_bytes(2, "little") + bytes(2)
+    (tmp_path / "b.mf4").write_bytes(raw)
+    source = CaptureFile(str(tmp_path / "b.mf4"))
+    assert source.infos[0].format == "mf4"
+    assert frames_of(source) == whole
+
+
+class Group:
+    """A group of frames in chunks of two."""
+
+    def __init__(self, kind: int, times: list[int]) -> None:
+        self.records = np.empty(0, RECORD)
+        self.kind, self.times = kind, times
+
+    @property
+    def ended(self) -> bool:
+        return not self.times
+
+    def fill(self) -> None:
+        if not len(self.records):
+            self.records = np.zeros(len(self.times[:2]), RECORD)
+            self.records["ts_ns"], self.records["kind"] = self.times[:2], self.kind
+            self.times = self.times[2:]
+
+
+def test_groups_are_merged_by_time() -> None:
+    """A chunk is not written beyond what others can still have; each group keeps its own order."""
+    groups = [Group(0, [1, 5, 6, 7, 9, 8]), Group(1, [2, 3, 4, 10]), Group(2, [])]
+    merged = np.concatenate(list(mdf_child._merged(groups)))  # type: ignore[arg-type]
+    assert merged["ts_ns"].tolist() == [1, 2, 3, 4, 5, 6, 7, 9, 8, 10]
+    assert merged["kind"].tolist() == [0, 1, 1, 1, 0, 0, 0, 0, 0, 1]
