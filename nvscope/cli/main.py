@@ -13,6 +13,7 @@ from typing import Any, NoReturn, cast
 import typer
 
 from nvscope.capture.bus_error import end_in_words
+from nvscope.cli.encodings import adapt
 from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
 from nvscope.cli.program import VERBS, program
 from nvscope.cli.threads import start_no_threads
@@ -42,8 +43,9 @@ def main() -> NoReturn:
         _let_wait(name)
         if getattr(sys, name) is None:  # the shell closed it
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
-        getattr(sys, name).reconfigure(errors="backslashreplace")
     sys.stderr = _stderr_that_never_fails()
+    for stream in (sys.stdout, sys.stderr):
+        adapt(stream)
     try:
         words = in_order(sys.argv[1:], VERBS)
         status = program(next(iter(words), None))(words, prog_name="nvscope", standalone_mode=False)
