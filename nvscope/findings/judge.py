@@ -50,7 +50,7 @@ def judge(
     to have passed, and what waits at the end stays open. ``definition`` is what should be on the wire. A ``summary``
     that is given is to know of its intervals too. ``judges`` judge beside those that always do.
     """
-    summary = summary or summarize(state, intervals_ns=definition.cyclic_intervals_ns() if definition else {})
+    summary = summary or summarize(state, intervals_ns=definition.nominal_intervals_ns() if definition else {})
     now = summary.capture.at_ns if at_ns is None else at_ns
     facts = Facts(state, summary, sources, now or 0, limits or Limits(), definition, overdue=at_ns is not None)
     found = [finding for judge_some in (*JUDGES, *judges) for finding in judge_some(facts)]

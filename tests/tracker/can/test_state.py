@@ -65,7 +65,7 @@ def report(frames: list[Frame], cut: int, definition: Definition | None = None) 
     state = TrackerState(values=values)
     whole = batch(frames)
     observed(state, cut_into(whole, cut), Reading(pdos=Pdos(definition).rules()), ["can0", "vcan1"])
-    summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
+    summary = summarize(state, intervals_ns=definition.nominal_intervals_ns())
     return report_document(summary, judge(state, summary=summary, definition=definition), [], definition)
 
 
