@@ -24,8 +24,8 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.node_steps import NodeOrder, NodeSteps
-from nvscope.tracker.sequence import walk
-from nvscope.tracker.stepping import Stepping
+from nvscope.tracker.repeated import Repeated
+from nvscope.tracker.sender_changes import Changes
 from nvscope.tracker.steps import Step, Steps
 
 _TOLD = {
@@ -37,8 +37,6 @@ _TOLD = {
 
 WALKS = 2
 """The stream's own sequence, and the node's."""
-
-_FEW = 32  # nodes: so few are counted one by one
 
 
 class StreamSequences(KeyedColumns):
@@ -142,27 +140,26 @@ class Loss:
 
     def _walk_streams(self, rows: DataRows) -> Steps:
         streams, run = self.streams, rows.run_stream
-        who = Stepping(rows.repeated, rows.start, rows.stop)
-        left = run[who.left]
-        walked = walk(
-            who.of(rows.counter), who.start, streams.current[left], streams.missing[left], rows.fresh[who.left]
-        )
-        streams.current[left], streams.missing[left] = walked.current, walked.missing
-        steps, begins = who.among_all(walked), rows.start
+        again = Repeated(_places(rows.repeated), rows.start)
+        counter = rows.counter.copy() if len(again) else rows.counter
+        steps = again.walk(counter, streams.current[run], streams.missing[run], rows.fresh)
+        streams.current[run], streams.missing[run] = steps.current, steps.missing
+        idle = np.zeros(len(run), np.int64)  # rows that take no step: in front of the second counter value, or repeated
         waiting = ~streams.counting[run]
         if waiting.any():
             moved = (steps.step != Step.SAME) & (steps.step != Step.NONE)
-            if rows.repeated is not None:
-                moved &= ~rows.repeated
+            moved[again.place] = False
             moves = np.flatnonzero(moved)
             first = np.append(moves, len(rows))[np.searchsorted(moves, rows.start)]
-            # In front of its second counter value, a stream takes no steps.
             begins = np.where(waiting, np.minimum(first, rows.stop), rows.start)
+            idle = begins - rows.start
             streams.counting[run] |= begins < rows.stop
             steps.step[np.arange(len(rows)) < np.repeat(begins, rows.stop - rows.start)] = Step.NONE
             steps.irregular = np.flatnonzero(steps.step != Step.REGULAR)
+        late = again.place[steps.step[again.place] == Step.LATE]
+        idle += np.bincount(np.searchsorted(rows.start, late, "right") - 1, minlength=len(run))
         irregular = np.diff(np.searchsorted(steps.irregular, np.append(rows.start, len(rows))))
-        streams.steps[run] += who.taken(begins)
+        streams.steps[run] += rows.stop - rows.start - idle
         streams.regular[run] += rows.stop - rows.start - irregular
         self._count_swapped(rows, steps)
         return steps
@@ -190,38 +187,35 @@ class Loss:
         node = np.where(keys.varieties.column("stream") >= 0, keys.varieties.column("node"), len(length))
         packet = order_by(node, told.variety, len(length))[: len(rows)]
         run, start, stop = runs_of_lengths(length)
-        repeated = None
-        if rows.repeated is not None:
-            again = np.zeros(len(told.packets), np.bool_)
-            again[rows.packet[rows.repeated]] = True
-            repeated = again.take(packet)
-        who = Stepping(repeated, start, stop)
-        # Its first telegram is never a repeated one: who has none left has had one before.
+        again = Repeated(_places(_by_packet(rows, len(told.packets), packet)), start)
         fresh = nodes.last_stream[run] < 0
-        left, sent = run[who.left], who.of(packet)
-        walked = walk(
-            told.counter.take(sent), who.start, nodes.current[left], nodes.missing[left], fresh[who.left]
-        )  # fmt: skip
+        steps = again.walk(told.counter.take(packet), nodes.current[run], nodes.missing[run], fresh)
         node_of_stream = keys.node_of(np.arange(len(keys.streams)))
         run_of_stream = np.searchsorted(run, node_of_stream)
         time_ns = told.packets.ts_ns
         before_ns = np.where(fresh, time_ns[packet[start]], nodes.last_ns[run])
         order = NodeOrder(packet, start, rows, run_of_stream, time_ns, before_ns)
-        senders = _Senders(told, keys, sent, who, nodes.last_stream[left])
-        together = senders.together(walked.at(Step.SAME))
-        bounds = np.append(who.start, len(sent))
-        regular = who.stop - who.start - np.diff(np.searchsorted(walked.irregular, bounds))
-        nodes.steps[left] += who.stop - who.start - fresh[who.left]
-        nodes.regular_telegram[left] += regular
-        nodes.regular_send[left] += regular + np.diff(np.searchsorted(together, bounds))
-        if (np.bincount(node_of_stream[node_of_stream >= 0])[left] > 1).any():
-            senders.count_changes(nodes, left, walked)
-        nodes.current[left], nodes.missing[left] = walked.current, walked.missing
-        nodes.last_stream[left] = senders.last
+        bounds = np.append(start, len(packet))
+        length = stop - start
+        regular = length - np.diff(np.searchsorted(steps.irregular, bounds))
+        nodes.steps[run] += length - fresh - np.bincount(again.sequence, minlength=len(run))
+        nodes.regular_telegram[run] += regular
+        nodes.regular_send[run] += regular
+        last = keys.varieties.stream[told.variety[packet[stop - 1]]]
+        if (np.bincount(node_of_stream[node_of_stream >= 0])[run] > 1).any():
+            changes = Changes(told, keys, packet, start, nodes.last_stream[run], again)
+            nodes.regular_send[run] += changes.within_sends(steps)
+            nodes.between_streams[run] += changes.between_streams
+            nodes.between_lists[run] += changes.between_lists
+            of_streams, of_lists = changes.regular(steps)
+            nodes.regular_between_streams[run] += of_streams
+            nodes.regular_between_lists[run] += of_lists
+            last = changes.last_stream
+        nodes.current[run], nodes.missing[run] = steps.current, steps.missing
+        nodes.last_stream[run] = last
         nodes.last_ns[run] = time_ns[packet[stop - 1]]
-        steps = who.among_all(walked)
         gaps = steps.at(Step.GAP)
-        before = np.searchsorted(gaps, np.append(start, len(packet)))
+        before = np.searchsorted(gaps, bounds)
         counted = nodes.gaps[run] - before[:-1]
         nodes.gaps[run] += np.diff(before)
         return NodeSteps(steps, order, gaps, counted)
@@ -275,51 +269,18 @@ class Loss:
         return self._events[step, min(scope, Scope.NODE_TELEGRAM)]  # both node scopes take the same steps
 
 
-class _Senders:
-    """Who sent the telegrams ``packet`` of a batch, in the order of their nodes, ``who`` are their runs.
+def _places(chosen: Bool | None) -> I64:
+    """Return the places where a mask is set; None has none."""
+    return np.empty(0, np.int64) if chosen is None else np.flatnonzero(chosen)
 
-    ``before`` is the stream of each node's telegram before, -1 where there was none, ``last`` that of its last one.
-    """
 
-    def __init__(self, told: Told, keys: Keys, packet: I64, who: Stepping, before: I64) -> None:
-        self._variety, self._streams, self._before = told.variety.take(packet), keys.varieties.column("stream"), before
-        self._lists = keys.places.high[keys.place_of(np.arange(len(keys.streams)))].astype(np.int64)
-        self._start, self._stop = who.start, who.stop
-        self.last: I64 = self._streams[self._variety[who.stop - 1]]
-
-    def together(self, same: I64) -> I64:
-        """Return which of some places, rising, were sent together with the one before: of its list, not its stream."""
-        now, earlier = (self._streams[self._variety[place]] for place in (same, same - 1))
-        first = np.searchsorted(same, self._start)
-        begins = np.append(same, -1)[first] == self._start
-        earlier[first[begins]] = self._before[begins]
-        sent: I64 = same[(self._lists[now] == self._lists[earlier]) & (now != earlier)]
-        return sent
-
-    def count_changes(self, nodes: NodeSequences, node: I64, steps: Steps) -> None:
-        """Count, by node, the steps from one stream and from one list to another, and how many are regular."""
-        regular = steps.step == Step.REGULAR
-        fresh = self._before < 0
-        of_list = self._lists[self._streams]
-        for number_of, before, changes, fitting in (
-            (self._streams, self._before, nodes.between_streams, nodes.regular_between_streams),
-            (of_list, self._lists[self._before], nodes.between_lists, nodes.regular_between_lists),
-        ):
-            narrow = np.uint16 if number_of.max(initial=0) <= 0xFFFF else np.int64
-            number = number_of.astype(narrow).take(self._variety)
-            changed = np.empty(len(number), np.bool_)
-            np.not_equal(number[1:], number[:-1], out=changed[1:])
-            changed[self._start] = ~fresh & (number[self._start] != before)
-            changes[node] += self._count(changed)
-            changed &= regular
-            fitting[node] += self._count(changed)
-
-    def _count(self, mask: Bool) -> I64:
-        if len(self._start) > _FEW:
-            sums: I64 = np.add.reduceat(mask, self._start, dtype=np.int64)
-            return sums
-        runs = zip(self._start.tolist(), self._stop.tolist(), strict=True)
-        return np.array([np.count_nonzero(mask[start:stop]) for start, stop in runs], np.int64)
+def _by_packet(rows: DataRows, packets: int, packet: I64) -> Bool | None:
+    """Return which of some packets are repeated."""
+    if rows.repeated is None:
+        return None
+    again = np.zeros(packets, np.bool_)
+    again[rows.packet[rows.repeated]] = True
+    return again.take(packet)
 
 
 def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:

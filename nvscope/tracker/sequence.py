@@ -31,8 +31,6 @@ def walk(counter: U16, start: I64, current: U16, missing: U64, fresh: Bool) -> S
     ``counter`` has shape (n,); sequence i has the places from ``start[i]`` to ``start[i + 1]`` (to n for the last) and
     is not empty. ``current`` and ``missing`` are what it had before; where ``fresh`` it begins here.
     """
-    if not len(counter):
-        return Steps(np.empty(0, np.uint8), counter, current, missing, np.empty(0, np.int64))
     before = np.empty_like(counter)
     before[1:] = counter[:-1]
     before[start] = np.where(fresh, counter[start], current)
