@@ -115,3 +115,14 @@ def test_a_stream_that_begins_later_or_stops_earlier_tears_nothing() -> None:
         finding = torn(frames_of(sent))
         assert finding is not None
         assert finding.count == 1
+
+
+def test_a_cycle_that_is_over_only_in_a_later_batch_counts_as_well() -> None:
+    """The last telegram of a stream that stops ends a cycle; that it did is known when the next one begins."""
+    sent = [one for one in [*whole(range(60)), *((cycle, 0) for cycle in range(60, 90))] if one != (45, 1)]
+    shown = frames_of(sent)
+    finding = torn(shown)
+    assert finding is not None
+    _, cycles, _ = expected(sent)
+    assert finding.message.startswith(f"1 of {cycles} cycles")
+    assert torn(shown, tuple(range(1, len(shown)))) == finding
