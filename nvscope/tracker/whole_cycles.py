@@ -87,6 +87,8 @@ def count_cycles(
 
 def _counted(pairs: PairCounts, streams: StreamCounts, pair_of: I64, over: Over) -> Over:
     """Return the cycles of all streams that are known now; those of fewer are forgotten."""
+    if (over.known == pairs.known[over.pair]).all():  # as it mostly is
+        return over
     before = pairs.column("known").copy()
     np.maximum.at(pairs.known, over.pair, over.known)
     grown = np.append(pairs.column("known") > before, False)
