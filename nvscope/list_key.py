@@ -33,8 +33,9 @@ class ListKey(NamedTuple):
     """What a list is told by on the wire; keys sort by transport, port or channel, and identifier.
 
     ``port`` is a UDP port, or the name of a CAN channel, ``ANY_CHANNEL`` in definitions only. ``identifier`` is the
-    Index, or the COB-ID, with ``EXTENDED`` where it is one of 29 bits. Its text is what people and reports call the
-    list: udp/1202/7, can/can0/385, can/can0/419430401x; an x marks extended identifiers, * any channel.
+    Index, or the COB-ID, with ``EXTENDED`` where it is one of 29 bits. Its text is what reports in JSON call the
+    list: udp/1202/7, can/can0/385, can/can0/419430401x; an x marks extended identifiers, * any channel. What people
+    read has COB-IDs in hexadecimal (``nvscope.units.list_key``).
     """
 
     transport: Transport

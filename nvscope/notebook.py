@@ -43,6 +43,7 @@ from nvscope.tracker.figures import (
     Figure,
     Of,
 )
+from nvscope.units import list_key
 from nvscope.view.documents.figures import lookup
 
 if TYPE_CHECKING:
@@ -242,7 +243,7 @@ class Captures:
         inquiry = self._inquiry
         lists = self._defined(name)
         if form == "wide" and len(lists) > 1:
-            told = ", ".join(f"{entry.name} ({key})" for key, entry in lists[:_MOST_NAMED])
+            told = ", ".join(f"{entry.name} ({list_key(str(key))})" for key, entry in lists[:_MOST_NAMED])
             raise UsageError(
                 "several lists are defined, and each is a table of its own",
                 next_step=f"name one of {told}, or ask for form='long'",

@@ -25,12 +25,24 @@ def count_of(number: int, noun: str, plural: str = "") -> str:
 
 
 def cob_id(number: int, extended: bool = False) -> str:
-    """Return ``181h``, or ``18FF0201h`` for an identifier of 29 bits."""
-    return f"{number:08X}h" if extended else f"{number:03X}h"
+    """Return ``0x181``, or ``0x18FF0201`` for an identifier of 29 bits."""
+    return f"0x{number:08X}" if extended else f"0x{number:03X}"
+
+
+def list_key(key: str) -> str:
+    """Return the key of a list, as documents have it, as people read it: can/can0/272 is ``can/can0/0x110``.
+
+    Other keys stay as they are; an x behind a number marks identifiers of 29 bits.
+    """
+    head, _, number = key.rpartition("/")
+    digits = number.removesuffix("x")
+    if not head.startswith("can/") or not digits.isascii() or not digits.isdigit():
+        return key
+    return f"{head}/{cob_id(int(digits), extended=number != digits)}"
 
 
 def cob_id_range(first: int, last: int) -> str:
-    """Return ``181h``, or ``181h to 183h``."""
+    """Return ``0x181``, or ``0x181 to 0x183``."""
     return cob_id(first) if first == last else f"{cob_id(first)} to {cob_id(last)}"
 
 

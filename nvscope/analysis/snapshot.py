@@ -50,7 +50,7 @@ def snapshot(
     pdos = pdos or pdos_of(definition)
     cob_ids = {key.identifier for key in pdos.by_cob_id} if pdos else set()
     summary = summarize(
-        state, intervals_ns=definition.cyclic_intervals_ns(), readers=project.readers, buses=project.buses,
+        state, intervals_ns=definition.nominal_intervals_ns(), readers=project.readers, buses=project.buses,
         cob_ids=cob_ids,
     )  # fmt: skip
     infos = tuple(source.infos)

@@ -33,7 +33,7 @@ class CobIds:
 
     @property
     def text(self) -> str:
-        """The COB-IDs as people write them: ``181h to 183h``."""
+        """The COB-IDs as people write them: ``0x181 to 0x183``."""
         return units.cob_id_range(self.first, self.last)
 
 

@@ -1,6 +1,7 @@
 """What in definitions will not work on the wire, or only with luck: found before anything is sent.
 
-Each rule is a row of ``RULES``: the word by which it is known, what it finds, why that matters, and what to do.
+Each rule is a row of ``RULES``: the word by which it is known (the code, where a report finds the same), what it finds,
+why that matters, and what to do.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from nvscope.definition import codes
 from nvscope.definition import lint_searches as searches
 from nvscope.definition.lint_searches import Packed, Place, Subject
 from nvscope.definition.model import AssumedBase, Definition, Problem
@@ -182,20 +184,20 @@ RULES = (
         searches.each_list(searches.tell_checksum_broadcast),
     ),
     Rule(
-        "can-overlap", "error", "two lists on CAN that take the same COB-IDs",
+        codes.COB_ID_OVERLAP, "error", "two lists on CAN that take the same COB-IDs",
         "A list takes one COB-ID for each frame, counted up from its identifier: readers take frames of the one list "
         "for those of the other.",
         "Choose identifiers at least as far apart as each list has frames; leave some room to grow.",
         searches.find_can_overlaps,
     ),
     Rule(
-        "can-canopen", "error", "a list on CAN that takes COB-IDs of CANopen",
+        codes.CANOPEN_COLLISION, "error", "a list on CAN that takes COB-IDs of CANopen",
         "On a bus with CANopen devices these take its frames for theirs, with any effect up to a stop.",
         "Choose an identifier that no device of this bus uses, and look at the whole range of the list.",
         searches.find_can_services,
     ),
     Rule(
-        "can-identifier", "error", "a list on CAN that takes COB-IDs beyond 7FFh",
+        "can-identifier", "error", "a list on CAN that takes COB-IDs beyond 0x7FF",
         "Base frames have 11 bits for the identifier.",
         "Choose a lower identifier.",
         searches.find_can_identifiers,

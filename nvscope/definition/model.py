@@ -116,6 +116,11 @@ class Definition:
                 found.setdefault(entry.key, entry)
         return found
 
-    def cyclic_intervals_ns(self) -> dict[ListKey, int]:
-        """Return at which interval lists are sent that are sent cyclically."""
-        return {key: entry.interval_ns for key, entry in self.by_key().items() if entry.cyclic and entry.interval_ns}
+    def nominal_intervals_ns(self) -> dict[ListKey, int]:
+        """Return at which interval lists are sent: 0 of those that are not sent cyclically.
+
+        Of a list that is not there, nobody says.
+        """
+        entries = self.by_key().items()
+        told = {key: entry.interval_ns for key, entry in entries if entry.cyclic and entry.interval_ns}
+        return told | {key: 0 for key, entry in entries if not entry.cyclic}

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from dissectors.can.canopen import MAX_COB_ID
+from nvscope import units
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.position import Position
 from nvscope.list_key import Transport
@@ -106,7 +107,8 @@ def _checked(number: int, told: ListSettings, place: Place) -> ListSettings:
             raise place.below("port").error("a list on CAN has no port", "Leave it out.")
         if number > MAX_COB_ID:
             raise place.error(
-                f"{number} is no COB-ID: those of lists have 11 bits", f"Write a number up to 0x{MAX_COB_ID:X}."
+                f"{number} is no COB-ID: those of lists have 11 bits",
+                f"Write a number up to {units.cob_id(MAX_COB_ID)}.",
             )
     return told
 

@@ -13,7 +13,7 @@ from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
 from nvscope.definition.variables import Element
 from nvscope.errors import UsageError
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
-from nvscope.units import count
+from nvscope.units import cob_id, count, list_key
 
 _MOST_NEAR = 3
 _MOST_LISTS = 6
@@ -159,7 +159,7 @@ def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> 
     wanted = given.strip().lower()
     found = [(key, entry) for key, entry in lists if wanted in (entry.name.lower(), *map(str.lower, _as_written(key)))]
     if not found:
-        told = ", ".join(f"{entry.name} ({key})" for key, entry in lists[:_MOST_LISTS]) or "none"
+        told = ", ".join(f"{entry.name} ({list_key(str(key))})" for key, entry in lists[:_MOST_LISTS]) or "none"
         more = f" and {len(lists) - _MOST_LISTS} more" if len(lists) > _MOST_LISTS else ""
         next_step = f"there are {told}{more}"
         if channel := _channel_of(given.strip(), lists):
@@ -170,15 +170,21 @@ def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> 
 
 def _channel_of(wanted: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> str:
     """Return the channel that a key names, where its list is defined for any; else nothing."""
-    match = re.fullmatch(r"can/([^/\"']{1,60})/(\d{1,10})", wanted, re.IGNORECASE)
-    return match[1] if match and ListKey.can(ANY_CHANNEL, int(match[2])) in [key for key, _ in lists] else ""
+    match = re.fullmatch(r"can/([^/\"']{1,60})/(\d{1,10}|0x[0-9a-f]{1,8})", wanted, re.IGNORECASE)
+    if match is None:
+        return ""
+    number = int(match[2], 16 if "x" in match[2].lower() else 10)
+    return match[1] if ListKey.can(ANY_CHANNEL, number) in [key for key, _ in lists] else ""
 
 
 def _as_written(key: ListKey) -> tuple[str, ...]:
     """Return how people write the key of a list, or its identifier alone."""
     told = str(key.identifier), f"{key.port}/{key.identifier}", str(key)
-    on_can = f"0x{key.identifier:x}", f"can/{key.identifier}"
-    return (*told, *on_can) if key.transport is Transport.CAN else told
+    if key.transport is not Transport.CAN:
+        return told
+    hexadecimal = dict.fromkeys((f"0x{key.identifier:x}", cob_id(key.identifier)))
+    on_can = (written for number in hexadecimal for written in (number, f"can/{number}", f"{key.port}/{number}"))
+    return (*told, f"can/{key.identifier}", *on_can, list_key(str(key)))
 
 
 def _plain(name: str) -> str:

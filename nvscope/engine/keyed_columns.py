@@ -59,6 +59,10 @@ class KeyedColumns:
         self._put(row, other, np.arange(len(row)))
         return row
 
+    def put(self, row: I64, other: Self) -> None:
+        """Make some rows of this table what all rows of another one are, in the same order."""
+        self._put(row, other, np.arange(len(row)))
+
     def _put(self, row: I64, other: Self, other_row: I64) -> None:
         for name in self.COLUMNS:
             getattr(self, name)[row] = getattr(other, name)[other_row]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from nvscope.findings.can import DLC_MISMATCH
 from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.list_key import Transport
-from nvscope.units import count, count_of
+from nvscope.units import count, count_of, list_key
 from nvscope.view.escape import visible
 from nvscope.view.rows.defined import DefinedTelegrams, LeftOut
 
@@ -43,7 +43,7 @@ def left_out(telegrams: DefinedTelegrams) -> list[str]:
     told = []
     for key, reasons in list(known.items())[:_MOST_NAMED]:
         kind = DLC_MISMATCH if key.transport is Transport.CAN else DEFINITION_MISMATCH
-        told.append(f"{key} {visible(names.get(key, ''))}: {_counted(reasons, kind.code)}.")
+        told.append(f"{list_key(str(key))} {visible(names.get(key, ''))}: {_counted(reasons, kind.code)}.")
     if others := list(known.values())[_MOST_NAMED:]:
         total = {reason: sum(reasons.get(reason, 0) for reasons in others) for reason in LeftOut}
         summed = {reason: number for reason, number in total.items() if number}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from nvscope.findings.finding import Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import EventKind
-from nvscope.units import count, count_of, duration, percent
+from nvscope.units import cob_id, count, count_of, duration, percent
 
 if TYPE_CHECKING:
     from nvscope.definition.pdos import Pdo
@@ -68,26 +68,37 @@ def _lengths(facts: Facts) -> Iterator[Finding]:
     changes = {(number, subindex): events for number, _, subindex, events in facts.logged(DLC_MISMATCH)}
     unfitting = facts.state.values.unfitting if facts.state.values else None
     for entry, stream in facts.pdo_streams():
-        pdo = None if stream.extended else facts.pdos.pdo_of(entry.key._replace(identifier=stream.cob_id))
-        last = f"the last one had {count_of(stream.length, 'byte')}."
+        key = entry.key._replace(identifier=stream.cob_id)
+        pdo, sizes = None if stream.extended else facts.pdos.pdo_of(key), facts.lengths_of_stream[stream.stream]
         if unfitting is not None and pdo is not None and pdo.layout is not None:
             if not unfitting.count[stream.stream]:
                 continue
             events = events_of(unfitting, stream.stream)
-            size = count_of(pdo.layout.layout.size_bytes, "byte")
+            wrong = [size for size in sizes if facts.pdos.fitting(key, size) is None]
             message = (
-                f"{count_of(events.count, 'frame')} of {count(stream.telegrams)} not of {size}, as the definition has "
-                f"it if packed as assumed; {last}"
+                f"{count_of(events.count, 'frame')} of {count(stream.telegrams)} "
+                f"{'has' if events.count == 1 else 'have'} {_bytes(wrong)}, not the {pdo.layout.layout.size_bytes} "
+                "that the definition has if packed as assumed."
             )
         elif (entry.number, stream.subindex) in changes:
             events = changes[entry.number, stream.subindex]
-            message = f"The length of the frames changed {count_of(events.count, 'time')}; {last}"
+            message = (
+                f"The length of the frames changed {count_of(events.count, 'time')}: they have {_bytes(sizes)}, the "
+                f"last one {stream.length}."
+            )
         else:
             continue
         yield Finding(
             DLC_MISMATCH, message, events.count, events.first_ns, events.last_ns, events.frames,
             entry.number, None, stream.subindex,
         )  # fmt: skip
+
+
+def _bytes(sizes: Sequence[int]) -> str:
+    """Return sizes as people say them: ``6 or 8 bytes``; of many, the extremes."""
+    if len(sizes) > _MOST_NAMED:
+        return f"{sizes[0]} to {sizes[-1]} bytes"
+    return f"{' or '.join(map(str, sizes))} {'byte' if list(sizes) == [1] else 'bytes'}"
 
 
 def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
@@ -117,6 +128,6 @@ def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
 def _silent(entry: CanListSummary, defined: Sequence[Pdo]) -> str:
     """Return the COB-IDs of a list that were never seen; of many, the first few."""
     seen = {stream.subindex for stream in entry.streams}
-    missing = [f"0x{entry.key.identifier + pdo.subindex:X}" for pdo in defined if pdo.subindex not in seen]
+    missing = [cob_id(entry.key.identifier + pdo.subindex) for pdo in defined if pdo.subindex not in seen]
     more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
     return ", ".join(missing[:_MOST_NAMED]) + more

@@ -22,7 +22,8 @@ BUS_LOAD = FindingKind(
         "The bus was busy for more than 70 % of a second (bus_load_percent in the table [limits] of nvscope.toml): "
         "frames of low priority come late or not at all. The bits of each second, with the stuff bits that the frames "
         "have, are held against the bit rate: that of --bitrate, or of the table [buses] of nvscope.toml, or one "
-        "found from frames that follow each other at once. Where none is known, nothing is said."
+        "found from frames that follow each other at once. Where none is known, nothing is said; where the frames "
+        "would have taken more time than there was, it is the bit rate that is wrong, and that is told instead."
     ),
     causes=(
         "too many lists with too short intervals for the bit rate",
@@ -57,6 +58,8 @@ ERROR_FRAMES = FindingKind(
 
 _S_NS = 1_000_000_000
 _NAMED = 3
+_FULL_PERCENT = 101
+"""No bus can be busier than all of the time; a frame that lies on the edge of two seconds counts for one of them."""
 
 
 def judge_buses(facts: Facts) -> Iterator[Finding]:
@@ -78,6 +81,20 @@ def _load(facts: Facts, bus: CanBusSummary) -> Iterator[Finding]:
         return
     rate, load = bus.bit_rate, bus.load
     how = "given" if rate.given else "found from the frames"
+    if load.peak > _FULL_PERCENT:
+        over = load.second_ns[load.second > _FULL_PERCENT]
+        message = (
+            f"Channel {bus.channel}: the bit rate that is {how}, {units.bit_rate(rate.nominal)}, is wrong. The frames "
+            f"of {units.count_of(len(over), 'second')} would have taken up to {units.load(load.peak)} of the time at "
+            "this rate: the bus is faster."
+        )
+        hint = (
+            "Look up the bit rate in a device's settings; without --bitrate and [buses] it is found, where it can be."
+        )
+        yield Finding(
+            BUS_LOAD, message, len(over), int(over[0]), int(over[-1]) + _S_NS, hint=hint, channel=bus.channel
+        )  # fmt: skip
+        return
     data = f" and {units.bit_rate(rate.data)} in the data phase" if rate.data else ""
     busiest = ", ".join(_share(entry) for entry in bus.identifiers[:_NAMED])
     message = (
@@ -87,7 +104,9 @@ def _load(facts: Facts, bus: CanBusSummary) -> Iterator[Finding]:
         f"load {units.load(load.mean)} in the mean, {units.load(load.peak)} at the peak ({units.load(load.worst)} with "
         f"all stuff bits there can be). The largest shares: {busiest}."
     )
-    yield Finding(BUS_LOAD, message, len(above), int(above[0]), int(above[-1]) + _S_NS)
+    yield Finding(
+        BUS_LOAD, message, len(above), int(above[0]), int(above[-1]) + _S_NS, channel=bus.channel
+    )  # fmt: skip
 
 
 def _errors(facts: Facts, channel: str, errors: BusErrors) -> Finding:
@@ -103,7 +122,9 @@ def _errors(facts: Facts, channel: str, errors: BusErrors) -> Finding:
         parts.append(f"The controller told: {', '.join(reached)}.")
     if errors.tx_errors is not None:
         parts.append(f"Its error counters went up to {errors.tx_errors} (transmit) and {errors.rx_errors} (receive).")
-    return Finding(ERROR_FRAMES, " ".join(parts), errors.count, errors.first_ns, errors.last_ns, errors.frames)
+    return Finding(
+        ERROR_FRAMES, " ".join(parts), errors.count, errors.first_ns, errors.last_ns, errors.frames, channel=channel
+    )  # fmt: skip
 
 
 def _bus_off(errors: BusErrors, at_ns: int) -> str:

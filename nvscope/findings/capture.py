@@ -34,16 +34,17 @@ CLOCK_STEP = FindingKind(
     "NV902",
     "clock-step",
     Severity.WARNING,
-    meaning="The time stamps go back. Intervals, timeouts and the order of events around that moment are not reliable.",
+    meaning=(
+        "The time stamps go back by more than 1 ms. Intervals, timeouts and the order of events around that moment are "
+        "not reliable. Less than that is no finding: several queues or interfaces wrote their frames in a slightly "
+        "wrong order."
+    ),
     causes=(
         "the clock of the capturing computer was set (NTP, PTP, by hand) during the recording",
         "files merged from computers whose clocks differ",
-        "several receive queues or interfaces, whose frames were written in a slightly wrong order",
+        "several interfaces or computers, whose frames were written one after the other",
     ),
-    next_steps=(
-        "Steps of microseconds are queues and do no harm; larger ones are the clock.",
-        "Synchronize the clock before recording; sort or merge files by time (`reordercap`, `mergecap`).",
-    ),
+    next_steps=("Synchronize the clock before recording; sort or merge files by time (`reordercap`, `mergecap`).",),
     of_capture=True,
 )
 TRUNCATED_FILE = FindingKind(
@@ -141,7 +142,10 @@ def judge_capture(facts: Facts) -> Iterator[Finding]:
     steps_back = facts.state.capture.steps_back.rows
     for events in (events_of(steps_back, row) for row in range(len(steps_back))):
         step = duration(facts.state.capture.longest_step_back_ns)
-        message = f"{count_of(events.count, 'frame')} with a time before that of the frame in front, by up to {step}."
+        message = (
+            f"{count_of(events.count, 'frame')} with a time more than 1 ms before that of the frame in front: by up to "
+            f"{step}."
+        )
         yield Finding(CLOCK_STEP, message, events.count, events.first_ns, events.last_ns, events.frames)
     yield from _truncated(facts)
     yield from _unsupported(facts)

@@ -6,10 +6,11 @@ one finding for a channel on which frames with these COB-IDs were seen, or one w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from nvscope.definition import codes
 from nvscope.findings.definition_names import file_name, together
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
@@ -20,11 +21,12 @@ if TYPE_CHECKING:
     from nvscope.definition.cob_ids import CobIds
     from nvscope.findings.facts import Facts
     from nvscope.tracker.can.bus import IdentifierBits
+    from nvscope.tracker.can.canopen import Evidence
 
     _Seen = dict[str, dict[int, IdentifierBits]]
 
 COB_ID_OVERLAP = FindingKind(
-    "NV601",
+    codes.COB_ID_OVERLAP,
     "cob-id-overlap",
     Severity.ERROR,
     meaning=(
@@ -36,7 +38,7 @@ COB_ID_OVERLAP = FindingKind(
     next_steps=("Choose identifiers at least as far apart as each list has telegrams; leave some room to grow.",),
 )
 CANOPEN_COLLISION = FindingKind(
-    "NV602",
+    codes.CANOPEN_COLLISION,
     "canopen-collision",
     Severity.ERROR,
     meaning=(
@@ -54,9 +56,6 @@ CANOPEN_COLLISION = FindingKind(
         "A PDO of the node that is named may be switched off, or have another COB-ID: look at its configuration.",
     ),
 )
-
-_OF_A_DEVICE = ("heartbeat", "EMCY", "SDO answer")
-"""Services whose frames only a CANopen device sends, with its node-ID in the COB-ID."""
 
 
 def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
@@ -79,12 +78,11 @@ def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
     for one, others in by_list.values():
         shared = sorted({cob_id for other in others for cob_id in one.shared(other)})
         yield from _findings(facts, seen, COB_ID_OVERLAP, one, shared, _overlap(one, others, shared))
-    mine = {cob_id for taken in lists for cob_id in range(taken.first, taken.last + 1)}
     for taken in {_identity(taken): taken for taken in reversed(lists)}.values():
         uses = canopen_uses(taken)
         if uses:
             message = f"{_name(taken)} takes {taken.text}, which CANopen uses for {uses}."
-            yield from _findings(facts, seen, CANOPEN_COLLISION, taken, canopen_ids(taken), message, mine)
+            yield from _findings(facts, seen, CANOPEN_COLLISION, taken, canopen_ids(taken), message, on_canopen=True)
 
 
 def _identity(taken: CobIds) -> tuple[str, int, int]:
@@ -105,12 +103,14 @@ def _findings(
     taken: CobIds,
     cob_ids: Sequence[int],
     message: str,
-    mine: set[int] | None = None,
+    *,
+    on_canopen: bool = False,
 ) -> Iterator[Finding]:
-    """Yield a finding on COB-IDs for each channel on which they were seen, or one; with ``mine``, on CANopen's."""
+    """Yield a finding on COB-IDs for each channel on which they were seen, or one."""
     from nvscope.list_key import ANY_CHANNEL, ListKey
 
     numbers = {entry.key: entry.number for entry in facts.summary.can.lists}
+    evidence = {bus.channel: bus.canopen for bus in facts.summary.can.buses}
     somewhere = False
     for channel, identifiers in sorted(seen.items()):
         if taken.list.channel not in (ANY_CHANNEL, channel):
@@ -122,32 +122,34 @@ def _findings(
         sent = sum(entry.frames for entry in hit)
         ranges = _ranges([entry.cob_id for entry in hit])
         told = f"{message} On {channel}, {count_of(sent, 'frame')} of {ranges} {'was' if sent == 1 else 'were'} seen."
-        if mine is not None:
-            told += _company(identifiers, hit, mine)
+        if on_canopen:
+            told += _company(evidence[channel], hit)
         yield Finding(
             kind, told, sent, min(entry.first_ns for entry in hit), max(entry.last_ns for entry in hit),
             tuple(sorted(entry.first_frame for entry in hit)[:FRAMES_KEPT]),
-            numbers.get(ListKey.can(channel, taken.first)),
+            numbers.get(ListKey.can(channel, taken.first)), key=ListKey.can(channel, taken.first), channel=channel,
         )  # fmt: skip
     if not somewhere:
         none = " No such frame was seen." if facts.summary.can.buses else ""
-        yield Finding(kind, message + none, 1, None, None)
+        key = ListKey.can(taken.list.channel, taken.first)
+        yield Finding(kind, message + none, 1, None, None, key=key, channel=taken.list.channel or None)
 
 
-def _company(identifiers: dict[int, IdentifierBits], hit: Sequence[IdentifierBits], mine: set[int]) -> str:
+def _company(evidence: Evidence, hit: Sequence[IdentifierBits]) -> str:
     """Return which CANopen devices there are beside the lists, and which of them have the identifiers that collide."""
     from dissectors.can.canopen import use_of
 
-    uses = (use_of(cob_id) for cob_id in identifiers.keys() - mine)
-    devices = {node for service, node in uses if service in _OF_A_DEVICE}
+    devices = evidence.nodes - {0}
+    if not evidence.nodes:
+        return " Nothing of CANopen was seen there: no heartbeat, no boot-up, no NMT command, no SDO with its answer."
     if not devices:
-        return " No heartbeat, emergency or SDO answer of a CANopen device was seen there."
+        return " CANopen devices are there: an NMT master spoke to all."
     told = f" CANopen devices are there: {_nodes(devices)}"
     owners = devices & {use_of(entry.cob_id)[1] for entry in hit}
     return f"{told}; COB-IDs of {_nodes(owners)} collide." if owners else f"{told}."
 
 
-def _nodes(numbers: set[int]) -> str:
+def _nodes(numbers: Set[int]) -> str:
     return together([f"node {number}" for number in sorted(numbers)])
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from nvscope.findings.definition_names import file_name, together
 from nvscope.findings.finding import Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.units import list_key
 
 if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.model import ListDefinition
@@ -176,19 +177,20 @@ def _unknown(
 
 def _silent(facts: Facts, key: ListKey, alike: Sequence[ListKey]) -> Finding:
     known = facts.defined[key]
-    name = f"{known.name} ({key})" if known.name else str(key)
+    name = f"{known.name} ({list_key(str(key))})" if known.name else list_key(str(key))
     message = f"List {name} is defined, but not one {'frame' if known.on_can else 'telegram'} of it was seen."
     hint = ""
     if alike:
         lists = together([_place(other, key.port) for other in alike])
         verb, have = ("is", "has") if len(alike) == 1 else ("are", "have")
         hint = f"{_capital(lists)} {verb} sent, {have} exactly this shape and no definition: {_question(alike, key)}"
-    return Finding(SILENT_LIST, message, 1, facts.summary.start_ns, facts.summary.end_ns, hint=hint)
+    return Finding(SILENT_LIST, message, 1, facts.summary.start_ns, facts.summary.end_ns, hint=hint, key=key)
 
 
 def _place(key: ListKey, port: Port) -> str:
     """Return what a list is called beside another one, on ``port``."""
-    return f"list {key.identifier}" if key.port == port else f"list {key.identifier} on port {key.port}"
+    number = list_key(str(key)).rpartition("/")[2]
+    return f"list {number}" if key.port == port else f"list {number} on port {key.port}"
 
 
 def _question(alike: Sequence[ListKey], key: ListKey) -> str:

@@ -13,12 +13,14 @@ import numpy as np
 from nvscope.capture.formats import CAN_LOGS
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
+from nvscope.engine.keys import LENGTH_SHIFT, NOBODY_KEY, FrameKind
 from nvscope.findings.finding import Events, events_of
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.torn_cycles import CycleSizes
 from nvscope.findings.unusual_intervals import UnusualIntervals
 from nvscope.list_key import ListKey, Transport, told_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
+from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.list_log import event_key, event_parts
@@ -87,6 +89,26 @@ class Facts:
         for entry, stream in self.streams():
             places[entry.number, stream.subindex].append(stream)
         return places
+
+    @cached_property
+    def lengths_of_stream(self) -> dict[int, list[int]]:
+        """How many bytes of data the frames of each stream on CAN had, rising."""
+        varieties, lengths = self.state.keys.varieties, defaultdict(set)
+        own = np.flatnonzero(varieties.column("kind") == FrameKind.PDO)
+        size = (varieties.signature[own] >> LENGTH_SHIFT).astype(np.int64) & 0xFFFF
+        for stream, length in zip(varieties.stream[own].tolist(), size.tolist(), strict=True):
+            lengths[stream].add(length)
+        return {stream: sorted(found) for stream, found in lengths.items()}
+
+    @cached_property
+    def lost_of_node(self) -> list[int]:
+        """How many telegrams or sends each node has lost, of those that it counts beyond one stream."""
+        lost = self.state.senders.loss.streams.column("lost")[:, Scope.NODE_TELEGRAM].tolist()
+        by_node = [0] * len(self.summary.addresses)
+        for stream, node in enumerate(self.state.keys.streams.low.tolist()):
+            if node != NOBODY_KEY:
+                by_node[node] += lost[stream]
+        return by_node
 
     @cached_property
     def intervals(self) -> UnusualIntervals:

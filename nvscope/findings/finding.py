@@ -9,6 +9,7 @@ from nvscope.findings.kind import FindingKind
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 if TYPE_CHECKING:  # `explain` reads the rows beside the judges, and starts without what these judge from
+    from nvscope.list_key import ListKey
     from nvscope.tracker.events import EventRows
 
 
@@ -31,6 +32,12 @@ class Finding:
     subindex: int | None = None
     hint: str = ""
     """What to check next, where the catalogue's first step does not fit the case."""
+    key: ListKey | None = None
+    """The list that it is about, where no frame of it was seen: then it has no number."""
+    channel: str | None = None
+    """The CAN channel that it is about, where it is about no one list of it."""
+    lists: tuple[int, ...] = ()
+    """The lists of which it says the same, by number, where it is one finding for many."""
 
     @property
     def code(self) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
+from nvscope.findings.alike import taken_together
 from nvscope.findings.answers import judge_answers
 from nvscope.findings.can import judge_can
 from nvscope.findings.can_bus import judge_buses
@@ -19,6 +20,7 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.header import judge_headers
 from nvscope.findings.loss import judge_loss
 from nvscope.findings.timing import judge_timing
+from nvscope.list_key import Transport
 from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, Summary, summarize
@@ -50,15 +52,18 @@ def judge(
     to have passed, and what waits at the end stays open. ``definition`` is what should be on the wire. A ``summary``
     that is given is to know of its intervals too. ``judges`` judge beside those that always do.
     """
-    summary = summary or summarize(state, intervals_ns=definition.cyclic_intervals_ns() if definition else {})
+    summary = summary or summarize(state, intervals_ns=definition.nominal_intervals_ns() if definition else {})
     now = summary.capture.at_ns if at_ns is None else at_ns
     facts = Facts(state, summary, sources, now or 0, limits or Limits(), definition, overdue=at_ns is not None)
     found = [finding for judge_some in (*JUDGES, *judges) for finding in judge_some(facts)]
     everything: list[ListSummary | CanListSummary] = [*summary.can.lists, *summary.lists]
     places = {entry.number: entry.key for entry in everything}
+    found = taken_together(found, places)
 
     def order(finding: Finding) -> tuple[Any, ...]:
-        place: tuple[Any, ...] = () if finding.list_number is None else places[finding.list_number]
+        key = finding.key if finding.list_number is None else places[finding.list_number]
+        place: tuple[Any, ...] = (Transport.CAN, finding.channel) if finding.channel else ()
+        place = place if key is None else key
         node = () if finding.node is None else summary.address_order[finding.node]
         subindex = -1 if finding.subindex is None else finding.subindex
         return -finding.kind.severity, finding.code, place, node, subindex

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.tracker.counters import SCOPE_UNUSED, Scope
+from nvscope.tracker.counters import SCOPE_UNUSED, Scope, is_byte_swapped
 from nvscope.tracker.steps import Step
 from nvscope.units import count, count_of, duration, percent
 
@@ -145,10 +145,18 @@ def judge_loss(facts: Facts) -> Iterator[Finding]:
         # Of a Counter that does not count, this is all that can be said: its other steps mean nothing.
         for step, kind, sentence in _ERRATIC if stream.erratic else _STEPS:
             rows = loss.events_of(step, stream.scope)
-            if rows.count[stream.stream]:
+            if rows.count[stream.stream] and (kind is not TELEGRAM_GAP or _missing(facts, stream)):
                 events = events_of(rows, stream.stream)
-                yield _finding(kind, entry, stream, events, sentence(stream, events))
+                yield _finding(kind, entry, stream, events, sentence(facts, stream, events))
     yield from _scopes(facts)
+
+
+def _missing(facts: Facts, stream: StreamSummary) -> bool:
+    """Tell whether counters of a stream's gaps are still missing: gaps that overtaken telegrams filled are no loss.
+
+    What a sender counts beyond one stream may be lost in one and come late in another: it is filled in sum.
+    """
+    return stream.figures["lost"] > 0 and (stream.scope == Scope.STREAM or facts.lost_of_node[stream.node] > 0)
 
 
 def _finding(kind: FindingKind, entry: ListSummary, stream: StreamSummary, events: Events, message: str) -> Finding:
@@ -158,7 +166,7 @@ def _finding(kind: FindingKind, entry: ListSummary, stream: StreamSummary, event
     )  # fmt: skip
 
 
-def _gaps(stream: StreamSummary, events: Events) -> str:
+def _gaps(_: Facts, stream: StreamSummary, events: Events) -> str:
     lost, longest = stream.figures["lost"], stream.figures["longest_gap"]
     sent = stream.telegrams + max(lost, 0)
     what = "sends" if stream.scope == Scope.NODE_SEND else "telegrams"
@@ -170,24 +178,30 @@ def _gaps(stream: StreamSummary, events: Events) -> str:
     )
 
 
-def _duplicates(stream: StreamSummary, events: Events) -> str:
+def _duplicates(_: Facts, stream: StreamSummary, events: Events) -> str:
     return f"{count(events.count)} of {count_of(stream.telegrams, 'telegram')} had been there before."
 
 
-def _overtaken(stream: StreamSummary, events: Events) -> str:
+def _overtaken(_: Facts, stream: StreamSummary, events: Events) -> str:
     return f"{count(events.count)} of {count_of(stream.telegrams, 'telegram')} came after one sent later."
 
 
-def _restarts(stream: StreamSummary, events: Events) -> str:
+def _restarts(_: Facts, stream: StreamSummary, events: Events) -> str:
     return f"The Counter began anew {count_of(events.count, 'time')} in {count_of(stream.telegrams, 'telegram')}."
 
 
-def _erratic(stream: StreamSummary, _: Events) -> str:
+def _erratic(facts: Facts, stream: StreamSummary, _: Events) -> str:
     span = duration(stream.last_ns - stream.first_ns)
-    return (
+    claim = (
         f"The Counter claims {count(stream.figures['lost'])} lost for {count_of(stream.telegrams, 'telegram')} in "
-        f"{span}, more than there was time for: it does not count telegrams."
+        f"{span}, more than there was time for."
     )
+    own = facts.state.senders.loss.streams
+    steps, regular, swapped = (int(column[stream.stream]) for column in (own.steps, own.regular, own.swapped))
+    if not is_byte_swapped(steps, regular, swapped):
+        return f"{claim} It does not count telegrams."
+    share = percent(regular + swapped, steps)
+    return f"{claim} It is written byte-swapped: {share} of its steps are +1 in one of both byte orders."
 
 
 _STEPS = (

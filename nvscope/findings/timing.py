@@ -238,7 +238,7 @@ def _torn(facts: Facts) -> Iterator[Finding]:
     for (number, node), own in streams.items():
         if len(own) < 2 or not all(s.intervals.nominal for s in own) or not any(s.items > 1 for s in own):
             continue
-        torn = facts.cycles.torn(own[0].stream, len(own))
+        torn = facts.cycles.torn_whole([stream.stream for stream in own])
         if torn is None:
             continue
         events = torn.events

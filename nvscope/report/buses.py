@@ -61,7 +61,7 @@ def identifiers(bus: Row, most: int | None = MOST_IDENTIFIERS) -> tuple[list[Mea
         rows.append(
             {"cob_id": None, "name": None, "canopen": None, "left": len(left), "share": share, "load": load} | rest
         )
-    return used(_IDENTIFIERS, rows), rows
+    return used(_IDENTIFIERS if most is not None else _ALL_OF_IDENTIFIERS, rows), rows
 
 
 def nodes(bus: Row, clock: Clock) -> tuple[list[Measure], list[Row]]:
@@ -114,6 +114,15 @@ def _identifier(entry: Row) -> Cell:
     return Cell(units.cob_id(entry["cob_id"], entry["extended"]), Tone.STRONG)
 
 
+def _plan(entry: Row) -> str | None:
+    """Return what CANopen's predefined set has an identifier for that is not known to be something else."""
+    if entry["name"] or entry["canopen"] or entry["cob_id"] is None or entry["extended"]:
+        return None
+    from dissectors.can.canopen import title_of  # noqa: PLC0415  # it needs numpy, and only details need it
+
+    return title_of(entry["cob_id"]) or None
+
+
 def _load(entry: Row) -> Cell:
     return _faint(None) if entry["load"] is None else Cell(units.load(entry["load"]))
 
@@ -134,7 +143,7 @@ def _emergency(node: Row) -> Cell:
     last = node["last_emergency"]
     if last is None:
         return _faint(None)
-    return Cell(f"{last['code']:04X}h {last['text']}".rstrip())
+    return Cell(f"0x{last['code']:04X} {last['text']}".rstrip())
 
 
 def _register(node: Row) -> Cell:
@@ -154,6 +163,12 @@ _IDENTIFIERS = (
     Measure(Column("share", right=True), lambda row: Cell(units.load(row["share"]))),
     Measure(Column("load", right=True, importance=9), _load),
 )
+
+_ALL_OF_IDENTIFIERS = (
+    *_IDENTIFIERS,
+    Measure(Column("CANopen's plan", importance=2), lambda row: _faint(_plan(row))),
+)
+"""With what CANopen would use an identifier for, whether there is any CANopen or not."""
 
 _NODES = (
     Measure(Column("CANopen"), lambda row: Cell(f"node {row['node']}", Tone.STRONG)),

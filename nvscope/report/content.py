@@ -98,7 +98,8 @@ def headline(report: Report) -> Cell:
         text += f", all {parts[0][1]}"
     else:
         text += ": " + ", ".join(f"{units.count(number)} {verdict}" for number, verdict in parts)
-    beside = [finding for finding in findings if finding["list"] is None]
+    known = {entry["key"] for entry in lists}
+    beside = [one for one in findings if one["list"] not in known and not one.get("lists")]
     if beside:
         text += f"; {tally(beside)} beside the lists"
     return Cell(text, tone)
@@ -118,8 +119,9 @@ def findings_by_list(findings: Iterable[Row]) -> dict[str, list[Row]]:
     """Return the findings of each list, by its key."""
     found: dict[str, list[Row]] = {}
     for finding in findings:
-        if finding["list"] is not None:
-            found.setdefault(finding["list"], []).append(finding)
+        concerned = finding.get("lists", ()) if finding["list"] is None else (finding["list"],)
+        for key in concerned:
+            found.setdefault(key, []).append(finding)
     return found
 
 
@@ -215,10 +217,23 @@ def about(
     """Return what a finding is about: list and node with their names, and its SubIndex, as far as it has them."""
     named = []
     if finding["list"] is not None:
-        named.append(_named(finding["list"], list_names.get(finding["list"])))
+        named.append(_named(units.list_key(finding["list"]), list_names.get(finding["list"])))
+    elif "channel" in finding:
+        named.append(f"channel {finding['channel']}")
     if finding["node"] is not None:
         named.append(_named(finding["node"], node_names.get(finding["node"])))
-    return named, [] if finding["subindex"] is None else [f"SubIndex {finding['subindex']}"]
+    return named, _part(finding)
+
+
+def _part(finding: Row) -> list[str]:
+    """Return which telegram of its list a finding is about; on CAN, that is a COB-ID."""
+    if finding["subindex"] is None:
+        return []
+    if "channel" not in finding:
+        return [f"SubIndex {finding['subindex']}"]
+    identifier = finding["list"].rpartition("/")[2]
+    # An identifier of 29 bits is a list of its own.
+    return [] if identifier.endswith("x") else [f"COB-ID {units.cob_id(int(identifier) + finding['subindex'])}"]
 
 
 def list_names(report: Report) -> dict[str, str | None]:

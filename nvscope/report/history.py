@@ -176,7 +176,7 @@ def _figures(row: Row) -> list[Cell]:
     between = [None if row[key] is None else units.duration(row[key]) for key in ("shortest_ns", "longest_ns")]
     return [
         Cell(row["name"], Tone.STRONG),
-        Cell(row["list"]),
+        Cell(units.list_key(row["list"])),
         Cell(row["sender"]),
         Cell(units.count(row["telegrams"])),
         Cell(units.count(row["changes"])),
@@ -242,7 +242,7 @@ def render_at(document: Row, *, colour: bool = False, width: int = 80, utc: bool
         groups.setdefault((row["list"], row["list_name"], row["sender"]), []).append(row)
     for (key, name, sender), rows in groups.items():
         lines.append([])
-        title = [Cell(f"{key} {name}", Tone.STRONG)]
+        title = [Cell(f"{units.list_key(key)} {name}", Tone.STRONG)]
         if sender is None:
             lines += wrap([*title, Cell(f": {_NEVER[rows[0]['missing']]}", Tone.WARNING)], width)
             continue

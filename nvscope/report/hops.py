@@ -59,8 +59,8 @@ def _now(row: Row) -> Cell:
 
 _HOPS = (
     Measure(Column("variable", shortest=12), lambda row: Cell(row["variable"], Tone.STRONG), identifier=True),
-    Measure(Column("from", shortest=16), lambda row: Cell(row["from"]["list"]), identifier=True),
-    Measure(Column("to", shortest=16), lambda row: Cell(row["to"]["list"]), identifier=True),
+    Measure(Column("from", shortest=16), lambda row: Cell(units.list_key(row["from"]["list"])), identifier=True),
+    Measure(Column("to", shortest=16), lambda row: Cell(units.list_key(row["to"]["list"])), identifier=True),
     Measure(Column("followed", right=True, importance=9), _followed),
     Measure(Column("delay p50", right=True, importance=10), lambda row: duration_cell(row["delay_ns"]["p50"])),
     Measure(Column("p99", right=True, importance=5), lambda row: duration_cell(row["delay_ns"]["p99"])),

@@ -47,7 +47,10 @@ def _lines(document: Row, width: int) -> Iterator[Line]:
     for number, entry in enumerate(lists):
         if number:
             yield []
-        yield from wrap([Cell(entry["list"], Tone.STRONG), Cell(f" from {entry['sender']}: {_summary(entry)}")], width)
+        yield from wrap(
+            [Cell(units.list_key(entry["list"]), Tone.STRONG), Cell(f" from {entry['sender']}: {_summary(entry)}")],
+            width,
+        )
         if entry["problem"]:
             yield from wrap([Cell(f"A draft would not fit: {entry['problem']}.", Tone.WARNING)], width, 2)
         telegrams = entry["telegrams"]

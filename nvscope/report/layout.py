@@ -44,7 +44,7 @@ def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
                 first = telegram["elements"][0]["name"]
                 head = f"From {first} on, nobody knows what lies in which telegram, and where:"
             elif "cob_id" in telegram:
-                cob_id = "?" if telegram["cob_id"] is None else f"{telegram['cob_id']:03X}h"
+                cob_id = "?" if telegram["cob_id"] is None else units.cob_id(telegram["cob_id"])
                 head = f"COB-ID {cob_id}: DLC {_known(telegram['length'])}"
             yield from wrap([Cell(head)], width, 2)
             rows = [

@@ -239,7 +239,7 @@ def _tone_of_median(stream: Row) -> Tone:
 
 _OVERVIEW = (
     Measure(Column("status"), lambda row: status(row["worst"])),
-    Measure(Column("list", shortest=16), lambda row: _text(row["key"], Tone.STRONG), identifier=True),
+    Measure(Column("list", shortest=16), lambda row: _text(units.list_key(row["key"]), Tone.STRONG), identifier=True),
     Measure(Column("name", importance=7, shortest=12), _name, identifier=True),
     Measure(Column("sender", shortest=16), lambda row: _text(row["from"]), identifier=True),
     Measure(Column("reader", importance=1, shortest=16), lambda row: _text(row["to"]), identifier=True),

@@ -119,7 +119,7 @@ def _findings(report: content.Report, width: int, clock: content.Clock, most: in
 
 
 def _details(entry: content.Row, width: int, clock: content.Clock) -> Iterator[Line]:
-    yield from _section(" ".join(filter(None, (entry["key"], entry["name"]))), width)
+    yield from _section(" ".join(filter(None, (units.list_key(entry["key"]), entry["name"]))), width)
     yield from _diagnosis(entry, width, clock)
     for measures, rows in (tables.streams(entry), tables.intervals(entry)):
         if rows:

@@ -90,7 +90,7 @@ def _lines(document: Mapping[str, Any], width: int, utc: bool, names: Mapping[st
         key, sender = rows[0]["list"], rows[0]["sender"]
         assumed = rows[0]["packing"] == ASSUMED
         whence = "" if assumed else f" from {names.get(sender, sender)}"
-        title = [Cell(f"{key} {name}", Tone.STRONG), Cell(f"{whence}, {_telegrams(rows)}")]
+        title = [Cell(f"{units.list_key(key)} {name}", Tone.STRONG), Cell(f"{whence}, {_telegrams(rows)}")]
         if assumed:
             title.append(Cell(", packed as assumed", Tone.FAINT))
         if earlier:

@@ -87,15 +87,11 @@ def is_recognisable(seen: Observation, node: int) -> bool:
     order = order_by(seen.stream[rows])
     own_step = (np.diff(counter[order]) % width)[np.diff(seen.stream[rows][order]) == 0]
     shares = {"stream": float((own_step == 1).mean()) if len(own_step) else 0.0}
-    if len(numbers) > 1:
+    # Who counts beyond streams counts on from one to another.
+    other_stream, other_list = np.diff(seen.stream[rows]) != 0, np.diff(writer) != 0
+    if 2 * (step[other_stream] == 1).sum() > other_stream.sum():
         shares["node-telegram"] = float((step == 1).mean())
-    if len(set(writer.tolist())) > 1 and scope != "node-telegram":  # equal to it or below, and then it is the other one
+    # Equal to it or below, and then it is the other one.
+    if 2 * (step[other_list] == 1).sum() > other_list.sum() and scope != "node-telegram":
         shares["node-send"] = float(((step == 1) | ((step == 0) & same_send)).mean())
     return shares.pop(scope, 0.0) > max(shares.values(), default=0.0) + _CLEAR_SHARE
-
-
-def seems_to_count_sends(seen: Observation, node: int) -> bool:
-    """Return whether a constant Counter looks like one of sends: several lists, one with telegrams side by side."""
-    own = [seen.streams[number] for number in seen.streams_of_node(node)]
-    several = len({entry.writer for entry in own}) > 1
-    return several and own[0].scope == "unused" and any(entry.subindex for entry in own)

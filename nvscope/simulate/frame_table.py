@@ -80,10 +80,10 @@ def _finished(draft: Draft) -> FrameTable:
     del draft.schedule, draft.journey, draft.row_template
     columns = {name: np.concatenate(draft.pieces.pop(name)) for name in list(draft.pieces)}
     for position, mirrored in enumerate(scenario.mirrored):
-        if mirrored.delay_ns >= FRAME_GAP_NS and not scenario.wild:
+        if not scenario.wild and mirrored.delay_ns >= _shortest_interval(columns, draft.templates):
             raise scenario.error(
                 f"mirrored[{position}].delay",
-                f"a copy must come within {FRAME_GAP_NS} ns, before the next frame of a node",
+                "a copy must come before the next telegram of its stream, list and SubIndex of a sender",
             )
         columns = _doubled(columns, mirrored, draft.templates)
     order = np.argsort(columns["ts_ns"], kind="stable")
@@ -100,6 +100,17 @@ def _finished(draft: Draft) -> FrameTable:
     return FrameTable(
         writers, streams, sequence_of, sent_of, tuple(draft.templates), ts_ns, captured=captured, **columns
     )
+
+
+def _shortest_interval(columns: dict[str, npt.NDArray[Any]], templates: list[Template]) -> int:
+    """Return how close to each other the data telegrams of one stream come at most, and a frame's gap where none do."""
+    stream_of = np.array([entry.stream if entry.role == Role.DATA else -1 for entry in templates] or [-1], np.int64)
+    stream = stream_of[columns["template"]]
+    rows = np.flatnonzero(stream >= 0)
+    rows = rows[np.lexsort((columns["ts_ns"][rows], stream[rows]))]
+    again = np.diff(stream[rows]) == 0
+    shortest: int = np.diff(columns["ts_ns"][rows])[again].min(initial=np.iinfo(np.int64).max)
+    return int(shortest) if again.any() else FRAME_GAP_NS
 
 
 def _doubled(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.simulate.figures import count_figures, is_recognisable, seems_to_count_sends
+from nvscope.simulate.figures import count_figures, is_recognisable
 from nvscope.simulate.list_facts import make_list_facts
 from nvscope.simulate.observation import Observation
 
@@ -28,7 +28,7 @@ class NetworkFacts:
         """Return what the Counter of a stream looks like; a constant one is unused only after some telegrams."""
         entry = self.seen.streams[stream]
         if entry.scope == "unused" and len(self.seen.rows_of_stream(stream)) < _UNUSED_TELEGRAMS:
-            return "node-send" if seems_to_count_sends(self.seen, entry.node) else "stream"
+            return "stream"
         return entry.scope
 
     def intervals(self, stream: int) -> I64 | None:

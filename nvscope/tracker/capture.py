@@ -14,6 +14,9 @@ from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 
+CLOCK_STEP_NS = 1_000_000
+"""A clock that goes back by more has stepped; less is the order in which queues and interfaces wrote their frames."""
+
 
 @dataclass(frozen=True, slots=True)
 class CaptureSummary:
@@ -42,7 +45,8 @@ class CaptureState:
     ``chosen_protocols`` are those with ports of their own of which it chooses a frame. ``start_ns``
     and ``end_ns`` are the earliest and the latest time of any frame, ``last_ns`` that of the last one; ``until_ns`` is
     up to when a source says that time has passed, None where only frames tell. ``steps_back`` are the frames whose time
-    is before that of the frame in front, under one key. ``unsupported`` counts frames by link types that nothing reads.
+    is more than ``CLOCK_STEP_NS`` before that of the frame in front, under one key. ``unsupported`` counts frames by
+    link types that nothing reads.
     """
 
     SPLIT_BY: ClassVar = SplitBy.NOTHING
@@ -95,15 +99,18 @@ class CaptureState:
             before = np.empty_like(time_ns)
             before[1:] = time_ns[:-1]
             before[0] = time_ns[0] if self.last_ns is None else self.last_ns
-            back = np.flatnonzero(time_ns < before)
             earliest, latest = int(time_ns.min()), int(time_ns.max())
+            # Without a sign, a difference of any two times fits.
+            far = before.view(np.uint64) - time_ns.view(np.uint64)
+            back = np.flatnonzero((time_ns < before) & (far > CLOCK_STEP_NS))
             now_ns, before_ns, frame = time_ns[back], before[back], back + told.first_frame
-            far_ns = before_ns - now_ns
-            self.longest_step_back_ns = max(self.longest_step_back_ns, int(far_ns.max()))
-            one_key = np.zeros(len(back), np.uint64)
-            self.steps_back.record(now_ns, frame, one_key, one_key)
-            self.steps_back.settle()
-            told.tell(EventBatch.of(EventKind.STEP_BACK, now_ns, frame, since_ns=before_ns, amount=far_ns))
+            far_ns = np.minimum(far[back], np.iinfo(np.int64).max).astype(np.int64)
+            if len(back):
+                self.longest_step_back_ns = max(self.longest_step_back_ns, int(far_ns.max()))
+                one_key = np.zeros(len(back), np.uint64)
+                self.steps_back.record(now_ns, frame, one_key, one_key)
+                self.steps_back.settle()
+                told.tell(EventBatch.of(EventKind.STEP_BACK, now_ns, frame, since_ns=before_ns, amount=far_ns))
         self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
         self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)
         self.last_ns = int(time_ns[-1])

@@ -16,6 +16,8 @@ class Scope(IntEnum):
 SCOPE_NAMES = {Scope.STREAM: "stream", Scope.NODE_TELEGRAM: "node-telegram", Scope.NODE_SEND: "node-send"}
 SCOPE_UNUSED = "unused"
 
+_SWAPPED_PERCENT = 90
+
 _ERRATIC_FROM = 100
 _ERRATIC_FACTOR = 10
 
@@ -31,3 +33,12 @@ def is_erratic(lost: int, telegrams: int, duration_ns: int, median_ns: int | Non
         return lost > _ERRATIC_FROM
     absent_ns = max(0, duration_ns - telegrams * median_ns)
     return (lost - _ERRATIC_FROM) * median_ns > _ERRATIC_FACTOR * absent_ns
+
+
+def is_byte_swapped(steps: int, regular: int, swapped: int) -> bool:
+    """Tell whether a Counter that does not count is written byte-swapped: nearly all steps are +1 in one byte order.
+
+    ``regular`` are so in the right one, ``swapped`` in the other one only; those are most of the ``steps`` that are not
+    regular. A public sender writes the values from 128 on that way.
+    """
+    return 100 * (regular + swapped) >= _SWAPPED_PERCENT * steps and 2 * swapped > steps - regular

@@ -1,7 +1,8 @@
 """Cycles: which telegrams of a list over several SubIndexes were sent together, and how many of them came.
 
 Telegrams of one sender and list belong to one cycle where they carry the same Counter, or follow each other within half
-an interval with rising SubIndexes (for senders that count otherwise). A cycle is counted when the next one begins.
+an interval with rising SubIndexes (for senders that count otherwise). A cycle is counted when the next one begins, if
+the intervals of all streams of its sender and list were known when it began: before, nobody sees all of its telegrams.
 """
 
 from __future__ import annotations
@@ -17,14 +18,16 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
-from nvscope.engine.runs import runs_of
+from nvscope.engine.runs import distinct, runs_of
 from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
+from nvscope.tracker.whole_cycles import Over, PairCounts, StreamCounts, count_cycles
 
 AnyColumn = TypeVar("AnyColumn", I64, U16)
 
 NEVER = np.iinfo(np.int64).max
+KNOWN_BIT = 32
 _PACKET_BITS = 40
 _LAST_BIT = 62
 
@@ -32,7 +35,9 @@ _LAST_BIT = 62
 class PairColumns(KeyedColumns):
     """One row a sender and list: the telegram before, and the open cycle.
 
-    ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle.
+    ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle,
+    ``last_frame`` is that of its last telegram. ``seen`` are the streams of the pair, ``ready`` those of them whose
+    interval is known, all from frame ``ready_from`` on.
     ``partial``: the open cycle may have begun before the capture. ``skew_ns`` is the longest time between the first and
     the last telegram of a cycle. ``present`` are bits of the SubIndexes in the open one, where somebody listens.
     """
@@ -48,6 +53,10 @@ class PairColumns(KeyedColumns):
     partial: Bool
     skew_ns: I64
     present: U64
+    last_frame: I64
+    seen: I64
+    ready: I64
+    ready_from: I64
     COLUMNS: ClassVar = {
         "streams": (np.int64(0), 1),
         "active_from": (np.int64(NEVER), 1),
@@ -60,26 +69,45 @@ class PairColumns(KeyedColumns):
         "partial": (np.False_, 1),
         "skew_ns": (np.int64(0), 1),
         "present": (np.uint64(0), 1),
+        "last_frame": (np.int64(0), 1),
+        "seen": (np.int64(0), 1),
+        "ready": (np.int64(0), 1),
+        "ready_from": (np.int64(0), 1),
     }
 
 
 class StreamPairs(KeyedColumns):
-    """One row a stream: its pair, -1 of one that is not looked at, its first frame, and its SubIndex."""
+    """One row a stream: its pair, -1 of one that is not looked at, its first frame, and its SubIndex.
+
+    ``ready_from`` is the frame from which its interval is known.
+    """
 
     pair: I64
     first_frame: I64
     subindex: I64
-    COLUMNS: ClassVar = {"pair": (np.int64(-1), 1), "first_frame": (np.int64(0), 1), "subindex": (np.int64(0), 1)}
+    ready_from: I64
+    COLUMNS: ClassVar = {
+        "pair": (np.int64(-1), 1),
+        "first_frame": (np.int64(0), 1),
+        "subindex": (np.int64(0), 1),
+        "ready_from": (np.int64(NEVER), 1),
+    }
 
 
 class Cycles:
-    """The cycles of all senders' lists over several SubIndexes; ``events`` is keyed by (pair, telegrams in it)."""
+    """The cycles of all senders' lists over several SubIndexes.
+
+    ``events`` is keyed by the pair and, in one word, the streams that it had (from ``KNOWN_BIT`` on; 0 of what has no
+    counter) and the telegrams in the cycle. ``pair_counts`` and ``stream_counts`` are those of whole cycles.
+    """
 
     def __init__(self) -> None:
         self.pairs = KeyTable()
         self.columns = PairColumns()
         self.streams = StreamPairs()
         self.events = EventLog()
+        self.pair_counts = PairCounts()
+        self.stream_counts = StreamCounts()
 
     def observe(
         self, told: Told, rows: DataRows, counter: U16 | None, usual: Bool, interval_ns: I64,
@@ -93,9 +121,19 @@ class Cycles:
         """
         keys, first_frame = told.keys, told.first_frame
         self._number(rows, keys, first_frame, several)
-        columns = self.columns
+        self._learn(rows, usual, first_frame)
+        over = self._over(told, rows, counter, usual, interval_ns)
+        if counter is not None:
+            frame = rows.packet[rows.stop - 1] + first_frame
+            count_cycles(
+                self.pair_counts, self.stream_counts, self.streams.column("pair"), over, rows.run_stream, frame
+            )
+
+    def _over(self, told: Told, rows: DataRows, counter: U16 | None, usual: Bool, interval_ns: I64) -> Over | None:
+        """Return the cycles that are over."""
+        columns, first_frame = self.columns, told.first_frame
         if not (columns.column("streams") > 1).any():
-            return
+            return None
         run_pair = self.streams.pair[rows.run_stream]
         length = rows.stop - rows.start
         taken = np.repeat((run_pair >= 0) & (columns.streams[run_pair] > 1), length) & usual
@@ -104,7 +142,7 @@ class Cycles:
             taken &= rows.packet + first_frame >= np.repeat(active_from, length)
         row = np.flatnonzero(taken)
         if not len(row):
-            return
+            return None
         stream, packet = rows.stream.take(row), rows.packet.take(row)
         # The rows of each stream are in order already: a sort that merges has little to do.
         order = np.argsort(self.streams.pair.take(stream) << _PACKET_BITS | packet, kind="stable")
@@ -116,12 +154,15 @@ class Cycles:
         counter = None if counter is None else counter.take(row)
         frame = packet.take(order)
         frame += first_frame
-        self._cut(told, pair, start, stop, subindex, counter, rows.time_ns.take(row), half_ns, frame)
+        return self._cut(told, pair, start, stop, subindex, counter, rows.time_ns.take(row), half_ns, frame)
 
     def take(self, part: Cycles, share: Share) -> None:
         """Take over the cycles of a part's share of the senders."""
         number = self.columns.take_keyed(self.pairs, part.columns, part.pairs.words)
+        self.pair_counts.resize(len(self.pairs))
+        self.pair_counts.put(number, part.pair_counts)
         self.streams.take(part.streams, share.streams)
+        self.stream_counts.take(part.stream_counts, share.streams)
         stream = share.streams[share.streams < len(part.streams)]
         known = stream[part.streams.pair[stream] >= 0]
         self.streams.pair[known] = number[part.streams.pair[known]]
@@ -141,6 +182,8 @@ class Cycles:
         self.streams.pair[new] = self.pairs.numbers(keys.places.high[place], keys.streams.low[new])
         columns = self.columns
         columns.resize(len(self.pairs))
+        self.pair_counts.resize(len(self.pairs))
+        self.stream_counts.resize(len(keys.streams))
         # New streams are numbered in the order of their first telegrams.
         first = rows.packet[rows.start[np.searchsorted(rows.run_stream, new)]] + first_frame
         self.streams.first_frame[new] = first
@@ -148,17 +191,31 @@ class Cycles:
         for stream, frame in zip(new.tolist(), first.tolist(), strict=True):
             pair = self.streams.pair[stream]
             columns.streams[pair] += 1
+            columns.seen[pair] += 1
             if several is not None and several[stream]:
                 columns.streams[pair] = max(columns.streams[pair], 2)
                 columns.active_from[pair] = 0
             elif columns.streams[pair] == 2:
                 columns.active_from[pair] = frame
 
+    def _learn(self, rows: DataRows, usual: Bool, first_frame: int) -> None:
+        """Note from when on the intervals of streams are known."""
+        streams, columns = self.streams, self.columns
+        for place in np.flatnonzero(streams.ready_from[rows.run_stream] == NEVER).tolist():
+            known = np.flatnonzero(usual[rows.start[place] : rows.stop[place]])
+            if not len(known):
+                continue
+            stream = rows.run_stream[place]
+            pair, frame = streams.pair[stream], int(rows.packet[rows.start[place] + known[0]]) + first_frame
+            streams.ready_from[stream] = frame
+            columns.ready[pair] += 1
+            columns.ready_from[pair] = max(columns.ready_from[pair], frame)
+
     def _cut(
         self, told: Told, pair: I64, start: I64, stop: I64, subindex: I64, counter: U16 | None, time_ns: I64,
         half_ns: I64, frame: I64,
-    ) -> None:  # fmt: skip
-        """Cut the telegrams of each pair into cycles, and count those that are over."""
+    ) -> Over:  # fmt: skip
+        """Cut the telegrams of each pair into cycles; count those that are over, and return them."""
         columns = self.columns
         run = pair[start]
         before_subindex = _before(subindex, start, columns.subindex[run])
@@ -195,16 +252,17 @@ class Cycles:
         over_ns = np.concatenate([columns.begin_ns[run[closed]], begin_ns[over]])
         over_frame = np.concatenate([columns.begin_frame[run[closed]], begin_frame[over]])
         over_skew = np.concatenate([columns.last_ns[run[closed]] - columns.begin_ns[run[closed]], skew[over]])
+        over_end = np.concatenate([columns.last_frame[run[closed]], frame[piece_stop[over] - 1]])
         partial = np.zeros(len(piece_start), np.bool_)
         if counter is None:
             opens = np.searchsorted(piece_start, start[first_of_pair])
             partial[opens] = subindex[start[first_of_pair]] > 0
             partial[carried] = columns.partial[run[goes_on]]
-        counts = ~np.concatenate([columns.partial[run[closed]], partial[over]])
-        over_pair, over_size, over_skew = over_pair[counts], over_size[counts], over_skew[counts]
-        self.events.record(
-            over_ns[counts], over_frame[counts], over_pair.astype(np.uint64), over_size.astype(np.uint64)
-        )
+        known = self._known_streams(over_pair, over_frame)
+        counts = ~np.concatenate([columns.partial[run[closed]], partial[over]]) & (known > 0)
+        over_pair, over_size, over_skew, known = (part[counts] for part in (over_pair, over_size, over_skew, known))
+        kind = over_size if counter is None else known << KNOWN_BIT | over_size
+        self.events.record(over_ns[counts], over_frame[counts], over_pair.astype(np.uint64), kind.astype(np.uint64))
         self.events.settle()
         np.maximum.at(columns.skew_ns, over_pair, over_skew)
         open_piece = np.flatnonzero(last_piece)
@@ -219,7 +277,23 @@ class Cycles:
         columns.subindex[run] = subindex[stop - 1]
         if counter is not None:
             columns.counter[run] = counter[stop - 1]
-        columns.last_ns[run] = time_ns[stop - 1]
+        columns.last_ns[run], columns.last_frame[run] = time_ns[stop - 1], frame[stop - 1]
+        return Over(over_pair, over_size, over_ns[counts], over_end[counts], known)
+
+    def _known_streams(self, pair: I64, frame: I64) -> I64:
+        """Return how many streams pairs had at some frames; 0 where the interval of one of these was not known then."""
+        columns = self.columns
+        known = columns.seen[pair]
+        early = np.flatnonzero((columns.ready[pair] < known) | (frame < columns.ready_from[pair]))
+        pair_of = self.streams.column("pair")
+        for number in distinct(pair[early]).tolist():
+            own, stream = early[pair[early] == number], np.flatnonzero(pair_of == number)
+            seen, ready = (
+                np.searchsorted(np.sort(column[stream]), frame[own], "right")
+                for column in (self.streams.first_frame, self.streams.ready_from)
+            )
+            known[own] = np.where(seen == ready, seen, 0)
+        return known
 
     def _tell_torn(
         self, told: Told, pair: I64, size: I64, begin_ns: I64, skew_ns: I64, frame: I64, present: U64

@@ -221,7 +221,9 @@ INTERVALS = (
     _interval("p50", "p50", Joins.HISTOGRAM, "median interval, within 0.5 %"),
     _interval("p95", "p95", Joins.HISTOGRAM, "interval that 95 of 100 do not exceed, within 0.5 %"),
     _interval("p99", "p99", Joins.HISTOGRAM, "interval that 99 of 100 do not exceed, within 0.5 %"),
-    _interval("nominal", "nominal", Joins.DERIVED, "interval of the definition; without one the median, if cyclic"),
+    _interval(
+        "nominal", "nominal", Joins.DERIVED, "interval of the definition; without a definition the median, if cyclic"
+    ),
 )
 """The intervals between telegrams, in the order of reports."""
 

@@ -17,12 +17,15 @@ from nvscope.units import divide
 CYCLIC_SPREAD_PERCENT = 50
 """A stream is cyclic where its p5 and p95 are no further apart than this share of the median."""
 
+CYCLIC_FROM_INTERVALS = 5
+"""So many intervals it takes to say so: two answers that follow each other are no cycle."""
+
 
 @dataclass(frozen=True, slots=True)
 class IntervalFigures:
     """Intervals of a stream in ns; None where there is none. Percentiles are within 0.5 %, the rest is exact.
 
-    ``nominal`` is what the list should be sent at, else, of a cyclic stream, the median.
+    ``nominal`` is what the list should be sent at; where nobody says how it is sent, the median of a cyclic stream.
     """
 
     count: int
@@ -53,17 +56,17 @@ class StreamIntervals:
         self._rows = _rows(self._histograms.percentiles(_PERCENTS))
 
     def of(self, stream: int, nominal: int | None = None) -> IntervalFigures:
-        """Return those of a stream; ``nominal`` is what is told of one that should have an interval."""
+        """Return those of a stream; ``nominal`` is what it is defined to have, 0 for none, None where nobody says."""
         row = self._rows.get(stream)
         if row is None:
-            return IntervalFigures(0, nominal=nominal)
+            return IntervalFigures(0, nominal=nominal or None)
         timing, known = self._timing, _figures(row, nominal)
         return replace(known, mean=timing.mean_ns(stream), deviation=timing.deviation_ns(stream))
 
     def together(self, group_of: I64, nominal: Mapping[int, int | None]) -> dict[int, IntervalFigures]:
         """Return those of streams taken together, by group; of a deviation nothing is said.
 
-        ``group_of`` has the group of each stream, -1 for none, ``nominal`` is what is told of some groups. Groups
+        ``group_of`` has the group of each stream, -1 for none, ``nominal`` is as for ``of``, by group. Groups
         without intervals are not there.
         """
         grouped = np.flatnonzero(group_of >= 0)
@@ -98,7 +101,7 @@ def _rows(known: StreamPercentiles) -> dict[int, _Row]:
 
 def _figures(row: _Row, nominal: int | None) -> IntervalFigures:
     count, least, most, p5, p50, p95, p99 = row
-    cyclic = p50 > 0 and 100 * (p95 - p5) <= CYCLIC_SPREAD_PERCENT * p50
+    cyclic = count >= CYCLIC_FROM_INTERVALS and p50 > 0 and 100 * (p95 - p5) <= CYCLIC_SPREAD_PERCENT * p50
     return IntervalFigures(
         count,
         known_extreme(least),
@@ -108,5 +111,5 @@ def _figures(row: _Row, nominal: int | None) -> IntervalFigures:
         p50,
         p95,
         p99,
-        nominal or (p50 if cyclic else None),
+        (p50 if cyclic else None) if nominal is None else nominal or None,
     )

@@ -50,12 +50,13 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "lists.acknowledgement.latencies.buckets": {"count": SUM},
     # In which scope a sender counts is told by all its steps: a window goes by what is known at its end.
     "senders.loss.streams": {
-        "current": LAST, "missing": LAST, "counting": LAST, "steps": LAST, "regular": LAST, "lost": SUM, "gaps": SUM,
-        "longest_gap": MOST, "overtaken": SUM, "restarts": SUM, "duplicates": SUM,
+        "current": LAST, "missing": LAST, "counting": LAST, "steps": LAST, "regular": LAST, "swapped": LAST,
+        "lost": SUM, "gaps": SUM, "longest_gap": MOST, "overtaken": SUM, "restarts": SUM, "duplicates": SUM,
     },
     "senders.loss.nodes": {
         "current": LAST, "missing": LAST, "last_stream": LAST, "last_ns": LAST, "gaps": LAST, "steps": LAST,
-        "regular_telegram": LAST, "regular_send": LAST,
+        "regular_telegram": LAST, "regular_send": LAST, "between_streams": LAST, "regular_between_streams": LAST,
+        "between_lists": LAST, "regular_between_lists": LAST,
     },
     "senders.timing.columns": {
         "last_ns": LAST, "node_gaps": LAST, "count": SUM, "total_ns": SUM, "least_ns": LEAST, "most_ns": MOST,
@@ -78,7 +79,7 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "buses.canopen.columns": {
         "heartbeats": SUM, "boot_ups": SUM, "changes": SUM, "state": LAST, "since_ns": LAST, "last_ns": LAST,
         "emergencies": SUM, "emergency": LAST, "emergency_ns": LAST, "commands": SUM, "command": LAST,
-        "command_ns": LAST, "command_frame": LAST,
+        "command_ns": LAST, "command_frame": LAST, "asked": SUM, "answered": SUM,
     },
     "buses.remotes.rows": _COUNTED_EVENTS,
 }  # fmt: skip

@@ -2,7 +2,8 @@
 
 The counters of a stream, and those of a node across all its streams, are walked side by side. In both node scopes the
 current counter moves alike, since telegrams with the current counter again leave it where it is: one walk serves both,
-and they differ only in what such a telegram means.
+and they differ only in whether such a telegram is regular. A repeated telegram takes no step in any of them: it is a
+duplicate, however late it comes.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dissectors.batch import I64, U16, U64, Bool
 from nvscope.engine.dealing import Share
 from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
-from nvscope.engine.keys import Keys
+from nvscope.engine.keys import COUNTER_SHIFT, Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import order_by, runs_of_lengths
 from nvscope.engine.told import Told
@@ -23,13 +24,9 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.node_steps import NodeOrder, NodeSteps
-from nvscope.tracker.sequence import walk
+from nvscope.tracker.repeated import Repeated
+from nvscope.tracker.sender_changes import Changes
 from nvscope.tracker.steps import Step, Steps
-
-_LOGGED = (
-    *((step, scope) for step in (Step.GAP, Step.OVERTAKEN, Step.RESTART) for scope in list(Scope)[:2]),
-    *((Step.LATE, scope) for scope in Scope),
-)
 
 _TOLD = {
     Step.GAP: EventKind.GAP,
@@ -45,8 +42,8 @@ WALKS = 2
 class StreamSequences(KeyedColumns):
     """One row a stream: its own sequence, and the figures booked on it.
 
-    Figures of width 2 are those of the stream's walk and of the node's; ``duplicates`` has one for each scope.
-    ``counting`` is set from the second counter value on.
+    Figures of width 2 are those of the stream's walk and of the node's. ``counting`` is set from the second counter
+    value on. ``swapped`` are the steps that are not regular, but would be +1 if the Counter's two bytes were swapped.
     """
 
     current: U16
@@ -54,6 +51,7 @@ class StreamSequences(KeyedColumns):
     counting: Bool
     steps: I64
     regular: I64
+    swapped: I64
     lost: I64
     gaps: I64
     longest_gap: I64
@@ -66,19 +64,22 @@ class StreamSequences(KeyedColumns):
         "counting": (np.False_, 1),
         "steps": (np.int64(0), 1),
         "regular": (np.int64(0), 1),
+        "swapped": (np.int64(0), 1),
         "lost": (np.int64(0), WALKS),
         "gaps": (np.int64(0), WALKS),
         "longest_gap": (np.int64(0), WALKS),
         "overtaken": (np.int64(0), WALKS),
         "restarts": (np.int64(0), WALKS),
-        "duplicates": (np.int64(0), len(Scope)),
+        "duplicates": (np.int64(0), WALKS),
     }
 
 
 class NodeSequences(KeyedColumns):
     """One row a node: the sequence of all its telegrams, and the gaps in it.
 
-    ``last_stream`` is that of its last telegram, -1 before; ``last_ns`` is when that came.
+    ``last_stream`` is that of its last telegram that was not repeated, -1 before; ``last_ns`` is when its last one
+    came. Of its steps, ``between_streams`` are those from one stream to another, ``between_lists`` those from one list
+    to another; of which so many are ``regular``.
     """
 
     current: U16
@@ -89,6 +90,10 @@ class NodeSequences(KeyedColumns):
     steps: I64
     regular_telegram: I64
     regular_send: I64
+    between_streams: I64
+    regular_between_streams: I64
+    between_lists: I64
+    regular_between_lists: I64
     COLUMNS: ClassVar = {
         "current": (np.uint16(0), 1),
         "missing": (np.uint64(0), 1),
@@ -98,6 +103,10 @@ class NodeSequences(KeyedColumns):
         "steps": (np.int64(0), 1),
         "regular_telegram": (np.int64(0), 1),
         "regular_send": (np.int64(0), 1),
+        "between_streams": (np.int64(0), 1),
+        "regular_between_streams": (np.int64(0), 1),
+        "between_lists": (np.int64(0), 1),
+        "regular_between_lists": (np.int64(0), 1),
     }
 
 
@@ -107,7 +116,7 @@ class Loss:
     def __init__(self) -> None:
         self.streams = StreamSequences()
         self.nodes = NodeSequences()
-        self._events = {key: EventRows() for key in _LOGGED}
+        self._events = {(step, walk): EventRows() for step in _TOLD for walk in range(WALKS)}
 
     def observe(self, told: Told, rows: DataRows) -> tuple[Steps, NodeSteps]:
         """Walk the counters of a batch; return the streams' own steps, and the nodes' steps, row by row."""
@@ -116,17 +125,10 @@ class Loss:
         self.nodes.resize(len(keys.nodes))
         for log in self._events.values():
             log.resize(len(keys.streams))
-        own = self._walk_streams(rows, rows.counter)
+        own = self._walk_streams(rows)
         nodes = self._walk_nodes(told, rows, keys)
         self._book(told, rows, own, Scope.STREAM)
         self._book(told, rows, nodes, Scope.NODE_TELEGRAM)
-        repeated = np.empty(0, np.int64) if rows.repeated is None else np.flatnonzero(rows.repeated)
-        late, again = own.at(Step.LATE), repeated[own.step[repeated] == Step.SAME]
-        self._book_duplicates(told, rows, own, late, again, Scope.STREAM)
-        late, again = nodes.at(Step.LATE), repeated[nodes.step[repeated] == Step.SAME]
-        self._book_duplicates(told, rows, nodes, late, again, Scope.NODE_TELEGRAM)
-        again = again[~nodes.together(again)]
-        self._book_duplicates(told, rows, nodes, late, again, Scope.NODE_SEND)
         return own, nodes
 
     def take(self, part: Loss, share: Share) -> None:
@@ -136,25 +138,42 @@ class Loss:
         for key, log in self._events.items():
             log.take(part._events[key], share.streams)
 
-    def _walk_streams(self, rows: DataRows, counter: U16) -> Steps:
+    def _walk_streams(self, rows: DataRows) -> Steps:
         streams, run = self.streams, rows.run_stream
-        steps = walk(counter, rows.start, streams.current[run], streams.missing[run], rows.fresh)
+        again = Repeated(_places(rows.repeated), rows.start)
+        counter = rows.counter.copy() if len(again) else rows.counter
+        steps = again.walk(counter, streams.current[run], streams.missing[run], rows.fresh)
         streams.current[run], streams.missing[run] = steps.current, steps.missing
-        length = rows.stop - rows.start
-        idle = np.zeros(len(run), np.int64)  # rows that take no step
+        idle = np.zeros(len(run), np.int64)  # rows that take no step: in front of the second counter value, or repeated
         waiting = ~streams.counting[run]
         if waiting.any():
-            moves = np.flatnonzero((steps.step != Step.SAME) & (steps.step != Step.NONE))
-            first = np.append(moves, len(counter))[np.searchsorted(moves, rows.start)]
+            moved = (steps.step != Step.SAME) & (steps.step != Step.NONE)
+            moved[again.place] = False
+            moves = np.flatnonzero(moved)
+            first = np.append(moves, len(rows))[np.searchsorted(moves, rows.start)]
             begins = np.where(waiting, np.minimum(first, rows.stop), rows.start)
             idle = begins - rows.start
             streams.counting[run] |= begins < rows.stop
-            steps.step[np.arange(len(counter)) < np.repeat(begins, length)] = Step.NONE
+            steps.step[np.arange(len(rows)) < np.repeat(begins, rows.stop - rows.start)] = Step.NONE
             steps.irregular = np.flatnonzero(steps.step != Step.REGULAR)
-        irregular = np.diff(np.searchsorted(steps.irregular, np.append(rows.start, len(counter))))
-        streams.steps[run] += length - idle
-        streams.regular[run] += length - irregular
+        late = again.place[steps.step[again.place] == Step.LATE]
+        idle += np.bincount(np.searchsorted(rows.start, late, "right") - 1, minlength=len(run))
+        irregular = np.diff(np.searchsorted(steps.irregular, np.append(rows.start, len(rows))))
+        streams.steps[run] += rows.stop - rows.start - idle
+        streams.regular[run] += rows.stop - rows.start - irregular
+        self._count_swapped(rows, steps)
         return steps
+
+    def _count_swapped(self, rows: DataRows, steps: Steps) -> None:
+        """Count the steps that are +1 once the bytes of both counters are swapped."""
+        place = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
+        if not len(place):
+            return
+        run = np.searchsorted(rows.start, place, "right") - 1
+        first = (rows.signature_before[run] >> COUNTER_SHIFT).astype(np.uint16)
+        before = np.where(rows.start[run] == place, first, rows.counter[place - 1])
+        swapped = rows.counter[place].byteswap() - before.byteswap() == 1
+        np.add.at(self.streams.swapped, rows.run_stream[run[swapped]], 1)
 
     def _walk_nodes(self, told: Told, rows: DataRows, keys: Keys) -> NodeSteps:
         """Walk the nodes' sequences.
@@ -168,45 +187,42 @@ class Loss:
         node = np.where(keys.varieties.column("stream") >= 0, keys.varieties.column("node"), len(length))
         packet = order_by(node, told.variety, len(length))[: len(rows)]
         run, start, stop = runs_of_lengths(length)
-        length = stop - start
+        again = Repeated(_places(_by_packet(rows, len(told.packets), packet)), start)
         fresh = nodes.last_stream[run] < 0
-        steps = walk(told.counter.take(packet), start, nodes.current[run], nodes.missing[run], fresh)
-        run_of_stream = np.searchsorted(run, keys.node_of(np.arange(len(keys.streams))))
+        steps = again.walk(told.counter.take(packet), nodes.current[run], nodes.missing[run], fresh)
+        node_of_stream = keys.node_of(np.arange(len(keys.streams)))
+        run_of_stream = np.searchsorted(run, node_of_stream)
         time_ns = told.packets.ts_ns
         before_ns = np.where(fresh, time_ns[packet[start]], nodes.last_ns[run])
         order = NodeOrder(packet, start, rows, run_of_stream, time_ns, before_ns)
-        together = self._sent_together(told, packet, start, run, steps, keys)
         bounds = np.append(start, len(packet))
+        length = stop - start
         regular = length - np.diff(np.searchsorted(steps.irregular, bounds))
-        nodes.steps[run] += length - fresh
+        nodes.steps[run] += length - fresh - np.bincount(again.sequence, minlength=len(run))
         nodes.regular_telegram[run] += regular
-        nodes.regular_send[run] += regular + np.diff(np.searchsorted(together, bounds))
+        nodes.regular_send[run] += regular
+        last = keys.varieties.stream[told.variety[packet[stop - 1]]]
+        if (np.bincount(node_of_stream[node_of_stream >= 0])[run] > 1).any():
+            changes = Changes(told, keys, packet, start, nodes.last_stream[run], again)
+            nodes.regular_send[run] += changes.within_sends(steps)
+            nodes.between_streams[run] += changes.between_streams
+            nodes.between_lists[run] += changes.between_lists
+            of_streams, of_lists = changes.regular(steps)
+            nodes.regular_between_streams[run] += of_streams
+            nodes.regular_between_lists[run] += of_lists
+            last = changes.last_stream
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
-        nodes.last_stream[run] = keys.varieties.stream[told.variety[packet[stop - 1]]]
+        nodes.last_stream[run] = last
         nodes.last_ns[run] = time_ns[packet[stop - 1]]
         gaps = steps.at(Step.GAP)
         before = np.searchsorted(gaps, bounds)
         counted = nodes.gaps[run] - before[:-1]
         nodes.gaps[run] += np.diff(before)
-        return NodeSteps(steps, order, together, gaps, counted)
-
-    def _sent_together(self, told: Told, packet: I64, start: I64, run: I64, steps: Steps, keys: Keys) -> I64:
-        """Return the places, in the nodes' order, of telegrams that were sent together with the one before."""
-        same = steps.at(Step.SAME)
-        if not len(same):
-            return same
-        stream = keys.varieties.stream
-        now, earlier = (stream[told.variety[packet[place]]] for place in (same, same - 1))
-        first = np.searchsorted(same, start)
-        begins = np.append(same, -1)[first] == start
-        earlier[first[begins]] = self.nodes.last_stream[run[begins]]
-        lists = keys.places.high[keys.place_of(np.arange(len(keys.streams)))]
-        sent: I64 = same[(lists[now] == lists[earlier]) & (now != earlier)]
-        return sent
+        return NodeSteps(steps, order, gaps, counted)
 
     def _book(self, told: Told, rows: DataRows, steps: Steps | NodeSteps, scope: Scope) -> None:
         streams, first_frame = self.streams, told.first_frame
-        for kind in (Step.GAP, Step.OVERTAKEN, Step.RESTART):
+        for kind in _TOLD:
             place = steps.at(kind)
             if not len(place):
                 continue
@@ -222,21 +238,12 @@ class Loss:
             elif kind == Step.OVERTAKEN:
                 streams.overtaken[stream, scope] += count
                 streams.lost[stream, scope] -= count
-            else:
+            elif kind == Step.RESTART:
                 streams.restarts[stream, scope] += count
+            else:
+                streams.duplicates[stream, scope] += count
             self._events[kind, scope].add(stream, start, stop, rows.time_ns, rows.packet, place, first_frame)
             self._tell(told, kind, scope, rows, steps, place, lost)
-
-    def _book_duplicates(
-        self, told: Told, rows: DataRows, steps: Steps | NodeSteps, late: I64, again: I64, scope: Scope
-    ) -> None:  # fmt: skip
-        """Book late counters, and the rows that are a duplicate ``again``."""
-        place = np.sort(np.concatenate([late, again])) if len(again) else late
-        if len(place):
-            stream, start, stop = _runs(place, rows)
-            self.streams.duplicates[stream, scope] += stop - start
-            self._events[Step.LATE, scope].add(stream, start, stop, rows.time_ns, rows.packet, place, told.first_frame)
-            self._tell(told, Step.LATE, scope, rows, steps, place)
 
     def _tell(
         self, told: Told, step: Step, scope: Scope, rows: DataRows, steps: Steps | NodeSteps, place: I64,
@@ -259,9 +266,21 @@ class Loss:
 
     def events_of(self, step: Step, scope: Scope) -> EventRows:
         """Return the events of a step in a scope, by stream; those of duplicates are of the step LATE."""
-        if step != Step.LATE:
-            scope = min(scope, Scope.NODE_TELEGRAM)  # both node scopes take the same steps
-        return self._events[step, scope]
+        return self._events[step, min(scope, Scope.NODE_TELEGRAM)]  # both node scopes take the same steps
+
+
+def _places(chosen: Bool | None) -> I64:
+    """Return the places where a mask is set; None has none."""
+    return np.empty(0, np.int64) if chosen is None else np.flatnonzero(chosen)
+
+
+def _by_packet(rows: DataRows, packets: int, packet: I64) -> Bool | None:
+    """Return which of some packets are repeated."""
+    if rows.repeated is None:
+        return None
+    again = np.zeros(packets, np.bool_)
+    again[rows.packet[rows.repeated]] = True
+    return again.take(packet)
 
 
 def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, Bool
+from dissectors.batch import I64, U8, U16
 from nvscope.engine.rows import DataRows
 from nvscope.tracker.steps import Step, Steps
 
@@ -53,15 +53,14 @@ class NodeOrder:
 class NodeSteps:
     """The steps that the telegrams of a batch take in their nodes' sequences; ``step`` by row.
 
-    ``walked`` are these steps in the order of the nodes. ``together`` and ``gaps`` are places in it, rising: of
-    telegrams that were sent together with the one before, and of gaps. ``counted`` is what each node's gaps are
-    numbered from, less those in front of it here.
+    ``walked`` are these steps in the order of the nodes, ``gaps`` the places in it, rising, of gaps. ``counted`` is
+    what each node's gaps are numbered from, less those in front of it here.
     """
 
-    def __init__(self, walked: Steps, order: NodeOrder, together: I64, gaps: I64, counted: I64) -> None:
+    def __init__(self, walked: Steps, order: NodeOrder, gaps: I64, counted: I64) -> None:
         self.step: U8 = order.by_row(walked.step)
         self._walked, self._order = walked, order
-        self._together, self._gaps, self._counted = together, gaps, counted
+        self._gaps, self._counted = gaps, counted
 
     def at(self, kind: Step) -> I64:
         """Return the rows of the steps of a kind, rising."""
@@ -79,12 +78,6 @@ class NodeSteps:
     def times_before(self, row: I64) -> I64:
         """Return when the telegrams before some rows came, in the sequences of their nodes."""
         return self._order.times_before(row)
-
-    def together(self, row: I64) -> Bool:
-        """Tell which rows were sent together with their node's telegram before."""
-        place = self._order.place[row]
-        together: Bool = np.append(self._together, -1)[np.searchsorted(self._together, place)] == place
-        return together
 
     def gaps(self, row: I64) -> I64:
         """Return how many gaps the nodes' counters have had up to some rows."""

@@ -30,11 +30,14 @@ def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
         lists[node].add(list_of_place[places[stream]])
     scopes = {}
     for node, (own_regular, own_steps, streams) in own.items():
-        node_steps = int(loss.nodes.steps[node])
+        of_node, node_steps = loss.nodes, int(loss.nodes.steps[node])
         best, share = Scope.STREAM, (own_regular, own_steps or 1)
+        # Who counts beyond one stream counts on from one to another: a fast stream beside rare ones shows nothing.
+        by_telegram = streams >= 2 and 2 * of_node.regular_between_streams[node] > of_node.between_streams[node]
+        by_send = len(lists[node]) >= 2 and 2 * of_node.regular_between_lists[node] > of_node.between_lists[node]
         for scope, considered, regular_steps in (
-            (Scope.NODE_TELEGRAM, streams >= 2, int(loss.nodes.regular_telegram[node])),
-            (Scope.NODE_SEND, len(lists[node]) >= 2, int(loss.nodes.regular_send[node])),
+            (Scope.NODE_TELEGRAM, by_telegram, int(of_node.regular_telegram[node])),
+            (Scope.NODE_SEND, by_send, int(of_node.regular_send[node])),
         ):
             candidate = (regular_steps, node_steps or 1)
             if considered and candidate[0] * share[1] > share[0] * candidate[1]:

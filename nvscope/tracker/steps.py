@@ -27,9 +27,9 @@ class Step(IntEnum):
 
     NONE = 0  # the first of its sequence: no step
     REGULAR = 1
-    SAME = 2  # the current counter again: a duplicate, or nothing, or regular, as the scope has it
+    SAME = 2  # the current counter again, with other values: nothing, or regular, as the scope has it
     OVERTAKEN = 3
-    LATE = 4  # a counter that was there before
+    LATE = 4  # a counter that was there before, or a repeated telegram, which takes no step
     RESTART = 5
     GAP = 6
 

@@ -90,10 +90,10 @@ def summarize(
 ) -> Summary:
     """Compute the summary of a state.
 
-    ``intervals_ns`` are the nominal intervals of lists that have to be sent at one. ``readers`` are the lists that
-    nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on any port.
-    ``buses`` and ``cob_ids`` are as for ``summarize_can``. ``erratic`` are the streams whose counters are not believed,
-    where that is not to be judged from this state.
+    ``intervals_ns`` are the nominal intervals of lists that are defined, 0 where they have none. ``readers`` are the
+    lists that nodes read whatever they send, as (port, Index) by the text of their address; without port: Index on any
+    port. ``buses`` and ``cob_ids`` are as for ``summarize_can``. ``erratic`` are the streams whose counters are not
+    believed, where that is not to be judged from this state.
     """
     keys = state.keys
     nodes = list(zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True))
@@ -173,7 +173,7 @@ def _streams(
 def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
     loss = state.senders.loss.streams
     walk = min(scope, Scope.NODE_TELEGRAM)
-    return {name: int(getattr(loss, name)[stream, scope if name == "duplicates" else walk]) for name in BY_SCOPE}
+    return {name: int(getattr(loss, name)[stream, walk]) for name in BY_SCOPE}
 
 
 def _counters(state: TrackerState, streams: Sequence[Sequence[StreamSummary]]) -> Iterator[dict[str, int | None]]:

@@ -102,9 +102,6 @@ class TimedRows(Protocol):
     @property
     def time_ns(self) -> I64: ...
 
-    @property
-    def repeated(self) -> Bool | None: ...
-
     def __len__(self) -> int: ...
 
 
@@ -150,8 +147,6 @@ class Timing:
         columns.resize(len(told.keys.streams))
         step = own.step[own.irregular]
         skipped = (step == Step.LATE) | (step == Step.OVERTAKEN)
-        if rows.repeated is not None:
-            skipped |= (step == Step.SAME) & rows.repeated[own.irregular]
         kept = _Kept(rows, own.irregular[skipped])
         run, start, last = kept.run, kept.start, kept.stop - 1
         time_ns = np.delete(rows.time_ns, kept.absent) if len(kept.absent) else rows.time_ns

@@ -45,6 +45,8 @@ class Chosen:
             return self._filter.chooses_finding(number)
         if finding.kind.protocol:
             return finding.kind.protocol in self._protocols
+        if finding.lists:
+            return any(place[0] in finding.lists for place in self._places)
         if finding.list_number is not None:
             return (finding.list_number, finding.node, finding.subindex) in self._places
         return finding.node in self._senders or finding.kind.of_capture

@@ -91,9 +91,9 @@ def test_what_the_project_says_is_taken_and_an_option_wins(plant: Path) -> None:
 
 def test_a_list_among_canopen_devices_is_told_with_the_node_it_meets(plant: Path) -> None:
     (plant / "nvscope.toml").write_text(PLANT)
-    (collision,) = [one for one in document(plant)["findings"] if one["code"] == "NV602" and one["list"]]
+    (collision,) = [one for one in document(plant)["findings"] if one["code"] == "NV602" and one["frames"]]
     assert (collision["list"], collision["count"]) == ("can/can1/386", 40)
-    assert "saw takes 182h, which CANopen uses for TPDO1 of node 2." in collision["message"]
+    assert "saw takes 0x182, which CANopen uses for TPDO1 of node 2." in collision["message"]
     assert collision["message"].endswith("CANopen devices are there: node 2; COB-IDs of node 2 collide.")
 
 
@@ -105,7 +105,7 @@ def test_the_faces_name_bit_rate_load_errors_and_nodes(plant: Path) -> None:
     assert "heartbeat node 2" in shown
     in_markdown = nvscope(plant, "report", "plant.log", "--md", "-q").stdout
     assert "### Bus `can0`" in in_markdown
-    assert "| 702h | `heartbeat node 2` |" in in_markdown
+    assert "| 0x702 | `heartbeat node 2` |" in in_markdown
 
 
 @pytest.mark.parametrize("wrong", ["fast", "can0@", "250k,", "12", "1G"])

@@ -32,9 +32,9 @@ def test_lists_on_can_are_not_proposed(log: str) -> None:
 def test_the_key_of_one_channel_is_no_list_of_its_own(log: str) -> None:
     ran = run("vars", log, *gvl(log), "--list", "can/can0/272")
     assert ran.code == 2
-    assert "there are axis (can/*/272); frames of one channel are chosen by -Y 'can.channel == \"can0\"'" in ran.err
+    assert "there are axis (can/*/0x110); frames of one channel are chosen by -Y 'can.channel == \"can0\"'" in ran.err
     for name in ("can/*/272", "can/272", "272", "0x110", "AXIS"):
-        assert run("vars", log, *gvl(log), "--list", name).out.startswith("can/can0/272 axis, 5 telegrams")
+        assert run("vars", log, *gvl(log), "--list", name).out.startswith("can/can0/0x110 axis, 5 telegrams")
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_what_no_frame_holds_is_told(log: str, variables: str, why: str) -> None
 def test_frames_of_another_length_are_left_out_with_the_finding_of_can(log: str, tmp_path: Path) -> None:
     Path(log).write_text("(1.0) can0 110#01\n")
     ran = run("export", log, *gvl(log), "-w", str(tmp_path / "out.csv"))
-    told = "can/*/272 axis: 1 telegram left out, not of the shape that the definition has (NV603)."
+    told = "can/*/0x110 axis: 1 telegram left out, not of the shape that the definition has (NV603)."
     assert (ran.code, told in ran.err) == (0, True)
 
 

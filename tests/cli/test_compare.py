@@ -55,7 +55,7 @@ def test_delay_and_disagreement_between_ethernet_and_can(plant: list[str]) -> No
     lines = done.stdout.splitlines()
     begin = lines.index("Hops: the same variable in several lists")
     table = [re.split(r"\s{2,}", line.strip()) for line in lines[begin + 1 : begin + 4]]
-    way = ["udp/1202/9", "can/can0/400", "48 of 48", "2.0 ms", "2.0 ms", "2.0 ms", "22 %", "equal"]
+    way = ["udp/1202/9", "can/can0/0x190", "48 of 48", "2.0 ms", "2.0 ms", "2.0 ms", "22 %", "equal"]
     assert table == [
         ["variable", "from", "to", "followed", "delay p50", "p99", "max", "differed", "at the end"],
         ["fLevel", *way],
@@ -72,7 +72,7 @@ def test_the_table_as_data_and_as_markdown(plant: list[str]) -> None:
     assert "hops" not in json.loads(nvscope("report", *plant, "--json").stdout)
     markdown = nvscope("report", *plant, "--compare", "--md").stdout
     assert "### Hops: the same variable in several lists" in markdown
-    assert "| `fLevel` | `udp/1202/9` | `can/can0/400` | 48 of 48 |" in markdown
+    assert "| `fLevel` | `udp/1202/9` | `can/can0/0x190` | 48 of 48 |" in markdown
 
 
 def test_nothing_to_compare_is_said(plant: list[str], tmp_path: Path) -> None:

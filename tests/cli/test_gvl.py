@@ -169,7 +169,7 @@ def test_a_list_on_can_has_cob_ids_and_no_header(tmp_path: Path) -> None:
     )
     done = nvscope("layout", "press.gvl", cwd=tmp_path)
     heads = [line.strip() for line in done.stdout.splitlines() if "COB-ID" in line]
-    assert heads == ["COB-ID 190h: DLC 8", "COB-ID 191h: DLC 4", "COB-ID ?: DLC ?", "COB-ID ?: DLC ?"]
+    assert heads == ["COB-ID 0x190: DLC 8", "COB-ID 0x191: DLC 4", "COB-ID ?: DLC ?", "COB-ID ?: DLC ?"]
     assert "on CAN, packed" in done.stdout
     assert "described nowhere" in done.stdout
     document = json.loads(nvscope("layout", "--json", "press.gvl", cwd=tmp_path).stdout)

@@ -212,21 +212,21 @@ SAMPLES: list[tuple[str, list[str], str, list[str]]] = [
         [gvl(Checksum="True", address="10.0.0.7"), can(Checksum="True", ListIdentifier="1")],
     ),
     (
-        "can-overlap",
+        "NV601",
         [can("a : ARRAY [0..3] OF LREAL;", ListIdentifier="1792"), can(ListIdentifier="1795")],
-        "b.gvl:3:1 b takes 703h, a 700h to 703h (",
+        "b.gvl:3:1 b takes 0x703, a 0x700 to 0x703 (",
         [can("a : ARRAY [0..3] OF LREAL;", ListIdentifier="1792"), can(ListIdentifier="1796")],
     ),
     (
-        "can-canopen",
+        "NV602",
         [can("a : ARRAY [0..1] OF LREAL;", ListIdentifier="384")],
-        "a.gvl:3:1 a takes 180h to 181h, which CANopen uses for TPDO1 of node 1",
+        "a.gvl:3:1 a takes 0x180 to 0x181, which CANopen uses for TPDO1 of node 1",
         [can(ListIdentifier="384")],
     ),
     (
         "can-identifier",
         [can("a, b : LREAL;", ListIdentifier="2047")],
-        "a.gvl:3:1 a takes 7FFh to 800h, beyond 7FFh",
+        "a.gvl:3:1 a takes 0x7FF to 0x800, beyond 0x7FF",
         [can(ListIdentifier="2047")],
     ),
     (

@@ -93,7 +93,7 @@ def test_a_whole_project(tmp_path: Path) -> None:
     assert (drives.name, drives.list_id, drives.port, len(drives.variables)) == ("drives", 42, 1202, 1)
     assert (drives.interval_ns, drives.min_gap_ns) == (20_000_000, 5_000_000)
     assert (io.name, io.list_id, io.protocol, io.pack, io.variables) == ("io", 0x181, "CAN", False, ())
-    assert project.definition.cyclic_intervals_ns() == {ListKey.udp(1202, 42): 20_000_000}
+    assert project.definition.nominal_intervals_ns() == {ListKey.udp(1202, 42): 20_000_000}
 
 
 def test_without_a_file_all_is_as_usual() -> None:
@@ -182,15 +182,15 @@ def test_the_projects_word_wins_and_its_port_chooses_among_several(tmp_path: Pat
     assert lists(alone) == [("a", 7, 1300)]
     several = {"a_gvl": one, "b_gvl": one.replace('"1202"', '"1300"')}
     text = 'definitions = "plc/*.gvl"\n[lists.7]\ninterval = "1s"\n'
-    both = plant(tmp_path, text, **several).definition.cyclic_intervals_ns()
+    both = plant(tmp_path, text, **several).definition.nominal_intervals_ns()
     assert both == {ListKey.udp(1202, 7): 1_000_000_000, ListKey.udp(1300, 7): 1_000_000_000}
-    chosen = plant(tmp_path, f"{text}port = 1300", **several).definition.cyclic_intervals_ns()
+    chosen = plant(tmp_path, f"{text}port = 1300", **several).definition.nominal_intervals_ns()
     assert chosen == {ListKey.udp(1202, 7): 50_000_000, ListKey.udp(1300, 7): 1_000_000_000}
 
 
 def test_what_is_not_sent_cyclically_has_no_interval(tmp_path: Path) -> None:
     project = plant(tmp_path, '[lists.7]\ninterval = "1s"\ncyclic = false\n[lists.8]\ninterval = "0ms"')
-    assert project.definition.cyclic_intervals_ns() == {}
+    assert project.definition.nominal_intervals_ns() == {ListKey.udp(1202, 7): 0}
 
 
 @pytest.mark.parametrize("key", ["385", "0x181", '"16#181"', '"0X181"'])

@@ -52,7 +52,7 @@ def judged(
 def nominal(frames: list[Frame], definition: Definition) -> int | None:
     """Return the nominal interval that the report of the stream has."""
     state = tracked([batch_of(frames)])
-    summary: Summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
+    summary: Summary = summarize(state, intervals_ns=definition.nominal_intervals_ns())
     document = report_document(summary, [], [], definition)
     told: int | None = document["lists"][0]["streams"][0]["interval_ns"]["nominal"]
     return told
@@ -169,10 +169,22 @@ def test_intervals_with_a_loss_are_not_late() -> None:
     assert late.message.startswith("At least 60 intervals longer than 125.0 ms without a loss")
 
 
-def test_a_list_that_is_not_sent_cyclically_has_the_interval_that_it_shows() -> None:
-    frames = sent([500] * 50)
-    assert judged(frames, defined(50, cyclic=False)) == {}
-    observed = nominal(frames, defined(50, cyclic=False))
+def test_a_list_that_is_not_sent_cyclically_has_no_interval_whatever_it_shows() -> None:
+    # Sent at 500 ms by chance, then late, in a burst, and no more: nothing of that was promised.
+    frames = [*sent([500] * 50 + [5000] + [500] * 10 + [1]), *sent([100] * 900, list_id=8)]
+    frames.sort(key=lambda frame: frame.ts_ns)
+    shown = nominal(frames, Definition())
+    assert shown is not None
+    assert abs(shown - 500 * MS) <= 5 * MS
+    assert set(judged(frames)) == {"NV501", "NV502", "NV503", "NV504"}
+    for interval_ms in (50, 500, None):
+        told = defined(interval_ms, cyclic=False)
+        assert nominal(frames, told) is None
+        assert judged(frames, told) == {}
+
+
+def test_a_list_of_which_only_the_variables_are_defined_has_the_interval_that_it_shows() -> None:
+    observed = nominal(sent([500] * 50), defined())
     assert observed is not None
     assert abs(observed - 500 * MS) <= 5 * MS
 
@@ -222,3 +234,24 @@ def test_counts_differ_from_exact_ones_only_near_the_limit(
     longest_ns, shortest_ns = interval_ms * MS * 250 // 100, interval_ms * MS * 10 // 100
     assert sum(ns > longest_ns * 1.008 for ns in exact_ns) <= late <= sum(ns > longest_ns for ns in exact_ns)
     assert sum(ns < shortest_ns * 0.992 for ns in exact_ns) <= burst <= sum(ns < shortest_ns for ns in exact_ns)
+
+
+@pytest.mark.parametrize(
+    ("back_ns", "steps"), [(0, 0), (797, 0), (MS - 1, 0), (MS, 0), (MS + 1, 1), (3_600_000 * MS, 1)]
+)
+def test_a_clock_steps_where_it_goes_back_by_more_than_1_ms(back_ns: int, steps: int) -> None:
+    frames = sent([50] * 20)
+    frames[10] = frames[10]._replace(ts_ns=frames[9].ts_ns - back_ns)
+    for cut in (21, 10):
+        found = judge(tracked([batch_of(frames[:cut]), batch_of(frames[cut:])]))
+        told = [finding for finding in found if finding.code == "NV902"]
+        assert [(finding.count, finding.frames) for finding in told] == [(1, (11,))] * steps
+
+
+@pytest.mark.parametrize("intervals", range(1, 8))
+def test_few_intervals_are_no_cycle(intervals: int) -> None:
+    frames = sent([100] * intervals)
+    silent = [*frames, *(frame._replace(ts_ns=frame.ts_ns + 60_000 * MS) for frame in sent([100] * 3, list_id=8))]
+    assert (nominal(silent, Definition()) is not None) == (intervals >= 5)
+    assert set(judged(silent)) == ({"NV504"} if intervals >= 5 else set())
+    assert set(judged(silent, defined(100))) >= {"NV504"}

@@ -25,7 +25,7 @@ FindingKey = tuple[str, str | None, int | None]
 
 
 class DefinedList(NamedTuple):
-    """A list on CAN as its definition has it: bytes of each PDO, and the interval where it is sent cyclically."""
+    """A list on CAN as its definition has it: bytes of each PDO, and the interval, None where it is not cyclic."""
 
     cob_id: int
     sizes: Sequence[int]
@@ -96,7 +96,7 @@ def findings(lines: Iterable[Line], lists: Iterable[DefinedList]) -> dict[Findin
         else:
             wrong = sum(after != before for before, after in pairwise(stream.sizes))
         found["NV603", *where] += wrong
-        for code, count in timing(stream.times, end, entry.interval_ns if entry else None).items():
+        for code, count in timing(stream.times, end, entry).items():
             found[code, *where] += count
     for (channel, cob_id), seen in pdos.items():
         entry, _ = of_cob_id[cob_id]
@@ -105,7 +105,7 @@ def findings(lines: Iterable[Line], lists: Iterable[DefinedList]) -> dict[Findin
     return {key: count for key, count in found.items() if count}
 
 
-def timing(times: Sequence[int], end: int, defined: int | None) -> dict[str, int]:
+def timing(times: Sequence[int], end: int, entry: DefinedList | None) -> dict[str, int]:
     intervals = [after - before for before, after in pairwise(times)]
     if not intervals:
         return {}
@@ -115,8 +115,8 @@ def timing(times: Sequence[int], end: int, defined: int | None) -> dict[str, int
         return ordered[-(-percent * len(ordered) // 100) - 1]
 
     p5, median, p95, p99 = (percentile(percent) for percent in (5, 50, 95, 99))
-    nominal = defined
-    if not nominal and median > 0 and 2 * (p95 - p5) <= median:
+    nominal = entry.interval_ns if entry else None
+    if entry is None and len(intervals) >= 5 and median > 0 and 2 * (p95 - p5) <= median:
         nominal = median
     if not nominal:
         return {}

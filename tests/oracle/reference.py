@@ -5,12 +5,16 @@ and with the findings listed in ``SEVERITIES`` only. Written to be read beside t
 
 Readings, where the rules leave a choice:
 
-- the previous telegram of a node (node-send) is its previous well-formed data telegram, of any list
+- the previous telegram of a node (node-send) is its previous well-formed data telegram, of any list, repeated ones
+  aside; the steps from one stream, or list, to another are those after it, none if it is the node's first
+- a repeated telegram would take a step in its node's sequences always, in its stream's from the second value on
 - a stream that never showed a second counter value has no figures and no findings of loss in any scope
 - a scope needs two streams, or two lists with streams; a node counts as one address over all ports
 - the event of a missing answer is numbered by the frame that opened the wait; its time is that of the rules
 - NV402 and NV404 look at well-formed data telegrams; the Flags of NV404 are compared with the stream's previous ones
 - NV305 has a SubIndex where the quote reaches it; a quoted fragment is no telegram
+- NV201 is found where a stream has lost more than it took back, and, where its node counts beyond streams, so has the
+  node: of which stream the counter was that fills a gap, nobody knows
 - NV207 takes over all gaps of NV201; its duration is that between the stream's first and last telegram, and without a
   median above 0 no time is missing
 - a nominal interval is above 0; NV504 measures silence from the stream's last telegram to the latest frame
@@ -160,7 +164,10 @@ def stream_report(tracker: Tracker, at: StreamKey, stream: Stream) -> dict[str, 
     scope = tracker.loss.scope(at.node)
     figures = stream.figures_in(scope)
     timing = Timing(tuple(stream.intervals))
-    verdict = judge_stream(tracker.notes, at, stream, figures, timing.percentile(50))
+    still_missing = tracker.loss.still_missing(at)
+    verdict = judge_stream(
+        tracker.notes, at, stream, figures, timing.percentile(50), still_missing=still_missing
+    )  # fmt: skip
     judge_silence(tracker.notes, at, stream.last.moment, timing, max(tracker.times))
     return {
         "node": str(at.node),

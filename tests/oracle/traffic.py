@@ -21,7 +21,9 @@ def disturb_clock(rng: random.Random, rates: dict[str, float], frames: list[Fram
     disturbed: list[Frame] = []
     for frame in frames:
         if rng.random() < rates["clock_back"] / 4:
-            offset -= rng.choice((1, 1000, 30 * MILLISECOND, 900 * MILLISECOND, 3 * SECOND))
+            offset -= rng.choice(
+                (1, 1000, MILLISECOND, MILLISECOND + 1, 30 * MILLISECOND, 900 * MILLISECOND, 3 * SECOND)
+            )
         if rng.random() < rates["clock_forward"] / 4:
             offset += rng.choice((1, 200 * MILLISECOND, SECOND, 40 * SECOND))
         time = frame.ts_ns + offset

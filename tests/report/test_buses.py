@@ -80,18 +80,18 @@ Bus can0: 250 kbit/s (found) · 12 345 frames · load: 23.1 % in the mean, at it
   error counters up to 128 (transmit) and 96 (receive)
 
   identifier  name              frames     bits   share    load
-  190h        press              7 000  805 000  60.0 %  13.9 %
-  705h        heartbeat node 5   3 000  345 000  30.0 %   6.9 %
-  300h        -                    100   11 500   1.0 %   0.2 %
-  301h        -                    100   11 500   1.0 %   0.2 %
-  302h        -                    100   11 500   1.0 %   0.2 %
-  303h        -                    100   11 500   1.0 %   0.2 %
-  304h        -                    100   11 500   1.0 %   0.2 %
-  305h        -                    100   11 500   1.0 %   0.2 %
+  0x190       press              7 000  805 000  60.0 %  13.9 %
+  0x705       heartbeat node 5   3 000  345 000  30.0 %   6.9 %
+  0x300       -                    100   11 500   1.0 %   0.2 %
+  0x301       -                    100   11 500   1.0 %   0.2 %
+  0x302       -                    100   11 500   1.0 %   0.2 %
+  0x303       -                    100   11 500   1.0 %   0.2 %
+  0x304       -                    100   11 500   1.0 %   0.2 %
+  0x305       -                    100   11 500   1.0 %   0.2 %
   4 more      -                    400   46 000   4.0 %   0.9 %
 
   CANopen  state                since         EMCY  last EMCY
-  node 5   operational          12:03:08.123     1  8130h life gua…artbeat error
+  node 5   operational          12:03:08.123     1  0x8130 life gu…artbeat error
   node 17  stopped (commanded)  12:03:08.123     0  -
 """
     )
@@ -114,7 +114,7 @@ def test_can_fd_without_the_bit_rate_of_its_data_phase_has_at_least_a_load() -> 
 def test_no_line_is_wider_than_the_terminal(width: int, details: bool) -> None:
     shown = text.render(document(WHOLE, bus(channel="c" * 60)), width=width, details=details)
     assert max(map(len, shown.splitlines())) <= width
-    assert ("309h" in shown) == details
+    assert ("0x309" in shown) == details
 
 
 def test_of_many_buses_the_first_are_shown() -> None:
@@ -132,7 +132,7 @@ def test_a_bus_in_markdown() -> None:
     assert (
         "\n| identifier | name | frames | bits | share | load |\n| --- | --- | ---: | ---: | ---: | ---: |\n" in shown
     )
-    assert "\n| 705h | `heartbeat node 5` | 3 000 | 345 000 | 30.0 % | 6.9 % |\n" in shown
+    assert "\n| 0x705 | `heartbeat node 5` | 3 000 | 345 000 | 30.0 % | 6.9 % |\n" in shown
     assert "\n| node 17 | stopped (commanded) | 12:03:08.123 |" in shown
     assert "\u00a0" not in shown
 

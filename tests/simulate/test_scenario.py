@@ -142,7 +142,7 @@ def test_a_scenario_that_makes_no_sense_is_refused(old: str, new: str, what: str
         ("[[overtaken]]\nlist='axis'\ntelegrams=200", "cannot come later"),
         ("[[duplicate]]\nlist='axis'\ntelegrams=9\ndelay='60ms'", "followed too soon"),
         ("[[restart]]\nnode='press'\nat='40ms'", "no observer can recognise"),
-        ("[[mirrored]]\ndelay = '1ms'", "before the next frame"),
+        ("[[mirrored]]\ndelay = '60ms'", "before the next telegram of its stream"),
         ("[[unreachable]]\nlist='axis'\ntelegrams=9", "is no node that could refuse"),
         ("[[clock_step]]\nat='1s'\nby='-300d'\n" * 200, "before 1970"),
         ("[[traffic]]\nkind='ping'\nnode='hmi'\nto='press'\ninterval='1ns'", "frames, more than"),

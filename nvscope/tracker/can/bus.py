@@ -11,7 +11,7 @@ from dissectors.batch import I64
 from dissectors.can.frame import EXTENDED_MASK
 from dissectors.can.pdo import EXTENDED
 from nvscope.definition.buses import Buses, BusSettings
-from nvscope.tracker.can.canopen import CanOpenNode
+from nvscope.tracker.can.canopen import NO_EVIDENCE, CanOpenNode, Evidence
 from nvscope.tracker.can.errors import BusErrors
 from nvscope.tracker.can.identifiers import IdentifierColumns
 from nvscope.tracker.can.load import BEFORE_1970, rows_by_channel
@@ -79,7 +79,8 @@ class CanBusSummary:
     ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one
     (exact stuffing), ``worst_bits`` those that it could have had at most. ``bits`` and ``fast_bits`` are sums over all,
     exact; the latter at the data bit rate of CAN FD. ``load`` is None where no bit rate is known. ``identifiers`` are
-    those with frames, the largest share first. ``errors`` is None without error frames.
+    those with frames, the largest share first. ``errors`` is None without error frames. ``canopen`` tells of which
+    nodes there is evidence.
     """
 
     channel: str
@@ -94,6 +95,7 @@ class CanBusSummary:
     identifiers: Sequence[IdentifierBits]
     errors: BusErrors | None
     canopen_nodes: Sequence[CanOpenNode]
+    canopen: Evidence = NO_EVIDENCE
 
 
 def summarize_buses(
@@ -106,10 +108,11 @@ def summarize_buses(
     given, rows = buses or Buses(), _rows_with_frames(state)
     identifiers = rows_by_channel(state.load.identifiers.keys)
     errors, nodes = state.errors.by_channel(), state.canopen.by_channel(lists)
+    evidence = state.canopen.evidence(lists)
     found = [
         _bus(
             state, number, name(number), given, rows[number], identifiers.get(number, _NOTHING),
-            errors.get(number), nodes.get(number, []),
+            errors.get(number), nodes.get(number, []), evidence.get(number, NO_EVIDENCE),
         )
         for number in rows
     ]  # fmt: skip
@@ -140,6 +143,7 @@ def _bus(
     identifiers: I64,
     errors: BusErrors | None,
     nodes: Sequence[CanOpenNode],
+    evidence: Evidence,
 ) -> CanBusSummary:
     columns = state.load.columns
     exact, fast = columns.exact_bits[rows], columns.fast_bits[rows]
@@ -163,7 +167,7 @@ def _bus(
     return CanBusSummary(
         channel, int(columns.frames[rows].sum()), int(np.count_nonzero(columns.frames[rows])), int(exact.sum()),
         int(fast.sum()), int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load,
-        _identifiers(state, identifiers, rate), errors, tuple(nodes),
+        _identifiers(state, identifiers, rate), errors, tuple(nodes), evidence,
     )  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """CanOpen: the CANopen nodes of each channel, by their heartbeats and emergencies, and what the NMT master told them.
 
-Frames are taken by identifier and length: whether they are CANopen's, only who knows the plant can say.
+Frames are taken by identifier and length, and many a bus has such frames without any CANopen. A node is told only with
+evidence: a heartbeat or boot-up of its own, an NMT command, or SDO requests and answers (CiA 301, 7.2.4 and 7.2.8).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U8, U16, U32, U64
-from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STATES, PREDEFINED, Service
+from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STATES, PREDEFINED, Service, use_of
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
 from dissectors.layout import gather_bytes
@@ -25,8 +26,9 @@ from nvscope.tracker.event_kinds import EventKind
 
 _SERVICES = {service.name: service for service in PREDEFINED}
 _NMT, _EMCY, _HEARTBEAT = (_SERVICES[name] for name in ("NMT", "EMCY", "heartbeat"))
-_OTHER, _IS_NMT, _IS_EMCY, _IS_HEARTBEAT = range(4)
-_BYTES = {_IS_NMT: 2, _IS_EMCY: 8, _IS_HEARTBEAT: 1}
+_ASKED, _ANSWERED = (_SERVICES[name] for name in ("SDO request", "SDO answer"))
+_OTHER, _IS_NMT, _IS_EMCY, _IS_HEARTBEAT, _IS_ASKED, _IS_ANSWERED = range(6)
+_BYTES = {_IS_NMT: 2, _IS_EMCY: 8, _IS_HEARTBEAT: 1, _IS_ASKED: 8, _IS_ANSWERED: 8}
 _NO_STATE = -1
 _STATE_BITS = 0x7F
 _AFTER_COMMAND = {1: 5, 2: 4, 128: 127, 129: 0, 130: 0}
@@ -35,7 +37,10 @@ _AFTER_COMMAND = {1: 5, 2: 4, 128: 127, 129: 0, 130: 0}
 
 def _kinds() -> U8:
     kind = np.zeros(MAX_COB_ID + 1, np.uint8)
-    for code, service in ((_IS_NMT, _NMT), (_IS_EMCY, _EMCY), (_IS_HEARTBEAT, _HEARTBEAT)):
+    for code, service in (
+        (_IS_NMT, _NMT), (_IS_EMCY, _EMCY), (_IS_HEARTBEAT, _HEARTBEAT), (_IS_ASKED, _ASKED),
+        (_IS_ANSWERED, _ANSWERED),
+    ):  # fmt: skip
         kind[service.first : service.last + 1] = code
     return kind
 
@@ -46,7 +51,8 @@ _KIND = _kinds()
 class _NodeColumns(KeyedColumns):
     """One row a channel and node; node 0 has the commands to all. Frame numbers are 0, states -1 where there are none.
 
-    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest.
+    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest. ``asked`` and ``answered``
+    count SDOs.
     """
 
     heartbeats: I64
@@ -62,6 +68,8 @@ class _NodeColumns(KeyedColumns):
     command: I64
     command_ns: I64
     command_frame: I64
+    asked: I64
+    answered: I64
     COLUMNS: ClassVar = {
         "heartbeats": (np.int64(0), 1),
         "boot_ups": (np.int64(0), 1),
@@ -76,7 +84,28 @@ class _NodeColumns(KeyedColumns):
         "command": (np.int64(0), 1),
         "command_ns": (np.int64(0), 1),
         "command_frame": (np.int64(0), 1),
+        "asked": (np.int64(0), 1),
+        "answered": (np.int64(0), 1),
     }
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Of which nodes of a channel there is evidence that they are CANopen's; 0: the NMT master spoke to all."""
+
+    nodes: frozenset[int] = frozenset()
+
+    def of_node(self, node: int) -> bool:
+        """Tell whether there is evidence of a node."""
+        return node in self.nodes or 0 in self.nodes
+
+    def of_cob_id(self, cob_id: int) -> bool:
+        """Tell whether frames of a COB-ID are CANopen's; those of no one node are, where there is any evidence."""
+        service, node = use_of(cob_id)
+        return bool(service and self.nodes) and (not node or self.of_node(node))
+
+
+NO_EVIDENCE = Evidence()
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +155,8 @@ class CanOpen:
         kind, length = kind[row], batch.length[row]
         for code, observe in (
             (_IS_HEARTBEAT, self._observe_heartbeats), (_IS_EMCY, self._observe_emergencies),
-            (_IS_NMT, self._observe_commands),
+            (_IS_NMT, self._observe_commands), (_IS_ASKED, self._observe_requests),
+            (_IS_ANSWERED, self._observe_answers),
         ):  # fmt: skip
             own = row[(kind == code) & (length == _BYTES[code]) & ~other]
             if len(own):
@@ -202,15 +232,40 @@ class CanOpen:
         if told.is_heard:
             self._tell(told, EventKind.NODE_COMMAND, batch, row, number, command.astype(np.int64))
 
+    def _observe_requests(self, _: Told, batch: CanBatch, row: I64) -> None:
+        number = self._numbers(batch.channel[row], _node_of(batch, row, _ASKED))
+        np.add.at(self.columns.asked, number, 1)
+
+    def _observe_answers(self, _: Told, batch: CanBatch, row: I64) -> None:
+        number = self._numbers(batch.channel[row], _node_of(batch, row, _ANSWERED))
+        np.add.at(self.columns.answered, number, 1)
+
+    def evidence(self, lists: Collection[int] = ()) -> dict[int, Evidence]:
+        """Return by channel of which nodes there is evidence; the COB-IDs of ``lists`` are not CANopen's."""
+        found: dict[int, set[int]] = defaultdict(set)
+        columns = self.columns
+        for row, (channel, node) in enumerate(zip(self.nodes.high.tolist(), self.nodes.low.tolist(), strict=True)):
+            beats = columns.heartbeats[row] and _cob_id(_HEARTBEAT, node) not in lists
+            told = columns.commands[row] and _NMT.first not in lists
+            both = columns.asked[row] and columns.answered[row]
+            talks = both and not {_cob_id(_ASKED, node), _cob_id(_ANSWERED, node)} & set(lists)
+            if beats or told or talks:
+                found[channel].add(node)
+        return {channel: Evidence(frozenset(nodes)) for channel, nodes in found.items()}
+
     def by_channel(self, lists: Collection[int] = ()) -> dict[int, list[CanOpenNode]]:
-        """Return the nodes of each channel that has some; the COB-IDs of ``lists`` are not CANopen's."""
+        """Return the nodes of each channel that has some with evidence; COB-IDs of ``lists`` are not CANopen's."""
+        evidence = self.evidence(lists)
         rows: dict[int, dict[int, int]] = defaultdict(dict)
         for row, (channel, node) in enumerate(zip(self.nodes.high.tolist(), self.nodes.low.tolist(), strict=True)):
             rows[channel][node] = row
         found = {}
         for channel, row_of in rows.items():
             nodes = (self._node(node, row_of[node], row_of.get(0), lists) for node in sorted(row_of) if node)
-            found[channel] = [node for node in nodes if node.heartbeats or node.emergencies]
+            seen = evidence.get(channel, NO_EVIDENCE)
+            found[channel] = [
+                node for node in nodes if seen.of_node(node.node) and (node.heartbeats or node.emergencies)
+            ]
         return found
 
     def _node(self, node: int, row: int, everybody: int | None, lists: Collection[int]) -> CanOpenNode:

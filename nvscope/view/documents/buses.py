@@ -41,10 +41,11 @@ def can_buses(summary: CanSummary, names: Mapping[ListKey, str], measures: Measu
     ``names`` are those of defined lists, "" of one that has none.
     """
     known: dict[tuple[str, bool, int], tuple[str | None, str | None]] = {}
+    canopen = {bus.channel: bus.canopen for bus in summary.buses}
     for entry in summary.lists:
         name = told_of(names, entry.key)
         for stream in entry.streams:
-            label = canopen_label(entry, stream.cob_id, defined=name is not None)
+            label = canopen_label(entry, stream.cob_id, canopen, defined=name is not None)
             known[str(entry.key.port), stream.extended, stream.cob_id] = name or None, label
     return [_bus(bus, known, measures.of_bus(bus)) for bus in summary.buses]
 

@@ -11,8 +11,10 @@ from typing import Any
 from dissectors.can.canopen import title_of
 from dissectors.can.pdo import EXTENDED
 from nvscope.list_key import ListKey, told_of
+from nvscope.tracker.can.canopen import NO_EVIDENCE, Evidence
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.subjects import Measures
+from nvscope.units import cob_id
 from nvscope.view.documents.figures import (
     COUNTED_OF_LIST,
     COUNTED_OF_STREAM,
@@ -24,11 +26,15 @@ from nvscope.view.documents.figures import (
 
 
 def can_list(
-    entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures, values: Mapping[str, Any]
+    entry: CanListSummary,
+    names: Mapping[ListKey, str],
+    measures: Measures,
+    values: Mapping[str, Any],
+    canopen: Mapping[str, Evidence],
 ) -> dict[str, Any]:
     """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without.
 
-    ``values`` is what is told of its variables.
+    ``values`` is what is told of its variables, ``canopen`` of which nodes there is evidence, by channel.
     """
     name, measured = told_of(names, entry.key), measures.of_list(entry)
     return {
@@ -37,7 +43,8 @@ def can_list(
         "channel": entry.key.port,
         "id": entry.key.identifier & ~EXTENDED,
         "name": name or None,
-        "canopen": canopen_label(entry, entry.key.identifier, defined=name is not None),
+        "cob_id": cob_id(entry.key.identifier & ~EXTENDED, entry.extended),
+        "canopen": canopen_label(entry, entry.key.identifier, canopen, defined=name is not None),
         "senders": [],
         "readers": [],
         **COUNTED_OF_LIST.read(measured),
@@ -48,12 +55,15 @@ def can_list(
     }
 
 
-def canopen_label(entry: CanListSummary, cob_id: int, *, defined: bool) -> str | None:
+def canopen_label(
+    entry: CanListSummary, number: int, canopen: Mapping[str, Evidence], *, defined: bool
+) -> str | None:  # fmt: skip
     """Return what CANopen's predefined set uses a COB-ID of a list for, such as ``heartbeat node 5``.
 
-    None where it has none, or where the list is ``defined``.
+    None where it has none, where nothing on the channel shows that it is CANopen's, or where the list is ``defined``.
     """
-    return None if defined or entry.extended else title_of(cob_id) or None
+    seen = canopen.get(str(entry.key.port), NO_EVIDENCE)
+    return title_of(number) if not defined and not entry.extended and seen.of_cob_id(number) else None
 
 
 def _stream(stream: CanStreamSummary, measures: Measures) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.finding import Finding
-from nvscope.list_key import ListKey
+from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.subjects import Measures
@@ -60,6 +60,7 @@ def report_document(
         return {} if values is None else {"values": values.get(entry.key, [])}
 
     capture, measures = summary.capture, Measures(whole or summary)
+    canopen = {bus.channel: bus.canopen for bus in summary.can.buses}
     document = {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
@@ -77,7 +78,7 @@ def report_document(
             "end_ns": time_text(capture.end_ns),
         },
         "lists": [
-            *(can_list(entry, names, measures, valued(entry)) for entry in summary.can.lists),
+            *(can_list(entry, names, measures, valued(entry), canopen) for entry in summary.can.lists),
             *(
                 _list(entry, summary, measures, names.get(entry.key) or None, node_names, valued(entry))
                 for entry in summary.lists
@@ -147,9 +148,10 @@ def _finding(finding: Finding, keys: dict[int, str], summary: Summary) -> dict[s
         "code": kind.code,
         "name": kind.name,
         "severity": kind.severity.word,
-        "list": None if finding.list_number is None else keys[finding.list_number],
+        "list": _key_of(finding, keys),
         "node": None if finding.node is None else summary.addresses[finding.node],
         "subindex": finding.subindex,
+        **_on_can(finding, keys),
         "count": finding.count,
         "first_ns": time_text(finding.first_ns),
         "last_ns": time_text(finding.last_ns),
@@ -157,3 +159,17 @@ def _finding(finding: Finding, keys: dict[int, str], summary: Summary) -> dict[s
         "message": finding.message,
         "hint": finding.hint or kind.next_steps[0],
     }
+
+
+def _key_of(finding: Finding, keys: Mapping[int, str]) -> str | None:
+    if finding.list_number is not None:
+        return keys[finding.list_number]
+    return None if finding.key is None else str(finding.key)
+
+
+def _on_can(finding: Finding, keys: Mapping[int, str]) -> dict[str, Any]:
+    """Return the channel of a finding on CAN, and the lists of one that is about many."""
+    transport, _, place = (_key_of(finding, keys) or "").partition("/")
+    channel = finding.channel or (place.rpartition("/")[0] if transport == Transport.CAN else "")
+    told: dict[str, Any] = {"channel": channel} if channel and channel != "*" else {}
+    return told | ({"lists": [keys[number] for number in finding.lists]} if finding.lists else {})

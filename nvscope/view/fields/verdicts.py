@@ -68,9 +68,10 @@ class Verdicts:
         self._frame = np.array([frame for frame, _ in frames], np.int64)
         self._finding = np.array([number for _, number in frames], np.int64)
         self._lasting = [
-            _Lasting(number, keys[one.list_number], None if one.node is None else nodes[one.node], one.subindex)
+            _Lasting(number, keys[place], None if one.node is None else nodes[one.node], one.subindex)
             for number, one in enumerate(self.findings)
-            if not one.frames and one.list_number is not None
+            if not one.frames
+            for place in (one.lists if one.list_number is None else (one.list_number,))
         ]
 
     def measured(self, of: Of, node: NodeKey, key: ListKey) -> Measured:

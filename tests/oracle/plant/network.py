@@ -99,7 +99,8 @@ class Network:
         data = self.wrap(packet, group)
         self.put(time, *data)
         if self.mirrored or self.happens("mirror"):
-            self.put(time + rng.choice((0, 0, 1000)), *data)
+            # A mirror shows it at once, a router later: after what was sent in the meantime.
+            self.put(time + rng.choice((0, 0, 1000, 20_000, 300_000, 5_000_000)), *data)
         if self.happens("unreachable"):
             quote = (
                 packet if rng.random() < 0.5 else packet[: rng.randint(20 if source.version == 4 else 40, len(packet))]

@@ -17,10 +17,15 @@ class CounterSequence:
     regular: int = 0
 
     def step(self, c: int, *, zero_is_regular: bool, repeated: bool) -> tuple[str, int]:
-        """Take one step; return what it is, and by how much the number of lost counters changes."""
+        """Take one step; return what it is, and by how much the number of lost counters changes.
+
+        A repeated telegram that would take one takes none: it is a duplicate, and no step was taken.
+        """
         if self.h is None:
             self.h = c
             return "first", 0
+        if repeated:
+            return "duplicate", 0
         self.steps += 1
         h, d = self.h, (c - self.h) % 65536
         if d == 1 or (d == 0 and zero_is_regular) or (c == 0 and h in (255, 65534)):
@@ -28,7 +33,7 @@ class CounterSequence:
             self._advance(c)
             return "regular", 0
         if d == 0:
-            return ("duplicate" if repeated else "nothing"), 0
+            return "nothing", 0
         if c in self.missing:
             self.missing.remove(c)
             return "overtaken", -1

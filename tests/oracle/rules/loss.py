@@ -44,11 +44,19 @@ class Figures:
 
 @dataclass
 class Node:
-    """The two sequences that a node counts through all its data telegrams."""
+    """The two sequences that a node counts through all its data telegrams.
+
+    ``changes`` tells of each step from one stream to another, and of each from one list to another, if it was regular.
+    """
 
     telegrams: CounterSequence = field(default_factory=CounterSequence)
     sends: CounterSequence = field(default_factory=CounterSequence)
     previous: Telegram | None = None
+    changes: dict[str, list[bool]] = field(default_factory=lambda: {"stream": [], "list": []})
+
+    def goes_on_from_one_to_another(self, what: str) -> bool:
+        """Tell whether more than half of the steps from one stream, or list, to another are regular."""
+        return 2 * sum(self.changes[what]) > len(self.changes[what])
 
 
 @dataclass
@@ -118,13 +126,17 @@ class Loss:
         node = self.nodes.setdefault(seen.source, Node())
         kind, lost = node.telegrams.step(seen.counter, zero_is_regular=False, repeated=repeated)
         stream.figures["node-telegram"].book(kind, lost, seen.moment)
-        same_send = (
-            node.previous is not None
-            and node.previous.list_key == seen.list_key
-            and node.previous.subindex != seen.subindex
-        )
-        kind, lost = node.sends.step(seen.counter, zero_is_regular=same_send, repeated=repeated)
-        stream.figures["node-send"].book(kind, lost, seen.moment)
+        same_list = node.previous is not None and node.previous.list_key == seen.list_key
+        same_stream = same_list and node.previous is not None and node.previous.subindex == seen.subindex
+        zero_is_regular = same_list and not same_stream
+        sent, lost_sends = node.sends.step(seen.counter, zero_is_regular=zero_is_regular, repeated=repeated)
+        stream.figures["node-send"].book(sent, lost_sends, seen.moment)
+        if repeated:
+            return
+        if node.previous is not None and not same_stream:
+            node.changes["stream"].append(kind == "regular")
+        if node.previous is not None and not same_list:
+            node.changes["list"].append(sent == "regular")
         node.previous = seen
 
     def streams_of(self, node: Address) -> dict[StreamKey, Stream]:
@@ -134,11 +146,21 @@ class Loss:
         """Return the way in which a node counts, as far as its telegrams tell."""
         streams = self.streams_of(node)
         shares = {"stream": share([stream.sequence for stream in streams.values()])}
-        if len(streams) >= 2:
+        if len(streams) >= 2 and self.nodes[node].goes_on_from_one_to_another("stream"):
             shares["node-telegram"] = share([self.nodes[node].telegrams])
-        if len({key.list_key for key in streams}) >= 2:
+        several_lists = len({key.list_key for key in streams}) >= 2
+        if several_lists and self.nodes[node].goes_on_from_one_to_another("list"):
             shares["node-send"] = share([self.nodes[node].sends])
         return max(shares, key=lambda scope: (shares[scope], -SCOPES.index(scope)))
+
+    def still_missing(self, at: StreamKey) -> bool:
+        """Tell whether overtaken telegrams have not filled all gaps that were booked on a stream.
+
+        One that counts beyond its streams may book the gap on one of them and take it back on another.
+        """
+        scope = self.scope(at.node)
+        of_node = sum(stream.figures[scope].lost for stream in self.streams_of(at.node).values())
+        return self.streams[at].figures_in(scope).lost > 0 and (scope == "stream" or of_node > 0)
 
     def judge_scopes(self, notes: Notes) -> None:
         for node in self.nodes:
@@ -154,15 +176,23 @@ class Verdict(NamedTuple):
     certain: bool
 
 
-def judge_stream(notes: Notes, at: StreamKey, stream: Stream, figures: Figures, median: int | None) -> Verdict:
-    """Find what the figures of a stream show at the end of the run; ``median`` is that of its intervals."""
+def judge_stream(
+    notes: Notes, at: StreamKey, stream: Stream, figures: Figures, median: int | None, *, still_missing: bool
+) -> Verdict:
+    """Find what the figures of a stream show at the end of the run; ``median`` is that of its intervals.
+
+    ``still_missing``: not every gap was filled by overtaken telegrams.
+    """
     where = (at.list_key, at.node, at.subindex)
     duration = stream.last.time - stream.first.time
     medians = [None if median is None else Fraction(median) * (100 + percent) / 100 for percent in (0, -2, 2)]
     verdicts = [erratic(figures.lost, stream.telegrams, duration, value) for value in medians]
     verdict = Verdict(verdicts[0], len(set(verdicts)) == 1)
     for moment in figures.gaps:
-        notes.find("NV207" if verdict.erratic else "NV201", *where, moment)
+        if verdict.erratic:
+            notes.find("NV207", *where, moment)
+        elif still_missing:
+            notes.find("NV201", *where, moment)
     if figures.gaps and not verdict.certain:
         notes.doubt("NV201", at)
         notes.doubt("NV207", at)

@@ -14,9 +14,15 @@ from tests.oracle.rules.counters import CounterSequence
         (5, set(), 6, False, False, "regular", 0, 6, set()),
         (65535, set(), 0, False, False, "regular", 0, 0, set()),
         (0, set(), 1, False, False, "regular", 0, 1, set()),
-        # d = 0 where regular, repeated or not
+        # d = 0 where regular
         (5, set(), 5, True, False, "regular", 0, 5, set()),
-        (5, set(), 5, True, True, "regular", 0, 5, set()),
+        # repeated: no step, whatever the counter is by now
+        (5, set(), 5, True, True, "duplicate", 0, 5, set()),
+        (6, {3}, 5, False, True, "duplicate", 0, 6, {3}),
+        (9, {7}, 1, False, True, "duplicate", 0, 9, {7}),
+        (9, {8}, 8, False, True, "duplicate", 0, 9, {8}),
+        (4, set(), 5, False, True, "duplicate", 0, 4, set()),
+        (500, set(), 5, False, True, "duplicate", 0, 500, set()),
         # senders that wrap early
         (255, set(), 0, False, False, "regular", 0, 0, set()),
         (65534, set(), 0, False, False, "regular", 0, 0, set()),
@@ -66,7 +72,7 @@ def test_step(
     sequence = CounterSequence(h=h, missing=set(missing))
     assert sequence.step(c, zero_is_regular=regular_zero, repeated=repeated) == (kind, lost)
     assert (sequence.h, sequence.missing) == (h_after, missing_after)
-    assert (sequence.steps, sequence.regular) == (1, int(kind == "regular"))
+    assert (sequence.steps, sequence.regular) == (int(not repeated), int(kind == "regular"))
 
 
 def test_first_telegram_only_sets_h() -> None:

@@ -150,3 +150,44 @@ def test_loss_in_a_pause_is_loss() -> None:
     assert not erratic(lost=100, telegrams=9, duration=0, median=None)
     assert erratic(lost=101, telegrams=9, duration=0, median=None)
     assert not erratic(lost=400, telegrams=400, duration=0, median=SECOND)
+
+
+def test_what_a_router_shows_late_takes_no_step() -> None:
+    # 254 255 0 1 by wrapping early, in both SubIndexes; the copies of 254 are none yet
+    wire = Wire()
+    for cycle, counter in enumerate((254, 255, 0, 1)):
+        wire.data(100 * cycle, counter, subindex=0).data(100 * cycle + 1, counter, subindex=1)
+        wire.again(100 * cycle + 2, -2).again(100 * cycle + 3, -2)
+    assert scopes(wire) == ["stream", "stream"]
+    assert wire.counters("lost", "duplicates", "restarts", "overtaken") == (0, 6, 0, 0)
+
+
+def test_the_previous_telegram_of_a_node_is_none_that_was_shown_again() -> None:
+    wire = Wire()
+    for send in range(1, 9):
+        wire.data(100 * send, send, list_id=1 + send % 2, subindex=0)
+        wire.data(100 * send + 1, send, list_id=1 + send % 2, subindex=1).again(100 * send + 2)
+    # the copies aside: 8 sends of two telegrams, with 7 of 7 regular steps from one list to the other
+    assert scopes(wire) == ["node-send"] * 4
+    assert {entry["counters"]["lost"] for entry in wire.report["lists"]} == {0}
+    assert sum(entry["counters"]["duplicates"] for entry in wire.report["lists"]) == 8
+
+
+def test_a_rare_list_beside_a_fast_one_is_no_counter_of_sends() -> None:
+    wire = Wire()
+    for cycle in range(1, 41):
+        for subindex in range(3):
+            if (cycle + 7 * subindex) % 25:
+                wire.data(100 * cycle + subindex, cycle, subindex=subindex)
+        if cycle % 20 == 0:
+            wire.data(100 * cycle + 50, cycle // 20, list_id=2)
+    # stream: fewer regular steps than within the sends of list 1; but none of 3 from list 1 to list 2 or back
+    assert set(scopes(wire)) == {"stream"}
+    assert wire.findings("NV206") == []
+
+
+def test_gaps_that_overtaken_telegrams_fill_are_no_loss() -> None:
+    wire = counted(1, 2, 5, 4, 3, 6, 8, 7, 9)
+    assert wire.counters("lost", "gaps", "overtaken") == (0, 2, 3)
+    assert wire.codes() == {"NV203": 3}
+    assert counted(1, 2, 5, 4, 6).codes() == {"NV201": 1, "NV203": 1}

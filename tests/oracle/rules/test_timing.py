@@ -21,8 +21,10 @@ def test_intervals() -> None:
 def test_intervals_are_negative_where_the_clock_steps_back() -> None:
     wire = Wire().data(100, 1).data(40, 2)
     assert (wire.stream["interval_ns"]["min"], wire.stream["interval_ns"]["mean"]) == (-60, -60)
+    assert wire.findings("NV902") == []
+    wire = Wire().data(1_000_100, 1).data(100, 2).data(50, 3).data(2_000_000, 4).data(999_999, 5)
     (step,) = wire.findings("NV902")
-    assert (step["list"], step["node"], step["count"], step["frames"]) == (None, None, 1, [2])
+    assert (step["list"], step["node"], step["count"], step["frames"]) == (None, None, 1, [5])
 
 
 def test_a_single_telegram_has_no_intervals() -> None:
@@ -63,11 +65,13 @@ def test_percentiles_are_of_the_nearest_rank() -> None:
 
 
 def test_nominal_is_the_median_of_a_cyclic_stream() -> None:
-    assert Timing((100, 100, 150)).nominal == 100  # 50 wide: 50 % of 100
-    assert Timing((100, 100, 151)).nominal is None
+    assert Timing((100, 100, 100, 100, 150)).nominal == 100  # 50 wide: 50 % of 100
+    assert Timing((100, 100, 100, 100, 151)).nominal is None
+    assert Timing((100, 100, 100, 100)).nominal is None  # four tell nothing
 
 
 def test_a_stream_stops_while_the_capture_goes_on() -> None:
-    wire = counted(1, 2, 3)  # every 100 ms until 200 ms
-    assert wire.nothing(1_200_000_000).codes() == {}
-    assert wire.nothing(1_200_000_001).codes() == {"NV504": 1}
+    wire = counted(1, 2, 3, 4, 5, 6)  # every 100 ms until 500 ms
+    assert wire.nothing(1_500_000_000).codes() == {}
+    assert wire.nothing(1_500_000_001).codes() == {"NV504": 1}
+    assert counted(1, 2, 3, 4, 5).nothing(9_000_000_000).codes() == {}

@@ -11,6 +11,8 @@ from typing import Any
 from tests.oracle.rules.keys import Moment, StreamKey
 from tests.oracle.rules.notes import Notes
 
+CYCLIC_INTERVALS = 5
+
 
 def nearest_rank(ordered: Sequence[int], percent: int) -> int:
     return ordered[(percent * len(ordered) + 99) // 100 - 1]
@@ -46,7 +48,7 @@ class Timing:
 
     @property
     def nominal(self) -> int | None:
-        if self.spread is None:
+        if self.spread is None or len(self.intervals) < CYCLIC_INTERVALS:
             return None
         width, median = self.spread
         return median if median > 0 and 2 * width <= median else None
@@ -54,7 +56,7 @@ class Timing:
     @property
     def nominal_uncertain(self) -> bool:
         """Whether percentiles that are a little off could tell otherwise."""
-        if self.spread is None:
+        if self.spread is None or len(self.intervals) < CYCLIC_INTERVALS:
             return False
         width, median = self.spread
         if median == 0:

@@ -39,7 +39,9 @@ def expect_stream(
 ) -> None:
     """Expect frames of another length than before, or than defined, and unusual intervals."""
     plan, intervals, length = stream.plan, stream.intervals, frames.length[stream.rows]
-    nominal_ns = plan.interval_ns if plan is not None and plan.mode == "cyclic" else nominal_of(intervals)
+    nominal_ns = nominal_of(intervals)
+    if plan is not None:
+        nominal_ns = plan.interval_ns if plan.mode == "cyclic" else None
     usual = length[:-1] if plan is None else plan.data_bytes[stream.subindex]
     wrong = (length[1:] if plan is None else length) != usual
     where = (key, None, stream.subindex)

@@ -30,7 +30,6 @@ from nvscope.findings.loss import (
     TELEGRAM_GAP,
 )
 from nvscope.findings.timing import TORN_CYCLE
-from nvscope.simulate.figures import seems_to_count_sends
 from nvscope.simulate.list_facts import ListFacts
 from nvscope.simulate.network_facts import NetworkFacts
 from nvscope.simulate.observation import Observation
@@ -76,8 +75,17 @@ def expect_counters(facts: NetworkFacts, entry: ListFacts, stream: int, found: E
         return
     of_gaps = kind_of_gaps(facts.seen, stream, int(facts.figures.lost[stream]))
     kinds = {"gaps": of_gaps} | (FIGURE_KINDS if of_gaps is TELEGRAM_GAP else {})
+    if of_gaps is TELEGRAM_GAP and not still_missing(facts, stream):
+        del kinds["gaps"]
     for name, kind in kinds.items():
         found.add(kind, *where, int(getattr(facts.figures, name)[stream]))
+
+
+def still_missing(facts: NetworkFacts, stream: int) -> bool:
+    """Return whether a telegram of a gap never came: of a node that counts beyond streams, of any of its gaps."""
+    node, lost = facts.seen.streams[stream].node, facts.figures.lost
+    counts_beyond = facts.seen.streams[stream].scope != "stream"
+    return bool(lost[stream] > 0 and (not counts_beyond or lost[facts.seen.streams_of_node(node)].sum() > 0))
 
 
 def expect_swapped(seen: Observation, stream: int, where: Where, found: ExpectedFindings) -> None:
@@ -152,7 +160,6 @@ def expect_capture(seen: Observation, found: ExpectedFindings) -> None:
         numbers = seen.streams_of_node(node)
         scopes = {seen.streams[number].scope for number in numbers}
         found.add(COUNTER_SCOPE, None, address, None, bool(scopes & {"node-telegram", "node-send"}))
-        found.add(COUNTER_SCOPE, None, address, None, bool(numbers) and seems_to_count_sends(seen, node))
 
 
 def place_of(seen: Observation, entry: ListFacts, stream: int) -> Where:

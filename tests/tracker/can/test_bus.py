@@ -115,7 +115,7 @@ def test_seconds_above_the_limit_are_one_finding() -> None:
     assert "3 seconds of 6 above 70 %; load 58.8 % in the mean, " in found["message"]
     assert f"{peak:.1f} % at the peak (87.5 % with all stuff bits there can be)" in found["message"]
     assert found["message"].startswith("Channel can0 at 12.5 kbit/s (given): ")
-    assert found["message"].endswith("The largest shares: 554h 50.3 %, 555h 49.7 %.")
+    assert found["message"].endswith("The largest shares: 0x554 50.3 %, 0x555 49.7 %.")
     raised = Limits(bus_load_percent=80)
     assert "NV605" not in [one["code"] for one in report(frames, at(12_500), limits=raised)["findings"]]
 

@@ -35,6 +35,7 @@ def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
     nodes: dict[int, dict[str, Any]] = defaultdict(
         lambda: {"heartbeats": 0, "changes": 0, "boot_ups": 0, "state": None, "since_ns": None, "emergencies": 0}
     )
+    evident: dict[str, set[int]] = defaultdict(set)
     for time_ns, channel, word, data in frames:
         if channel or word > 0x7FF:
             continue
@@ -47,7 +48,15 @@ def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
                 node["state"], node["since_ns"] = state, time_ns
         elif 0x81 <= word <= 0xFF and len(data) == 8:
             nodes[word - 0x80]["emergencies"] += 1
-    return dict(nodes)
+        elif 0x601 <= word <= 0x67F and len(data) == 8:
+            evident["asked"].add(word - 0x600)
+        elif 0x581 <= word <= 0x5FF and len(data) == 8:
+            evident["answered"].add(word - 0x580)
+        elif word == 0 and len(data) == 2 and data[0] in (1, 2, 128, 129, 130) and data[1] < 128:
+            evident["commanded"].add(data[1])
+    # Without a heartbeat of it, a command, or an SDO with its answer, nobody knows that a node is one of CANopen.
+    known = evident["commanded"] | (evident["asked"] & evident["answered"])
+    return {number: node for number, node in nodes.items() if node["heartbeats"] or number in known or 0 in known}
 
 
 def talk(seed: int, count: int) -> list[Frame]:
@@ -55,7 +64,9 @@ def talk(seed: int, count: int) -> list[Frame]:
     frames, time_ns = [], START_NS
     for _ in range(count):
         time_ns += choice.randrange(1, 10 * MS)
-        word = choice.choice([0x701, 0x702, 0x77F, 0x81, 0x82, 0, 0x181, 0x8000_0701, 0x700, 0x780, 0x80])
+        word = choice.choice(
+            [0x701, 0x702, 0x77F, 0x81, 0x82, 0, 0x181, 0x8000_0701, 0x700, 0x780, 0x80, 0x601, 0x581, 0x602]
+        )
         length = choice.choice([1, 1, 8]) if word & 0x700 == 0x700 else choice.choice([8, 8, 2, 0])
         data = bytes(choice.choice([0, 4, 5, 5, 127, 0x85, 3]) for _ in range(length))
         frames.append((time_ns, choice.choice([0, 0, 1]), word, data))

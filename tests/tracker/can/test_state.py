@@ -65,7 +65,7 @@ def report(frames: list[Frame], cut: int, definition: Definition | None = None) 
     state = TrackerState(values=values)
     whole = batch(frames)
     observed(state, cut_into(whole, cut), Reading(pdos=Pdos(definition).rules()), ["can0", "vcan1"])
-    summary = summarize(state, intervals_ns=definition.cyclic_intervals_ns())
+    summary = summarize(state, intervals_ns=definition.nominal_intervals_ns())
     return report_document(summary, judge(state, summary=summary, definition=definition), [], definition)
 
 
@@ -150,7 +150,7 @@ def test_frames_of_a_defined_list_are_one_list_and_have_its_lengths() -> None:
     (mismatch,) = [one for one in found["findings"] if one["code"] == "NV603"]
     assert (mismatch["list"], mismatch["subindex"], mismatch["count"]) == ("can/can0/400", 1, 1)
     assert mismatch["frames"] == [5]
-    assert "1 frame of 3 not of 4 bytes" in mismatch["message"]
+    assert "1 frame of 3 has 2 bytes, not the 4 that the definition has" in mismatch["message"]
 
 
 def cyclic(period_ns: int, frames: int, cob_ids: Sequence[int], size: int = 8) -> list[Frame]:
@@ -245,7 +245,7 @@ def test_a_definition_is_for_its_channel_or_for_any() -> None:
 def test_a_defined_list_that_is_never_sent_is_silent() -> None:
     found = report(cyclic(10_000_000, 3, (0x300,)), 100, three_frames())
     (silent,) = [one for one in found["findings"] if one["code"] == "NV407"]
-    assert silent["message"] == "List press (can/*/1664) is defined, but not one frame of it was seen."
+    assert silent["message"] == "List press (can/*/0x680) is defined, but not one frame of it was seen."
 
 
 def test_many_channels_take_little_memory() -> None:
@@ -264,7 +264,7 @@ def test_lists_are_missed_only_on_what_was_captured() -> None:
     both = Definition((*three_frames().lists, on_udp))
     found = report(cyclic(10_000_000, 3, (0x300,)), 100, both)
     assert [one["message"] for one in found["findings"] if one["code"] == "NV407"] == [
-        "List press (can/*/1664) is defined, but not one frame of it was seen."
+        "List press (can/*/0x680) is defined, but not one frame of it was seen."
     ]
     state = TrackerState()
     observed(state, [batch_of([telegram(b"\1\0", 1, subindex=0, counter=1, ts_ns=START_NS, list_id=8)])])

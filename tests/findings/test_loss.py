@@ -1,0 +1,46 @@
+"""NV201 to NV207: what the steps of counters are found to be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tests.oracle.wire import Wire
+from tests.packets import batch_of, document_of, tracked
+
+
+def found(wire: Wire) -> dict[str, dict[str, Any]]:
+    return {finding["code"]: finding for finding in document_of(tracked([batch_of(wire.frames)]))["findings"]}
+
+
+def counted_by_node(*order: tuple[int, int]) -> Wire:
+    """Return telegrams of one node and list: Counter and SubIndex of each."""
+    wire = Wire()
+    for number, (counter, subindex) in enumerate(order):
+        wire.data(number * 100_000_000, counter, subindex=subindex)
+    return wire
+
+
+def test_a_gap_that_a_telegram_of_another_stream_fills_is_no_loss() -> None:
+    # 6 of SubIndex 0 comes before 5 of SubIndex 1: lost on the one, taken back on the other.
+    order = [(1, 0), (2, 1), (3, 0), (4, 1), (6, 0), (5, 1), (7, 0), (8, 1), (9, 0), (10, 1)]
+    codes = found(counted_by_node(*order))
+    assert {"NV203", "NV206"} <= codes.keys()
+    assert "NV201" not in codes
+    # The same with 8 lost for good.
+    codes = found(counted_by_node(*(one for one in order if one[0] != 8)))
+    assert {"NV201", "NV203", "NV206"} <= codes.keys()
+
+
+def test_a_counter_that_is_written_byte_swapped_is_told_as_such() -> None:
+    wire = Wire()
+    for number in range(100, 400):
+        value = number if number < 128 else (number & 0xFF) << 8 | number >> 8
+        wire.data(number * 50_000_000, value)
+    codes = found(wire)
+    assert set(codes) == {"NV207"}
+    # All but the step from 127 to 128: 298 of 299.
+    assert "It is written byte-swapped: 100 % of its steps" in codes["NV207"]["message"]
+    wire = Wire()
+    for number in range(300):
+        wire.data(number * 50_000_000, number * 7919 % 65536)
+    assert "It does not count telegrams." in found(wire)["NV207"]["message"]
