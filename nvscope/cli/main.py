@@ -29,6 +29,7 @@ _CommandLineError = cast(
 
 _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _SIGNALLED = 128
+_KEPT: list[Any] = []
 _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
 
 
@@ -121,6 +122,8 @@ def _stderr_that_never_fails() -> io.TextIOWrapper:
         raw = _Forgiving(stream.fileno(), "w", closefd=False)
     except (OSError, ValueError):
         return cast("io.TextIOWrapper", stream)
+    # Forgotten, it would close the descriptor, which the next file that is opened would get.
+    _KEPT.append(stream)
     return io.TextIOWrapper(
         io.BufferedWriter(raw), encoding=stream.encoding, errors="backslashreplace", line_buffering=True
     )
