@@ -227,10 +227,13 @@ class Inquiry:
         left = Chosen(found.state, chosen, found.findings)
         return replace(found, chosen=left)
 
-    def report(self, found: Analysis, *, names: bool = True, values: bool = False) -> dict[str, Any]:
+    def report(
+        self, found: Analysis, *, names: bool = True, values: bool = False, drawn: bool = False
+    ) -> dict[str, Any]:
         """Return the report on an analysis as data (schema ``nvscope.report/1``).
 
-        ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined.
+        ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined;
+        ``drawn``: as a document whose rows are made when they are asked for, one after the other.
         """
         rows = None
         if values and found.values is not None:
@@ -242,7 +245,7 @@ class Inquiry:
             summary, findings = found.chosen.summary(summary), found.chosen.findings
         document = report_document(
             summary, findings, found.infos, self.project.definition, rows,
-            node_names=self.project.node_names if names else {}, whole=found.summary,
+            node_names=self.project.node_names if names else {}, whole=found.summary, drawn=drawn,
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}

@@ -94,21 +94,22 @@ def report(
     keep_freed_memory()
     inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet), asked)
     found = inquiry.analyze(wanted, values=as_json, compare=compare)
-    document = inquiry.report(found, names=not no_names, values=as_json)
+    document = inquiry.report(found, names=not no_names, values=as_json, drawn=True)
     shown = colour_wanted(colour)
     if as_json:
         from nvscope.report import json
 
-        text = json.render(document)
+        parts = json.pieces(document)
     elif as_markdown:
         from nvscope.report import markdown
 
-        text = markdown.render(document, utc=utc)
+        parts = markdown.pieces(document, utc=utc)
     else:
         from nvscope.report import text as face
 
-        text = face.render(document, colour=shown, width=width(), utc=utc, details=details)
-    typer.echo(text, nl=not text.endswith("\n"), color=shown)
+        parts = face.pieces(document, colour=shown, width=width(), utc=utc, details=details)
+    for part in parts:
+        typer.echo(part, nl=False, color=shown)
     tell_of_lists(inquiry)
     if fragments := found.state.capture.fragments:
         typer.echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)

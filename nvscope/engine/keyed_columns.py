@@ -11,7 +11,6 @@ import numpy as np
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
 
-
 _WIDE = 8
 """A row of so many numbers or more is worth a look before it is copied."""
 

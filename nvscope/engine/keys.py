@@ -258,6 +258,14 @@ class Keys:
         carrier, port, identifier = (int(word[number]) for word in self.lists.words)
         return ListKey.of(Carrier(carrier), port, identifier, self.channel)
 
+    def list_keys(self) -> list[ListKey]:
+        """Return the keys of all lists, by number."""
+        carriers, ports, identifiers = (word.tolist() for word in self.lists.words)
+        return [
+            ListKey.of(Carrier(carrier), port, identifier, self.channel)
+            for carrier, port, identifier in zip(carriers, ports, identifiers, strict=True)
+        ]
+
     def place_key(self, stream: int) -> tuple[ListKey, int]:
         """Return list and SubIndex of a stream."""
         place = int(self.streams.high[stream])

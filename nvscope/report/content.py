@@ -6,6 +6,7 @@ face (``view.escape``), before or after, and never reaches a reader without it.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -84,10 +85,10 @@ def headline(report: Report) -> Cell:
         return Cell("The filter chooses nothing that belongs to a list", Tone.WARNING)
     if not lists:
         return Cell("No list: no telegram belongs to a network variables list", Tone.WARNING)
-    by_list = findings_by_list(findings)
-    verdicts = [worst(by_list.get(entry["key"], ())) for entry in lists]
+    by_list = worst_by_list(findings)
+    verdicts = Counter(by_list.get(entry["key"]) for entry in lists)
     parts = [
-        (verdicts.count(severity), f"with {severity.word}s" if severity else "ok")
+        (verdicts[severity], f"with {severity.word}s" if severity else "ok")
         for severity in (Severity.ERROR, Severity.WARNING, Severity.NOTE, None)
         if severity in verdicts
     ]
@@ -106,20 +107,22 @@ def headline(report: Report) -> Cell:
 
 def tally(findings: Sequence[Row]) -> str:
     """Return how many findings of each severity there are: ``2 errors, 1 note``."""
-    severities = [Severity.of(finding["severity"]) for finding in findings]
+    severities = Counter(Severity.of(finding["severity"]) for finding in findings)
     return ", ".join(
-        units.count_of(severities.count(severity), severity.word)
+        units.count_of(severities[severity], severity.word)
         for severity in sorted(Severity, reverse=True)
         if severity in severities
     )
 
 
-def findings_by_list(findings: Iterable[Row]) -> dict[str, list[Row]]:
-    """Return the findings of each list, by its key."""
-    found: dict[str, list[Row]] = {}
+def worst_by_list(findings: Iterable[Row]) -> dict[str, Severity]:
+    """Return the worst severity of the findings of each list that has some, by its key."""
+    found: dict[str, Severity] = {}
     for finding in findings:
-        if finding["list"] is not None:
-            found.setdefault(finding["list"], []).append(finding)
+        key = finding["list"]
+        if key is not None:
+            severity = Severity.of(finding["severity"])
+            found[key] = max(found.get(key, severity), severity)
     return found
 
 

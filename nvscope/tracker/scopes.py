@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from nvscope.engine.keys import NOBODY_KEY
+from nvscope.engine.runs import distinct
 from nvscope.tracker.counters import Scope
 
 if TYPE_CHECKING:
@@ -15,29 +17,34 @@ if TYPE_CHECKING:
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     """Return, by node with streams, the scope in which most steps of its Counter are regular."""
     keys, loss = state.keys, state.senders.loss
-    places, nodes = keys.streams.high.tolist(), keys.streams.low.tolist()
-    list_of_place = keys.places.high.tolist()
-    steps, regular = loss.streams.column("steps").tolist(), loss.streams.column("regular").tolist()
-    own: dict[int, list[int]] = defaultdict(lambda: [0, 0, 0])
-    lists: dict[int, set[int]] = defaultdict(set)
-    for stream, node in enumerate(nodes):
-        if node == NOBODY_KEY:
-            continue
-        tally = own[node]
-        tally[0] += regular[stream]
-        tally[1] += steps[stream]
-        tally[2] += 1
-        lists[node].add(list_of_place[places[stream]])
-    scopes = {}
-    for node, (own_regular, own_steps, streams) in own.items():
-        node_steps = int(loss.nodes.steps[node])
-        best, share = Scope.STREAM, (own_regular, own_steps or 1)
-        for scope, considered, regular_steps in (
-            (Scope.NODE_TELEGRAM, streams >= 2, int(loss.nodes.regular_telegram[node])),
-            (Scope.NODE_SEND, len(lists[node]) >= 2, int(loss.nodes.regular_send[node])),
-        ):
-            candidate = (regular_steps, node_steps or 1)
-            if considered and candidate[0] * share[1] > share[0] * candidate[1]:
-                best, share = scope, candidate
-        scopes[node] = best
-    return scopes
+    stream = np.flatnonzero(keys.streams.low != np.uint64(NOBODY_KEY))
+    if not len(stream):
+        return {}
+    node, lists = keys.node_of(stream), keys.list_of_place(keys.place_of(stream))
+    nodes = len(keys.nodes)
+    streams = np.bincount(node, minlength=nodes)
+    members = distinct(node * len(keys.lists) + lists)
+    several_lists = np.bincount(members // len(keys.lists), minlength=nodes) >= 2
+    best = np.full(nodes, Scope.STREAM)
+    regular, steps = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
+    np.add.at(regular, node, loss.streams.column("regular")[stream])
+    np.add.at(steps, node, loss.streams.column("steps")[stream])
+    steps = np.maximum(steps, 1)
+    of_nodes = loss.nodes
+    for scope, considered, own in (
+        (Scope.NODE_TELEGRAM, streams >= 2, of_nodes.column("regular_telegram")),
+        (Scope.NODE_SEND, several_lists, of_nodes.column("regular_send")),
+    ):
+        of_node = np.maximum(of_nodes.column("steps"), 1)
+        # Compared exactly: no capture has so many telegrams that a product of two numbers of them is too large.
+        seen = np.flatnonzero(considered[: len(own)])
+        seen = seen[own[seen] * steps[seen] > regular[seen] * of_node[seen]]
+        best[seen], regular[seen], steps[seen] = scope, own[seen], of_node[seen]
+    first = np.full(nodes, len(keys.streams))
+    np.minimum.at(first, node, stream)
+    known = np.flatnonzero(streams)
+    known = known[np.argsort(first[known])]
+    return dict(zip(known.tolist(), map(_SCOPES.__getitem__, best[known].tolist()), strict=True))
+
+
+_SCOPES = tuple(Scope)

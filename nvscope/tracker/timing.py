@@ -26,7 +26,6 @@ from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
 from nvscope.tracker.steps import Step, Steps
-from nvscope.units import divide
 
 LEARNED_INTERVALS = 8
 """So many intervals of a stream tell where its dense buckets lie."""
@@ -275,26 +274,48 @@ class Timing:
                 columns.first_bucket[number] = bucket_of(np.maximum(median * 3 // 4, 1))[0]
         return np.concatenate(learned)
 
-    def mean_ns(self, stream: int) -> int | None:
-        """Return the mean interval, rounded half to even; None without intervals."""
-        count = int(self.columns.count[stream])
-        return divide(int(self.columns.total_ns[stream]), count) if count > 0 else None
+    def means_ns(self, stream: I64) -> list[int | None]:
+        """Return the mean intervals of streams, rounded half to even; None without intervals."""
+        count, total_ns = self.columns.count[stream], self.columns.total_ns[stream]
+        known = np.maximum(count, 1)
+        mean = total_ns // known
+        twice = 2 * (total_ns - mean * known)
+        mean += (twice > known) | ((twice == known) & (mean % 2 == 1))
+        return _where(count > 0, mean)
 
-    def deviation_ns(self, stream: int) -> int | None:
-        """Return the standard deviation of all intervals (of the population), rounded half to even."""
+    def deviations_ns(self, stream: I64) -> list[int | None]:
+        """Return the standard deviations of all intervals of streams (of the population), rounded half to even."""
         columns = self.columns
-        count = int(columns.count[stream])
-        if count <= 0:
-            return None
-        low, middle, high = columns.squares[stream].tolist()
-        squares = low + (middle << _LIMB_BITS) + (high << (2 * _LIMB_BITS)) + self.large_squares.get(stream, 0)
-        # variance · count² = count · Σx² − (Σx)²; the root of a rational is rounded by comparing squares.
-        scaled = count * squares - int(columns.total_ns[stream]) ** 2
-        root = isqrt(scaled // (count * count))
-        twice = (2 * root + 1) * count
-        if 4 * scaled > twice * twice or (4 * scaled == twice * twice and root % 2):
-            root += 1
-        return root
+        count = columns.count[stream]
+        told = _where(count > 0, np.zeros(len(stream), np.int64))  # of one interval, there is none
+        several = np.flatnonzero(count > 1)
+        rows = zip(
+            several.tolist(), stream[several].tolist(), count[several].tolist(),
+            columns.total_ns[stream[several]].tolist(), columns.squares[stream[several]].tolist(), strict=True,
+        )  # fmt: skip
+        for place, number, own, total_ns, (low, middle, high) in rows:
+            squares = low + (middle << _LIMB_BITS) + (high << (2 * _LIMB_BITS)) + self.large_squares.get(number, 0)
+            told[place] = _deviation(own, total_ns, squares)
+        return told
+
+
+def _where(known: Bool, numbers: I64) -> list[int | None]:
+    """Return numbers, None where they are not known."""
+    told: list[int | None] = numbers.tolist()
+    for place in np.flatnonzero(~known).tolist():
+        told[place] = None
+    return told
+
+
+def _deviation(count: int, total: int, squares: int) -> int:
+    """Return the standard deviation of numbers, given how many they are, their sum, and that of their squares."""
+    # variance · count² = count · Σx² − (Σx)²; the root of a rational is rounded by comparing squares.
+    scaled = count * squares - total * total
+    root = isqrt(scaled // (count * count))
+    twice = (2 * root + 1) * count
+    if 4 * scaled > twice * twice or (4 * scaled == twice * twice and root % 2):
+        root += 1
+    return root
 
 
 def _squares(size: I64, start: I64) -> tuple[I64, U64, I64]:
