@@ -125,7 +125,10 @@ class Inquiry:
 
             choose = PacketChoice(chosen)
         timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
-        return reading_of(self.ports, self.pdos, choose=choose, timeout_ns=timeout_ns, protocols=self.protocols)
+        return reading_of(
+            self.ports, self.pdos, choose=choose, timeout_ns=timeout_ns, protocols=self.protocols,
+            max_streams=self.project.limits.max_streams,
+        )  # fmt: skip
 
     @property
     def paths(self) -> Sequence[str]:

@@ -67,6 +67,18 @@ def report(
             show_default=False,
         ),
     ] = None,
+    max_streams: Annotated[
+        int | None,
+        typer.Option(
+            "--max-streams",
+            metavar="NUMBER",
+            min=1,
+            help="How many streams, and other kinds of telegrams by sender, receiver, list and SubIndex, are told "
+            "apart, and how many identifiers on CAN; 200000, unless the project says otherwise. What is left out is "
+            "told (NV906).",
+            show_default=False,
+        ),
+    ] = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -86,6 +98,8 @@ def report(
     asked = asked_range(from_time, to_time, utc=utc)
     plant = project_of(project, gvl)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
+    if max_streams is not None:
+        plant = replace(plant, limits=replace(plant.limits, max_streams=max_streams))
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.memory import keep_freed_memory

@@ -196,7 +196,7 @@ class _Tally(NamedTuple):
 
 
 def _hear_broadcasts(heard: _Tally, every: I64, is_reader: Bool, sent: _Flows, members: _Members) -> None:
-    """Add to what was delivered to readers the broadcasts of others, the last of which is one of the last two nodes'."""
+    """Add to what readers heard the broadcasts of others, the last of which is one of the last two nodes'."""
     source = members.words(sent.of_list, sent.source)
     senders = distinct(source)
     if not len(senders):

@@ -161,7 +161,7 @@ def _streams(
     found = []
     nominal = [intervals_ns.get(key) for key in lists] if intervals_ns else [None] * len(lists)
     for (
-        stream, number, own_node, part, own_telegrams, first_ns, last_ns, counts, is_unused, items, length, has, checksum,
+        stream, number, own_node, part, own_telegrams, first_ns, last_ns, counts, is_unused, items, length, has, check,
     ), row in zip(zip(*(column.tolist() for column in columns), strict=True), figures, strict=True):  # fmt: skip
         scope = scopes[own_node]
         found.append(
@@ -169,7 +169,7 @@ def _streams(
                 stream, own_node, part, own_telegrams, first_ns, last_ns, scope,
                 SCOPE_UNUSED if is_unused else SCOPE_NAMES[scope],
                 MappingProxyType(dict(zip(BY_SCOPE, row, strict=True))) if counts else _NOTHING_COUNTED,
-                intervals.of(stream, nominal[number]), items, length, checksum if has else None,
+                intervals.of(stream, nominal[number]), items, length, check if has else None,
                 None if erratic is None else stream in erratic,
             )
         )  # fmt: skip
