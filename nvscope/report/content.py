@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nvscope import units
-from nvscope.findings.capture import UNSUPPORTED_LINK_TYPE
+from nvscope.findings.capture import LIMIT_REACHED, UNSUPPORTED_LINK_TYPE
 from nvscope.findings.kind import Severity
 from nvscope.view.lines.table import Cell, Tone
 
@@ -162,6 +162,11 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     if start_ns is not None and end_ns is not None:
         start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)
         lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])
+    left_out = sum(finding["count"] for finding in report["findings"] if finding["code"] == LIMIT_REACHED.code)
+    if left_out:
+        verb = "is" if left_out == 1 else "are"
+        told = f"{units.count_of(left_out, 'frame')} {verb} in no figure: the limit was reached ({LIMIT_REACHED.code})"
+        lines.append([Cell(told, Tone.WARNING)])
     if chosen := report.get("filter"):
         telegrams = capture["telegrams"] + capture.get("can_frames", 0)
         lines.append(filter_cells(chosen, telegrams, "; figures are those of the whole capture"))
