@@ -22,6 +22,7 @@ from tests import program
 from tests.engine.test_dealing import at_once_and_joined, shown
 from tests.engine.traffic import CHANNELS, batches_of, can_batches, reading_of
 from tests.laws import examples
+from tests.oracle.frame import Frame
 from tests.oracle.traffic import generate
 from tests.packets import Batches, batch_of, cut, document_of, observed, tracked
 from tests.tracker.can.test_state import batch
@@ -164,3 +165,15 @@ def test_remote_frames_of_further_identifiers_are_told_too() -> None:
     assert finding.count == 2
     assert finding.frames == (4, 5)
     assert len(state.buses.remotes.rows) == 3
+
+
+def test_unicast_to_an_unknown_node_is_not_taken_for_the_broadcast_that_is_known() -> None:
+    known = bytes.fromhex(
+        "ffffffffffff02000000000108004500003200000000401100000a0000010a0000ff04b204b2001e0000"
+        "002d53330000000007000000010016002a0000001027"
+    )
+    other = bytes.fromhex("020000000009") + known[6:30] + bytes([10, 0, 0, 9]) + known[34:]
+    frames = [Frame(second, LinkType.ETHERNET, data, len(data)) for second, data in enumerate([known, other, known])]
+    state = tracked([batch_of(frames)], Reading(max_streams=1))
+    assert [count for _, count in flows_of(state).values()] == [2]
+    assert left_out(state) == {Carrier.UDP: 1}
