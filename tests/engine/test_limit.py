@@ -174,6 +174,6 @@ def test_unicast_to_an_unknown_node_is_not_taken_for_the_broadcast_that_is_known
     )
     other = bytes.fromhex("020000000009") + known[6:30] + bytes([10, 0, 0, 9]) + known[34:]
     frames = [Frame(second, LinkType.ETHERNET, data, len(data)) for second, data in enumerate([known, other, known])]
-    state = tracked([batch_of(frames)], Reading(max_streams=1))
+    state = tracked(cut(batch_of(frames), 1), Reading(max_streams=1))
     assert [count for _, count in flows_of(state).values()] == [2]
     assert left_out(state) == {Carrier.UDP: 1}
