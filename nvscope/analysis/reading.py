@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from dissectors.can.pdo import PdoRules
-from nvscope.engine.keys import MAX_STREAMS
+from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.reading import TIMEOUT_NS, Reading
 from nvscope.engine.told import Choose
 from nvscope.protocols.table import PROTOCOLS, dissectors_of

@@ -45,6 +45,7 @@ _Rank = tuple[int, str, int]
 """Which track's packet goes first at equal times: first time of the track, path, number among the tracks."""
 
 _NEVER_NS = int(np.iinfo(np.int64).min)
+_MANY_HEADS = 32
 _ENDED_NS = int(np.iinfo(np.int64).max)
 _Piece = tuple[PacketBatch, I64]
 """Packets, and the keys that sort them."""
@@ -237,7 +238,7 @@ class Timeline:
         Of thousands of captures that overlap, a few packets of each would be merged at a time otherwise. What comes of
         the track that is ``following`` has to be there before more is read.
         """
-        if len(heads) < 2:
+        if len(heads) < _MANY_HEADS:
             return False
         packets, size, read = sum(head.packets for head in heads), sum(head.bytes for head in heads), False
         queue = [(head.bound, number) for number, head in enumerate(heads)]

@@ -34,6 +34,7 @@ from dissectors.sorter import SortedPackets
 from dissectors.transport import QuotedBatch
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.limit import MAX_STREAMS, flows_with_room
 from nvscope.list_key import ListKey
 
 
@@ -52,11 +53,7 @@ class FrameKind(IntEnum):
     LEFT_OUT = 9  # of a flow beyond the limit: counted, and nothing else
 
 
-MAX_STREAMS = 200_000
-"""So many flows, streams among them, are told apart unless somebody says otherwise.
-
-A plant has hundreds or thousands; a report on so many takes some seconds and less than a gigabyte.
-"""
+_FLOWS = (*range(FrameKind.HEADER_CUT + 1), FrameKind.PDO)
 
 NOBODY = -1
 """The node of what has no address."""
@@ -178,12 +175,6 @@ def kinds(service: U32, fault: U8) -> U8:
         FrameKind.BOOT_UP_REQUEST,
     )  # fmt: skip
     return kind.astype(np.uint8)
-
-
-def _is_flow(kind: U8) -> Bool:
-    """Tell which kinds of telegrams are of a list."""
-    is_flow: Bool = (kind <= FrameKind.HEADER_CUT) | (kind == FrameKind.PDO)
-    return is_flow
 
 
 class StreamKey(NamedTuple):
@@ -330,7 +321,7 @@ class Keys:
         for name in ("odd", "wants", "signed"):
             getattr(columns, name)[new[left_out]] = False
         self._number_nodes(varieties, new[on_udp & ~left_out])
-        own = np.flatnonzero(_is_flow(kind))
+        own = np.flatnonzero(np.isin(kind, _FLOWS))
         return self._number(varieties, new[own], row[own])
 
     def _has_room(self, varieties: Varieties, new: I64, kind: U8) -> Bool:
@@ -341,34 +332,10 @@ class Keys:
             datagram = varieties.telegrams.datagram.take(varieties.part[new[asked]])
             pair = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
             room[asked] = self._partners.numbers_within(self.most, *pair) >= 0
-        own = np.flatnonzero(_is_flow(kind))
+        own = np.flatnonzero(np.isin(kind, _FLOWS))
         if len(self.flows) + len(own) <= self.most:
             return room
-        on_udp = varieties.carried.carrier[new[own]] == Carrier.UDP
-        carried = varieties.carried.take(new[own])
-        datagram = varieties.telegrams.datagram.take(varieties.part[new[own[on_udp]]])
-        ends = np.zeros((4, len(own)), np.uint64)
-        alone = np.zeros(len(own), np.bool_)
-        alone[on_udp] = ~datagram.broadcast
-        ends[:2, on_udp] = datagram.source_hi, datagram.source_lo
-        ends[2:, on_udp] = datagram.destination_hi, datagram.destination_lo
-        ends[2:, ~alone] = 0
-        source, destination = np.full(len(own), NOBODY), np.full(len(own), NOBODY)
-        source[on_udp], destination[alone] = self.nodes.find(*ends[:2, on_udp]), self.nodes.find(*ends[2:, alone])
-        place = tuple(
-            word.astype(np.uint64) for word in (carried.carrier, carried.port, carried.identifier, carried.subindex)
-        )  # fmt: skip
-        lists = self.lists.find(*place[:3])
-        number = self.places.find(lists.view(np.uint64), place[3])
-        words = source.view(np.uint64), destination.view(np.uint64), number.view(np.uint64), kind[own].astype(np.uint64)
-        known = (self.flows.find(*words) >= 0) & (lists >= 0) & (number >= 0)
-        # Who is not known is not nobody.
-        known &= ((source >= 0) | ~on_udp) & ((destination >= 0) | ~alone)
-        fresh = np.flatnonzero(~known)
-        key = *ends, *place, alone.astype(np.uint64) << np.uint64(8) | kind[own]
-        further = KeyTable(len(key)).numbers_within(self.most - len(self.flows), *(word[fresh] for word in key))
-        known[fresh] = further >= 0
-        room[own] = known
+        room[own] = flows_with_room(self, varieties, new[own], kind[own], NOBODY)
         return room
 
     def _describe_telegrams(self, varieties: Varieties, new: I64) -> U8:
@@ -427,9 +394,6 @@ class Keys:
         flow, row = flow[begun], row[begun]
         # Assigned backwards, so that the first telegram of each flow is what stays.
         table.kind[flow], table.list[flow], table.place[flow] = kind[begun], lists[begun], place[begun]
-        table.stream[flow], table.source[flow], table.destination[flow] = (
-            stream[begun],
-            source[begun],
-            destination[begun],
-        )
+        for name, column in (("stream", stream), ("source", source), ("destination", destination)):
+            getattr(table, name)[flow] = column[begun]
         return Begun(flow, row)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from dissectors.can.pdo import PdoRules
 from dissectors.dissector import Dissector
 from dissectors.netvar import PortRules
-from nvscope.engine.keys import MAX_STREAMS
+from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.told import Choose
 
 TIMEOUT_NS = 1_000_000_000

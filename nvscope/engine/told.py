@@ -17,7 +17,8 @@ from dissectors.sorter import SortedPackets
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.clock import Clock
 from nvscope.engine.events import EventBatch, Listeners
-from nvscope.engine.keys import MAX_STREAMS, Begun, Keys, Rejected
+from nvscope.engine.keys import Begun, Keys, Rejected
+from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.rows import DataRows, StreamMemory
 

@@ -11,7 +11,6 @@ too: where a stream is always late, they are the events.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isqrt
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -22,6 +21,7 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
+from nvscope.tracker.deviation import deviations, means
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
@@ -276,46 +276,18 @@ class Timing:
 
     def means_ns(self, stream: I64) -> list[int | None]:
         """Return the mean intervals of streams, rounded half to even; None without intervals."""
-        count, total_ns = self.columns.count[stream], self.columns.total_ns[stream]
-        known = np.maximum(count, 1)
-        mean = total_ns // known
-        twice = 2 * (total_ns - mean * known)
-        mean += (twice > known) | ((twice == known) & (mean % 2 == 1))
-        return _where(count > 0, mean)
+        return means(self.columns.count[stream], self.columns.total_ns[stream])
 
     def deviations_ns(self, stream: I64) -> list[int | None]:
         """Return the standard deviations of all intervals of streams (of the population), rounded half to even."""
         columns = self.columns
-        count = columns.count[stream]
-        told = _where(count > 0, np.zeros(len(stream), np.int64))  # of one interval, there is none
-        several = np.flatnonzero(count > 1)
-        rows = zip(
-            several.tolist(), stream[several].tolist(), count[several].tolist(),
-            columns.total_ns[stream[several]].tolist(), columns.squares[stream[several]].tolist(), strict=True,
-        )  # fmt: skip
-        for place, number, own, total_ns, (low, middle, high) in rows:
-            squares = low + (middle << _LIMB_BITS) + (high << (2 * _LIMB_BITS)) + self.large_squares.get(number, 0)
-            told[place] = _deviation(own, total_ns, squares)
-        return told
-
-
-def _where(known: Bool, numbers: I64) -> list[int | None]:
-    """Return numbers, None where they are not known."""
-    told: list[int | None] = numbers.tolist()
-    for place in np.flatnonzero(~known).tolist():
-        told[place] = None
-    return told
-
-
-def _deviation(count: int, total: int, squares: int) -> int:
-    """Return the standard deviation of numbers, given how many they are, their sum, and that of their squares."""
-    # variance · count² = count · Σx² − (Σx)²; the root of a rational is rounded by comparing squares.
-    scaled = count * squares - total * total
-    root = isqrt(scaled // (count * count))
-    twice = (2 * root + 1) * count
-    if 4 * scaled > twice * twice or (4 * scaled == twice * twice and root % 2):
-        root += 1
-    return root
+        large = [self.large_squares.get(number, 0) for number in stream.tolist()] if self.large_squares else None
+        squares = (
+            low + (middle << _LIMB_BITS) + (high << (2 * _LIMB_BITS))
+            for low, middle, high in columns.squares[stream].tolist()
+        )
+        whole = squares if large is None else map(sum, zip(squares, large, strict=True))
+        return deviations(columns.count[stream], columns.total_ns[stream], whole)
 
 
 def _squares(size: I64, start: I64) -> tuple[I64, U64, I64]:
