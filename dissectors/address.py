@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ipaddress import IPv4Address, IPv6Address, ip_address
+from ipaddress import IPv6Address, ip_address
 
 from dissectors.headers import IPV4_HIGH, IPV4_LOW
 
@@ -17,7 +17,7 @@ def is_ipv4(high: int, low: int) -> bool:
 def text(high: int, low: int) -> str:
     """Return the usual text of an address."""
     if is_ipv4(high, low):
-        return str(IPv4Address(low & 0xFFFFFFFF))
+        return f"{low >> 24 & 0xFF}.{low >> 16 & 0xFF}.{low >> 8 & 0xFF}.{low & 0xFF}"
     return str(IPv6Address(high << 64 | low))
 
 

@@ -61,6 +61,23 @@ class KeyTable:
             found[missing] = np.arange(known, self._count) if all_differ else self.find(*new)
         return found
 
+    def numbers_within(self, most: int, *words: U64) -> I64:
+        """Return the numbers of keys as ``numbers`` does, -1 of those for which a table of ``most`` keys has no room.
+
+        However keys are shared out to calls, the first ones of all have room.
+        """
+        if self._count + len(words[0]) <= most:
+            return self.numbers(*words)
+        found = self.find(*words)
+        missing = np.flatnonzero(found == _EMPTY)
+        room = most - self._count
+        if room > 0 and len(missing):
+            new = tuple(word[missing] for word in words)
+            first = _first_appearances(new)[:room]
+            self._append(tuple(word[first] for word in new))
+            found[missing] = self.find(*new)
+        return found
+
     def numbers_below(self, most: int, *words: U64) -> I64:
         """Return the numbers of keys as ``numbers`` does, -1 of keys beyond the first ``most``.
 

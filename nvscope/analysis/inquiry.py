@@ -125,7 +125,10 @@ class Inquiry:
 
             choose = PacketChoice(chosen)
         timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
-        return reading_of(self.ports, self.pdos, choose=choose, timeout_ns=timeout_ns, protocols=self.protocols)
+        return reading_of(
+            self.ports, self.pdos, choose=choose, timeout_ns=timeout_ns, protocols=self.protocols,
+            max_streams=self.project.limits.max_streams,
+        )  # fmt: skip
 
     @property
     def paths(self) -> Sequence[str]:
@@ -229,10 +232,13 @@ class Inquiry:
         left = Chosen(found.state, chosen, found.findings)
         return replace(found, chosen=left)
 
-    def report(self, found: Analysis, *, names: bool = True, values: bool = False) -> dict[str, Any]:
+    def report(
+        self, found: Analysis, *, names: bool = True, values: bool = False, drawn: bool = False
+    ) -> dict[str, Any]:
         """Return the report on an analysis as data (schema ``nvscope.report/1``).
 
-        ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined.
+        ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined;
+        ``drawn``: as a document whose rows are made when they are asked for, one after the other.
         """
         rows = None
         if values and found.values is not None:
@@ -244,7 +250,7 @@ class Inquiry:
             summary, findings = found.chosen.summary(summary), found.chosen.findings
         document = report_document(
             summary, findings, found.infos, self.project.definition, rows,
-            node_names=self.project.node_names if names else {}, whole=found.summary,
+            node_names=self.project.node_names if names else {}, whole=found.summary, drawn=drawn,
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from dissectors.can.pdo import PdoRules
+from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.reading import TIMEOUT_NS, Reading
 from nvscope.engine.told import Choose
 from nvscope.protocols.table import PROTOCOLS, dissectors_of
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 
 def reading_of(
     ports: PortRules | None, pdos: Pdos | None, *, choose: Choose | None = None, timeout_ns: int = TIMEOUT_NS,
-    protocols: Iterable[Protocol] = PROTOCOLS,
+    protocols: Iterable[Protocol] = PROTOCOLS, max_streams: int = MAX_STREAMS,
 ) -> Reading:  # fmt: skip
     """Return a reading; ``pdos`` are the frames of the lists that are defined on CAN, None where there are none."""
     rules = PdoRules() if pdos is None else pdos.rules()
-    return Reading(ports, rules, choose, timeout_ns, dissectors_of(protocols))
+    return Reading(ports, rules, choose, timeout_ns, dissectors_of(protocols), max_streams)

@@ -10,10 +10,12 @@ packet, so that the others need not wait for one.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
+from heapq import heapify, heapreplace
 from types import MappingProxyType
-from typing import Protocol
+from typing import Literal, Protocol
 from weakref import ReferenceType, ref
 
 import numpy as np
@@ -44,23 +46,44 @@ _Rank = tuple[int, str, int]
 """Which track's packet goes first at equal times: first time of the track, path, number among the tracks."""
 
 _NEVER_NS = int(np.iinfo(np.int64).min)
+_MANY_HEADS = 32
+_ENDED_NS = int(np.iinfo(np.int64).max)
+_Piece = tuple[PacketBatch, I64]
+"""Packets, and the keys that sort them."""
+
 _NOBODY: _Rank = (1 << 63, "", 0)
 """A rank behind all others."""
 
 
 class _Head:
-    """A track that is being read: those of its packets in memory that are not yet passed on, and what sorts them."""
+    """A track that is being read: those of its packets in memory that are not yet passed on, and what sorts them.
 
-    def __init__(self, rank: _Rank, batches: Iterator[PacketBatch]) -> None:
+    ``eager`` are tracks that never wait: more of them can be read than is due.
+    """
+
+    def __init__(self, rank: _Rank, batches: Iterator[PacketBatch], *, eager: bool) -> None:
         self.rank = rank
+        self.eager = eager
         self._batches = batches
         self._latest_ns = self._until_ns = _NEVER_NS
-        self.batch: PacketBatch
-        self.keys: I64 = np.empty(0, np.int64)
+        self._ended = False
+        self._pieces: deque[_Piece] = deque()
+
+    @property
+    def packets(self) -> int:
+        """How many packets are in memory."""
+        return sum(len(keys) for _, keys in self._pieces)
+
+    @property
+    def bytes(self) -> int:
+        """How many bytes they keep in memory, what lies between them in their files included."""
+        return sum(batch.data.nbytes for batch, _ in self._pieces)
 
     @property
     def bound(self) -> tuple[int, _Rank]:
         """The key and the rank up to which nothing can come of the track that is not in memory."""
+        if self._ended:
+            return _ENDED_NS, _NOBODY
         if self._until_ns >= self._latest_ns:
             return self._until_ns, _NOBODY
         return self._latest_ns, self.rank
@@ -71,23 +94,31 @@ class _Head:
             if batch.until_ns is None and not len(batch):
                 continue
             if len(batch):
-                self.batch = batch
-                self.keys = np.maximum.accumulate(batch.ts_ns)
-                np.maximum(self.keys, max(self._latest_ns, self._until_ns), out=self.keys)
+                keys = np.maximum.accumulate(batch.ts_ns)
+                np.maximum(keys, max(self._latest_ns, self._until_ns), out=keys)
+                self._pieces.append((batch, keys))
                 if self.rank[0] == _NEVER_NS:
                     # The rank is known with the first packet; before, there is nothing to be compared with others.
-                    self.rank = int(self.keys[0]), *self.rank[1:]
-                self._latest_ns = int(self.keys[-1])
+                    self.rank = int(keys[0]), *self.rank[1:]
+                self._latest_ns = int(keys[-1])
             if batch.until_ns is not None:
                 self._until_ns = max(self._until_ns, batch.until_ns)
             return True
+        self._ended = True
         return False
 
-    def take(self, bound: tuple[int, _Rank]) -> tuple[PacketBatch, I64]:
+    def take(self, bound: tuple[int, _Rank]) -> list[_Piece]:
         """Take away the packets, and their keys, that are not behind a key of a rank."""
-        count = int(np.searchsorted(self.keys, bound[0], "right" if self.rank <= bound[1] else "left"))
-        taken = self.batch[:count], self.keys[:count]
-        self.batch, self.keys = self.batch[count:], self.keys[count:]
+        side: Literal["left", "right"] = "right" if self.rank <= bound[1] else "left"
+        taken: list[_Piece] = []
+        while self._pieces:
+            batch, keys = self._pieces.popleft()
+            count = int(np.searchsorted(keys, bound[0], side))
+            if count:
+                taken.append((batch[:count], keys[:count]))
+            if count < len(keys):
+                self._pieces.appendleft((batch[count:], keys[count:]))
+                break
         return taken
 
 
@@ -191,20 +222,48 @@ class Timeline:
                 rank = waiting.pop()
                 track = self._tracks[rank[2]]
                 batches = track.read(share * max(1, len(heads)), span)
-                head = _Head(rank, self._named(track, batches))
+                head = _Head(rank, self._named(track, batches), eager=self._files[rank[2]] is not None)
                 if head.advance():
                     heads.append(head)
                 continue
+            if self._read_ahead(heads, waiting[-1] if waiting else None):
+                continue
             heads.sort(key=lambda head: head.rank)
-            pieces = [head.take(bound) for head in heads if len(head.keys)]
-            pieces = [piece for piece in pieces if len(piece[0])]
+            pieces = [piece for head in heads for piece in head.take(bound)]
             yield from self._merge(pieces)
             if pieces:
                 passed_ns = max(int(keys[-1]) for _, keys in pieces)
-            if bound[1] is _NOBODY and bound[0] > passed_ns:
+            if bound[1] is _NOBODY and passed_ns < bound[0] < _ENDED_NS:
                 passed_ns = bound[0]
                 yield PacketBatch.nothing(passed_ns)
-            heads = [head for head in heads if len(head.keys) or head.bound > bound or head.advance()]
+            heads = [
+                head
+                for head in heads
+                if head.packets or (head.bound[0] < _ENDED_NS and (head.bound > bound or head.advance()))
+            ]
+
+    def _read_ahead(self, heads: list[_Head], following: _Rank | None) -> bool:
+        """Read more of the files that hold back the others, as long as little is in memory; tell whether any was read.
+
+        Of thousands of captures that overlap, a few packets of each would be merged at a time otherwise. What comes of
+        the track that is ``following`` has to be there before more is read.
+        """
+        if len(heads) < _MANY_HEADS:
+            return False
+        packets, size, read = sum(head.packets for head in heads), sum(head.bytes for head in heads), False
+        queue = [(head.bound, number) for number, head in enumerate(heads)]
+        heapify(queue)
+        while packets < self._batch_packets and size < self._batch_bytes:
+            bound, number = queue[0]
+            head = heads[number]
+            if not head.eager or bound[0] == _ENDED_NS or (following and (following[0], following) < bound):
+                break
+            packets, size = packets - head.packets, size - head.bytes
+            head.advance()
+            packets, size = packets + head.packets, size + head.bytes
+            heapreplace(queue, (head.bound, number))
+            read = True
+        return read
 
     def _named(self, track: Track, batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:
         """Yield batches with the channel numbers of the timeline in place of the track's own.

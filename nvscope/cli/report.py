@@ -71,6 +71,18 @@ def report(
             show_default=False,
         ),
     ] = None,
+    max_streams: Annotated[
+        int | None,
+        typer.Option(
+            "--max-streams",
+            metavar="NUMBER",
+            min=1,
+            help="How many streams, and other kinds of telegrams by sender, receiver, list and SubIndex, are told "
+            "apart, and how many identifiers on CAN; 200000, unless the project says otherwise. What is left out is "
+            "told (NV906).",
+            show_default=False,
+        ),
+    ] = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -91,6 +103,8 @@ def report(
     asked = asked_range(from_time, to_time, utc=utc)
     plant = with_channels(project_of(project, gvl), channel_map)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
+    if max_streams is not None:
+        plant = replace(plant, limits=replace(plant.limits, max_streams=max_streams))
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.memory import keep_freed_memory
@@ -99,21 +113,22 @@ def report(
     keep_freed_memory()
     inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet), asked)
     found = inquiry.analyze(wanted, values=as_json, compare=compare)
-    document = inquiry.report(found, names=not no_names, values=as_json)
+    document = inquiry.report(found, names=not no_names, values=as_json, drawn=True)
     shown = colour_wanted(colour)
     if as_json:
         from nvscope.report import json
 
-        text = json.render(document)
+        parts = json.pieces(document)
     elif as_markdown:
         from nvscope.report import markdown
 
-        text = markdown.render(document, utc=utc)
+        parts = markdown.pieces(document, utc=utc)
     else:
         from nvscope.report import text as face
 
-        text = face.render(document, colour=shown, width=width(), utc=utc, details=details)
-    typer.echo(text, nl=not text.endswith("\n"), color=shown)
+        parts = face.pieces(document, colour=shown, width=width(), utc=utc, details=details)
+    for part in parts:
+        typer.echo(part, nl=False, color=shown)
     tell_of_lists(inquiry)
     tell_of_channels(channel_map, [bus.channel for bus in found.summary.can.buses])
     if fragments := found.state.capture.fragments:

@@ -28,6 +28,11 @@ class Limits:
     mirrored_percent: int = key(
         _PERCENT, "NV905: more telegrams that repeat the one before than this share of the others", default=80
     )
+    max_streams: int = key(
+        integer(1, 100_000_000),
+        "NV906: more streams than this, or more identifiers on CAN, are not told apart; --max-streams wins",
+        default=200_000,
+    )
     acknowledgement_ns: int = key(
         SPAN,
         "how long an answer may take before it is missing (NV301, NV303, NV304); --ack-timeout wins",

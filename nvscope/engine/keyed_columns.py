@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
@@ -9,6 +10,11 @@ import numpy as np
 
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
+
+_WIDE = 8
+"""A row of so many numbers or more is worth a look before it is copied."""
+
+_MAPPED_BYTES = 1 << 20
 
 
 class KeyedColumns:
@@ -23,7 +29,7 @@ class KeyedColumns:
     def __init__(self) -> None:
         self._rows = 0
         for name, (initial, width) in self.COLUMNS.items():
-            setattr(self, name, np.full((0, width) if width > 1 else 0, initial))
+            setattr(self, name, _filled(initial, width, 0))
 
     def __len__(self) -> int:
         return self._rows
@@ -39,8 +45,13 @@ class KeyedColumns:
         room = max(rows, 2 * len(first), 64)
         for name, (initial, width) in self.COLUMNS.items():
             old = getattr(self, name)
-            grown = np.full((room, width) if width > 1 else room, initial)
-            grown[: len(old)] = old
+            grown = _filled(initial, width, room)
+            if width >= _WIDE and not initial:
+                # Of most keys little happens: their rows stay untouched, and take no memory.
+                kept = np.flatnonzero(old.any(axis=1))
+                grown[kept] = old[kept]
+            else:
+                grown[: len(old)] = old
             setattr(self, name, grown)
 
     def take(self, other: Self, row: I64) -> None:
@@ -81,3 +92,17 @@ class KeyedColumns:
     def column(self, name: str) -> Any:
         """Return one column, cut to the rows in use."""
         return getattr(self, name)[: self._rows]
+
+
+def _filled(initial: np.generic, width: int, rows: int) -> Any:
+    """Return so many rows of a column; of zeros, those that nobody writes to take no memory."""
+    shape = (rows, width) if width > 1 else rows
+    if initial:
+        return np.full(shape, initial)
+    size = rows * width * initial.dtype.itemsize
+    if size < _MAPPED_BYTES or not hasattr(mmap, "MAP_PRIVATE"):
+        return np.zeros(shape, initial.dtype)
+    # Memory that was used before would have to be filled with zeros, and what the allocator hands out in large pages
+    # is there as soon as one row of it is.
+    fresh = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(fresh, initial.dtype).reshape(shape)

@@ -34,6 +34,7 @@ from dissectors.sorter import SortedPackets
 from dissectors.transport import QuotedBatch
 from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.limit import MAX_STREAMS, flows_with_room
 from nvscope.list_key import ListKey
 
 
@@ -49,7 +50,10 @@ class FrameKind(IntEnum):
     PARAMETER = 6  # of the Parameter Manager: belongs to no list and is no flow
     NOTHING = 7  # no telegram at all, and CAN frames that carry no data
     PDO = 8  # on CAN: data without sender and receiver
+    LEFT_OUT = 9  # of a flow beyond the limit: counted, and nothing else
 
+
+_FLOWS = (*range(FrameKind.HEADER_CUT + 1), FrameKind.PDO)
 
 NOBODY = -1
 """The node of what has no address."""
@@ -192,10 +196,16 @@ class Keys:
     ``dissectors.carried``, ``places`` by (list, SubIndex), ``streams`` by (place, node), ``flows`` by (source,
     destination, place, kind). ``varieties`` tells of each variety of the batch observed last what it is here. A stream
     on CAN has the node ``NOBODY``. ``pdos`` know what CAN channels are called.
+
+    No more than ``most`` flows are numbered, the first ones of the capture, and nothing that further ones alone are of;
+    so many pairs of nodes that speak to the Parameter Manager, and so many kinds of telegrams that came back.
     """
 
-    def __init__(self, pdos: PdoRules | None = None) -> None:
+    def __init__(self, pdos: PdoRules | None = None, most: int = MAX_STREAMS) -> None:
         self.channel = (pdos or PdoRules()).channel
+        self.most = most
+        self._partners = KeyTable(4)
+        self._rejections = KeyTable(8)
         self.nodes = KeyTable()
         self.lists = KeyTable(3)
         self.places = KeyTable()
@@ -214,14 +224,27 @@ class Keys:
         known = len(self.varieties)
         return self._describe(batch, known) if len(batch.varieties) > known else NONE_BEGUN
 
-    def rejected(self, quoted: TelegramBatch) -> Rejected:
-        """Number the lists and senders of the telegrams that ICMP messages quote; those of other services are none."""
+    def rejected(self, quoted: TelegramBatch) -> tuple[Rejected, I64]:
+        """Number the lists and senders of the telegrams that ICMP messages quote; those of other services are none.
+
+        Behind them are the packets of those that are left out.
+        """
         if not len(quoted):
-            return NONE_REJECTED
+            return NONE_REJECTED, NONE_REJECTED.list
         mine = np.isin(quoted.header["id"], LIST_SERVICES)
         quoted = quoted if mine.all() else quoted.take(mine)
         datagram = quoted.datagram
         assert isinstance(datagram, QuotedBatch)
+        number = self._rejections.numbers_within(
+            self.most, datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo,
+            datagram.by_hi, datagram.by_lo, datagram.destination_port.astype(np.uint64),
+            quoted.header["index"].astype(np.uint64),
+        )  # fmt: skip
+        left_out = datagram.row[number < 0]
+        if len(left_out):
+            quoted = quoted.take(number >= 0)
+            datagram = quoted.datagram
+            assert isinstance(datagram, QuotedBatch)
         lists = self.lists.numbers(
             np.full(len(quoted), Carrier.UDP, np.uint64),
             datagram.destination_port.astype(np.uint64), quoted.header["index"].astype(np.uint64),
@@ -229,7 +252,7 @@ class Keys:
         sender = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
         receiver = self.nodes.numbers(datagram.destination_hi, datagram.destination_lo)
         by = self.nodes.numbers(datagram.by_hi, datagram.by_lo)
-        return Rejected(quoted, lists, sender, receiver, by, datagram.code.astype(np.int64))
+        return Rejected(quoted, lists, sender, receiver, by, datagram.code.astype(np.int64)), left_out
 
     @property
     def list_ports(self) -> I64:
@@ -258,6 +281,14 @@ class Keys:
         carrier, port, identifier = (int(word[number]) for word in self.lists.words)
         return ListKey.of(Carrier(carrier), port, identifier, self.channel)
 
+    def list_keys(self) -> list[ListKey]:
+        """Return the keys of all lists, by number."""
+        carriers, ports, identifiers = (word.tolist() for word in self.lists.words)
+        return [
+            ListKey.of(Carrier(carrier), port, identifier, self.channel)
+            for carrier, port, identifier in zip(carriers, ports, identifiers, strict=True)
+        ]
+
     def place_key(self, stream: int) -> tuple[ListKey, int]:
         """Return list and SubIndex of a stream."""
         place = int(self.streams.high[stream])
@@ -284,15 +315,34 @@ class Keys:
         kind = np.empty(len(new), np.uint8)
         kind[on_udp] = self._describe_telegrams(varieties, new[on_udp])
         kind[~on_udp] = self._describe_frames(varieties, new[~on_udp])
+        left_out = ~self._has_room(varieties, new, kind)
+        kind[left_out] = FrameKind.LEFT_OUT
         columns.kind[new] = kind
-        own = np.flatnonzero((kind != FrameKind.PARAMETER) & (kind != FrameKind.NOTHING))
+        for name in ("odd", "wants", "signed"):
+            getattr(columns, name)[new[left_out]] = False
+        self._number_nodes(varieties, new[on_udp & ~left_out])
+        own = np.flatnonzero(np.isin(kind, _FLOWS))
         return self._number(varieties, new[own], row[own])
+
+    def _has_room(self, varieties: Varieties, new: I64, kind: U8) -> Bool:
+        """Tell which new varieties are of flows, or of pairs of nodes, that are among the first ``most``."""
+        room = np.ones(len(new), np.bool_)
+        asked = np.flatnonzero(kind == FrameKind.PARAMETER)
+        if len(asked):
+            datagram = varieties.telegrams.datagram.take(varieties.part[new[asked]])
+            pair = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
+            room[asked] = self._partners.numbers_within(self.most, *pair) >= 0
+        own = np.flatnonzero(np.isin(kind, _FLOWS))
+        if len(self.flows) + len(own) <= self.most:
+            return room
+        room[own] = flows_with_room(self, varieties, new[own], kind[own], NOBODY)
+        return room
 
     def _describe_telegrams(self, varieties: Varieties, new: I64) -> U8:
         """Fill in what headers tell of varieties on UDP; return what they are (``FrameKind``)."""
         part, columns = varieties.part[new], self.varieties
         common = varieties.telegrams
-        header, datagram = take_rows(common.header, part), common.datagram.take(part)
+        header = take_rows(common.header, part)
         kind = kinds(header["id"], common.fault[part])
         flags = header["flags"]
         signature = header.view(_SIGNATURE)["signature"].astype(np.uint64)
@@ -304,12 +354,16 @@ class Keys:
         is_data = kind == FrameKind.DATA
         columns.wants[new] = is_data & ((flags & ACKNOWLEDGE_WANTED.mask) != 0)
         columns.signed[new] = is_data & ((flags & CHECKSUM_PRESENT.mask) != 0)
+        return kind
+
+    def _number_nodes(self, varieties: Varieties, new: I64) -> None:
+        """Number who sends varieties on UDP, and to whom alone."""
+        columns, datagram = self.varieties, varieties.telegrams.datagram.take(varieties.part[new])
         columns.node[new] = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
         alone = np.flatnonzero(~datagram.broadcast)
         columns.receiver[new[alone]] = self.nodes.numbers(
             datagram.destination_hi[alone], datagram.destination_lo[alone]
         )
-        return kind
 
     def _describe_frames(self, varieties: Varieties, new: I64) -> U8:
         """The same for varieties on CAN, of which nobody knows who sends them."""
@@ -340,9 +394,6 @@ class Keys:
         flow, row = flow[begun], row[begun]
         # Assigned backwards, so that the first telegram of each flow is what stays.
         table.kind[flow], table.list[flow], table.place[flow] = kind[begun], lists[begun], place[begun]
-        table.stream[flow], table.source[flow], table.destination[flow] = (
-            stream[begun],
-            source[begun],
-            destination[begun],
-        )
+        for name, column in (("stream", stream), ("source", source), ("destination", destination)):
+            getattr(table, name)[flow] = column[begun]
         return Begun(flow, row)

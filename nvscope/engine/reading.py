@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from dissectors.can.pdo import PdoRules
 from dissectors.dissector import Dissector
 from dissectors.netvar import PortRules
+from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.told import Choose
 
 TIMEOUT_NS = 1_000_000_000
@@ -20,7 +21,8 @@ class Reading:
     ``ports`` decide by hand which UDP payloads are telegrams, None: by their identity. ``pdos`` say which lists CAN
     frames belong to. ``choose`` is the filter, None without one: it changes what is shown, and no figure.
     ``timeout_ns`` is how long an answer may take. ``dissectors`` read the protocols that have ports of their own, the
-    first one first where several could.
+    first one first where several could. ``max_streams`` is how many streams, and other kinds of telegrams by sender,
+    receiver, list and SubIndex, are told apart; so many identifiers of CAN.
     """
 
     ports: PortRules | None = None
@@ -28,3 +30,4 @@ class Reading:
     choose: Choose | None = None
     timeout_ns: int = TIMEOUT_NS
     dissectors: tuple[Dissector, ...] = ()
+    max_streams: int = MAX_STREAMS

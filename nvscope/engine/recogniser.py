@@ -32,7 +32,7 @@ class Recogniser:
         self._reading = replace(reading, pdos=replace(reading.pdos, names=channels))
         claims = Claims.of(dissector.claims for dissector in reading.dissectors)
         self._sorter = Sorter(reading.ports, self._reading.pdos, claims)
-        self._keys = Keys(self._reading.pdos) if by_stream else None
+        self._keys = Keys(self._reading.pdos, reading.max_streams) if by_stream else None
         self._memory = StreamMemory()
         self._frames = 0
         self._start_ns = self._last_ns = 0
@@ -56,6 +56,7 @@ class Recogniser:
             pdos=self._reading.pdos, choose=self._reading.choose,
             laid=None if self._keys is None else self._lay_out(batch, self._keys), until_ns=until_ns,
             dissectors=self._reading.dissectors, timeout_ns=self._reading.timeout_ns,
+            max_streams=self._reading.max_streams,
         )  # fmt: skip
         if len(batch):
             self._frames += len(batch)
@@ -68,4 +69,8 @@ class Recogniser:
         data = self._memory.rows(batch, count, keys)
         pdos = self._memory.rows(batch, count, keys, FrameKind.PDO)
         parameters = ParameterRows.in_batch(batch, count, keys)
-        return Laid(keys, begun, count, data, pdos, parameters, keys.rejected(batch.quoted), self._memory)
+        rejected, left_out = keys.rejected(batch.quoted)
+        beyond = keys.varieties.column("kind") == FrameKind.LEFT_OUT
+        if count[beyond].any():
+            left_out = np.sort(np.append(left_out, np.flatnonzero(beyond[batch.variety])))
+        return Laid(keys, begun, count, data, pdos, parameters, rejected, left_out, self._memory)

@@ -18,6 +18,7 @@ from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.clock import Clock
 from nvscope.engine.events import EventBatch, Listeners
 from nvscope.engine.keys import Begun, Keys, Rejected
+from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.rows import DataRows, StreamMemory
 
@@ -28,8 +29,8 @@ class Laid:
 
     ``keys`` number what they are of, ``begun`` are the flows that begin here, ``count`` is how many telegrams there are
     of each variety. ``data`` are the well-formed data telegrams, ``pdos`` the data frames of CAN, ``parameters`` the
-    telegrams of the Parameter Manager, ``rejected`` the telegrams that came back. ``memory`` is what is known of the
-    streams up to the end of the batch.
+    telegrams of the Parameter Manager, ``rejected`` the telegrams that came back. ``left_out`` are the packets of what
+    is beyond the limit (``Keys``), rising. ``memory`` is what is known of the streams up to the end of the batch.
     """
 
     keys: Keys
@@ -39,6 +40,7 @@ class Laid:
     pdos: DataRows
     parameters: ParameterRows
     rejected: Rejected
+    left_out: I64
     memory: StreamMemory
 
 
@@ -49,7 +51,8 @@ class Told:
     1; ``start_ns`` the time of the capture's first frame, ``before_ns`` that of the frame before this batch (of the
     first one: its own). ``until_ns`` says that time has passed up to then, behind the packets; None where only they
     tell. ``pdos`` know which lists CAN frames belong to, and what channels are called; ``dissectors`` read the
-    protocols that have ports of their own; ``timeout_ns`` is how long an answer may take.
+    protocols that have ports of their own; ``timeout_ns`` is how long an answer may take, ``max_streams`` how many
+    streams and identifiers are told apart.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
 
@@ -62,7 +65,7 @@ class Told:
     def __init__(
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
         timeout_ns: int, choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
-        dissectors: Sequence[Dissector] = (),
+        dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS,
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -72,6 +75,7 @@ class Told:
         self.pdos = pdos
         self.dissectors = dissectors
         self.timeout_ns = timeout_ns
+        self.max_streams = max_streams
         self._choose = choose
         self._laid = laid
         self._listeners: Listeners = ()
@@ -85,7 +89,7 @@ class Told:
         told = Told(
             batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
             choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
-            dissectors=self.dissectors, timeout_ns=self.timeout_ns,
+            dissectors=self.dissectors, timeout_ns=self.timeout_ns, max_streams=self.max_streams,
         )  # fmt: skip
         return told.heard_by(self._listeners)
 

@@ -128,7 +128,7 @@ def judge_answers(facts: Facts) -> Iterator[Finding]:
 
 
 def _missing(facts: Facts, entry: ListSummary, node: int | None, subindex: int | None, events: Events) -> str:
-    telegrams = sum(s.telegrams for s in entry.streams if s.node == node and s.subindex == subindex)
+    telegrams = facts.telegrams_of.get((entry.number, node, subindex), 0)
     acknowledged = entry.diagnosis.nAcknowledges
     rest = (
         "no acknowledgement of the list was seen at all"

@@ -11,6 +11,7 @@ from nvscope.units import count, count_of, duration, percent
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
+    from nvscope.findings.finding import Events
 
 CAPTURE_DROPS = FindingKind(
     "NV901",
@@ -110,9 +111,10 @@ LIMIT_REACHED = FindingKind(
         "Look at who the many are, with `nvscope packets`: senders that are no devices of the plant are one matter, "
         "too many devices another.",
         "Read a part at a time: fewer files, or captures with a capture filter for the port of interest.",
+        "Where the plant is as large as that, raise the limit: `--max-streams`, or max_streams in the table [limits] "
+        "of the project file.",
     ),
     of_capture=True,
-    judged=False,
 )
 CARRIER_LOST = FindingKind(
     "NV907",
@@ -150,6 +152,7 @@ def judge_capture(facts: Facts) -> Iterator[Finding]:
     yield from _truncated(facts)
     yield from _unsupported(facts)
     yield from _mirrored(facts)
+    yield from _left_out(facts)
 
 
 def _whole(facts: Facts, kind: FindingKind, events: int, message: str) -> Finding:
@@ -193,3 +196,37 @@ def _mirrored(facts: Facts) -> Iterator[Finding]:
             "the capture seems to see each frame more than once."
         )
         yield _whole(facts, MIRRORED_TWICE, repeated, message)
+
+
+def _left_out(facts: Facts) -> Iterator[Finding]:
+    """Tell of the frames of further streams and identifiers than are told apart."""
+    from dissectors.carried import Carrier
+    from nvscope.tracker.event_kinds import FRAMES_KEPT
+
+    log, identifiers = facts.state.capture.left_out, facts.state.buses.load.identifiers.left_out
+    told: list[Events] = []
+    parts = []
+    by_carrier = {carrier: events_of(log.rows, row) for row, carrier in enumerate(log.keys.high.tolist())}
+    for carrier, noun, what in (
+        (Carrier.UDP, "telegram", "of further senders, receivers, lists or SubIndexes"),
+        (Carrier.CAN, "data frame", "of further identifiers"),
+        (Carrier.NONE, "message", "on further telegrams that came back"),
+    ):
+        if carrier in by_carrier:
+            told.append(by_carrier[carrier])
+            parts.append(f"{count_of(told[-1].count, noun)} {what}")
+    if len(identifiers.rows) and Carrier.CAN not in by_carrier:  # frames without data
+        told += (events_of(identifiers.rows, row) for row in range(len(identifiers.rows)))
+        beyond = sum(events.count for events in told[-len(identifiers.rows) :])
+        parts.append(f"{count_of(beyond, 'frame')} of further identifiers on CAN")
+    if not told:
+        return
+    frames = sorted(frame for events in told for frame in events.frames)[:FRAMES_KEPT]
+    message = (
+        f"The first {count(facts.state.keys.most)} streams and other kinds of telegrams are told apart. "
+        f"Left out: {'; '.join(parts)}."
+    )
+    yield Finding(
+        LIMIT_REACHED, message, sum(events.count for events in told), min(events.first_ns for events in told),
+        max(events.last_ns for events in told), tuple(frames),
+    )  # fmt: skip

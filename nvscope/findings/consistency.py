@@ -110,7 +110,7 @@ def judge_consistency(facts: Facts) -> Iterator[Finding]:
 
 def _several_senders(facts: Facts, entry: ListSummary) -> Finding:
     """Each sender but the first is an event, at its first data telegram."""
-    further = sorted(entry.sender_since.values())[1:]
+    further = sorted(entry.sender_since)[1:]
     names = [facts.address(node) for node in entry.senders]
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     return Finding(

@@ -14,7 +14,7 @@ from nvscope.capture.formats import CAN_LOGS
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.engine.keys import LENGTH_SHIFT, NOBODY_KEY, FrameKind
-from nvscope.findings.finding import Events, events_of
+from nvscope.findings.finding import Events, all_events
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.torn_cycles import CycleSizes
 from nvscope.findings.unusual_intervals import UnusualIntervals
@@ -111,6 +111,13 @@ class Facts:
         return by_node
 
     @cached_property
+    def telegrams_of(self) -> dict[Place, int]:
+        """How many telegrams each stream has, by list, node and SubIndex."""
+        return {
+            (entry.number, stream.node, stream.subindex): stream.telegrams for entry, stream in self.streams()
+        }  # fmt: skip
+
+    @cached_property
     def intervals(self) -> UnusualIntervals:
         """The intervals of all streams."""
         return UnusualIntervals(self.state)
@@ -153,6 +160,10 @@ class Facts:
 
     def streams(self) -> list[tuple[ListSummary, StreamSummary]]:
         """Return all streams on UDP with their lists."""
+        return self._streams
+
+    @cached_property
+    def _streams(self) -> list[tuple[ListSummary, StreamSummary]]:
         return [(entry, stream) for entry in self.summary.lists for stream in entry.streams]
 
     def pdo_streams(self) -> list[tuple[CanListSummary, CanStreamSummary]]:
@@ -161,7 +172,7 @@ class Facts:
 
     def definition_of(self, entry: AnyList) -> ListDefinition | None:
         """Return the definition of a list that was seen, None where there is none."""
-        return told_of(self.defined, entry.key)
+        return told_of(self.defined, entry.key) if self.defined else None
 
     def reference_checksum(self, list_number: int, subindex: int) -> int:
         """Return the checksum with which all others of a list and SubIndex are compared."""
@@ -207,9 +218,11 @@ class Facts:
 def _by_place(log: EventLog) -> dict[EventKind, dict[Place, Events]]:
     """Return the events of a log that is keyed by ``nvscope.tracker.list_log.event_key``."""
     found: dict[EventKind, dict[Place, Events]] = defaultdict(dict)
-    for row, key in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
+    kinds = {kind.value: kind for kind in EventKind}
+    keys = zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)
+    for key, events in zip(keys, all_events(log.rows), strict=True):
         event, number, node, subindex = event_parts(*key)
-        found[EventKind(event)][_known(number), _known(node), _known(subindex)] = events_of(log.rows, row)
+        found[kinds[event]][_known(number), _known(node), _known(subindex)] = events
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -62,5 +63,13 @@ class Events:
 
 def events_of(rows: EventRows, row: int) -> Events:
     """Return one row of an event log."""
-    frames = tuple(frame for frame in rows.frames[row].tolist() if frame)
-    return Events(int(rows.count[row]), int(rows.first_ns[row]), int(rows.last_ns[row]), frames)
+    return _events(int(rows.count[row]), int(rows.first_ns[row]), int(rows.last_ns[row]), rows.frames[row].tolist())
+
+
+def all_events(rows: EventRows) -> Iterator[Events]:
+    """Yield all rows of an event log."""
+    return map(_events, *(rows.column(name).tolist() for name in ("count", "first_ns", "last_ns", "frames")))
+
+
+def _events(count: int, first_ns: int, last_ns: int, frames: Iterable[int]) -> Events:
+    return Events(count, first_ns, last_ns, tuple(filter(None, frames)))

@@ -137,6 +137,8 @@ COUNTER_ERRATIC = FindingKind(
 def judge_loss(facts: Facts) -> Iterator[Finding]:
     """Yield what each stream's Counter tells, and by node what a Counter counts that is not one stream's."""
     loss = facts.state.senders.loss
+    noted = {(step, scope): loss.events_of(step, scope) for step, *_ in _STEPS for scope in Scope}
+    streams = {key: set(rows.used()) for key, rows in noted.items()}
     for entry, stream in facts.streams():
         if stream.counter_scope == SCOPE_UNUSED:
             yield _finding(COUNTER_UNUSED, entry, stream, _unused(facts, stream), _unused_sentence(stream))
@@ -144,9 +146,8 @@ def judge_loss(facts: Facts) -> Iterator[Finding]:
             continue
         # Of a Counter that does not count, this is all that can be said: its other steps mean nothing.
         for step, kind, sentence in _ERRATIC if stream.erratic else _STEPS:
-            rows = loss.events_of(step, stream.scope)
-            if rows.count[stream.stream] and (kind is not TELEGRAM_GAP or _missing(facts, stream)):
-                events = events_of(rows, stream.stream)
+            if stream.stream in streams[step, stream.scope] and (kind is not TELEGRAM_GAP or _missing(facts, stream)):
+                events = events_of(noted[step, stream.scope], stream.stream)
                 yield _finding(kind, entry, stream, events, sentence(facts, stream, events))
     yield from _scopes(facts)
 

@@ -115,6 +115,10 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
     """
     timed: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
     for entry, stream in timed:
+        if not stream.intervals.count:
+            if stream.intervals.nominal:
+                yield from _stopped(facts, entry, stream)
+            continue
         yield from _burst(facts, entry, stream)
         if not stream.intervals.nominal:
             continue
@@ -126,6 +130,8 @@ def judge_timing(facts: Facts) -> Iterator[Finding]:
 
 def _late(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     longest_ns = (stream.intervals.nominal or 0) * facts.limits.late_percent // 100
+    if stream.intervals.maximum is not None and stream.intervals.maximum <= longest_ns:
+        return
     message = (
         f"longer than {duration(longest_ns)} without a loss; {_nominal(facts, entry, stream)}, "
         f"the longest was {duration(stream.intervals.maximum or 0)}."
@@ -144,6 +150,8 @@ def _burst(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]
     defined = facts.definition_of(entry)
     min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
     shortest_ns = -(-(stream.intervals.nominal or 0) * facts.limits.burst_percent // 100)
+    if (stream.intervals.minimum or 0) >= max(shortest_ns, min_gap_ns):
+        return  # as nearly all: what it takes to tell of it is looked up for few
     median_ns = stream.intervals.p50 or 0
     why = ""
     if min_gap_ns > shortest_ns:
@@ -233,8 +241,10 @@ def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Findin
 def _torn(facts: Facts) -> Iterator[Finding]:
     """Compare the sizes of cycles with the number of SubIndexes, for packed lists over several of these."""
     streams = defaultdict(list)
-    for entry, stream in facts.streams():
-        streams[entry.number, stream.node].append(stream)
+    for entry in facts.summary.lists:
+        if len(entry.streams) > 1:
+            for stream in entry.streams:
+                streams[entry.number, stream.node].append(stream)
     for (number, node), own in streams.items():
         if len(own) < 2 or not all(s.intervals.nominal for s in own) or not any(s.items > 1 for s in own):
             continue

@@ -6,12 +6,13 @@ face (``view.escape``), before or after, and never reaches a reader without it.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from nvscope import units
-from nvscope.findings.capture import UNSUPPORTED_LINK_TYPE
+from nvscope.findings.capture import LIMIT_REACHED, UNSUPPORTED_LINK_TYPE
 from nvscope.findings.kind import Severity
 from nvscope.view.lines.table import Cell, Tone
 
@@ -84,10 +85,10 @@ def headline(report: Report) -> Cell:
         return Cell("The filter chooses nothing that belongs to a list", Tone.WARNING)
     if not lists:
         return Cell("No list: no telegram belongs to a network variables list", Tone.WARNING)
-    by_list = findings_by_list(findings)
-    verdicts = [worst(by_list.get(entry["key"], ())) for entry in lists]
+    by_list = worst_by_list(findings)
+    verdicts = Counter(by_list.get(entry["key"]) for entry in lists)
     parts = [
-        (verdicts.count(severity), f"with {severity.word}s" if severity else "ok")
+        (verdicts[severity], f"with {severity.word}s" if severity else "ok")
         for severity in (Severity.ERROR, Severity.WARNING, Severity.NOTE, None)
         if severity in verdicts
     ]
@@ -107,21 +108,22 @@ def headline(report: Report) -> Cell:
 
 def tally(findings: Sequence[Row]) -> str:
     """Return how many findings of each severity there are: ``2 errors, 1 note``."""
-    severities = [Severity.of(finding["severity"]) for finding in findings]
+    severities = Counter(Severity.of(finding["severity"]) for finding in findings)
     return ", ".join(
-        units.count_of(severities.count(severity), severity.word)
+        units.count_of(severities[severity], severity.word)
         for severity in sorted(Severity, reverse=True)
         if severity in severities
     )
 
 
-def findings_by_list(findings: Iterable[Row]) -> dict[str, list[Row]]:
-    """Return the findings of each list, by its key."""
-    found: dict[str, list[Row]] = {}
+def worst_by_list(findings: Iterable[Row]) -> dict[str, Severity]:
+    """Return the worst severity of the findings of each list that has some, by its key."""
+    found: dict[str, Severity] = {}
     for finding in findings:
         concerned = finding.get("lists", ()) if finding["list"] is None else (finding["list"],)
         for key in concerned:
-            found.setdefault(key, []).append(finding)
+            severity = Severity.of(finding["severity"])
+            found[key] = max(found.get(key, severity), severity)
     return found
 
 
@@ -161,6 +163,11 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     if start_ns is not None and end_ns is not None:
         start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)
         lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])
+    left_out = sum(finding["count"] for finding in report["findings"] if finding["code"] == LIMIT_REACHED.code)
+    if left_out:
+        verb = "is" if left_out == 1 else "are"
+        told = f"{units.count_of(left_out, 'frame')} {verb} in no figure: the limit was reached ({LIMIT_REACHED.code})"
+        lines.append([Cell(told, Tone.WARNING)])
     if chosen := report.get("filter"):
         telegrams = capture["telegrams"] + capture.get("can_frames", 0)
         lines.append(filter_cells(chosen, telegrams, "; figures are those of the whole capture"))

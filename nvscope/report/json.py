@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-import json
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from json.encoder import encode_basestring_ascii  # what ``json.dumps`` has for texts
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what tables for people need takes longer to import than a small report to write
     from nvscope.report.content import Report
+
+_PIECE_CHARACTERS = 1 << 20
+_INDENT = 2
+_DEPTH = 4  # the report, its lists, one of them, and its streams
+_LONG = 256
 
 
 def render(report: Report) -> str:
@@ -15,5 +22,92 @@ def render(report: Report) -> str:
     Plain printable ASCII, whatever the texts hold: what else there is in them is written as JSON escapes. ValueError
     for a number that JSON does not know.
     """
-    text = json.dumps(report, indent=2, ensure_ascii=True, allow_nan=False)
-    return text.replace("\x7f", "\\u007f") + "\n"
+    return "".join(pieces(report))
+
+
+def pieces(report: Report) -> Iterator[str]:
+    """Yield the same in pieces of limited length, each made when it is asked for."""
+    waiting: list[str] = []
+    length = 0
+    for part in _parts(report):
+        waiting.append(part)
+        length += len(part)
+        if length >= _PIECE_CHARACTERS:
+            yield "".join(waiting)
+            waiting, length = [], 0
+    yield "".join(waiting) + "\n"
+
+
+def _parts(value: Any, margin: int = 0, depth: int = _DEPTH) -> Iterator[str]:
+    """Yield the text of a value: the entries of long lists that lie so deep in it one by one, all else at once."""
+    inner = " " * (margin + _INDENT)
+    if depth and isinstance(value, Mapping) and value and (not margin or _is_long(value)):
+        opening = "{"
+        for key, item in value.items():
+            yield f"{opening}\n{inner}{_text(key)}: "
+            yield from _parts(item, margin + _INDENT, depth - 1)
+            opening = ","
+        yield f"\n{' ' * margin}}}"
+    elif depth and isinstance(value, Sequence) and not isinstance(value, str) and value:
+        opening = "["
+        for item in value:
+            yield f"{opening}\n{inner}"
+            yield from _parts(item, margin + _INDENT, depth - 1)
+            opening = ","
+        yield f"\n{' ' * margin}]"
+    else:
+        yield _encoded(value, margin)
+
+
+def _is_long(row: Mapping[str, Any]) -> bool:
+    return any(len(item) > _LONG for item in row.values() if isinstance(item, Sequence))
+
+
+def _text(value: str) -> str:
+    text: str = encode_basestring_ascii(value)
+    return text.replace("\x7f", "\\u007f") if "\x7f" in text else text
+
+
+def _number(value: float) -> str:
+    if value - value != 0:
+        raise ValueError(f"Out of range float values are not JSON compliant: {value!r}")
+    return float.__repr__(value)
+
+
+_SCALARS: Mapping[type, Callable[[Any], str]] = {
+    str: _text,
+    int: int.__repr__,
+    float: _number,
+    bool: lambda value: "true" if value else "false",
+    type(None): lambda _: "null",
+}
+
+
+def _encoded(value: Any, margin: int) -> str:
+    """Return a value as JSON, whose lines behind the first begin with ``margin`` spaces or more."""
+    encode = _SCALARS.get(type(value))
+    if encode is not None:
+        return encode(value)
+    inner = margin + _INDENT
+    if isinstance(value, Mapping):
+        # Objects of the same keys are written by one template: of a large report, nearly all are alike.
+        return _template(tuple(value), margin) % tuple([
+            encode(item) if (encode := _SCALARS.get(type(item))) else _encoded(item, inner) for item in value.values()
+        ])  # fmt: skip
+    if isinstance(value, str | int | float):  # such as a member of an enumeration
+        return _encoded(next(kind for kind in (str, int, float) if isinstance(value, kind))(value), margin)
+    if isinstance(value, Sequence):
+        if not value:
+            return "[]"
+        space = "\n" + " " * inner
+        return f"[{space}{f',{space}'.join([_encoded(item, inner) for item in value])}\n{' ' * margin}]"
+    raise TypeError(f"a {type(value).__name__} is nothing that JSON has")
+
+
+@lru_cache(256)
+def _template(keys: tuple[str, ...], margin: int) -> str:
+    if not keys:
+        return "{}"
+    space = "\n" + " " * (margin + _INDENT)
+    rows = [f"{_text(key).replace('%', '%%')}: %s" for key in keys]
+    return f"{{{space}{f',{space}'.join(rows)}\n{' ' * margin}}}"

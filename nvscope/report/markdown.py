@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from nvscope import units
 from nvscope.findings.kind import Severity
 from nvscope.report import buses, content, hops, tables
+from nvscope.report.ansi import batched
 from nvscope.view.escape import markdown_code, markdown_safe
-from nvscope.view.lines.table import NO_BREAK
+from nvscope.view.lines.table import NO_BREAK, Cell
 
 
 def render(report: content.Report, *, utc: bool = False) -> str:
     """Return the report as Markdown, ending with a line break; ``utc`` tells times in UTC instead of local time."""
-    return "".join(f"{line}\n" for line in _lines(report, content.Clock.of(report, utc=utc)))
+    return "".join(pieces(report, utc=utc))
+
+
+def pieces(report: content.Report, *, utc: bool = False) -> Iterator[str]:
+    """Yield the same, some lines at a time."""
+    for lines in batched(_lines(report, content.Clock.of(report, utc=utc))):
+        yield "\n".join(lines) + "\n"
 
 
 def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
@@ -32,7 +39,8 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
             yield f"- {step}"
     if report["lists"]:
         yield ""
-        yield from _table(*tables.overview(report))
+        measures, overview = tables.overview(report)
+        yield from _rows(measures, overview)
     for bus in buses.buses(report)[0]:
         yield from _bus(bus, clock)
     if "hops" in report:
@@ -54,10 +62,14 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
 
 
 def _table(measures: Sequence[tables.Measure], rows: Sequence[content.Row]) -> Iterator[str]:
+    return _rows(measures, (tables.cells(measures, row) for row in rows))
+
+
+def _rows(measures: Sequence[tables.Measure], rows: Iterable[Sequence[Cell]]) -> Iterator[str]:
     yield _row([measure.column.title for measure in measures])
     yield _row(["---:" if measure.column.right else "---" for measure in measures])
-    for row in rows:
-        yield _row([_cell(measure, measure.cell(row).text) for measure in measures])
+    for cells in rows:
+        yield _row([_cell(measure, cell.text) for measure, cell in zip(measures, cells, strict=True)])
 
 
 def _cell(measure: tables.Measure, text: str) -> str:

@@ -5,12 +5,13 @@ Takes parts of the report of schema ``nvscope.report/1``. As in ``content``, not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 from nvscope import units
-from nvscope.report.content import Clock, Report, Row, findings_by_list, nanoseconds, node_names, status, worst
+from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, status, worst_by_list
 from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, Of
 from nvscope.tracker.jitter import Jitter
 from nvscope.view.documents.figures import lookup
@@ -28,19 +29,52 @@ class Measure:
     identifier: bool = False
 
 
-def overview(report: Report) -> tuple[list[Measure], list[Row]]:
-    """Return columns and rows of the table of lists."""
-    by_list, names = findings_by_list(report["findings"]), node_names(report)
-    rows: list[Row] = [
-        {
-            **entry,
-            "worst": worst(by_list.get(entry["key"], ())),
-            "from": _first_of(entry["senders"], names),
-            "to": _first_of(entry["readers"], names),
-        }
+def overview(report: Report) -> tuple[list[Measure], list[list[Cell]]]:
+    """Return columns and cells of the table of lists; each row is looked at once, and not kept."""
+    by_list, names = worst_by_list(report["findings"]), node_names(report)
+    rows = [
+        cells(
+            _OVERVIEW,
+            _With(
+                entry,
+                {
+                    "worst": by_list.get(entry["key"]),
+                    "from": _first_of(entry["senders"], names),
+                    "to": _first_of(entry["readers"], names),
+                    "timed": [_Timed.of(stream) for stream in entry["streams"]],
+                },
+            ),
+        )
         for entry in report["lists"]
     ]
-    return used(_OVERVIEW, rows), rows
+    places = [place for place in range(len(_OVERVIEW)) if any(row[place].text != NOTHING for row in rows)]
+    if len(places) < len(_OVERVIEW):
+        rows = [[row[place] for place in places] for row in rows]
+    return [_OVERVIEW[place] for place in places], rows
+
+
+class _With(Mapping[str, Any]):
+    """A row of a report, and more under further keys."""
+
+    __slots__ = ("_known", "_row")
+
+    def __init__(self, row: Row, more: dict[str, Any]) -> None:
+        self._row, self._known = row, more
+
+    def __getitem__(self, key: str) -> Any:
+        return self._known[key] if key in self._known else self._row[key]
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._known or key in self._row
+
+    def get(self, key: str, default: Any = None) -> Any:
+        return self._known[key] if key in self._known else self._row.get(key, default)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter({**self._row, **self._known})
+
+    def __len__(self) -> int:
+        return len({**self._row, **self._known})
 
 
 def streams(entry: Row) -> tuple[list[Measure], list[Row]]:
@@ -122,6 +156,7 @@ def _text(value: object, tone: Tone = Tone.PLAIN) -> Cell:
     return Cell(NOTHING, Tone.FAINT) if value is None or value in ("", NOTHING) else Cell(str(value), tone)
 
 
+@lru_cache(4096)
 def count_cell(number: int | None, tone: Tone = Tone.PLAIN) -> Cell:
     """Return a counter: zero is faint, more has the tone given (less is not bad: it evens out elsewhere)."""
     if number is None:
@@ -129,6 +164,7 @@ def count_cell(number: int | None, tone: Tone = Tone.PLAIN) -> Cell:
     return Cell(units.count(number), tone if number > 0 else Tone.PLAIN if number else Tone.FAINT)
 
 
+@lru_cache(4096)
 def duration_cell(duration_ns: int | None, tone: Tone = Tone.PLAIN) -> Cell:
     """Return a duration as people read it, nothing where there is none."""
     return Cell(NOTHING, Tone.FAINT) if duration_ns is None else Cell(units.duration(duration_ns), tone)
@@ -179,39 +215,51 @@ _count, _p50, _p99, _nominal = (
 _error_count, _last_error_of = (lookup(BY_NAME[name], Of.LIST) for name in ("nErrorCount", "sLastError"))
 
 
+class _Timed(NamedTuple):
+    """What the overview tells of the intervals of a stream."""
+
+    intervals: int
+    p50: int | None
+    p99: int | None
+    nominal: int | None
+
+    @classmethod
+    def of(cls, stream: Row) -> _Timed:
+        return cls(_count(stream), _p50(stream), _p99(stream), _nominal(stream))
+
+    @property
+    def departs(self) -> bool:
+        """Whether the median is further from the nominal interval than a tenth of it: then a definition gave that."""
+        if not self.nominal or self.p50 is None:
+            return False
+        return bool(10 * abs(self.p50 - self.nominal) > self.nominal)
+
+
 def _interval(entry: Row) -> Cell:
     """Return at which interval a list is sent, measured; marked where a definition says otherwise."""
-    known = [stream for stream in entry["streams"] if _count(stream)]
-    regular = [stream for stream in known if _nominal(stream) is not None]
+    known = [stream for stream in entry["timed"] if stream.intervals]
+    regular = [stream for stream in known if stream.nominal is not None]
     if known and not regular:
         return Cell("on change", Tone.FAINT)
-    shown = _spread([median for median in map(_p50, regular) if median is not None])
-    return Cell(shown.text, Tone.WARNING) if any(map(_departs, regular)) else shown
+    shown = _spread([stream.p50 for stream in regular if stream.p50 is not None])
+    return Cell(shown.text, Tone.WARNING) if any(stream.departs for stream in regular) else shown
 
 
 def _defined(entry: Row) -> Cell:
     """Return the interval of the definition where the list is sent at another one."""
-    return _spread([_nominal(stream) for stream in entry["streams"] if _departs(stream)])
-
-
-def _departs(stream: Row) -> bool:
-    """Tell whether the median is further from the nominal interval than a tenth of it: then a definition gave that."""
-    median, nominal = _p50(stream), _nominal(stream)
-    if not nominal or median is None:
-        return False
-    return bool(10 * abs(median - nominal) > nominal)
+    return _spread([stream.nominal for stream in entry["timed"] if stream.departs])
 
 
 def _median(entry: Row) -> Cell:
     """Return the median interval of a list without a nominal one; elsewhere it is the interval."""
-    if all(map(_nominal, entry["streams"])):
+    if all(stream.nominal for stream in entry["timed"]):
         return Cell(NOTHING, Tone.FAINT)
-    return _spread([median for median in map(_p50, entry["streams"]) if median is not None])
+    return _spread([stream.p50 for stream in entry["timed"] if stream.p50 is not None])
 
 
 def _jitter(entry: Row) -> Cell:
     """Return the jitter of the list's worst stream."""
-    found = [Jitter.of(_p50(stream), _p99(stream), _nominal(stream)) for stream in entry["streams"]]
+    found = [Jitter.of(stream.p50, stream.p99, stream.nominal) for stream in entry["timed"]]
     worst_of_all = max((one for one in found if one is not None), key=lambda one: one.percent, default=None)
     return Cell(NOTHING, Tone.FAINT) if worst_of_all is None else Cell(worst_of_all.text)
 
@@ -234,7 +282,7 @@ def _figure(
 
 
 def _tone_of_median(stream: Row) -> Tone:
-    return Tone.WARNING if _departs(stream) else Tone.PLAIN
+    return Tone.WARNING if _Timed.of(stream).departs else Tone.PLAIN
 
 
 _OVERVIEW = (

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from nvscope import units
 from nvscope.findings.kind import Severity
 from nvscope.report import buses, content, hops, tables
-from nvscope.report.ansi import paint
+from nvscope.report.ansi import painted
 from nvscope.view.escape import visible_document
-from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, display_width, wrap
+from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, display_width, wrap
 
 MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
@@ -25,8 +25,16 @@ def render(
     ``utc`` tells times in UTC instead of local time. ``details`` adds, for each list, the diagnosis structure of the
     list and its nodes, all counters, and its streams. With and without ``colour`` the text is the same.
     """
+    return "".join(pieces(report, colour=colour, width=width, utc=utc, details=details))
+
+
+def pieces(
+    report: content.Report, *, colour: bool = False, width: int = 80, utc: bool = False, details: bool = False
+) -> Iterator[str]:  # fmt: skip
+    """Yield the same, some lines at a time."""
     shown = visible_document(report)
-    return paint(_lines(shown, max(width, MIN_WIDTH), content.Clock.of(shown, utc=utc), details), colour=colour)
+    lines = _lines(shown, max(width, MIN_WIDTH), content.Clock.of(shown, utc=utc), details)
+    return painted(lines, colour=colour)
 
 
 def _lines(report: content.Report, width: int, clock: content.Clock, details: bool) -> Iterator[Line]:
@@ -44,7 +52,8 @@ def _lines(report: content.Report, width: int, clock: content.Clock, details: bo
             yield from wrap([Cell(f"- {step}")], text_width, 0, 2)
     if report["lists"]:
         yield from _section("Lists", width)
-        yield from _table(*tables.overview(report), width)
+        measures, overview = tables.overview(report)
+        yield from aligned([measure.column for measure in measures], overview, width)
     shown, left = buses.buses(report, None if details else buses.MOST_BUSES)
     for bus in shown:
         yield from _bus(bus, width, clock, details)
@@ -74,9 +83,11 @@ def _section(title: str, width: int) -> list[Line]:
     return [[], *wrap([Cell(title, Tone.STRONG)], width)]
 
 
-def _table(measures: Sequence[tables.Measure], rows: Sequence[content.Row], width: int, indent: int = 0) -> list[Line]:
+def _table(
+    measures: Sequence[tables.Measure], rows: Sequence[content.Row], width: int, indent: int = 0
+) -> Iterator[Line]:  # fmt: skip
     cells = [tables.cells(measures, row) for row in rows]
-    return align([measure.column for measure in measures], cells, width, indent)
+    return aligned([measure.column for measure in measures], cells, width, indent)
 
 
 def _bus(bus: content.Row, width: int, clock: content.Clock, details: bool) -> Iterator[Line]:
@@ -93,7 +104,7 @@ def _bus(bus: content.Row, width: int, clock: content.Clock, details: bool) -> I
 
 def _findings(report: content.Report, width: int, clock: content.Clock, most: int | None) -> Iterator[Line]:
     list_names, node_names = content.list_names(report), content.node_names(report)
-    for place, finding in enumerate(report["findings"][:most]):
+    for place, finding in enumerate(report["findings"] if most is None else report["findings"][:most]):
         if place:
             yield []
         title = [Cell(f"{finding['code']} {finding['name']}", Tone.STRONG)]

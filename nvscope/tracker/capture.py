@@ -46,7 +46,8 @@ class CaptureState:
     and ``end_ns`` are the earliest and the latest time of any frame, ``last_ns`` that of the last one; ``until_ns`` is
     up to when a source says that time has passed, None where only frames tell. ``steps_back`` are the frames whose time
     is more than ``CLOCK_STEP_NS`` before that of the frame in front, under one key. ``unsupported`` counts frames by
-    link types that nothing reads.
+    link types that nothing reads. ``left_out`` are the frames of what is beyond the limit of streams, by what carries
+    them, as in ``dissectors``.
     """
 
     SPLIT_BY: ClassVar = SplitBy.NOTHING
@@ -64,6 +65,7 @@ class CaptureState:
         self.until_ns: int | None = None
         self.steps_back = EventLog()
         self.longest_step_back_ns = 0
+        self.left_out = EventLog(words=1)
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -78,12 +80,20 @@ class CaptureState:
             self.chosen += int(np.count_nonzero(told.chosen & (told.variety != NO_TELEGRAM)))
             chosen = {name for name, part in told.parts.items() if told.chosen[part.row].any()}
             self.chosen_protocols = self.chosen_protocols | chosen
+        self._observe_left_out(told)
         batch = told.batch
         self.fragments += batch.fragments
         if batch.unsupported is not None:
             links = batch.packets.link[batch.unsupported]
             for link, count in zip(*np.unique(links, return_counts=True), strict=True):
                 self.unsupported[int(link)] = self.unsupported.get(int(link), 0) + int(count)
+
+    def _observe_left_out(self, told: Told) -> None:
+        row = told.laid.left_out
+        if len(row):
+            carrier = told.varieties.carried.carrier[told.variety[row]]
+            self.left_out.record(told.packets.ts_ns[row], row + told.first_frame, carrier.astype(np.uint64))
+            self.left_out.settle()
 
     def summary(self, can_frames: int) -> CaptureSummary:
         """Return what was counted so far."""

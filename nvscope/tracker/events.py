@@ -27,6 +27,11 @@ class EventRows(KeyedColumns):
         "frames": (np.int64(0), FRAMES_KEPT),
     }
 
+    def used(self) -> list[int]:
+        """Return the rows with events, rising."""
+        rows: list[int] = np.flatnonzero(self.column("count")).tolist()
+        return rows
+
     def add(
         self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64, place: I64 | None = None, first_frame: int = 0
     ) -> None:  # fmt: skip

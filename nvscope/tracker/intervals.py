@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,15 +53,17 @@ class StreamIntervals:
     def __init__(self, timing: Timing) -> None:
         self._timing = timing
         self._histograms = Histograms(timing)
-        self._rows = _rows(self._histograms.percentiles(_PERCENTS))
+        known = self._histograms.percentiles(_PERCENTS)
+        self._rows = _rows(known)
+        self._means, self._deviations = timing.means_ns(known.stream), timing.deviations_ns(known.stream)
+        self._places = dict(zip(known.stream.tolist(), range(len(self._rows)), strict=True))
 
     def of(self, stream: int, nominal: int | None = None) -> IntervalFigures:
         """Return those of a stream; ``nominal`` is what it is defined to have, 0 for none, None where nobody says."""
-        row = self._rows.get(stream)
-        if row is None:
-            return IntervalFigures(0, nominal=nominal or None)
-        timing, known = self._timing, _figures(row, nominal)
-        return replace(known, mean=timing.mean_ns(stream), deviation=timing.deviation_ns(stream))
+        place = self._places.get(stream)
+        if place is None:
+            return IntervalFigures(0, nominal=nominal) if nominal else NO_INTERVALS
+        return _figures(self._rows[place], nominal, self._means[place], self._deviations[place])
 
     def together(self, group_of: I64, nominal: Mapping[int, int | None]) -> dict[int, IntervalFigures]:
         """Return those of streams taken together, by group; of a deviation nothing is said.
@@ -71,11 +73,11 @@ class StreamIntervals:
         """
         grouped = np.flatnonzero(group_of >= 0)
         alone = np.bincount(group_of[grouped])[group_of[grouped]] == 1
-        found = {
-            group: replace(self.of(stream, nominal.get(group)), deviation=None)
-            for stream, group in zip(grouped[alone].tolist(), group_of[grouped[alone]].tolist(), strict=True)
-            if stream in self._rows
-        }
+        found = {}
+        for stream, group in zip(grouped[alone].tolist(), group_of[grouped[alone]].tolist(), strict=True):
+            place = self._places.get(stream)
+            if place is not None:
+                found[group] = _figures(self._rows[place], nominal.get(group), self._means[place])
         if alone.all():
             return found
         several = group_of.copy()
@@ -83,8 +85,9 @@ class StreamIntervals:
         total_ns: dict[int, int] = defaultdict(int)
         for group, own_ns in zip(several.tolist(), self._timing.columns.column("total_ns").tolist(), strict=False):
             total_ns[group] += own_ns
-        for group, row in _rows(self._histograms.percentiles(_PERCENTS, several)).items():
-            found[group] = replace(_figures(row, nominal.get(group)), mean=divide(total_ns[group], row[0]))
+        told = self._histograms.percentiles(_PERCENTS, several)
+        for group, row in zip(told.stream.tolist(), _rows(told), strict=True):
+            found[group] = _figures(row, nominal.get(group), divide(total_ns[group], row[0]))
         return found
 
 
@@ -93,21 +96,22 @@ _Row = tuple[int, ...]
 """Count, least, most, and the percentiles, of a stream."""
 
 
-def _rows(known: StreamPercentiles) -> dict[int, _Row]:
+def _rows(known: StreamPercentiles) -> list[_Row]:
     columns = known.count, known.least_ns, known.most_ns, *(known.at_ns[percent] for percent in _PERCENTS)
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    return dict(zip(known.stream.tolist(), rows, strict=True))
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def _figures(row: _Row, nominal: int | None) -> IntervalFigures:
+def _figures(
+    row: _Row, nominal: int | None, mean: int | None = None, deviation: int | None = None
+) -> IntervalFigures:  # fmt: skip
     count, least, most, p5, p50, p95, p99 = row
     cyclic = count >= CYCLIC_FROM_INTERVALS and p50 > 0 and 100 * (p95 - p5) <= CYCLIC_SPREAD_PERCENT * p50
     return IntervalFigures(
         count,
         known_extreme(least),
-        None,
+        mean,
         known_extreme(most),
-        None,
+        deviation,
         p50,
         p95,
         p99,

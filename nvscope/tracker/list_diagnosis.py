@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
+import numpy as np
+
+from dissectors.batch import I64, Bool
 from nvscope.engine.keys import FrameKind
+from nvscope.engine.runs import distinct
 from nvscope.list_key import ListKey
 from nvscope.tracker.diagnosis import ERROR_ORDER, Diagnosis
 from nvscope.tracker.errors import LastError
@@ -16,41 +18,11 @@ from nvscope.tracker.errors import LastError
 if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
 
-
-@dataclass(slots=True)
-class _Tally:
-    """Telegrams counted, how many of them would be written, and the last one."""
-
-    count: int = 0
-    written: int = 0
-    last: tuple[int, int | None] = (-1, None)
-
-    def add(self, count: int, written: int, last: tuple[int, int | None]) -> None:
-        if not count:
-            return  # in a window, of what was seen before it
-        self.count += count
-        self.written += written
-        self.last = max(self.last, last, key=lambda entry: entry[0])
-
-
-@dataclass(slots=True)
-class _Traffic:
-    """What went over one list, by node: sent, acknowledged, received by unicast, and broadcast."""
-
-    received: _Tally = field(default_factory=_Tally)
-    sent: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
-    direct: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
-    broadcast: dict[int, _Tally] = field(default_factory=lambda: defaultdict(_Tally))
-    acknowledged: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    readers: set[int] = field(default_factory=set)
-    errors: dict[int, int] = field(default_factory=dict)
-    """By node: its row in the table of errors."""
-    since: dict[int, tuple[int, int]] = field(default_factory=dict)
-    """By sender: frame and time of its first data telegram."""
-
-    def nodes(self) -> set[int]:
-        """Return all nodes that may have counted something."""
-        return {*self.sent, *self.direct, *self.acknowledged, *self.readers, *self.errors}
+_NEVER = -1
+Value = TypeVar("Value")
+_COLUMNS = (
+    "kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns", "first_frame", "first_ns",
+)  # fmt: skip
 
 
 class Diagnosed(NamedTuple):
@@ -60,7 +32,7 @@ class Diagnosed(NamedTuple):
     readers: Sequence[int]
     diagnosis: Diagnosis
     nodes: Sequence[tuple[int, Diagnosis]]
-    sender_since: Mapping[int, tuple[int, int]]
+    sender_since: Sequence[tuple[int, int]]
 
 
 def diagnose(
@@ -74,96 +46,203 @@ def diagnose(
     ``order`` is that of nodes, by number. ``reading`` are the lists that nodes read whatever they send, as (port,
     Index), without port: Index on any port.
     """
-    traffic = _sum_up(state, len(lists))
-    for key, seen in zip(lists, traffic, strict=True):
-        names = {(key.port, key.identifier), (None, key.identifier)}
-        seen.readers.update(node for node, wanted in reading.items() if not names.isdisjoint(wanted))
-    errors = state.lists.errors
-    for member, (number, node) in enumerate(
-        zip(errors.members.high.tolist(), errors.members.low.tolist(), strict=True)
+    flows, errors = _Flows.of(state), state.lists.errors
+    members = _Members(lists, order)
+    is_data = (flows.kind == FrameKind.DATA) | (flows.kind == FrameKind.MALFORMED_DATA)
+    acknowledges = flows.kind == FrameKind.ACKNOWLEDGEMENT
+    source = members.words(flows.of_list, flows.source)
+    direct = (flows.destination >= 0) & (flows.destination != flows.source)
+    target = members.words(flows.of_list[direct], flows.destination[direct])
+    sending = distinct(source[is_data])
+    asks = acknowledges | (flows.kind == FrameKind.BOOT_UP_REQUEST)
+    readers = distinct(np.append(source[asks], members.reading(reading)))
+    blamed = members.words(*(word.astype(np.int64) for word in errors.members.words))
+    every = distinct(np.concatenate([sending, target, readers, blamed]))
+
+    sent = _Tally.of(np.searchsorted(every, source[is_data]), flows.where(is_data), len(every))
+    heard = _Tally.of(np.searchsorted(every, target), flows.where(direct), len(every))
+    is_reader = np.zeros(len(every), np.bool_)
+    is_reader[np.searchsorted(every, readers)] = True
+    _hear_broadcasts(heard, every, is_reader, flows.where(flows.destination < 0), members)
+    acknowledged = np.zeros(len(every), np.int64)
+    np.add.at(acknowledged, np.searchsorted(every, source[acknowledges]), flows.telegrams[acknowledges])
+    row = np.full(len(every), _NEVER)
+    row[np.searchsorted(every, blamed)] = np.arange(len(blamed))
+    found = _diagnoses(sent, heard, acknowledged, errors.of_member, row)
+    told = np.flatnonzero(~np.array([diagnosis.blank for diagnosis in found], np.bool_))
+    nodes = list(zip(members.nodes(every[told]), map(found.__getitem__, told.tolist()), strict=True))
+
+    everything = _Tally.of(flows.of_list, flows, len(lists))
+    everything_sent = _Tally.of(flows.of_list[is_data], flows.where(is_data), len(lists))
+    of_list = np.zeros(len(lists), np.int64)
+    np.add.at(of_list, flows.of_list[acknowledges], flows.telegrams[acknowledges])
+    whole = _diagnoses(everything_sent, everything, of_list, errors.of_list, np.arange(len(lists)))
+    since = flows.where(is_data).first_of(np.searchsorted(sending, source[is_data]), len(sending))
+    for senders, own_readers, diagnosis, own_nodes, own_since in zip(
+        members.by_list(sending, members.nodes(sending)),
+        members.by_list(readers, members.nodes(readers)),
+        whole,
+        members.by_list(every[told], nodes),
+        members.by_list(sending, since),
+        strict=True,
     ):
-        traffic[number].errors[node] = member
-    for number, seen in enumerate(traffic):
-        broadcasts, nodes = _Broadcasts.of(seen), []
-        for node in sorted(seen.nodes(), key=order.__getitem__):
-            own, heard = seen.sent.get(node, _Tally()), _heard(seen, broadcasts, node)
-            acknowledges = seen.acknowledged.get(node, 0)
-            diagnosis = _diagnosis(own, heard, acknowledges, errors.of_member, seen.errors.get(node))
-            if not diagnosis.blank:
-                nodes.append((node, diagnosis))
-        total = _Tally()
-        for own in seen.sent.values():
-            total.add(own.count, 0, own.last)
-        whole = _diagnosis(total, seen.received, sum(seen.acknowledged.values()), errors.of_list, number)
-        senders, readers = (tuple(sorted(who, key=order.__getitem__)) for who in (seen.sent, seen.readers))
-        yield Diagnosed(senders, readers, whole, tuple(nodes), MappingProxyType(seen.since))
+        yield Diagnosed(senders, own_readers, diagnosis, own_nodes, own_since if len(senders) > 1 else ())
 
 
-def _sum_up(state: TrackerState, lists: int) -> list[_Traffic]:
-    """Return the traffic of each list."""
-    columns = state.lists.flows
-    names = ("kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns")
-    table = [columns.column(name).tolist() for name in (*names, "first_frame", "first_ns")]
-    traffic = [_Traffic() for _ in range(lists)]
-    for kind, number, source, destination, count, mismatches, frame, time_ns, first_frame, first_ns in zip(
-        *table, strict=True
-    ):
-        if kind in (FrameKind.HEADER_CUT, FrameKind.PDO):
-            continue
-        seen = traffic[number]
-        last = (frame, time_ns)
-        written = count - mismatches if kind == FrameKind.DATA else 0
-        if kind in (FrameKind.DATA, FrameKind.MALFORMED_DATA):
-            seen.sent[source].add(count, 0, last)
-            seen.since[source] = min(seen.since.get(source, (first_frame, first_ns)), (first_frame, first_ns))
-        elif kind == FrameKind.ACKNOWLEDGEMENT:
-            seen.acknowledged[source] += count
-        if kind in (FrameKind.ACKNOWLEDGEMENT, FrameKind.BOOT_UP_REQUEST):
-            seen.readers.add(source)
-        seen.received.add(count, written, last)
-        if destination < 0:
-            seen.broadcast[source].add(count, written, last)
-        elif destination != source:
-            seen.direct[destination].add(count, written, last)
-    return traffic
+class _Members:
+    """Nodes on lists as one word each: words sort by number of the list, then as addresses do."""
+
+    def __init__(self, lists: Sequence[ListKey], order: Sequence[tuple[bool, int]]) -> None:
+        self._lists = lists
+        self._by_rank = np.array(sorted(range(len(order)), key=order.__getitem__), np.int64)
+        self._rank = np.empty(len(order), np.int64)
+        self._rank[self._by_rank] = np.arange(len(order))
+
+    def words(self, lists: I64, node: I64) -> I64:
+        """Return the words of nodes on lists."""
+        return lists * len(self._rank) + self._rank[node]
+
+    def lists(self, words: I64) -> I64:
+        """Return the lists of words."""
+        return words // max(len(self._rank), 1)
+
+    def nodes(self, words: I64) -> list[int]:
+        """Return the nodes of words."""
+        found: list[int] = self._by_rank[words % max(len(self._rank), 1)].tolist()
+        return found
+
+    def by_list(self, words: I64, values: Sequence[Value]) -> Iterator[tuple[Value, ...]]:
+        """Yield for each list what belongs to its words, which rise."""
+        bounds = np.searchsorted(self.lists(words), np.arange(len(self._lists) + 1)).tolist()
+        for start, stop in pairwise(bounds):
+            yield tuple(values[start:stop])
+
+    def reading(self, reading: Mapping[int, Collection[tuple[int | None, int]]]) -> I64:
+        """Return the words of the nodes that read lists whatever they send."""
+        if not reading:
+            return np.empty(0, np.int64)
+        pairs = [
+            (number, node)
+            for number, key in enumerate(self._lists)
+            for node, wanted in reading.items()
+            if (key.port, key.identifier) in wanted or (None, key.identifier) in wanted
+        ]
+        lists, node = np.array(pairs, np.int64).reshape(-1, 2).T
+        return self.words(lists, node)
 
 
-@dataclass(slots=True)
-class _Broadcasts:
-    """All broadcasts of a list, and the last one of the two nodes that sent last."""
+class _Flows(NamedTuple):
+    """The flows that count for the diagnosis of a list, a row each."""
 
-    everything: _Tally = field(default_factory=_Tally)
-    latest: list[tuple[int, _Tally]] = field(default_factory=list)
+    kind: I64
+    of_list: I64
+    source: I64
+    destination: I64
+    telegrams: I64
+    mismatches: I64
+    last_frame: I64
+    last_ns: I64
+    first_frame: I64
+    first_ns: I64
 
-    @classmethod
-    def of(cls, seen: _Traffic) -> _Broadcasts:
-        told = cls(latest=sorted(seen.broadcast.items(), key=lambda entry: entry[1].last[0])[-2:])
-        for tally in seen.broadcast.values():
-            told.everything.add(tally.count, tally.written, tally.last)
-        return told
+    @staticmethod
+    def of(state: TrackerState) -> _Flows:
+        table = state.lists.flows
+        flows = _Flows(*(table.column(name) for name in _COLUMNS))
+        return flows.where((flows.kind != FrameKind.HEADER_CUT) & (flows.kind != FrameKind.PDO))
+
+    def where(self, chosen: Bool) -> _Flows:
+        return _Flows(*(column[chosen] for column in self))
+
+    def first_of(self, group: I64, groups: int) -> list[tuple[int, int]]:
+        """Return frame and time of the first telegram of each group."""
+        frame, time_ns = np.full(groups, np.iinfo(np.int64).max), np.zeros(groups, np.int64)
+        np.minimum.at(frame, group, self.first_frame)
+        first = np.flatnonzero(self.first_frame == frame[group])
+        time_ns[group[first]] = self.first_ns[first]
+        return list(zip(frame.tolist(), time_ns.tolist(), strict=True))
 
 
-def _heard(seen: _Traffic, broadcasts: _Broadcasts, node: int) -> _Tally:
-    """Return what was delivered to a node: unicast, and to a reader the broadcasts of others."""
-    tally = _Tally()
-    if node in seen.direct:
-        direct = seen.direct[node]
-        tally.add(direct.count, direct.written, direct.last)
-    if node in seen.readers:
-        own, everything = seen.broadcast.get(node, _Tally()), broadcasts.everything
-        last = max((sent.last for source, sent in broadcasts.latest if source != node), default=_Tally().last)
-        tally.add(everything.count - own.count, everything.written - own.written, last)
-    return tally
+class _Tally(NamedTuple):
+    """Telegrams counted, how many of them would be written, and the last one; a row a group.
+
+    ``frame`` is ``_NEVER`` where there is none.
+    """
+
+    telegrams: I64
+    written: I64
+    frame: I64
+    time_ns: I64
+
+    @staticmethod
+    def of(group: I64, flows: _Flows, groups: int) -> _Tally:
+        """Sum flows up by group; of those of which a window has nothing, nothing is told."""
+        zeros = (np.zeros(groups, np.int64) for _ in range(3))
+        tally = _Tally(next(zeros), next(zeros), np.full(groups, _NEVER), next(zeros))
+        np.add.at(tally.telegrams, group, flows.telegrams)
+        np.add.at(tally.written, group, np.where(flows.kind == FrameKind.DATA, flows.telegrams - flows.mismatches, 0))
+        frame = np.where(flows.telegrams > 0, flows.last_frame, _NEVER)
+        np.maximum.at(tally.frame, group, frame)
+        last = np.flatnonzero((frame == tally.frame[group]) & (frame > _NEVER))
+        tally.time_ns[group[last]] = flows.last_ns[last]
+        return tally
+
+    def last_ns(self) -> list[int | None]:
+        """Return the times of the last ones, None where there is none."""
+        times: list[int | None] = self.time_ns.tolist()
+        for row in np.flatnonzero(self.frame == _NEVER).tolist():
+            times[row] = None
+        return times
 
 
-def _diagnosis(sent: _Tally, received: _Tally, acknowledges: int, errors: LastError, row: int | None) -> Diagnosis:
-    """Return a diagnosis; the errors are those of a row of their table, if it is there."""
-    known = Diagnosis(
-        sent.count, sent.last[1], received.count, received.last[1], received.written, nAcknowledges=acknowledges
-    )  # fmt: skip
-    if row is None or row >= len(errors) or not errors.count[row]:
-        return known
-    last = ERROR_ORDER[int(errors.error[row])].name
-    return replace(
-        known, nErrorCount=int(errors.count[row]), sLastError=last, tLastError=int(errors.time_ns[row])
-    )  # fmt: skip
+def _hear_broadcasts(heard: _Tally, every: I64, is_reader: Bool, sent: _Flows, members: _Members) -> None:
+    """Add to what readers heard the broadcasts of others, the last of which is one of the last two nodes'."""
+    source = members.words(sent.of_list, sent.source)
+    senders = distinct(source)
+    if not len(senders):
+        return
+    own = _Tally.of(np.searchsorted(senders, source), sent, len(senders))
+    lists = int(members.lists(senders[-1:])[0]) + 1
+    whole = _Tally.of(sent.of_list, sent, lists)
+    latest = np.lexsort((own.frame, members.lists(senders)))
+    stop = np.searchsorted(members.lists(senders), np.arange(lists), "right")
+    start = np.searchsorted(members.lists(senders), np.arange(lists))
+
+    reader = np.flatnonzero(is_reader)
+    reader = reader[members.lists(every[reader]) < lists]
+    on_list = members.lists(every[reader])
+    reader, on_list = reader[stop[on_list] > start[on_list]], on_list[stop[on_list] > start[on_list]]
+    place = np.minimum(np.searchsorted(senders, every[reader]), len(senders) - 1)
+    sends = senders[place] == every[reader]
+    count = whole.telegrams[on_list] - np.where(sends, own.telegrams[place], 0)
+    written = whole.written[on_list] - np.where(sends, own.written[place], 0)
+    last = latest[stop[on_list] - 1]
+    other = sends & (last == place)
+    last = np.where(other, latest[np.maximum(stop[on_list] - 2, start[on_list])], last)
+    heard.telegrams[reader] += count
+    heard.written[reader] += written
+    alone = other & (stop[on_list] - start[on_list] == 1)
+    frame = np.where((count != 0) & ~alone, own.frame[last], _NEVER)
+    later = frame > heard.frame[reader]
+    heard.frame[reader[later]], heard.time_ns[reader[later]] = frame[later], own.time_ns[last[later]]
+
+
+def _diagnoses(sent: _Tally, received: _Tally, acknowledges: I64, errors: LastError, row: I64) -> list[Diagnosis]:
+    """Return the diagnosis of each group; its errors are those of a row of their table, if it is there."""
+    known = np.flatnonzero((row >= 0) & (row < len(errors)))
+    known = known[errors.count[row[known]] > 0]
+    found = [
+        Diagnosis(count, last_ns, heard, heard_ns, written, nAcknowledges=own)
+        for count, last_ns, heard, heard_ns, written, own in zip(
+            sent.telegrams.tolist(), sent.last_ns(), received.telegrams.tolist(), received.last_ns(),
+            received.written.tolist(), acknowledges.tolist(), strict=True,
+        )
+    ]  # fmt: skip
+    for place, own in zip(known.tolist(), row[known].tolist(), strict=True):
+        told = found[place]
+        found[place] = Diagnosis(
+            told.nSendCount, told.tLastSend, told.nReceiveCount, told.tLastReceive, told.nWriteCount,
+            ERROR_ORDER[int(errors.error[own])].name, int(errors.time_ns[own]), int(errors.count[own]),
+            told.nAcknowledges,
+        )  # fmt: skip
+    return found

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from dissectors.batch import Bool
 from nvscope.engine.keys import NOBODY_KEY
+from nvscope.engine.runs import distinct
 from nvscope.tracker.counters import Scope
+from nvscope.tracker.loss import NodeSequences
 
 if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
@@ -15,32 +19,49 @@ if TYPE_CHECKING:
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     """Return, by node with streams, the scope in which most steps of its Counter are regular."""
     keys, loss = state.keys, state.senders.loss
-    places, nodes = keys.streams.high.tolist(), keys.streams.low.tolist()
-    list_of_place = keys.places.high.tolist()
-    steps, regular = loss.streams.column("steps").tolist(), loss.streams.column("regular").tolist()
-    own: dict[int, list[int]] = defaultdict(lambda: [0, 0, 0])
-    lists: dict[int, set[int]] = defaultdict(set)
-    for stream, node in enumerate(nodes):
-        if node == NOBODY_KEY:
-            continue
-        tally = own[node]
-        tally[0] += regular[stream]
-        tally[1] += steps[stream]
-        tally[2] += 1
-        lists[node].add(list_of_place[places[stream]])
-    scopes = {}
-    for node, (own_regular, own_steps, streams) in own.items():
-        of_node, node_steps = loss.nodes, int(loss.nodes.steps[node])
-        best, share = Scope.STREAM, (own_regular, own_steps or 1)
-        # Who counts beyond one stream counts on from one to another: a fast stream beside rare ones shows nothing.
-        by_telegram = streams >= 2 and 2 * of_node.regular_between_streams[node] > of_node.between_streams[node]
-        by_send = len(lists[node]) >= 2 and 2 * of_node.regular_between_lists[node] > of_node.between_lists[node]
-        for scope, considered, regular_steps in (
-            (Scope.NODE_TELEGRAM, by_telegram, int(of_node.regular_telegram[node])),
-            (Scope.NODE_SEND, by_send, int(of_node.regular_send[node])),
-        ):
-            candidate = (regular_steps, node_steps or 1)
-            if considered and candidate[0] * share[1] > share[0] * candidate[1]:
-                best, share = scope, candidate
-        scopes[node] = best
-    return scopes
+    stream = np.flatnonzero(keys.streams.low != np.uint64(NOBODY_KEY))
+    if not len(stream):
+        return {}
+    node, lists = keys.node_of(stream), keys.list_of_place(keys.place_of(stream))
+    nodes = len(keys.nodes)
+    streams = np.bincount(node, minlength=nodes)
+    members = distinct(node * len(keys.lists) + lists)
+    several_lists = np.bincount(members // len(keys.lists), minlength=nodes) >= 2
+    best = np.full(nodes, Scope.STREAM)
+    regular, steps = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
+    np.add.at(regular, node, loss.streams.column("regular")[stream])
+    np.add.at(steps, node, loss.streams.column("steps")[stream])
+    steps = np.maximum(steps, 1)
+    of_nodes = loss.nodes
+    for scope, considered, own in (
+        (
+            Scope.NODE_TELEGRAM,
+            (streams >= 2) & _mostly(of_nodes, "streams", nodes),
+            of_nodes.column("regular_telegram"),
+        ),
+        (Scope.NODE_SEND, several_lists & _mostly(of_nodes, "lists", nodes), of_nodes.column("regular_send")),
+    ):
+        of_node = np.maximum(of_nodes.column("steps"), 1)
+        # Compared exactly: no capture has so many telegrams that a product of two numbers of them is too large.
+        seen = np.flatnonzero(considered[: len(own)])
+        seen = seen[own[seen] * steps[seen] > regular[seen] * of_node[seen]]
+        best[seen], regular[seen], steps[seen] = scope, own[seen], of_node[seen]
+    first = np.full(nodes, len(keys.streams))
+    np.minimum.at(first, node, stream)
+    known = np.flatnonzero(streams)
+    known = known[np.argsort(first[known])]
+    return dict(zip(known.tolist(), map(_SCOPES.__getitem__, best[known].tolist()), strict=True))
+
+
+_SCOPES = tuple(Scope)
+
+
+def _mostly(of_nodes: NodeSequences, between: str, nodes: int) -> Bool:
+    """Tell which nodes count on from one of their streams, or lists, to another in more than half of these steps.
+
+    Who counts beyond one stream does: a fast stream beside rare ones shows nothing.
+    """
+    own = 2 * of_nodes.column(f"regular_between_{between}") > of_nodes.column(f"between_{between}")
+    told: Bool = np.zeros(nodes, np.bool_)
+    told[: len(own)] = own[:nodes]
+    return told

@@ -33,7 +33,10 @@ class StreamSummary:
         """Whether its counters are not believed, here or, of a window, in all that was seen up to its end."""
         if self.whole_erratic is not None:
             return self.whole_erratic
-        return is_erratic(self.figures["lost"], self.telegrams, self.last_ns - self.first_ns, self.intervals.p50)
+        lost = self.figures["lost"]
+        if lost <= self.telegrams:  # as of nearly all
+            return False
+        return is_erratic(lost, self.telegrams, self.last_ns - self.first_ns, self.intervals.p50)
 
     @property
     def counters(self) -> dict[str, int | None]:

@@ -5,12 +5,15 @@ Everything here is computed when asked for, from integers, and changes nothing i
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from types import MappingProxyType
 
+import numpy as np
+
 from dissectors import address
+from dissectors.batch import I64, Bool
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.definition.buses import Buses
 from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, FrameKind
@@ -23,6 +26,8 @@ from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import StreamIntervals
 from nvscope.tracker.list_diagnosis import diagnose
+from nvscope.tracker.lists import ListColumns
+from nvscope.tracker.loss import StreamSequences
 from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.stream_summary import StreamSummary
@@ -35,7 +40,7 @@ UNUSED_FROM_TELEGRAMS = 8
 class ListSummary:
     """One list: who sends and reads it, its diagnosis and that of its nodes, its counters, and its streams.
 
-    ``sender_since`` has by sender the frame and the time of its first data telegram.
+    Of several senders, ``sender_since`` has the frame and the time of the first data telegram of each.
     """
 
     number: int
@@ -46,7 +51,7 @@ class ListSummary:
     counters: Mapping[str, int | None]
     nodes: Sequence[tuple[int, Diagnosis]]
     streams: Sequence[StreamSummary]
-    sender_since: Mapping[int, tuple[int, int]]
+    sender_since: Sequence[tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,14 +107,13 @@ def summarize(
     nodes = list(known)
     order = [address.order(*node) for node in nodes]
     scopes = scopes_in_force(state)
-    keys_of_lists = [keys.list_key(number) for number in range(len(keys.lists))]
+    keys_of_lists = keys.list_keys()
     intervals = StreamIntervals(state.senders.timing)
     diagnosed = diagnose(state, keys_of_lists, order, reading)
     streams = _streams(state, keys_of_lists, scopes, order, intervals_ns, intervals, erratic)
     lists = [
         ListSummary(
-            number, key, told.senders, told.readers, told.diagnosis, MappingProxyType(counters), told.nodes, own,
-            told.sender_since,
+            number, key, told.senders, told.readers, told.diagnosis, counters, told.nodes, own, told.sender_since
         )
         for number, (key, told, own, counters) in enumerate(
             zip(keys_of_lists, diagnosed, streams, _counters(state, streams), strict=True)
@@ -137,67 +141,77 @@ def _streams(
     erratic: Collection[int] | None,
 ) -> list[tuple[StreamSummary, ...]]:
     """Return the streams of each list, by node and SubIndex."""
-    found: list[list[StreamSummary]] = [[] for _ in lists]
     keys, memory, loss = state.keys, state.memory.columns, state.senders.loss.streams
-    telegrams = memory.column("telegrams").tolist()
-    for stream, (place, node) in enumerate(zip(keys.streams.high.tolist(), keys.streams.low.tolist(), strict=True)):
-        if node == NOBODY_KEY:
-            continue
-        scope = scopes[node]
-        number = int(keys.places.high[place])
-        whole = intervals.of(stream, intervals_ns.get(lists[number]))
-        counting = bool(loss.counting[stream])
-        unused = not counting and telegrams[stream] >= UNUSED_FROM_TELEGRAMS
-        signature = int(memory.signature[stream])
-        flags = signature >> int(FLAGS_SHIFT) & 0xFF
-        summary = StreamSummary(
-            stream=stream,
-            node=node,
-            subindex=int(keys.places.low[place]),
-            telegrams=telegrams[stream],
-            first_ns=int(memory.first_ns[stream]),
-            last_ns=int(memory.last_ns[stream]),
-            scope=scope,
-            counter_scope=SCOPE_UNUSED if unused else SCOPE_NAMES[scope],
-            figures=MappingProxyType(_figures(state, stream, scope) if counting else dict.fromkeys(BY_SCOPE, 0)),
-            intervals=whole,
-            items=signature & 0xFFFF,
-            length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
-            checksum=signature >> int(CHECKSUM_SHIFT) if flags & CHECKSUM_PRESENT.mask else None,
-            whole_erratic=None if erratic is None else stream in erratic,
-        )
-        found[number].append(summary)
-    return [tuple(sorted(own, key=lambda stream: (order[stream.node], stream.subindex))) for own in found]
+    known = np.flatnonzero(keys.streams.low != np.uint64(NOBODY_KEY))
+    of_list, node, subindex = keys.described(known)
+    rank = np.empty(len(order), np.int64)
+    rank[sorted(range(len(order)), key=order.__getitem__)] = np.arange(len(order))
+    by_place = np.lexsort((subindex, rank[node], of_list))
+    known, of_list, node, subindex = known[by_place], of_list[by_place], node[by_place], subindex[by_place]
+    counting, telegrams = loss.counting[known], memory.telegrams[known]
+    unused = ~counting & (telegrams >= UNUSED_FROM_TELEGRAMS)
+    signature = memory.signature[known]
+    signed = (signature >> FLAGS_SHIFT & np.uint64(CHECKSUM_PRESENT.mask)) != 0
+    figures = _figures(loss, known, np.array([scopes[one] for one in node.tolist()], np.int64))
+    columns = (
+        known, of_list, node, subindex, telegrams, memory.first_ns[known], memory.last_ns[known], counting, unused,
+        signature & np.uint64(0xFFFF), signature >> LENGTH_SHIFT & np.uint64(0xFFFF), signed,
+        signature >> CHECKSUM_SHIFT,
+    )  # fmt: skip
+    found = []
+    nominal = [intervals_ns.get(key) for key in lists] if intervals_ns else [None] * len(lists)
+    for (
+        stream, number, own_node, part, own_telegrams, first_ns, last_ns, counts, is_unused, items, length, has, check,
+    ), row in zip(zip(*(column.tolist() for column in columns), strict=True), figures, strict=True):  # fmt: skip
+        scope = scopes[own_node]
+        found.append(
+            StreamSummary(
+                stream, own_node, part, own_telegrams, first_ns, last_ns, scope,
+                SCOPE_UNUSED if is_unused else SCOPE_NAMES[scope],
+                MappingProxyType(dict(zip(BY_SCOPE, row, strict=True))) if counts else _NOTHING_COUNTED,
+                intervals.of(stream, nominal[number]), items, length, check if has else None,
+                None if erratic is None else stream in erratic,
+            )
+        )  # fmt: skip
+    bounds = np.searchsorted(of_list, np.arange(len(lists) + 1)).tolist()
+    return [tuple(found[start:stop]) for start, stop in pairwise(bounds)]
 
 
-def _figures(state: TrackerState, stream: int, scope: Scope) -> dict[str, int]:
-    loss = state.senders.loss.streams
-    walk = min(scope, Scope.NODE_TELEGRAM)
-    return {name: int(getattr(loss, name)[stream, walk]) for name in BY_SCOPE}
+_NOTHING_COUNTED: Mapping[str, int] = MappingProxyType(dict.fromkeys(BY_SCOPE, 0))
 
 
-def _counters(state: TrackerState, streams: Sequence[Sequence[StreamSummary]]) -> Iterator[dict[str, int | None]]:
+def _figures(loss: StreamSequences, stream: I64, scope: I64) -> Iterator[tuple[int, ...]]:
+    """Yield the counters of streams that depend on what a sender counts, in the order of ``BY_SCOPE``."""
+    walk = np.minimum(scope, Scope.NODE_TELEGRAM)
+    columns = (getattr(loss, name)[stream, walk] for name in BY_SCOPE)
+    return zip(*(column.tolist() for column in columns), strict=True)
+
+
+def _counters(state: TrackerState, streams: Sequence[Sequence[StreamSummary]]) -> Iterator[Mapping[str, int | None]]:
     """Yield the counters of each list, given its streams."""
-    columns = state.lists.flows
-    malformed: dict[int, int] = defaultdict(int)
-    requests: dict[int, int] = defaultdict(int)
-    mismatches: dict[int, int] = defaultdict(int)
-    names = ("kind", "list", "count", "mismatches")
-    for kind, number, count, mismatched in zip(*(columns.column(name).tolist() for name in names), strict=True):
-        if kind in (FrameKind.MALFORMED_DATA, FrameKind.MALFORMED_OTHER):
-            malformed[number] += count
-        elif kind == FrameKind.BOOT_UP_REQUEST:
-            requests[number] += count
-        mismatches[number] += mismatched
-    table = state.lists.columns
-    for number, own in enumerate(streams):
-        yield counted_together(own) | {
-            "malformed": malformed[number],
-            "truncated": int(table.truncated[number]),
-            "missing_acknowledgements": int(table.missing_acknowledgements[number]),
-            "negative_acknowledgements": int(table.negative_acknowledgements[number]),
-            "checksum_mismatches": mismatches[number],
-            "bootup_requests": requests[number],
-            "bootup_unanswered": int(table.bootup_unanswered[number]),
-            "send_rejected": int(table.send_rejected[number]),
-        }
+    columns, table = state.lists.flows, state.lists.columns
+    kind, number, count, mismatches = (columns.column(name) for name in ("kind", "list", "count", "mismatches"))
+
+    def summed(amount: I64, own: Bool) -> list[int]:
+        total = np.zeros(len(streams), np.int64)
+        np.add.at(total, number[own], amount[own])
+        told: list[int] = total.tolist()
+        return told
+
+    malformed = (kind == FrameKind.MALFORMED_DATA) | (kind == FrameKind.MALFORMED_OTHER)
+    of_list = {
+        "malformed": summed(count, malformed),
+        **_padded(table, len(streams), "truncated", "missing_acknowledgements", "negative_acknowledgements"),
+        "checksum_mismatches": summed(mismatches, np.ones(len(kind), np.bool_)),
+        "bootup_requests": summed(count, kind == FrameKind.BOOT_UP_REQUEST),
+        **_padded(table, len(streams), "bootup_unanswered", "send_rejected"),
+    }
+    alike: dict[tuple[int | None, ...], Mapping[str, int | None]] = {}
+    for own, *others in zip(streams, *of_list.values(), strict=True):
+        counters = {**counted_together(own), **dict(zip(of_list, others, strict=True))}
+        # Of hundreds of thousands of lists, most have counted the same.
+        yield alike.setdefault(tuple(counters.values()), MappingProxyType(counters))
+
+
+def _padded(table: ListColumns, lists: int, *names: str) -> dict[str, list[int]]:
+    return {name: getattr(table, name)[:lists].tolist() for name in names}

@@ -11,7 +11,6 @@ too: where a stream is always late, they are the events.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isqrt
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -22,11 +21,11 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
+from nvscope.tracker.deviation import deviations, means
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
 from nvscope.tracker.steps import Step, Steps
-from nvscope.units import divide
 
 LEARNED_INTERVALS = 8
 """So many intervals of a stream tell where its dense buckets lie."""
@@ -270,26 +269,20 @@ class Timing:
                 columns.first_bucket[number] = bucket_of(np.maximum(median * 3 // 4, 1))[0]
         return np.concatenate(learned)
 
-    def mean_ns(self, stream: int) -> int | None:
-        """Return the mean interval, rounded half to even; None without intervals."""
-        count = int(self.columns.count[stream])
-        return divide(int(self.columns.total_ns[stream]), count) if count > 0 else None
+    def means_ns(self, stream: I64) -> list[int | None]:
+        """Return the mean intervals of streams, rounded half to even; None without intervals."""
+        return means(self.columns.count[stream], self.columns.total_ns[stream])
 
-    def deviation_ns(self, stream: int) -> int | None:
-        """Return the standard deviation of all intervals (of the population), rounded half to even."""
+    def deviations_ns(self, stream: I64) -> list[int | None]:
+        """Return the standard deviations of all intervals of streams (of the population), rounded half to even."""
         columns = self.columns
-        count = int(columns.count[stream])
-        if count <= 0:
-            return None
-        low, middle, high = columns.squares[stream].tolist()
-        squares = low + (middle << _LIMB_BITS) + (high << (2 * _LIMB_BITS)) + self.large_squares.get(stream, 0)
-        # variance · count² = count · Σx² − (Σx)²; the root of a rational is rounded by comparing squares.
-        scaled = count * squares - int(columns.total_ns[stream]) ** 2
-        root = isqrt(scaled // (count * count))
-        twice = (2 * root + 1) * count
-        if 4 * scaled > twice * twice or (4 * scaled == twice * twice and root % 2):
-            root += 1
-        return root
+        large = [self.large_squares.get(number, 0) for number in stream.tolist()] if self.large_squares else None
+        squares = (
+            low + (middle << _LIMB_BITS) + (high << (2 * _LIMB_BITS))
+            for low, middle, high in columns.squares[stream].tolist()
+        )
+        whole = squares if large is None else map(sum, zip(squares, large, strict=True))
+        return deviations(columns.count[stream], columns.total_ns[stream], whole)
 
 
 def _squares(size: I64, start: I64) -> tuple[I64, U64, I64]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nvscope.engine.keys import NOBODY_KEY
+from nvscope.engine.runs import distinct
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
@@ -45,18 +46,21 @@ def taken_together(state: TrackerState, intervals: StreamIntervals, intervals_ns
     """Take the streams of a state together; ``intervals_ns`` are the nominal intervals of lists."""
     keys, latencies = state.keys, state.lists.acknowledgement.latencies
     list_of = keys.places.high[keys.streams.high.astype(np.int64)].astype(np.int64)
-    nominal = {number: told_of(intervals_ns, keys.list_key(number)) for number in range(len(keys.lists))}
+    nominal: dict[int, int | None] = {}
+    if intervals_ns:
+        nominal = {number: told_of(intervals_ns, key) for number, key in enumerate(keys.list_keys())}
     of_list, latency_of_list = intervals.together(list_of, nominal), latencies.figures(list_of)
     sent = np.flatnonzero(keys.streams.low != np.uint64(NOBODY_KEY))
-    pairs = np.stack([list_of[sent], keys.streams.low[sent].astype(np.int64)], axis=1)
-    found, number = np.unique(pairs, axis=0, return_inverse=True)
-    members: list[Member] = [(own_list, node) for own_list, node in found.tolist()]
+    word = list_of[sent] * len(keys.nodes) + keys.node_of(sent)
+    found = distinct(word)
+    lists, nodes = found // max(len(keys.nodes), 1), found % max(len(keys.nodes), 1)
+    members: list[Member] = list(zip(lists.tolist(), nodes.tolist(), strict=True))
     # Where one node sends all streams of a list, both have the same.
-    alone = np.bincount(found[:, 0], minlength=1)[found[:, 0]] == 1
+    alone = np.bincount(lists, minlength=1)[lists] == 1
     alike = [member for member, same in zip(members, alone.tolist(), strict=True) if same]
     member_of = np.full(len(list_of), -1)
-    member_of[sent] = np.where(alone, -1, np.arange(len(members)))[number.ravel()]
-    nominal_of_member = {one: nominal[own_list] for one, (own_list, _) in enumerate(members)}
+    member_of[sent] = np.where(alone, -1, np.arange(len(members)))[np.searchsorted(found, word)]
+    nominal_of_member = {one: nominal.get(own_list) for one, (own_list, _) in enumerate(members)} if nominal else {}
     of_member, latency_of_member = intervals.together(member_of, nominal_of_member), latencies.figures(member_of)
     return Together(
         MappingProxyType(of_list),
@@ -75,8 +79,12 @@ def taken_together(state: TrackerState, intervals: StreamIntervals, intervals_ns
 
 def counted_together(streams: Collection[StreamSummary]) -> dict[str, int | None]:
     """Return the counters of streams, by name; how many are lost is unknown where one of them is not believed."""
-    counters: dict[str, int | None] = {name: sum(stream.figures[name] for stream in streams) for name in BY_SCOPE}
-    counters["longest_gap"] = max((stream.figures["longest_gap"] for stream in streams), default=0)
+    if len(streams) == 1:
+        (alone,) = streams
+        counters: dict[str, int | None] = {**alone.figures}
+    else:
+        counters = {name: sum([stream.figures[name] for stream in streams]) for name in BY_SCOPE}
+        counters["longest_gap"] = max([stream.figures["longest_gap"] for stream in streams], default=0)
     counters["lost_claimed"] = counters["lost"]
     if any(stream.erratic for stream in streams):
         counters["lost"] = None

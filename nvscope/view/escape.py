@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, overload
 
 _SHORT = {"\\": "\\\\", "\t": "\\t", "\n": "\\n", "\r": "\\r"}
 
@@ -107,11 +108,70 @@ def markdown_code(text: str) -> str:
 
 
 def visible_document(value: Any) -> Any:
-    """Return a copy of (a part of) a document in which every text is visible: one door that all of it passes."""
+    """Return a copy of (a part of) a document in which every text is visible: one door that all of it passes.
+
+    Of what is made only when it is asked for, the copy is.
+    """
+    kind = type(value)
+    if kind in _NO_TEXT:
+        return value
+    if kind is str:
+        return visible(value)
+    if kind is dict:
+        return {key: item if type(item) in _NO_TEXT else visible_document(item) for key, item in value.items()}
     if isinstance(value, str):
         return visible(value)
-    if isinstance(value, dict):
-        return {key: visible_document(item) for key, item in value.items()}
+    if isinstance(value, Mapping):
+        return _VisibleRow(value)
     if isinstance(value, list | tuple):
         return [visible_document(item) for item in value]
-    return value
+    return _VisibleList(value) if isinstance(value, Sequence) else value
+
+
+_NO_TEXT = frozenset({int, float, bool, type(None)})
+
+
+class _VisibleRow(Mapping[str, Any]):
+    __slots__ = ("_known", "_row")
+
+    def __init__(self, row: Mapping[str, Any]) -> None:
+        self._row = row
+        self._known: dict[str, Any] = {}
+
+    def __getitem__(self, key: str) -> Any:
+        known = self._known
+        if key not in known:
+            known[key] = visible_document(self._row[key])
+        return known[key]
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._row
+
+    def get(self, key: str, default: Any = None) -> Any:
+        return self[key] if key in self._row else default
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._row)
+
+    def __len__(self) -> int:
+        return len(self._row)
+
+
+class _VisibleList(Sequence[Any]):
+    def __init__(self, entries: Sequence[Any]) -> None:
+        self._entries = entries
+
+    @overload
+    def __getitem__(self, place: int) -> Any: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> Sequence[Any]: ...
+
+    def __getitem__(self, place: int | slice) -> Any:
+        return visible_document(self._entries[place])
+
+    def __iter__(self) -> Iterator[Any]:
+        return map(visible_document, self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)

@@ -262,3 +262,18 @@ def test_tracks_that_are_all_silent_say_so_together() -> None:
     told = {"a": (3, 9), "b": (5, 7)}
     tracks = [FakeTrack(name, [PacketBatch.nothing(until_ns) for until_ns in untils]) for name, untils in told.items()]
     assert [batch.until_ns for batch in Timeline(tracks)] == [3, 5, 7, 9]
+
+
+def test_many_files_that_overlap_are_merged_a_batch_at_a_time(tmp_path: Path) -> None:
+    """One packet of each at a time would take a time that grows with the square of the files."""
+    names = []
+    for number in range(200):
+        blocks = [build.section("<"), build.interface("<")]
+        blocks += [build.enhanced("<", 1000 * row + number, bytes((number, row)) * 10) for row in range(10)]
+        path = tmp_path / f"{number:03}.pcapng"
+        path.write_bytes(b"".join(blocks))
+        names.append(str(path))
+    batches = list(open_source(names))
+    assert len(batches) == 1
+    packets = build.packets_of(batches)
+    assert [packet.data[:2] for packet in packets] == [bytes((n, row)) for row in range(10) for n in range(200)]

@@ -180,7 +180,7 @@ def test_another_interval_than_the_defined_one_is_coloured_as_a_warning() -> Non
     def tones(median_ns: int) -> dict[str, Tone]:
         streams = [stream("10.0.0.1", 0, 10, interval(9, 1, 1, 1, 1, *[median_ns] * 3, nominal=50))]
         measures, rows = tables.overview(report({}, [udp_list(1, 1, streams=streams)], []))
-        return {measure.column.title: measure.cell(rows[0]).tone for measure in measures}
+        return {measure.column.title: cell.tone for measure, cell in zip(measures, rows[0], strict=True)}
 
     assert tones(60)["interval"] is Tone.WARNING
     assert tones(50)["interval"] is Tone.PLAIN

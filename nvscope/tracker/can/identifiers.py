@@ -6,13 +6,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, U64, Bool
 from dissectors.can.bits import WireBits
 from dissectors.can.frame import CanBatch, Fault
 from dissectors.can.pdo import words
 from dissectors.keys import KeyTable
 from nvscope.engine.keyed_columns import KeyedColumns
-from nvscope.engine.runs import add_sums
+from nvscope.engine.runs import add_sums, runs_of, stable_order
+from nvscope.tracker.events import EventLog
 
 _STANDARD = 1 << 11
 _DENSE_CHANNELS = 64
@@ -33,25 +34,41 @@ class IdentifierColumns(KeyedColumns):
 
 
 class CanIdentifiers:
-    """The identifiers of all channels, keyed by (channel, identifier, with ``EXTENDED`` if it has 29 bits)."""
+    """The identifiers of all channels, keyed by (channel, identifier, with ``EXTENDED`` if it has 29 bits).
+
+    ``left_out`` are the frames of those beyond the limit, by channel.
+    """
 
     def __init__(self) -> None:
         self.keys = KeyTable()
         self.columns = IdentifierColumns()
+        self.left_out = EventLog(words=1)
         # The rows of standard identifiers of the first channels: nearly all frames are found here.
         self._dense = np.empty(0, np.int64)
 
-    def observe(self, frames: CanBatch, bits: WireBits, first_frame: int) -> None:
-        """Take the frames of a batch with their exact bits; its first packet is the frame ``first_frame``."""
+    def observe(self, frames: CanBatch, bits: WireBits, first_frame: int, most: int) -> Bool:
+        """Take the frames of a batch with their exact bits; its first packet is the frame ``first_frame``.
+
+        Of each channel the first ``most`` identifiers are told apart. Return which frames are of further ones.
+        """
+        beyond = np.zeros(len(frames), np.bool_)
         known = (frames.fault == Fault.NONE) | (frames.fault >= Fault.TRUNCATED)
         known &= ~frames.error
         row = None if known.all() else np.flatnonzero(known)
         if row is not None:
             if not len(row):
-                return
+                return beyond
             frames, bits = frames.take(row), WireBits(bits.nominal[row], bits.fast[row])
         before = len(self.keys)
-        number = self._numbers(frames)
+        number = self._numbers(frames, most)
+        if (number < 0).any():
+            own = number < 0
+            beyond[np.flatnonzero(known)[own]] = True
+            channel = frames.channel[own].astype(np.uint64)
+            self.left_out.record(frames.ts_ns[own], frames.row[own] + first_frame, channel)
+            self.left_out.settle()
+            kept = np.flatnonzero(~own)
+            number, frames, bits = number[kept], frames.take(kept), WireBits(bits.nominal[kept], bits.fast[kept])
         rows, columns = len(self.keys), self.columns
         columns.resize(rows)
         if rows > before:
@@ -63,13 +80,15 @@ class CanIdentifiers:
         if bits.fast.any():
             add_sums(columns.fast_bits, number, bits.fast, rows)
         columns.last_ns[number] = frames.ts_ns  # of equal numbers, the last one stays
+        return beyond
 
     def take(self, part: CanIdentifiers) -> None:
         """Take over the identifiers of other channels."""
         self.columns.take_keyed(self.keys, part.columns, part.keys.words)
+        self.left_out.take(part.left_out)
 
-    def _numbers(self, frames: CanBatch) -> I64:
-        """Return the rows of frames, adding those that are new, as they come."""
+    def _numbers(self, frames: CanBatch, most: int) -> I64:
+        """Return the rows of frames, adding those that are new, as they come; -1 of those beyond the limit."""
         channels = min(int(frames.channel.max()) + 1, _DENSE_CHANNELS)
         dense = self._dense
         if channels * _STANDARD > len(dense):
@@ -80,7 +99,29 @@ class CanIdentifiers:
         other = np.flatnonzero(number < 0)
         if len(other):
             unknown = frames.take(other)
-            number[other] = self.keys.numbers(unknown.channel.astype(np.uint64), words(unknown))
+            number[other] = self._number(unknown.channel.astype(np.uint64), words(unknown), most)
             short = other[~unknown.extended & (unknown.channel < _DENSE_CHANNELS)]
             dense[place[short]] = number[short]
+        return number
+
+    def _number(self, channel: U64, word: U64, most: int) -> I64:
+        """Return the numbers of identifiers; those that are among the first ``most`` of their channel are added."""
+        if len(self.keys) + len(word) <= most:
+            return self.keys.numbers(channel, word)
+        number = self.keys.find(channel, word)
+        missing = np.flatnonzero(number < 0)
+        fresh = KeyTable()
+        seen = fresh.numbers(channel[missing], word[missing])
+        # How many of its channel are in front of each new one, those known before among them.
+        channels = int(channel.max()) + 1
+        known = np.bincount(self.keys.high.astype(np.int64), minlength=channels)
+        of_channel = fresh.high.astype(np.int64)
+        order = stable_order(of_channel, channels)
+        start, stop = runs_of(of_channel[order])
+        before = np.empty(len(order), np.int64)
+        before[order] = np.arange(len(order)) - np.repeat(start, stop - start) + known[of_channel[order]]
+        room = before < most
+        self.keys.numbers(fresh.high[room], fresh.low[room])
+        kept = missing[room[seen]]
+        number[kept] = self.keys.find(channel[kept], word[kept])
         return number

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
@@ -52,8 +52,11 @@ class CanLoad:
         self.identifiers = CanIdentifiers()
         self.back_to_back = BackToBack()
 
-    def observe(self, frames: CanBatch, first_frame: int) -> None:
-        """Take the frames of a batch, at least one; its first packet is the frame ``first_frame``."""
+    def observe(self, frames: CanBatch, first_frame: int, most: int) -> Bool:
+        """Take the frames of a batch, at least one; its first packet is the frame ``first_frame``.
+
+        Return which of them are of identifiers beyond the first ``most`` of their channel.
+        """
         number = self._numbers(frames)
         columns = self.columns
         columns.resize(len(self.keys))
@@ -65,8 +68,8 @@ class CanLoad:
         if exact.fast.any():
             add_sums(columns.fast_bits, number, exact.fast, rows)
             add_sums(columns.worst_fast_bits, number, worst.fast, rows)
-        self.identifiers.observe(frames, exact, first_frame)
         self.back_to_back.observe(frames, exact.nominal)
+        return self.identifiers.observe(frames, exact, first_frame, most)
 
     def take(self, part: CanLoad, share: Share) -> None:
         """Take over the bits of a part's share of the channels."""

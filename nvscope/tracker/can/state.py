@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from dissectors.batch import Bool
 from dissectors.can.frame import CanBatch
 from dissectors.can.pdo import words
 from nvscope.engine.dealing import Share, SplitBy
@@ -46,10 +47,10 @@ class BusState:
             return
         self.frames += len(frames)
         self._observe_faults(told, frames)
-        self._observe_remotes(frames, first_frame)
         self.errors.observe(told, frames)
         self.canopen.observe(told, frames)
-        self.load.observe(frames, first_frame)
+        beyond = self.load.observe(frames, first_frame, told.max_streams)
+        self._observe_remotes(frames, first_frame, beyond)
         self.faults.settle()
         self.remotes.settle()
 
@@ -61,8 +62,8 @@ class BusState:
             self.faults.record(time_ns, frame, channel.astype(np.uint64), fault.astype(np.uint64))
             told.tell(EventBatch.of(EventKind.UNREADABLE_FRAME, time_ns, frame, channel=channel, detail=fault))
 
-    def _observe_remotes(self, frames: CanBatch, first_frame: int) -> None:
-        asking = np.flatnonzero(frames.remote)
+    def _observe_remotes(self, frames: CanBatch, first_frame: int, beyond: Bool) -> None:
+        asking = np.flatnonzero(frames.remote & ~beyond)
         if len(asking):
             channel, number = frames.channel[asking].astype(np.uint64), words(frames)[asking]
             self.remotes.record(frames.ts_ns[asking], frames.row[asking] + first_frame, channel, number)

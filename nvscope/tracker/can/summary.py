@@ -101,27 +101,33 @@ def summarize_can(
         )
     )  # fmt: skip
     streams: dict[int, list[CanStreamSummary]] = defaultdict(list)
-    for stream in np.flatnonzero(keys.streams.low == np.uint64(NOBODY_KEY)).tolist():
-        place = int(keys.streams.high[stream])
-        number, subindex = int(keys.places.high[place]), int(keys.places.low[place])
-        _, channel, index = (int(word[number]) for word in keys.lists.words)
+    known = np.flatnonzero(keys.streams.low == np.uint64(NOBODY_KEY))
+    of_list, _, part = keys.described(known)
+    _, channels, identifiers = keys.lists.words
+    columns = (
+        known, of_list, part, channels[of_list], identifiers[of_list], memory.signature[known], memory.telegrams[known],
+        memory.first_ns[known], memory.last_ns[known],
+    )  # fmt: skip
+    keys_of_lists = keys.list_keys()
+    nominal = [told_of(intervals_ns, key) for key in keys_of_lists] if intervals_ns else [None] * len(keys_of_lists)
+    for stream, number, subindex, channel, index, signature, telegrams, first_ns, last_ns in zip(
+        *(column.tolist() for column in columns), strict=True
+    ):
         word = index if index & EXTENDED else index + subindex
-        whole = intervals.of(stream, told_of(intervals_ns, keys.list_key(number)))
-        signature = int(memory.signature[stream])
         streams[number].append(
             CanStreamSummary(
                 stream=stream,
                 subindex=subindex,
                 cob_id=word & ~EXTENDED,
                 extended=bool(word & EXTENDED),
-                telegrams=int(memory.telegrams[stream]),
+                telegrams=telegrams,
                 remote=asked.get((channel, word), 0),
-                first_ns=int(memory.first_ns[stream]),
-                last_ns=int(memory.last_ns[stream]),
+                first_ns=first_ns,
+                last_ns=last_ns,
                 length=signature >> int(LENGTH_SHIFT) & 0xFFFF,
-                intervals=whole,
+                intervals=intervals.of(stream, nominal[number]),
             )
         )
-    lists = [CanListSummary.of(number, keys.list_key(number), own) for number, own in streams.items()]
+    lists = [CanListSummary.of(number, keys_of_lists[number], own) for number, own in streams.items()]
     lists.sort(key=lambda entry: entry.key)
     return CanSummary(tuple(lists), tuple(summarize_buses(state.buses, keys.channel, buses, cob_ids)))

@@ -6,15 +6,17 @@ A frame names neither sender nor reader, and carries no counter: what cannot be 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from dissectors.can.canopen import title_of
 from dissectors.can.pdo import EXTENDED
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.can.canopen import NO_EVIDENCE, Evidence
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
+from nvscope.tracker.measured import Measured
 from nvscope.tracker.subjects import Measures
 from nvscope.units import cob_id
+from nvscope.view.documents.drawn import Drawn, Reads
 from nvscope.view.documents.figures import (
     COUNTED_OF_LIST,
     COUNTED_OF_STREAM,
@@ -23,36 +25,7 @@ from nvscope.view.documents.figures import (
     REMOTE_OF_STREAM,
     TELEGRAMS_OF_STREAM,
 )
-
-
-def can_list(
-    entry: CanListSummary,
-    names: Mapping[ListKey, str],
-    measures: Measures,
-    values: Mapping[str, Any],
-    canopen: Mapping[str, Evidence],
-) -> dict[str, Any]:
-    """Return a list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without.
-
-    ``values`` is what is told of its variables, ``canopen`` of which nodes there is evidence, by channel.
-    """
-    name, measured = told_of(names, entry.key), measures.of_list(entry)
-    return {
-        "key": str(entry.key),
-        "transport": entry.key.transport.value,
-        "channel": entry.key.port,
-        "id": entry.key.identifier & ~EXTENDED,
-        "name": name or None,
-        "cob_id": cob_id(entry.key.identifier & ~EXTENDED, entry.extended),
-        "canopen": canopen_label(entry, entry.key.identifier, canopen, defined=name is not None),
-        "senders": [],
-        "readers": [],
-        **COUNTED_OF_LIST.read(measured),
-        "nodes": [],
-        "streams": [_stream(stream, measures) for stream in entry.streams],
-        **values,
-        **PACE_OF_LIST.read(measured),
-    }
+from nvscope.view.documents.measured_row import MeasuredRow, of_measured, with_values
 
 
 def canopen_label(
@@ -66,19 +39,79 @@ def canopen_label(
     return title_of(number) if not defined and not entry.extended and seen.of_cob_id(number) else None
 
 
-def _stream(stream: CanStreamSummary, measures: Measures) -> dict[str, Any]:
-    measured = measures.of_stream(stream)
-    return {
-        "node": None,
-        "subindex": stream.subindex,
-        "cob_id": stream.cob_id,
-        "extended": stream.extended,
-        **TELEGRAMS_OF_STREAM.read(measured),
-        **REMOTE_OF_STREAM.read(measured),
-        "counter_scope": None,
-        **COUNTED_OF_STREAM.read(measured),
-        "items": None,
-        "length": stream.length,
-        "checksum": None,
-        **PACE_OF_STREAM.read(measured),
+class _StreamRow(MeasuredRow):
+    """A COB-ID of a list."""
+
+    __slots__ = ("measures", "stream")
+
+    def __init__(self, measures: Measures, stream: CanStreamSummary) -> None:
+        super().__init__()
+        self.measures, self.stream = measures, stream
+
+    def measure(self) -> Measured:
+        return self.measures.of_stream(self.stream)
+
+    READS: ClassVar[Mapping[str, Reads]] = {
+        "node": lambda _: None,
+        "subindex": lambda row: row.stream.subindex,
+        "cob_id": lambda row: row.stream.cob_id,
+        "extended": lambda row: row.stream.extended,
+        **of_measured(TELEGRAMS_OF_STREAM),
+        **of_measured(REMOTE_OF_STREAM),
+        "counter_scope": lambda _: None,
+        **of_measured(COUNTED_OF_STREAM),
+        "items": lambda _: None,
+        "length": lambda row: row.stream.length,
+        "checksum": lambda _: None,
+        **of_measured(PACE_OF_STREAM),
     }
+
+
+class CanListRow(MeasuredRow):
+    """A list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without.
+
+    ``canopen`` is of which nodes there is evidence, by channel.
+    """
+
+    __slots__ = ("canopen", "entry", "measures", "name", "values_of")
+
+    def __init__(
+        self, entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures,
+        values: Mapping[ListKey, list[dict[str, Any]]] | None, canopen: Mapping[str, Evidence],
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self.entry, self.measures, self.values_of, self.canopen = entry, measures, values, canopen
+        self.name = told_of(names, entry.key) if names else None
+
+    def measure(self) -> Measured:
+        return self.measures.of_list(self.entry)
+
+    def streams(self) -> Drawn[_StreamRow]:
+        measures = self.measures
+        return Drawn(self.entry.streams, lambda stream: _StreamRow(measures, stream))
+
+    def label(self) -> str | None:
+        return canopen_label(self.entry, self.entry.key.identifier, self.canopen, defined=self.name is not None)
+
+    READS: ClassVar[Mapping[str, Reads]] = {
+        "key": lambda row: str(row.entry.key),
+        "transport": lambda row: row.entry.key.transport.value,
+        "channel": lambda row: row.entry.key.port,
+        "id": lambda row: row.entry.key.identifier & ~EXTENDED,
+        "name": lambda row: row.name or None,
+        "cob_id": lambda row: cob_id(row.entry.key.identifier & ~EXTENDED, row.entry.extended),
+        "canopen": lambda row: row.label(),
+        "senders": lambda _: [],
+        "readers": lambda _: [],
+        **of_measured(COUNTED_OF_LIST),
+        "nodes": lambda _: [],
+        "streams": lambda row: row.streams(),
+        **of_measured(PACE_OF_LIST),
+    }
+
+
+class ValuedCanListRow(CanListRow):
+    """The same with its variables."""
+
+    __slots__ = ()
+    READS: ClassVar = with_values(CanListRow.READS, PACE_OF_LIST)

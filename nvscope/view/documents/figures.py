@@ -53,6 +53,11 @@ class FigureRow:
             nested = own[0].keys[of] != path
             self._reads.append((key, FigureRow(own, of, path).read if nested else _reading(own[0])))
 
+    @property
+    def reads(self) -> Mapping[str, _Reads]:
+        """By key, what reads its part of what was measured."""
+        return dict(self._reads)
+
     def read(self, measured: Measured) -> dict[str, Any]:
         """Return the figures of what was measured; None for what is not known."""
         return {key: read(measured) for key, read in self._reads}

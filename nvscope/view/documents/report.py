@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanListSummary
+from nvscope.tracker.diagnosis import Diagnosis
+from nvscope.tracker.measured import Measured
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.subjects import Measures
 from nvscope.tracker.summary import ListSummary, Summary
 from nvscope.version import __version__
 from nvscope.view.documents.buses import can_buses
-from nvscope.view.documents.can_lists import can_list
+from nvscope.view.documents.can_lists import CanListRow, ValuedCanListRow
+from nvscope.view.documents.drawn import Drawn, DrawnRow, Reads, plain
 from nvscope.view.documents.figures import (
     COUNTED_OF_LIST,
     COUNTED_OF_STREAM,
@@ -29,6 +32,7 @@ from nvscope.view.documents.figures import (
     TELEGRAMS_OF_STREAM,
     time_text,
 )
+from nvscope.view.documents.measured_row import MeasuredRow, of_measured, with_values
 
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
@@ -45,22 +49,29 @@ def report_document(
     *,
     node_names: Mapping[str, str] = MappingProxyType({}),
     whole: Summary | None = None,
+    drawn: bool = False,
 ) -> dict[str, Any]:
     """Return the document of what was summarized and judged, and where it was read from.
 
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by the key
     of their list, each list has its own. ``node_names`` are by the text of the address. ``whole`` is what the summary
-    shows a part of: figures are those of all its streams.
+    shows a part of: figures are those of all its streams. ``drawn``: lists and findings are made when they are asked
+    for (``nvscope.view.documents.drawn``), so that never all of them are there.
     """
     names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
     keys = {entry.number: str(entry.key) for entry in summary.lists}
     keys |= {entry.number: str(entry.key) for entry in summary.can.lists}
 
-    def valued(entry: ListSummary | CanListSummary) -> dict[str, Any]:
-        return {} if values is None else {"values": values.get(entry.key, [])}
-
     capture, measures = summary.capture, Measures(whole or summary)
     canopen = {bus.channel: bus.canopen for bus in summary.can.buses}
+    context = _ListContext(summary, measures, names, node_names)
+    list_row, can_row = (_ListRow, CanListRow) if values is None else (_ValuedListRow, ValuedCanListRow)
+
+    def row_of(entry: ListSummary | CanListSummary) -> Mapping[str, Any]:
+        if isinstance(entry, ListSummary):
+            return list_row(context, entry, values)
+        return can_row(entry, names, measures, values, canopen)
+
     document = {
         "schema": SCHEMA,
         "tool": {"name": "nvscope", "version": __version__},
@@ -77,16 +88,11 @@ def report_document(
             "start_ns": time_text(capture.start_ns),
             "end_ns": time_text(capture.end_ns),
         },
-        "lists": [
-            *(can_list(entry, names, measures, valued(entry), canopen) for entry in summary.can.lists),
-            *(
-                _list(entry, summary, measures, names.get(entry.key) or None, node_names, valued(entry))
-                for entry in summary.lists
-            ),
-        ],
-        "findings": [_finding(finding, keys, summary) for finding in findings],
+        "lists": Drawn((*summary.can.lists, *summary.lists), row_of),
+        "findings": Drawn(findings, lambda finding: _finding_row(finding, keys, summary)),
     }
-    return document | ({"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {})
+    document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
+    return document if drawn else dict(plain(document))
 
 
 def _sum(counts: Iterable[int | None]) -> int | None:
@@ -95,70 +101,167 @@ def _sum(counts: Iterable[int | None]) -> int | None:
     return None if None in known else sum(count for count in known if count is not None)
 
 
-def _list(
-    entry: ListSummary,
-    summary: Summary,
-    measures: Measures,
-    name: str | None,
-    node_names: Mapping[str, str],
-    values: Mapping[str, Any],
-) -> dict[str, Any]:
-    address, measured = summary.addresses, measures.of_list(entry)
-    return {
-        "key": str(entry.key),
-        "transport": entry.key.transport.value,
-        "port": entry.key.port,
-        "id": entry.key.identifier,
-        "name": name,
-        "senders": [address[node] for node in entry.senders],
-        "readers": [address[node] for node in entry.readers],
-        **COUNTED_OF_LIST.read(measured),
-        "nodes": [
-            {
-                "address": address[node],
-                "name": node_names.get(address[node]),
-                **FIGURES_OF_NODE.read(measures.of_node(entry, node, diagnosis)),
-            }
-            for node, diagnosis in entry.nodes
-        ],
-        "streams": [_stream(stream, summary, measures) for stream in entry.streams],
-        **values,
-        **PACE_OF_LIST.read(measured),
+class _ListContext(NamedTuple):
+    """What the rows of lists are made with."""
+
+    summary: Summary
+    measures: Measures
+    names: Mapping[ListKey, str]
+    node_names: Mapping[str, str]
+
+
+class _StreamRow(MeasuredRow):
+    """A stream on UDP."""
+
+    __slots__ = ("context", "stream")
+
+    def __init__(self, context: _ListContext, stream: StreamSummary) -> None:
+        super().__init__()
+        self.context, self.stream = context, stream
+
+    def measure(self) -> Measured:
+        return self.context.measures.of_stream(self.stream)
+
+    READS: ClassVar[Mapping[str, Reads]] = {
+        "node": lambda row: row.context.summary.addresses[row.stream.node],
+        "subindex": lambda row: row.stream.subindex,
+        **of_measured(TELEGRAMS_OF_STREAM),
+        "counter_scope": lambda row: row.stream.counter_scope,
+        **of_measured(COUNTED_OF_STREAM),
+        "items": lambda row: row.stream.items,
+        "length": lambda row: row.stream.length,
+        "checksum": lambda row: row.stream.checksum,
+        **of_measured(PACE_OF_STREAM),
     }
 
 
-def _stream(stream: StreamSummary, summary: Summary, measures: Measures) -> dict[str, Any]:
-    measured = measures.of_stream(stream)
-    return {
-        "node": summary.addresses[stream.node],
-        "subindex": stream.subindex,
-        **TELEGRAMS_OF_STREAM.read(measured),
-        "counter_scope": stream.counter_scope,
-        **COUNTED_OF_STREAM.read(measured),
-        "items": stream.items,
-        "length": stream.length,
-        "checksum": stream.checksum,
-        **PACE_OF_STREAM.read(measured),
+class _NodeRow(MeasuredRow):
+    """A node on a list."""
+
+    __slots__ = ("address", "context", "diagnosis", "entry", "node")
+
+    def __init__(self, context: _ListContext, entry: ListSummary, node: int, diagnosis: Diagnosis) -> None:
+        super().__init__()
+        self.context, self.entry, self.node, self.diagnosis = context, entry, node, diagnosis
+        self.address = context.summary.addresses[node]
+
+    def measure(self) -> Measured:
+        return self.context.measures.of_node(self.entry, self.node, self.diagnosis)
+
+    READS: ClassVar[Mapping[str, Reads]] = {
+        "address": lambda row: row.address,
+        "name": lambda row: row.context.node_names.get(row.address),
+        **of_measured(FIGURES_OF_NODE),
     }
 
 
-def _finding(finding: Finding, keys: dict[int, str], summary: Summary) -> dict[str, Any]:
-    kind = finding.kind
-    return {
-        "code": kind.code,
-        "name": kind.name,
-        "severity": kind.severity.word,
-        "list": _key_of(finding, keys),
-        "node": None if finding.node is None else summary.addresses[finding.node],
-        "subindex": finding.subindex,
-        **_on_can(finding, keys),
-        "count": finding.count,
-        "first_ns": time_text(finding.first_ns),
-        "last_ns": time_text(finding.last_ns),
-        "frames": list(finding.frames),
-        "message": finding.message,
-        "hint": finding.hint or kind.next_steps[0],
+class _ListRow(MeasuredRow):
+    """A list on UDP."""
+
+    __slots__ = ("context", "entry", "values_of")
+
+    def __init__(
+        self, context: _ListContext, entry: ListSummary, values: Mapping[ListKey, list[dict[str, Any]]] | None
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self.context, self.entry, self.values_of = context, entry, values
+
+    def measure(self) -> Measured:
+        return self.context.measures.of_list(self.entry)
+
+    def nodes(self) -> Drawn[_NodeRow]:
+        context, entry = self.context, self.entry
+        return Drawn(entry.nodes, lambda told: _NodeRow(context, entry, *told))
+
+    def streams(self) -> Drawn[_StreamRow]:
+        context = self.context
+        return Drawn(self.entry.streams, lambda stream: _StreamRow(context, stream))
+
+    def addresses(self, nodes: Sequence[int]) -> list[str]:
+        return [self.context.summary.addresses[node] for node in nodes]
+
+    READS: ClassVar[Mapping[str, Reads]] = {
+        "key": lambda row: str(row.entry.key),
+        "transport": lambda row: row.entry.key.transport.value,
+        "port": lambda row: row.entry.key.port,
+        "id": lambda row: row.entry.key.identifier,
+        "name": lambda row: row.context.names.get(row.entry.key) or None,
+        "senders": lambda row: row.addresses(row.entry.senders),
+        "readers": lambda row: row.addresses(row.entry.readers),
+        **of_measured(COUNTED_OF_LIST),
+        "nodes": lambda row: row.nodes(),
+        "streams": lambda row: row.streams(),
+        **of_measured(PACE_OF_LIST),
     }
+
+
+class _ValuedListRow(_ListRow):
+    """The same with its variables."""
+
+    __slots__ = ()
+    READS: ClassVar = with_values(_ListRow.READS, PACE_OF_LIST)
+
+
+class _FindingRow(DrawnRow):
+    """A finding."""
+
+    __slots__ = ("finding", "list_keys", "summary")
+
+    def __init__(self, finding: Finding, keys: Mapping[int, str], summary: Summary) -> None:
+        super().__init__()
+        self.finding, self.list_keys, self.summary = finding, keys, summary
+
+    READS: ClassVar[Mapping[str, Reads]] = {
+        "code": lambda row: row.finding.kind.code,
+        "name": lambda row: row.finding.kind.name,
+        "severity": lambda row: row.finding.kind.severity.word,
+        "list": lambda row: _key_of(row.finding, row.list_keys),
+        "node": lambda row: None if row.finding.node is None else row.summary.addresses[row.finding.node],
+        "subindex": lambda row: row.finding.subindex,
+        "count": lambda row: row.finding.count,
+        "first_ns": lambda row: time_text(row.finding.first_ns),
+        "last_ns": lambda row: time_text(row.finding.last_ns),
+        "frames": lambda row: list(row.finding.frames),
+        "message": lambda row: row.finding.message,
+        "hint": lambda row: row.finding.hint or row.finding.kind.next_steps[0],
+    }
+
+
+def _finding_row(finding: Finding, keys: Mapping[int, str], summary: Summary) -> DrawnRow:
+    """Return the row of a finding; one on CAN has its channel, one that is about many lists these."""
+    if finding.lists:
+        return _FoldedFindingRow(finding, keys, summary)
+    return (_CanFindingRow if _channel_of(finding, keys) else _FindingRow)(finding, keys, summary)
+
+
+def _with(reads: Mapping[str, Reads], more: Mapping[str, Reads]) -> Mapping[str, Reads]:
+    """Return how a finding is read with more of it, which stands behind its SubIndex."""
+    found: dict[str, Reads] = {}
+    for key, read in reads.items():
+        found[key] = read
+        if key == "subindex":
+            found |= more
+    return found
+
+
+class _CanFindingRow(_FindingRow):
+    """The same with its channel."""
+
+    __slots__ = ()
+    READS: ClassVar = _with(_FindingRow.READS, {"channel": lambda row: _channel_of(row.finding, row.list_keys)})
+
+
+class _FoldedFindingRow(_FindingRow):
+    """The same with its channel, and the lists that it is about."""
+
+    __slots__ = ()
+    READS: ClassVar = _with(
+        _FindingRow.READS,
+        {
+            "channel": lambda row: _channel_of(row.finding, row.list_keys),
+            "lists": lambda row: [row.list_keys[number] for number in row.finding.lists],
+        },
+    )
 
 
 def _key_of(finding: Finding, keys: Mapping[int, str]) -> str | None:
@@ -167,9 +270,8 @@ def _key_of(finding: Finding, keys: Mapping[int, str]) -> str | None:
     return None if finding.key is None else str(finding.key)
 
 
-def _on_can(finding: Finding, keys: Mapping[int, str]) -> dict[str, Any]:
-    """Return the channel of a finding on CAN, and the lists of one that is about many."""
+def _channel_of(finding: Finding, keys: Mapping[int, str]) -> str:
+    """Return the channel that a finding is about, "" of one on any channel or on none."""
     transport, _, place = (_key_of(finding, keys) or "").partition("/")
     channel = finding.channel or (place.rpartition("/")[0] if transport == Transport.CAN else "")
-    told: dict[str, Any] = {"channel": channel} if channel and channel != "*" else {}
-    return told | ({"lists": [keys[number] for number in finding.lists]} if finding.lists else {})
+    return "" if channel == "*" else channel

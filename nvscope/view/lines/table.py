@@ -11,6 +11,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 GAP = 2
@@ -57,9 +58,10 @@ def display_width(text: str) -> int:
     """Return the columns that a terminal takes for a visible text: 2 for wide characters, 0 for combining marks."""
     if text.isascii():
         return len(text)
-    return sum(_character_width(character) for character in text)
+    return sum([_character_width(character) for character in text])
 
 
+@lru_cache(4096)
 def _character_width(character: str) -> int:
     if unicodedata.category(character) in {"Mn", "Me"}:
         return 0
@@ -89,14 +91,21 @@ def align(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int,
     Where the rows are too wide, cells are cut as far as their columns allow; then columns are left out; and if that is
     still not enough, the widest cells are cut further.
     """
+    return list(aligned(columns, rows, width, indent))
+
+
+def aligned(
+    columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int, indent: int = 0
+) -> Iterator[Line]:  # fmt: skip
+    """Yield the same, each line when it is asked for."""
     natural = [
-        max([display_width(column.title), *(display_width(row[place].text) for row in rows)])
+        max(display_width(column.title), max([display_width(row[place].text) for row in rows], default=0))
         for place, column in enumerate(columns)
     ]
     kept, widths = _fit(columns, natural, width - indent)
-    lines = [_line([Cell(columns[place].title, Tone.FAINT) for place in kept], columns, kept, widths, indent)]
-    lines += (_line([row[place] for place in kept], columns, kept, widths, indent) for row in rows)
-    return lines
+    yield _line([Cell(columns[place].title, Tone.FAINT) for place in kept], columns, kept, widths, indent)
+    for row in rows:
+        yield _line([row[place] for place in kept], columns, kept, widths, indent)
 
 
 def _fit(columns: Sequence[Column], natural: Sequence[int], width: int) -> tuple[list[int], list[int]]:
@@ -127,19 +136,30 @@ def _line(
 ) -> Line:
     line = [Cell(" " * indent)] if indent else []
     for at, (cell, place, width) in enumerate(zip(cells, kept, widths, strict=True)):
-        text = shorten(cell.text, width)
-        space = " " * (width - display_width(text))
+        text, taken = cell.text, display_width(cell.text)
+        if taken > width:
+            text = shorten(text, width)
+            taken, cell = display_width(text), Cell(text, cell.tone)  # noqa: PLW2901
         if columns[place].right:
-            line += [Cell(space), Cell(text, cell.tone)]
+            if taken < width:
+                line.append(_space(width - taken))
+            line.append(cell)
         else:
-            line += [Cell(text, cell.tone), Cell(space)]
+            line.append(cell)
+            if taken < width:
+                line.append(_space(width - taken))
         if at < len(kept) - 1:
-            line.append(Cell(" " * GAP))
+            line.append(_space(GAP))
     while line and line[-1].text[-1:] in ("", " "):
         last = line.pop()
         if last.text.strip(" "):
             line.append(Cell(last.text.rstrip(" "), last.tone))
     return [cell for cell in line if cell.text]
+
+
+@cache
+def _space(width: int) -> Cell:
+    return Cell(" " * width)
 
 
 _BREAK = re.compile(r"(?<!\d) +| +(?!\d)")

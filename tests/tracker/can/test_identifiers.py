@@ -29,7 +29,7 @@ def test_identifiers_are_those_counted_frame_by_frame_whatever_the_cut(seed: int
     seen, whole = CanIdentifiers(), batch(frames)
     for begin in range(0, count, cut):
         part = dissect_can(whole[begin : begin + cut])
-        seen.observe(part, wire_bits(part, Stuffing.EXACT), begin + 1)
+        seen.observe(part, wire_bits(part, Stuffing.EXACT), begin + 1, 1 << 20)
     columns = seen.columns
     found = {
         key: (int(columns.frames[row]), int(columns.bits[row]), int(columns.first_ns[row]), int(columns.last_ns[row]),
