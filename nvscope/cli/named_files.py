@@ -7,9 +7,8 @@ import stat
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import typer
-
 from nvscope.capture.content import STDIN
+from nvscope.cli.terminal import echo
 from nvscope.errors import UnreadableInput, UsageError
 
 _MOST_LOOKED_AT = 1_000
@@ -47,7 +46,7 @@ def named_files(
     if not definitions:
         for path in captures:
             if _is_directory(path) and _holds_definitions(path):
-                typer.echo(f"nvscope: {path} holds definitions, too; --gvl {path} takes them.", err=True)
+                echo(f"nvscope: {path} holds definitions, too; --gvl {path} takes them.", err=True)
     return NamedFiles(captures, definitions)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -25,7 +26,7 @@ from nvscope.cli.sources import (
     tell_of_losses,
     with_channels,
 )
-from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, echo_all, width
 from nvscope.errors import ExitCode, UsageError
 
 
@@ -118,6 +119,7 @@ def report(
     if as_json:
         from nvscope.report import json
 
+        as_data()
         parts = json.pieces(document)
     elif as_markdown:
         from nvscope.report import markdown
@@ -127,13 +129,12 @@ def report(
         from nvscope.report import text as face
 
         parts = face.pieces(document, colour=shown, width=width(), utc=utc, details=details)
-    for part in parts:
-        typer.echo(part, nl=False, color=shown)
+    echo_all(parts, color=shown)
     tell_of_lists(inquiry)
     tell_of_channels(channel_map, [bus.channel for bus in found.summary.can.buses])
     if fragments := found.state.capture.fragments:
-        typer.echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
+        echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
     if asked and not found.summary.capture.frames:
-        typer.echo(NOTHING_BETWEEN, err=True)
+        echo(NOTHING_BETWEEN, err=True)
     if tell_of_losses(found.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nvscope.cli.completion import expressions
+from nvscope.cli.terminal import echo
 from nvscope.duration import parse_duration
 from nvscope.errors import UsageError
 
@@ -75,7 +76,7 @@ ChannelMapOption = Annotated[
     list[str] | None,
     typer.Option(
         "--channel-map",
-        metavar="OLD=NEW[,…]",
+        metavar="OLD=NEW[,...]",
         help="Call a channel of the captures otherwise, such as can1=press; two of one name are one bus. Goes before "
         "the table [channels] of the project.",
         show_default=False,
@@ -119,9 +120,7 @@ def tell_of_channels(options: Sequence[str] | None, seen: Sequence[str]) -> None
         old, _, new = (part.strip() for part in text.partition("="))
         if new not in seen:
             known = visible(nearest(old, list(seen))) or "The captures have no channels."
-            typer.echo(
-                f"nvscope: --channel-map {visible(text)}: no channel is called {visible(old)}. {known}", err=True
-            )
+            echo(f"nvscope: --channel-map {visible(text)}: no channel is called {visible(old)}. {known}", err=True)
 
 
 def port_rules(options: Sequence[str] | None) -> PortRules | None:
@@ -171,5 +170,5 @@ def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:
     for info in cut:
         assert info.truncation
         place = f"{visible(info.path)}, offset {info.truncation.offset}"
-        typer.echo(f"nvscope: {place}: {visible(info.truncation.message)}", err=True)
+        echo(f"nvscope: {place}: {visible(info.truncation.message)}", err=True)
     return bool(cut)
