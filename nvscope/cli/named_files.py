@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from nvscope.capture.content import STDIN
@@ -34,8 +34,10 @@ def named_files(
     definitions: list[str] = []
     for path in gvl or ():
         (captures if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
-    for path in _expanded(sources or ()):
-        (definitions if _is_definition(path) else captures).append(path)
+    named = _expanded(sources or ())
+    files = {identity for path in (*captures, *named) if (identity := _identity(path))}
+    for path in named:
+        (definitions if _is_definition(path, files) else captures).append(path)
     if not captures:
         if definitions:
             raise UsageError(
@@ -63,10 +65,13 @@ def _expanded(sources: Sequence[str]) -> list[str]:
     return found
 
 
-def _is_definition(path: str) -> bool:
-    """Return whether a file, or what lies below a directory, may be a definition and cannot be a capture."""
+def _is_definition(path: str, named: Collection[tuple[int, int]]) -> bool:
+    """Return whether a file, or what lies below a directory, may be a definition and cannot be a capture.
+
+    Captures in a directory that were ``named`` by themselves are not meant once more.
+    """
     if _is_directory(path):
-        return _holds_definitions(path) and not _holds_captures(path)
+        return _holds_definitions(path) and not _holds_captures(path, named)
     return _is_file(path) and _is_worth_reading(path) and not _is_capture(path)
 
 
@@ -101,14 +106,22 @@ def _is_capture(path: str) -> bool:
     return True
 
 
-def _holds_captures(directory: str) -> bool:
-    """Return whether a capture is in a directory; those below are not looked at, as where captures are read."""
+def _identity(path: str) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return (status.st_dev, status.st_ino) if stat.S_ISREG(status.st_mode) else None
+
+
+def _holds_captures(directory: str, named: Collection[tuple[int, int]]) -> bool:
+    """Return whether a capture is in a directory that was not named; as where captures are read, not below it."""
     try:
         with os.scandir(directory) as entries:
             paths = sorted(entry.path for entry in entries if entry.is_file())
     except OSError:
         return True  # opening it will say what is wrong
-    return any(map(_is_capture, paths))
+    return any(_identity(path) not in named and _is_capture(path) for path in paths)
 
 
 def _holds_definitions(directory: str) -> bool:

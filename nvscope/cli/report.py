@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from nvscope.cli.completion import lists
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
@@ -38,6 +39,16 @@ def report(
     details: Annotated[
         bool, typer.Option("-v", "--details", help="Show the diagnosis structure and the streams of every list.")
     ] = False,
+    listed: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--list",
+            metavar="LIST",
+            help="Only this list: its name, identifier, or key as udp/1202/7; also several.",
+            autocompletion=lists,
+            show_default=False,
+        ),
+    ] = None,
     compare: Annotated[
         bool,
         typer.Option(
@@ -114,7 +125,7 @@ def report(
     keep_freed_memory()
     inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet), asked)
     found = inquiry.analyze(wanted, values=as_json, compare=compare)
-    document = inquiry.report(found, names=not no_names, values=as_json, drawn=True)
+    document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
     shown = colour_wanted(colour)
     if as_json:
         from nvscope.report import json
