@@ -7,11 +7,14 @@ import stat
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from nvscope.capture.compressed import compression_of
 from nvscope.capture.content import STDIN
+from nvscope.capture.formats import TEXT_HEAD_BYTES, format_of
 from nvscope.cli.terminal import echo
 from nvscope.errors import UnreadableInput, UsageError
 
 _MOST_LOOKED_AT = 1_000
+_BINARY = {"pcap", "pcapng"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +91,23 @@ def _is_directory(path: str) -> bool:
 
 
 def _is_worth_reading(path: str) -> bool:
+    """Return whether a file may be a definition; what begins like a capture is looked at no further."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(TEXT_HEAD_BYTES)
+    except (OSError, ValueError):
+        return False  # opening it will say what is wrong
+    if compression_of(head) or _is_binary_capture(head):
+        return False
+    # Not before it is needed: most runs have captures alone.
     from nvscope.definition.wanted_files import is_worth_reading
 
     return is_worth_reading(path)
+
+
+def _is_binary_capture(head: bytes) -> bool:
+    known = format_of(head)
+    return known is not None and known.name in _BINARY
 
 
 def _is_capture(path: str) -> bool:
