@@ -24,6 +24,7 @@ from nvscope.cli.sources import (
     duration_ns,
     port_rules,
     tell_of_channels,
+    tell_of_gaps,
     tell_of_losses,
     with_channels,
 )
@@ -147,5 +148,6 @@ def report(
         echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
     if asked and not found.summary.capture.frames:
         echo(NOTHING_BETWEEN, err=True)
+    tell_of_gaps(found.infos)
     if tell_of_losses(found.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -87,6 +89,7 @@ NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-
 
 _DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*")
 _MAX_PORT = 65535
+_DAY_NS = 86_400 * 10**9
 
 
 def with_channels(project: Project, options: Sequence[str] | None) -> Project:
@@ -160,6 +163,24 @@ def duration_ns(option: str, text: str) -> int:
     if duration <= 0:
         raise UsageError(f"{option} {text}: must be more than 0")
     return duration
+
+
+def tell_of_gaps(infos: Sequence[SourceInfo]) -> None:
+    """Say on stderr where captures of one report lie days apart, and how to report on each of them."""
+    from nvscope.units import count_of
+    from nvscope.view.escape import visible
+
+    timed = sorted((info.start_ns, info.end_ns, info.path) for info in infos if info.start_ns and info.end_ns)
+    for (_, end_ns, before), (start_ns, _, behind) in pairwise(timed):
+        days = (start_ns - end_ns) // _DAY_NS
+        if days >= 1:
+            echo(
+                f"nvscope: {count_of(days, 'day')} without a capture lie between {visible(before)} and "
+                f"{visible(behind)}: what was late, lost or silent meanwhile is no fault. Report them apart: "
+                f"nvscope report {visible(shlex.quote(behind))}",
+                err=True,
+            )
+            return
 
 
 def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:

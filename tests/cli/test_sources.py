@@ -174,3 +174,15 @@ def test_a_report_of_a_list_on_can(tmp_path: Path) -> None:
     for name in ("0x110", "272", "can0/0x110", "can/can0/272"):
         part = json.loads(nvscope("report", press, "--json", "--list", name, cwd=tmp_path).stdout)
         assert [entry["cob_id"] for entry in part["lists"]] == ["0x110"]
+
+
+def test_captures_that_lie_days_apart_are_told(tmp_path: Path) -> None:
+    (tmp_path / "plant.pcapng.gz").write_bytes((CAPTURES / "plant.pcapng.gz").read_bytes())
+    (tmp_path / "peers.pcap").write_bytes((PEERS / "peers.pcap").read_bytes())
+    done = nvscope("report", "peers.pcap", "plant.pcapng.gz", "-q", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == (
+        "nvscope: 1 055 days without a capture lie between plant.pcapng.gz and peers.pcap: what was late, lost or "
+        "silent meanwhile is no fault. Report them apart: nvscope report peers.pcap\n"
+    )
+    assert nvscope("report", "peers.pcap", "peers.pcap", "-q", cwd=tmp_path).stderr == ""
