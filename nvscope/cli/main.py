@@ -47,6 +47,8 @@ def main() -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         adapt(stream)
     try:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         words = in_order(sys.argv[1:], VERBS)
         status = program(next(iter(words), None))(words, prog_name="nvscope", standalone_mode=False)
         sys.stdout.flush()
