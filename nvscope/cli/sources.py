@@ -87,7 +87,7 @@ ChannelMapOption = Annotated[
 
 NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-time leave."
 
-_DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*")
+_DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*", re.ASCII)
 _MAX_PORT = 65535
 _DAY_NS = 86_400 * 10**9
 
