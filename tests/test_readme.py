@@ -12,6 +12,7 @@ import pytest
 
 from nvscope.definition.project_file import read_project
 from nvscope.list_key import ListKey
+from tests.program import run_text
 
 ROOT = Path(__file__).parents[1]
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
@@ -65,3 +66,13 @@ def test_the_project_file_of_lists_on_can(tmp_path: Path) -> None:
     (entry,) = project.definition.lists
     assert (entry.key, entry.name, entry.interval_ns) == (ListKey.can("can0", 0x110), "press", 50_000_000)
     assert project.buses.of("can0").bit_rate == 250_000
+
+
+def test_the_opening_is_what_the_program_prints(here: Path) -> None:
+    language, text = BLOCKS[0]
+    assert language == "console"
+    command, *shown = text.splitlines()
+    done = run_text(*command.split()[2:], cwd=here, environment={"COLUMNS": "100", "TZ": "UTC"})
+    printed = done.stdout.splitlines()
+    # Of the findings, the first two stand there.
+    assert shown == printed[: len(shown)]
