@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import nvscope.schemas
+from nvscope.tracker.figures import FIGURES
 from tests.schemas.definitions import difference, explain, fields, layout, lint
 from tests.schemas.paths import Told, paths_of
 from tests.schemas.report import report
@@ -46,8 +47,11 @@ PROMISED = Path(__file__).with_name("promised.txt")
 
 
 def told_of(schemas: Mapping[str, Schema]) -> dict[str, Told]:
-    """Return what all schemas say, by the names of documents and paths within them."""
-    return {f"{name}/{path}": told for name, one in schemas.items() for path, told in paths_of(one).items() if path}
+    """Return what all schemas say, by the names of documents and paths within them, and the units of figures."""
+    units = {f"figure/{one.name}": Told(frozenset((one.unit or "text").split())) for one in FIGURES}
+    return units | {
+        f"{name}/{path}": told for name, one in schemas.items() for path, told in paths_of(one).items() if path
+    }
 
 
 def promised() -> dict[str, Told]:

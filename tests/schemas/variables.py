@@ -22,6 +22,7 @@ from tests.schemas.shapes import (
     text,
     time,
     truth,
+    unknown,
     whole,
     word,
 )
@@ -71,7 +72,7 @@ def last_values() -> Schema:
 def history() -> Schema:
     """Return the schema of ``vars --history NAME --json``."""
     found = document(
-        "history", "`nvscope vars --history NAME --json`: every change of a variable, and how often and fast it changes",
+        "history", "`nvscope vars --history NAME --json`: every change of a variable, and how often it changes",
         {
             "tool": TOOL,
             "changes": several(shared("change")),
@@ -121,8 +122,8 @@ def at() -> Schema:
         "age_ns": duration("how old the telegram was", None),
     }
     missing = ("later", "not sent", "not chosen", "not decoded")
-    seen = record({**place, **known, "missing": {"type": "null"}})
-    nothing = dict.fromkeys(known, {"type": "null"})
+    seen = record({**place, **known, "missing": unknown()})
+    nothing = {key: unknown() for key in known}
     unseen = record({**place, **nothing, "sender": maybe(text()), "missing": word(missing, "why there is no value")})
     return document(
         "at", "`nvscope vars --at TIME --json`: what every variable was at a time, and how old its telegram was",
