@@ -1,6 +1,6 @@
 """``python -m nvscope``: the program."""
 
-from nvscope.cli.main import main
+from nvscope.cli.start import main
 
 if __name__ == "__main__":
     main()

@@ -233,12 +233,14 @@ class Inquiry:
         return replace(found, chosen=left)
 
     def report(
-        self, found: Analysis, *, names: bool = True, values: bool = False, drawn: bool = False
-    ) -> dict[str, Any]:
+        self, found: Analysis, *, names: bool = True, values: bool = False, drawn: bool = False,
+        listed: Sequence[str] = (),
+    ) -> dict[str, Any]:  # fmt: skip
         """Return the report on an analysis as data (schema ``nvscope.report/1``).
 
         ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined;
-        ``drawn``: as a document whose rows are made when they are asked for, one after the other.
+        ``drawn``: as a document whose rows are made when they are asked for, one after the other; ``listed``: of lists
+        that are meant by one of these names, identifiers or keys alone. UsageError where none is.
         """
         rows = None
         if values and found.values is not None:
@@ -248,6 +250,8 @@ class Inquiry:
         summary, findings = found.summary, found.findings
         if found.chosen is not None:
             summary, findings = found.chosen.summary(summary), found.chosen.findings
+        if listed:
+            summary, findings = self._of_lists(found, summary, findings, listed)
         document = report_document(
             summary, findings, found.infos, self.project.definition, rows,
             node_names=self.project.node_names if names else {}, whole=found.summary, drawn=drawn,
@@ -260,6 +264,17 @@ class Inquiry:
             document["hops"] = hop_rows(found.hops, summary.end_ns)
             document["hops_of_other_types"] = found.hops.untyped
         return document
+
+    def _of_lists(
+        self, found: Analysis, summary: Summary, findings: Sequence[Finding], listed: Sequence[str]
+    ) -> tuple[Summary, Sequence[Finding]]:
+        from nvscope.definition.selection import keys_named  # noqa: PLC0415
+        from nvscope.view.listed import names_of_seen_lists, of_lists  # noqa: PLC0415
+
+        names = {key: entry.name for key, entry in self.project.definition.by_key().items()}
+        seen = names_of_seen_lists(found.summary, found.findings, names)
+        wanted = {key for name in listed for key in keys_named(seen, name)}
+        return of_lists(summary, findings, wanted)
 
     def default_fields(self, source: Source) -> Sequence[TelegramField]:
         """Return what is written of each frame where nobody says, by what the captures begin with."""

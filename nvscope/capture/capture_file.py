@@ -92,6 +92,8 @@ class CaptureFile:
             progress.drops,
             truncation=progress.truncation,
             comments=tuple(progress.comments),
+            start_ns=progress.start_ns,
+            end_ns=progress.end_ns,
         )
 
     @property
@@ -158,7 +160,12 @@ class CaptureFile:
         self._opened = opened = opened or self._open(share, span or TimeSpan())
         self._progress, self._channels = opened.reader.progress, opened.reader.channels
         try:
-            yield from opened.reader.batches()
+            for batch in opened.reader.batches():
+                if len(batch):
+                    progress = self._progress
+                    progress.start_ns = int(batch.ts_ns[0]) if progress.start_ns is None else progress.start_ns
+                    progress.end_ns = int(batch.ts_ns[-1])
+                yield batch
         except Stopped:
             pass
         except OSError as error:

@@ -36,6 +36,8 @@ class Progress:
     truncation: Truncation | None = None
     comments: list[tuple[int | None, str]] = field(default_factory=list)
     left_out: str = ""
+    start_ns: int | None = None
+    end_ns: int | None = None
 
 
 class Reader(ABC):

@@ -41,7 +41,8 @@ class SourceInfo:
     ``bytes`` is the size on disk (of a stream: the bytes read from it so far). ``drops`` counts the packets that the
     capturing side says it lost, None where it cannot know; ``drops_by`` are its parts (``kernel``, ``queue``, ``ring``)
     where there are any, each lost packet in one of them. ``clock_steps`` counts how often the clock was set while it
-    was watched. ``comments`` are those of a pcapng file, as (frame number within the file or None, text).
+    was watched. ``comments`` are those of a pcapng file, as (frame number within the file or None, text). ``start_ns``
+    and ``end_ns`` are the times of the first and the last packet that was passed on, None before the first.
     """
 
     path: str
@@ -53,6 +54,8 @@ class SourceInfo:
     clock_steps: int = 0
     truncation: Truncation | None = None
     comments: tuple[tuple[int | None, str], ...] = ()
+    start_ns: int | None = None
+    end_ns: int | None = None
 
 
 class Source(Protocol):

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.cli.terminal import echo
+
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.definition.model import Definition, ListDefinition
@@ -76,7 +78,7 @@ def tell_of_flaws(definition: Definition, lists: Sequence[ListDefinition] | None
     from nvscope.view.lines.definition_flaws import definition_flaws
 
     for sentence in definition_flaws(definition, lists):
-        typer.echo(f"nvscope: {sentence}", err=True)
+        echo(f"nvscope: {sentence}", err=True)
 
 
 def tell_of_lists(inquiry: Inquiry) -> None:
@@ -86,24 +88,24 @@ def tell_of_lists(inquiry: Inquiry) -> None:
     definition = inquiry.project.definition
     tell_of_flaws(definition, [entry for entry in definition.lists if entry.key])
     if inquiry.project.files and not definition.lists:
-        typer.echo("nvscope: the definition files declare types, but no list: name the exported list, too.", err=True)
+        echo("nvscope: the definition files declare types, but no list: name the exported list, too.", err=True)
     layouts = inquiry.layouts
     for key, element in layouts.left_out.items() if layouts else ():
         entry = layouts.list_of(key) if layouts else None
         name, unknown = visible(entry.name if entry else ""), visible(f"{element.name} : {element.type.name}")
         what = f"{name}: nobody knows how many bytes {unknown} has; from there on, bytes are bytes."
-        typer.echo(f"nvscope: {what}", err=True)
+        echo(f"nvscope: {what}", err=True)
     for entry, element in layouts.unplaced if layouts else ():
         told = visible(f"{element.name} : {element.type.name}")
         why = f"no frame of CAN holds {told}" if element.type.size_bytes else f"nobody knows how many bytes {told} has"
-        typer.echo(
+        echo(
             f"nvscope: {visible(entry.name)}: {why}; neither it nor what follows it can be shown.", err=True
         )  # fmt: skip
     unnamed = [visible(entry.name) for entry in definition.lists if entry.list_id is None and entry.variables]
     if unnamed:
         more = f" and {len(unnamed) - _MOST_NAMED} more" if len(unnamed) > _MOST_NAMED else ""
         names, were = ", ".join(unnamed[:_MOST_NAMED]), "was" if len(unnamed) == 1 else "were"
-        typer.echo(
+        echo(
             f"nvscope: {names}{more} {were} not looked for: no file says the list identifier. Write it into "
             f'nvscope.toml: [lists.N] and below it name = "{unnamed[0]}".',
             err=True,

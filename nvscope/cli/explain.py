@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from nvscope.cli.completion import codes
-from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.cli.encodings import as_data
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 
 
 def explain(
@@ -27,10 +28,11 @@ def explain(
     if as_json:
         from nvscope.report import json
 
-        typer.echo(json.render(face.document(code)), nl=False)
+        as_data()
+        echo(json.render(face.document(code)), nl=False)
         return
     shown = colour_wanted(colour)
     if code is None:
-        typer.echo(face.overview(colour=shown, width=width()), nl=False, color=shown)
+        echo(face.overview(colour=shown, width=width()), nl=False, color=shown)
     else:
-        typer.echo(face.render(code, colour=shown, width=width()), nl=False, color=shown)
+        echo(face.render(code, colour=shown, width=width()), nl=False, color=shown)

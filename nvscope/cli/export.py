@@ -25,6 +25,7 @@ from nvscope.cli.sources import (
     tell_of_losses,
     with_channels,
 )
+from nvscope.cli.terminal import echo
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -200,11 +201,11 @@ def export(
     else:
         _tell_of_telegrams(telegrams, write)
     if between and not (told.frames if lists else telegrams.frames):
-        typer.echo(NOTHING_BETWEEN, err=True)
+        echo(NOTHING_BETWEEN, err=True)
     if fragments:
         from nvscope.units import count_of
 
-        typer.echo(f"nvscope: {count_of(fragments, 'IP fragment')}, not put together.", err=True)
+        echo(f"nvscope: {count_of(fragments, 'IP fragment')}, not put together.", err=True)
     if tell_of_losses(source.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)
 
@@ -267,7 +268,7 @@ def _tell_of_values(
     from nvscope.view.escape import visible
 
     def tell(text: str) -> None:
-        typer.echo(f"nvscope: {text}", err=True)
+        echo(f"nvscope: {text}", err=True)
 
     if not any(count for _, count, _ in written):
         where = f"{visible(path)} has" if len(written) == 1 else f"the {len(written)} files have"
@@ -279,7 +280,7 @@ def _tell_of_values(
         if beyond:
             tell(f"{visible(name)}: {beyond_time(beyond)}")
     if not quiet and any(key.transport is Transport.CAN for key in telegrams.keys):
-        typer.echo(f"nvscope: {ASSUMED_PACKING}", err=True)
+        echo(f"nvscope: {ASSUMED_PACKING}", err=True)
     for sentence in left_out(telegrams):
         tell(sentence)
     if telegrams.undefined and all_lists:
@@ -296,4 +297,4 @@ def _tell_of_telegrams(telegrams: PacketRows, path: str) -> None:
         what = f"the filter chooses none of {count_of(telegrams.telegrams, 'telegram')}"
     else:
         what = f"{count_of(telegrams.frames, 'frame')}, no telegram of network variables"
-    typer.echo(f"nvscope: {what}; {visible(path)} has columns, but no rows.", err=True)
+    echo(f"nvscope: {what}; {visible(path)} has columns, but no rows.", err=True)

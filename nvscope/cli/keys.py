@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of
-from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.cli.encodings import as_data
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 
 
 def keys(
@@ -19,7 +20,7 @@ def keys(
 ) -> None:
     """List the fields that a display filter (-Y) and -e may name; with definitions also those of the variables."""
     if not fields:
-        typer.echo("nvscope: there is no live screen yet, and so there are no key bindings.", err=True)
+        echo("nvscope: there is no live screen yet, and so there are no key bindings.", err=True)
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.report import fields as face
 
@@ -27,7 +28,8 @@ def keys(
     if as_json:
         from nvscope.report import json
 
-        typer.echo(json.render(face.document(known)), nl=False)
+        as_data()
+        echo(json.render(face.document(known)), nl=False)
         return
     shown = colour_wanted(colour)
-    typer.echo(face.render(known, colour=shown, width=width()), nl=False, color=shown)
+    echo(face.render(known, colour=shown, width=width()), nl=False, color=shown)

@@ -19,7 +19,6 @@ from nvscope.cli.program import VERBS, program
 from nvscope.cli.threads import start_no_threads
 from nvscope.cli.words import in_order
 from nvscope.errors import CaptureError, ExitCode, NvscopeError, UnreadableInput
-from nvscope.whole_files import discard_all
 
 # Typer brings a click of its own, or uses the installed one, depending on its version.
 _CommandLineError = cast(
@@ -48,6 +47,8 @@ def main() -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         adapt(stream)
     try:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         words = in_order(sys.argv[1:], VERBS)
         status = program(next(iter(words), None))(words, prog_name="nvscope", standalone_mode=False)
         sys.stdout.flush()
@@ -94,6 +95,8 @@ def main() -> NoReturn:
 
 
 def _tidied() -> int:
+    from nvscope.whole_files import discard_all
+
     discard_all()
     return ExitCode.DATA_LOSS
 

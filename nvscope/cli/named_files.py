@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-import typer
-
+from nvscope.capture.compressed import compression_of
 from nvscope.capture.content import STDIN
+from nvscope.capture.formats import TEXT_HEAD_BYTES, format_of
+from nvscope.cli.terminal import echo
 from nvscope.errors import UnreadableInput, UsageError
 
 _MOST_LOOKED_AT = 1_000
+_BINARY = {"pcap", "pcapng"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +37,10 @@ def named_files(
     definitions: list[str] = []
     for path in gvl or ():
         (captures if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
-    for path in _expanded(sources or ()):
-        (definitions if _is_definition(path) else captures).append(path)
+    named = _expanded(sources or ())
+    files = {identity for path in (*captures, *named) if (identity := _identity(path))}
+    for path in named:
+        (definitions if _is_definition(path, files) else captures).append(path)
     if not captures:
         if definitions:
             raise UsageError(
@@ -47,7 +51,7 @@ def named_files(
     if not definitions:
         for path in captures:
             if _is_directory(path) and _holds_definitions(path):
-                typer.echo(f"nvscope: {path} holds definitions, too; --gvl {path} takes them.", err=True)
+                echo(f"nvscope: {path} holds definitions, too; --gvl {path} takes them.", err=True)
     return NamedFiles(captures, definitions)
 
 
@@ -64,10 +68,13 @@ def _expanded(sources: Sequence[str]) -> list[str]:
     return found
 
 
-def _is_definition(path: str) -> bool:
-    """Return whether a file, or what lies below a directory, may be a definition and cannot be a capture."""
+def _is_definition(path: str, named: Collection[tuple[int, int]]) -> bool:
+    """Return whether a file, or what lies below a directory, may be a definition and cannot be a capture.
+
+    Captures in a directory that were ``named`` by themselves are not meant once more.
+    """
     if _is_directory(path):
-        return _holds_definitions(path) and not _holds_captures(path)
+        return _holds_definitions(path) and not _holds_captures(path, named)
     return _is_file(path) and _is_worth_reading(path) and not _is_capture(path)
 
 
@@ -84,9 +91,23 @@ def _is_directory(path: str) -> bool:
 
 
 def _is_worth_reading(path: str) -> bool:
+    """Return whether a file may be a definition; what begins like a capture is looked at no further."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(TEXT_HEAD_BYTES)
+    except (OSError, ValueError):
+        return False  # opening it will say what is wrong
+    if compression_of(head) or _is_binary_capture(head):
+        return False
+    # Not before it is needed: most runs have captures alone.
     from nvscope.definition.wanted_files import is_worth_reading
 
     return is_worth_reading(path)
+
+
+def _is_binary_capture(head: bytes) -> bool:
+    known = format_of(head)
+    return known is not None and known.name in _BINARY
 
 
 def _is_capture(path: str) -> bool:
@@ -102,14 +123,22 @@ def _is_capture(path: str) -> bool:
     return True
 
 
-def _holds_captures(directory: str) -> bool:
-    """Return whether a capture is in a directory; those below are not looked at, as where captures are read."""
+def _identity(path: str) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return (status.st_dev, status.st_ino) if stat.S_ISREG(status.st_mode) else None
+
+
+def _holds_captures(directory: str, named: Collection[tuple[int, int]]) -> bool:
+    """Return whether a capture is in a directory that was not named; as where captures are read, not below it."""
     try:
         with os.scandir(directory) as entries:
             paths = sorted(entry.path for entry in entries if entry.is_file())
     except OSError:
         return True  # opening it will say what is wrong
-    return any(map(_is_capture, paths))
+    return any(_identity(path) not in named and _is_capture(path) for path in paths)
 
 
 def _holds_definitions(directory: str) -> bool:

@@ -10,6 +10,7 @@ import typer
 
 from nvscope.cli.completion import fields as fields_beginning
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -26,7 +27,7 @@ from nvscope.cli.sources import (
     tell_of_losses,
     with_channels,
 )
-from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -149,19 +150,17 @@ def packets(
     if count is None:
         tell_of_channels(channel_map, source.channels)
     if between and not telegrams.frames:
-        typer.echo(NOTHING_BETWEEN, err=True)
+        echo(NOTHING_BETWEEN, err=True)
     elif not telegrams.telegrams:
         frames = units.count_of(telegrams.frames, "frame")
-        typer.echo(
-            f"nvscope: {frames}, no telegram of network variables; `nvscope report` tells what to check.", err=True
-        )
+        echo(f"nvscope: {frames}, no telegram of network variables; `nvscope report` tells what to check.", err=True)
     elif not telegrams.shown:
         read_count = units.count_of(telegrams.telegrams, "telegram")
-        typer.echo(f"nvscope: {read_count} read, the filter chooses none of them.", err=True)
+        echo(f"nvscope: {read_count} read, the filter chooses none of them.", err=True)
     elif chosen_by and chosen_by.findings:
-        typer.echo("nvscope: a finding is shown by the telegrams of its first ten events, not by all.", err=True)
+        echo("nvscope: a finding is shown by the telegrams of its first ten events, not by all.", err=True)
     if telegrams.fragments:
-        typer.echo(f"nvscope: {units.count_of(telegrams.fragments, 'IP fragment')}, not put together.", err=True)
+        echo(f"nvscope: {units.count_of(telegrams.fragments, 'IP fragment')}, not put together.", err=True)
     if inquiry and plant.files:
         tell_of_lists(inquiry)
     if tell_of_losses(source.infos):
@@ -186,6 +185,8 @@ def _face(
         raise UsageError(
             f"-V and -x are for text, not for -T {chosen_format}", next_step="take udp.payload for all bytes"
         )
+    if chosen_format in ("json", "ndjson"):
+        as_data()
     if settings and chosen_format != "fields":
         raise UsageError("-E is for -T fields", next_step="add -T fields -e FIELD, or leave -E out")
     if chosen_format == "text":

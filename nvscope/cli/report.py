@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
+from nvscope.cli.completion import lists
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -22,10 +24,11 @@ from nvscope.cli.sources import (
     duration_ns,
     port_rules,
     tell_of_channels,
+    tell_of_gaps,
     tell_of_losses,
     with_channels,
 )
-from nvscope.cli.terminal import ColourOption, colour_wanted, width
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, echo_all, width
 from nvscope.errors import ExitCode, UsageError
 
 
@@ -37,6 +40,16 @@ def report(
     details: Annotated[
         bool, typer.Option("-v", "--details", help="Show the diagnosis structure and the streams of every list.")
     ] = False,
+    listed: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--list",
+            metavar="LIST",
+            help="Only this list: its name, identifier, or key as udp/1202/7; also several.",
+            autocompletion=lists,
+            show_default=False,
+        ),
+    ] = None,
     compare: Annotated[
         bool,
         typer.Option(
@@ -113,11 +126,12 @@ def report(
     keep_freed_memory()
     inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet), asked)
     found = inquiry.analyze(wanted, values=as_json, compare=compare)
-    document = inquiry.report(found, names=not no_names, values=as_json, drawn=True)
+    document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
     shown = colour_wanted(colour)
     if as_json:
         from nvscope.report import json
 
+        as_data()
         parts = json.pieces(document)
     elif as_markdown:
         from nvscope.report import markdown
@@ -127,13 +141,13 @@ def report(
         from nvscope.report import text as face
 
         parts = face.pieces(document, colour=shown, width=width(), utc=utc, details=details)
-    for part in parts:
-        typer.echo(part, nl=False, color=shown)
+    echo_all(parts, color=shown)
     tell_of_lists(inquiry)
     tell_of_channels(channel_map, [bus.channel for bus in found.summary.can.buses])
     if fragments := found.state.capture.fragments:
-        typer.echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
+        echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
     if asked and not found.summary.capture.frames:
-        typer.echo(NOTHING_BETWEEN, err=True)
+        echo(NOTHING_BETWEEN, err=True)
+    tell_of_gaps(found.infos)
     if tell_of_losses(found.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)

@@ -11,6 +11,7 @@ import typer
 
 from nvscope.capture.formats import suffixes_that
 from nvscope.cli.sources import ForceOption
+from nvscope.cli.terminal import echo
 from nvscope.errors import CaptureError, NvscopeError, UsageError
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def simulate(
     from nvscope.simulate.scenario_file import document, load_scenario
 
     if keys:
-        typer.echo(document())
+        echo(document())
         return
     if scenario is None or write is None:
         raise UsageError(
@@ -84,7 +85,7 @@ def simulate(
                 sink.close()
         text = json.dumps(told, indent=2) + "\n"
         if told_file is None:
-            typer.echo(text, nl=False)
+            echo(text, nl=False)
         else:
             told_file.file.write(text.encode())
         files.publish()
@@ -97,7 +98,7 @@ def simulate(
         files.discard()
     if told_to is not None:
         frames = told["capture"]["frames"]
-        typer.echo(f"{write}: {frames} frames; the truth about them: {told_to}", err=True)
+        echo(f"{write}: {frames} frames; the truth about them: {told_to}", err=True)
 
 
 @contextmanager

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nvscope.cli.completion import expressions
+from nvscope.cli.terminal import echo
 from nvscope.duration import parse_duration
 from nvscope.errors import UsageError
 
@@ -75,7 +78,7 @@ ChannelMapOption = Annotated[
     list[str] | None,
     typer.Option(
         "--channel-map",
-        metavar="OLD=NEW[,…]",
+        metavar="OLD=NEW[,...]",
         help="Call a channel of the captures otherwise, such as can1=press; two of one name are one bus. Goes before "
         "the table [channels] of the project.",
         show_default=False,
@@ -84,8 +87,9 @@ ChannelMapOption = Annotated[
 
 NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-time leave."
 
-_DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*")
+_DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*", re.ASCII)
 _MAX_PORT = 65535
+_DAY_NS = 86_400 * 10**9
 
 
 def with_channels(project: Project, options: Sequence[str] | None) -> Project:
@@ -119,9 +123,7 @@ def tell_of_channels(options: Sequence[str] | None, seen: Sequence[str]) -> None
         old, _, new = (part.strip() for part in text.partition("="))
         if new not in seen:
             known = visible(nearest(old, list(seen))) or "The captures have no channels."
-            typer.echo(
-                f"nvscope: --channel-map {visible(text)}: no channel is called {visible(old)}. {known}", err=True
-            )
+            echo(f"nvscope: --channel-map {visible(text)}: no channel is called {visible(old)}. {known}", err=True)
 
 
 def port_rules(options: Sequence[str] | None) -> PortRules | None:
@@ -163,6 +165,24 @@ def duration_ns(option: str, text: str) -> int:
     return duration
 
 
+def tell_of_gaps(infos: Sequence[SourceInfo]) -> None:
+    """Say on stderr where captures of one report lie days apart, and how to report on each of them."""
+    from nvscope.units import count_of
+    from nvscope.view.escape import visible
+
+    timed = sorted((info.start_ns, info.end_ns, info.path) for info in infos if info.start_ns and info.end_ns)
+    for (_, end_ns, before), (start_ns, _, behind) in pairwise(timed):
+        days = (start_ns - end_ns) // _DAY_NS
+        if days >= 1:
+            echo(
+                f"nvscope: {count_of(days, 'day')} without a capture lie between {visible(before)} and "
+                f"{visible(behind)}: what was late, lost or silent meanwhile is no fault. Report them apart: "
+                f"nvscope report {visible(shlex.quote(behind))}",
+                err=True,
+            )
+            return
+
+
 def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:
     """Say on stderr which files could not be read to their end; tell whether there were any."""
     from nvscope.view.escape import visible
@@ -171,5 +191,5 @@ def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:
     for info in cut:
         assert info.truncation
         place = f"{visible(info.path)}, offset {info.truncation.offset}"
-        typer.echo(f"nvscope: {place}: {visible(info.truncation.message)}", err=True)
+        echo(f"nvscope: {place}: {visible(info.truncation.message)}", err=True)
     return bool(cut)

@@ -5,13 +5,39 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 import typer
 
+from nvscope.cli.encodings import as_data
+
 Colour = Literal["auto", "always", "never"]
 ColourOption = Annotated[Colour, typer.Option("--color", help="Colours: on a terminal only, always, or never.")]
+
+
+def echo(text: str, *, nl: bool = True, err: bool = False, color: bool | None = None) -> None:
+    """Print a text to stdout, or to stderr, as their encodings have it (``nvscope.cli.encodings``).
+
+    ``color`` says whether the text has colours, which old consoles of Windows have to be shown otherwise.
+    """
+    if color and sys.platform == "win32":
+        typer.echo(text, nl=nl, err=err, color=True)
+        return
+    # Not by typer: it writes UTF-8 where it takes an encoding for wrong.
+    stream = sys.stderr if err else sys.stdout
+    stream.write(f"{text}\n" if nl else text)
+    stream.flush()
+
+
+def echo_all(parts: Iterable[str], *, color: bool) -> None:
+    """Print the parts of a text to stdout, which are made while they are printed."""
+    if color and sys.platform == "win32":
+        for part in parts:
+            echo(part, nl=False, color=True)
+        return
+    sys.stdout.writelines(parts)
+    sys.stdout.flush()
 
 
 def colour_wanted(choice: Colour) -> bool:
@@ -35,7 +61,8 @@ def tell(
     if as_json:
         from nvscope.report import json
 
+        as_data()
         text = json.render(document)
     else:
         text = render(document)
-    typer.echo(text, nl=not text.endswith("\n"), color=colour)
+    echo(text, nl=not text.endswith("\n"), color=colour)

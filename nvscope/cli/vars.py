@@ -12,6 +12,7 @@ import typer
 
 from nvscope.cli.completion import lists
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     ChannelMapOption,
@@ -27,7 +28,7 @@ from nvscope.cli.sources import (
     tell_of_losses,
     with_channels,
 )
-from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, tell, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -212,9 +213,7 @@ def _tell_of_truncated(count: int) -> None:
     from nvscope.findings.header import TRUNCATED_BY_CAPTURE
 
     told = units.count_of(count, "telegram")
-    typer.echo(
-        f"nvscope: {told} of defined lists not captured whole, not decoded ({TRUNCATED_BY_CAPTURE.code}).", err=True
-    )
+    echo(f"nvscope: {told} of defined lists not captured whole, not decoded ({TRUNCATED_BY_CAPTURE.code}).", err=True)
 
 
 def _tell_of_unfitting(count: int) -> None:
@@ -223,7 +222,7 @@ def _tell_of_unfitting(count: int) -> None:
     from nvscope.findings.definition import DEFINITION_MISMATCH
 
     told = units.count_of(count, "telegram")
-    typer.echo(
+    echo(
         f"nvscope: {told} of another shape than the definition has, not decoded; "
         "`nvscope report` with the same definitions tells where they differ "
         f"({DEFINITION_MISMATCH.code}, on CAN {DLC_MISMATCH.code}).",
@@ -242,6 +241,8 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
 
     changes = Changes(asked.inquiry, name, listed=listed, every=every, expression=asked.wanted)
     wanted, history = changes.selection, changes.history
+    if asked.as_json:
+        as_data()
     face = (
         Json()
         if asked.as_json
@@ -259,7 +260,7 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
     out.write(face.end(change_summary(history), chosen, some_came=changes.some_came))
     out.flush()
     if changes.unplaced:
-        typer.echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
+        echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
     if history.unfitting:
         _tell_of_unfitting(history.unfitting)
     return changes.source.infos
@@ -295,7 +296,7 @@ def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool)
     inferred = infer(asked.inquiry, expression=asked.wanted)
     samples, source = inferred.samples, inferred.source
     if inferred.some_on_can:
-        typer.echo(
+        echo(
             "nvscope: lists on CAN are not proposed: a frame does not tell how many variables it has.", err=True
         )  # fmt: skip
     found = proposals(samples, listed)
@@ -306,7 +307,7 @@ def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool)
         return source.infos
     made = drafts(found)
     if not made:
-        typer.echo(f"nvscope: nothing to draft, {write} was not written.", err=True)
+        echo(f"nvscope: nothing to draft, {write} was not written.", err=True)
     drafted = [*zip(made, _draft_paths(write, [(draft.port, draft.list_id) for draft in made]), strict=True)]
     files = WholeFiles([*(info.path for info in source.infos), *asked.inquiry.project.inputs], force=force)
     try:
@@ -319,7 +320,7 @@ def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool)
         raise
     for draft, path in drafted:
         note = f"; it does not fit the wire: {draft.problem}" if draft.problem else ""
-        typer.echo(f"nvscope: {path}: draft of list {draft.list_id}, {_CHECK}{note}.", err=True)
+        echo(f"nvscope: {path}: draft of list {draft.list_id}, {_CHECK}{note}.", err=True)
     return source.infos
 
 

@@ -17,7 +17,7 @@ MAX_CHANNEL_NAME = 60
 
 _MOST_BITS_PER_S = 20_000_000
 _LEAST_BITS_PER_S = 1_000
-_RATE = re.compile(r"(\d{1,8})(?:\.(\d{1,6}))?\s*([kM]?)(?:bit/s)?", re.IGNORECASE)
+_RATE = re.compile(r"(\d{1,8})(?:\.(\d{1,6}))?\s*([kM]?)(?:bit/s)?", re.IGNORECASE | re.ASCII)
 _FACTORS = {"": 1, "k": 1_000, "m": 1_000_000}
 _EXAMPLE = 'Write bits per second, such as 250000, or "250k", "1M".'
 

@@ -17,7 +17,7 @@ from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choi
 
 _U16_MAX = 0xFFFF
 _MAX_NAME = 60
-_IDENTIFIER = re.compile(r"(?:0x|16#)([0-9a-f]{1,8})|(\d{1,10})", re.IGNORECASE)
+_IDENTIFIER = re.compile(r"(?:0x|16#)([0-9a-f]{1,8})|(\d{1,10})", re.IGNORECASE | re.ASCII)
 
 
 def _name(value: Any, place: Place) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from nvscope.definition.project_lists import NAME
 from nvscope.toml_table import Place, ValueKind, array, integer, key, mapping, read_table
 
-_LIST_KEY = re.compile(r"udp/(\d{1,5})/(\d{1,5})")
+_LIST_KEY = re.compile(r"udp/(\d{1,5})/(\d{1,5})", re.ASCII)
 _U16_MAX = 0xFFFF
 
 ReadList = tuple[int | None, int]

@@ -156,19 +156,25 @@ def names_of_lists(layouts: Layouts) -> list[tuple[ListKey, ListDefinition]]:
 
 def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> list[tuple[ListKey, ListDefinition]]:
     """Return the lists of a name (in any case), identifier or key (udp/1202/7); UsageError where there is none."""
+    keys = keys_named([(key, entry.name) for key, entry in lists], given)
+    return [(key, entry) for key, entry in lists if key in keys]
+
+
+def keys_named(lists: Sequence[tuple[ListKey, str]], given: str) -> set[ListKey]:
+    """Return the keys of the lists that are meant as in ``lists_named``, given all keys with names ("" without one)."""
     wanted = given.strip().lower()
-    found = [(key, entry) for key, entry in lists if wanted in (entry.name.lower(), *map(str.lower, _as_written(key)))]
+    found = {key for key, name in lists if wanted in (name.lower(), *map(str.lower, _as_written(key))) and wanted}
     if not found:
-        told = ", ".join(f"{entry.name} ({list_key(str(key))})" for key, entry in lists[:_MOST_LISTS]) or "none"
+        named = [f"{name} ({list_key(str(key))})" if name else list_key(str(key)) for key, name in lists]
         more = f" and {len(lists) - _MOST_LISTS} more" if len(lists) > _MOST_LISTS else ""
-        next_step = f"there are {told}{more}"
+        next_step = f"there are {', '.join(named[:_MOST_LISTS]) or 'none'}{more}"
         if channel := _channel_of(given.strip(), lists):
             next_step += f"; frames of one channel are chosen by -Y 'can.channel == \"{channel}\"'"
         raise UsageError(f"no list is named {given[:80]!r}", next_step=next_step)
     return found
 
 
-def _channel_of(wanted: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> str:
+def _channel_of(wanted: str, lists: Sequence[tuple[ListKey, str]]) -> str:
     """Return the channel that a key names, where its list is defined for any; else nothing."""
     match = re.fullmatch(r"can/([^/\"']{1,60})/(\d{1,10}|0x[0-9a-f]{1,8})", wanted, re.IGNORECASE)
     if match is None:

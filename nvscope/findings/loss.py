@@ -91,7 +91,8 @@ SENDER_RESTART = FindingKind(
     ),
     next_steps=(
         "Compare the time with the controller's log; if restarts repeat, look for watchdogs and the power supply.",
-        "If the Counter jumps to and fro, compare the MAC addresses of these telegrams: two means two devices.",
+        "If the Counter jumps to and fro, compare the hardware addresses of these telegrams (`nvscope packets -e "
+        "eth.src -e nv.counter`): two mean two devices.",
     ),
 )
 COUNTER_UNUSED = FindingKind(

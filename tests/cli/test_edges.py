@@ -119,7 +119,7 @@ def test_a_large_capture_that_is_cut_while_it_is_read_ends_with_a_sentence(verb:
         os.truncate(large, 5_000)
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 3, errors
-    assert errors.decode().startswith("nvscope: large.pcap: ")
+    assert errors.decode().startswith("nvscope: large.pcap")
     assert "was cut" in errors.decode() or "ends" in errors.decode() or "cut" in errors.decode()
     assert not [name for name in os.listdir(place) if "unfinished" in name]
 
@@ -143,3 +143,18 @@ def test_a_key_of_thousands_of_parts_is_refused(key: str, place: Path) -> None:
     (place / "deep.toml").write_text(f"{key}\n")
     (place / "nvscope.toml").unlink()
     assert "a key has more than 200 parts" in run_text("simulate", "deep.toml", "-w", "y.pcap", cwd=place).stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["report", "x.pcap", "-d", "udp.port==١٢٠٢,nvl"], ["report", "x.pcap", "--bitrate", "٢50k"],
+        ["report", "x.pcap", "--from-time", "٣s"], ["report", "x.pcap", "--ack-timeout", "٣s"],
+        ["report", "x.pcap", "-Y", "nv.index == ٣"], ["report", "x.pcap", "--list", "٤٢"],
+    ],
+    ids=lambda words: words[2],
+)  # fmt: skip
+def test_numbers_have_the_digits_that_the_wire_knows(words: list[str], place: Path) -> None:
+    """Digits of other scripts are letters to everything else that reads them."""
+    done = run_text(*words, cwd=place)
+    assert (done.returncode, done.stdout) == (2, "")

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -268,3 +269,18 @@ def test_output_into_a_pipe_that_does_not_wait_is_whole() -> None:
     os.close(reading)
     assert process.returncode == 0
     assert b"".join(parts) == nvscope("packets", PEERS, "-T", "json").stdout
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="interrupts are no signals there")
+@pytest.mark.parametrize("after_s", [0.0, 0.02, 0.05, 0.08, 0.12, 0.2])
+def test_an_interrupt_at_the_start_is_silent(after_s: float) -> None:
+    with subprocess.Popen(
+        [*COMMAND, "report", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+    ) as process:
+        # Not before Python itself has begun to run what it was given.
+        time.sleep(0.05 + after_s)
+        process.send_signal(signal.SIGINT)
+        out, errors = process.communicate(timeout=30)
+    assert process.returncode in (ExitCode.INTERRUPTED, -signal.SIGINT)
+    assert out == b""
+    assert b"nvscope" not in errors

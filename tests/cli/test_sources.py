@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
 
@@ -131,3 +132,57 @@ def test_every_verb_tells_what_the_definitions_lack(verb: str, tmp_path: Path) -
     assert "nvscope: left out: plc/old.gvl, line 1, column 6: this is no well-formed XML" in done.stderr
     assert sum("types that no file declares: Axis (plc/axis.gvl, line 6, column 11)" in line for line in said) == 1
     assert "nvscope: axis: nobody knows how many bytes stAxis : Axis has; from there on, bytes are bytes." in said
+
+
+def test_a_directory_that_holds_the_named_capture_too_gives_its_definitions() -> None:
+    named = nvscope("report", str(PEERS / "peers.pcap"), str(PEERS), "-q", cwd=PEERS)
+    assert (named.returncode, named.stderr) == (0, "")
+    assert named.stdout == nvscope("report", str(PEERS / "peers.pcap"), "--gvl", str(PEERS), "-q", cwd=PEERS).stdout
+
+
+@pytest.mark.parametrize(
+    ("names", "keys"),
+    [
+        (["42"], ["udp/1202/42"]),
+        (["AXIS"], ["udp/1202/42"]),
+        (["udp/1202/1", "1202/3"], ["udp/1202/1", "udp/1202/3"]),
+    ],
+)
+def test_a_report_of_some_lists(names: list[str], keys: list[str], tmp_path: Path) -> None:
+    files = [str(PEERS / name) for name in ("peers.pcap", "axis.gvl", "axis_types.st")]
+    options = [word for name in names for word in ("--list", name)]
+    whole = json.loads(nvscope("report", *files, "--json", cwd=tmp_path).stdout)
+    part = json.loads(nvscope("report", *files, "--json", *options, cwd=tmp_path).stdout)
+    assert part["lists"] == [entry for entry in whole["lists"] if entry["key"] in keys]
+    of_capture = [finding for finding in whole["findings"] if finding["list"] is None and finding["node"] is None]
+    expected = [finding for finding in whole["findings"] if finding["list"] in keys or finding in of_capture]
+    assert part["findings"] == expected
+    assert part["capture"] == whole["capture"]
+
+
+def test_a_list_that_was_not_seen_may_be_asked_for(tmp_path: Path) -> None:
+    files = [str(CAPTURE), str(PEERS / "axis.gvl"), str(PEERS / "axis_types.st")]
+    part = json.loads(nvscope("report", *files, "--json", "--list", "axis", cwd=tmp_path).stdout)
+    assert (part["lists"], [finding["code"] for finding in part["findings"] if finding["list"]]) == ([], ["NV407"])
+    done = nvscope("report", *files, "--list", "axes", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("nvscope: no list is named 'axes'\n  there are ")
+
+
+def test_a_report_of_a_list_on_can(tmp_path: Path) -> None:
+    press = str(CAPTURES / "can" / "press.log")
+    for name in ("0x110", "272", "can0/0x110", "can/can0/272"):
+        part = json.loads(nvscope("report", press, "--json", "--list", name, cwd=tmp_path).stdout)
+        assert [entry["cob_id"] for entry in part["lists"]] == ["0x110"]
+
+
+def test_captures_that_lie_days_apart_are_told(tmp_path: Path) -> None:
+    (tmp_path / "plant.pcapng.gz").write_bytes((CAPTURES / "plant.pcapng.gz").read_bytes())
+    (tmp_path / "peers.pcap").write_bytes((PEERS / "peers.pcap").read_bytes())
+    done = nvscope("report", "peers.pcap", "plant.pcapng.gz", "-q", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == (
+        "nvscope: 1 055 days without a capture lie between plant.pcapng.gz and peers.pcap: what was late, lost or "
+        "silent meanwhile is no fault. Report them apart: nvscope report peers.pcap\n"
+    )
+    assert nvscope("report", "peers.pcap", "peers.pcap", "-q", cwd=tmp_path).stderr == ""

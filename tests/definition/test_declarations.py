@@ -175,6 +175,7 @@ def test_scalars_are_those_of_the_wire() -> None:
 
 PROBLEMS = {
     "VAR_GLOBAL\n a : INT\n b : REAL;\nEND_VAR": "3:2 found 'b', expected ';'",
+    "VAR_GLOBAL a : STRING(٣); END_VAR": "1:23 found '٣', which no declaration holds",
     "VAR_GLOBAL x : INT = 5; END_VAR": "1:20 found '=', expected ':='",
     "TYPE S : STRUCT x : INT = 5; END_STRUCT END_TYPE": "1:25 found '=', expected ':='",
     "VAR_GLOBAL a INT; END_VAR": "1:14 found 'INT', expected ',', ':' or AT",

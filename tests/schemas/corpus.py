@@ -30,6 +30,7 @@ COMMANDS = (
     f"report {_PEERS}",
     f"report {_PLANT}",
     f"report {_PLANT} -Y 'list.lost > 0'",
+    f"report {_PEERS} --list 7",
     f"report {_PRESS}",
     "report captures/can/press.log captures/peers/peers.pcap --gvl captures/peers --gvl captures/can --compare",
     "report captures/can/press.log --bitrate 250k",

@@ -24,7 +24,7 @@ Shape = Callable[[Figure], Schema]
 
 def figure(one: Figure) -> Schema:
     """Return what a figure is, by its unit."""
-    told = f"{one.help}; {one.unit}" if one.unit not in ("", "time", "ns") else one.help
+    told = f"{one.help}; unit: {one.unit}" if one.unit not in ("", "time", "ns") else one.help
     if one.unit == "time":
         found = time(told)
     elif one.unit == "ns":

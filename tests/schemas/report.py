@@ -238,7 +238,7 @@ def _bus() -> Schema:
 
 
 def _load() -> Schema:
-    second = [time("when it began"), number("load; percent", 0), number("with most stuff bits; percent", 0)]
+    second = [time("when it began"), number("load; unit: percent", 0), number("with most stuff bits; percent", 0)]
     row = {"type": "array", "prefixItems": second, "minItems": len(second), "items": False}
     mean, peak, worst = (figures((one,), Of.BUS, "load") for one in LOADS)
     return record(
@@ -263,7 +263,7 @@ def _identifier() -> Schema:
             "frames": whole(),
             "bits": whole(),
             "fast_bits": whole(),
-            "share": number("percent", 0),
+            "share": number("unit: percent", 0),
         }
     )
 

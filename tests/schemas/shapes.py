@@ -84,7 +84,7 @@ def time(told: str = "") -> Schema:
 
 
 def duration(told: str = "", least: int | None = 0) -> Schema:
-    return whole(_joined(told, "ns"), least)
+    return whole(_joined(told, "unit: ns"), least)
 
 
 def unknown(told: str = "") -> Schema:

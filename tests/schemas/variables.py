@@ -151,7 +151,7 @@ def inference() -> Schema:
         "others": several(text(), "types that are about as plausible"),
     }
     layout = {
-        "behind_bits": number("how much less plausible than the first; bits", 0),
+        "behind_bits": number("how much less plausible than the first; unit: bits", 0),
         "fields": several(record(field)),
     }
     telegram = {

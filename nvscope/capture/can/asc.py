@@ -41,7 +41,7 @@ from nvscope.capture.can.text_log import LoggedFrame, TextLogReader
 from nvscope.capture.content import Content
 
 _S_NS = 1_000_000_000
-_TIMED = re.compile(r"(-?\d{1,12}\.\d{1,18})\s+(\S.*)")
+_TIMED = re.compile(r"(-?\d{1,12}\.\d{1,18})\s+(\S.*)", re.ASCII)
 _DATE = re.compile(r"date\s+(.*)", re.IGNORECASE)
 _BASE = re.compile(r"base\s+(hex|dec)\b(?:\s+timestamps\s+(absolute|relative)\b)?", re.IGNORECASE)
 _BLOCK = re.compile(r"begin\s+(?:of\s+)?trigger\s*block\b(.*)", re.IGNORECASE)

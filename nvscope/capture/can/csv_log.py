@@ -12,7 +12,7 @@ from nvscope.capture.content import Content
 
 _HEAD = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 _COLUMNS = _HEAD.count(",") + 1
-_NUMBER = re.compile(r"-?\d{1,20}(?:\.\d{1,30})?(?:[eE][-+]?\d{1,3})?")
+_NUMBER = re.compile(r"-?\d{1,20}(?:\.\d{1,30})?(?:[eE][-+]?\d{1,3})?", re.ASCII)
 _FLAGS = {"0": False, "1": True}
 
 

@@ -21,7 +21,7 @@ _PAIRS = re.compile(r"(?:[0-9A-Fa-f]{2}(?: |\Z))*")
 _DIGITS = {
     2: re.compile(r"[01]{1,12}"), 10: re.compile(r"[0-9]{1,12}"), 16: re.compile(r"[0-9A-Fa-f]{1,12}"),
 }  # fmt: skip
-_DECIMAL = re.compile(r"(-?)(\d{1,12})(?:[.,](\d{1,18}))?")
+_DECIMAL = re.compile(r"(-?)(\d{1,12})(?:[.,](\d{1,18}))?", re.ASCII)
 
 
 class LineFault(Exception):

@@ -17,8 +17,8 @@ _NAMED = re.compile(
     r"(\w{3,})\.?\s+(\d{1,2})[.,]?\s+(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d{1,9}))?(?:\s+([ap])m)?\s+(\d{4})\b",
     re.IGNORECASE,
 )
-_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})\s+(\d{1,2}):(\d\d):(\d\d)(?:\.(\d{3})(?:\.(\d{1,3}))?)?")
-_ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)[ T](\d\d):(\d\d):(\d\d)(?:\.(\d{1,9}))?")
+_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})\s+(\d{1,2}):(\d\d):(\d\d)(?:\.(\d{3})(?:\.(\d{1,3}))?)?", re.ASCII)
+_ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)[ T](\d\d):(\d\d):(\d\d)(?:\.(\d{1,9}))?", re.ASCII)
 _S_NS = 1_000_000_000
 _DAY_NS = 86_400 * _S_NS
 _MOST_DAYS = 100_000

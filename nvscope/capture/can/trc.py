@@ -38,7 +38,7 @@ from nvscope.capture.content import Content
 
 _MS_NS = 1_000_000
 _ONLY_BUS = 1
-_VERSION = re.compile(r";\s*\$FILEVERSION\s*=\s*(\d)\.(\d)")
+_VERSION = re.compile(r";\s*\$FILEVERSION\s*=\s*(\d)\.(\d)", re.ASCII)
 _START_DAYS = re.compile(r";\s*\$STARTTIME\s*=\s*(\S+)")
 _START_DATE = re.compile(r";\s*Start time:\s*(.*)")
 _COLUMNS = re.compile(r";\s*\$COLUMNS\s*=\s*([A-Za-z,]+)")

@@ -18,7 +18,7 @@ from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choi
 MAX_PDOS = 128
 DEFAULT_BIT_RATE, DEFAULT_DATA_BIT_RATE = 500_000, 2_000_000
 _HIGHEST_BIT_RATE = 8_000_000
-_RATE = re.compile(r"(\d{1,7}(?:\.\d{1,3})?)([kM]?)")
+_RATE = re.compile(r"(\d{1,7}(?:\.\d{1,3})?)([kM]?)", re.ASCII)
 _FACTORS = {"": 1, "k": 1_000, "M": 1_000_000}
 
 

@@ -27,7 +27,7 @@ class TelegramField:
     ``hex_digits`` other than 0: people write the number in hexadecimal. ``calendar``: they write the time as a date.
     ``constant``: it is the same in all frames of a variety (``dissectors.varieties``). ``judged``: it is known when the
     whole capture was read. ``values`` are names of its numbers, ``texts`` the only ones it holds, empty where it
-    may hold any. ``refused`` says why the name can be neither filtered
+    may hold any. ``separator`` stands between bytes. ``refused`` says why the name can be neither filtered
     by nor written out, ``instead`` which can.
     """
 
@@ -44,6 +44,7 @@ class TelegramField:
     judged: bool = False
     values: Mapping[str, int] = dataclass_field(default_factory=dict)
     texts: tuple[str, ...] = ()
+    separator: str = ""
     refused: str = ""
     instead: str = ""
 

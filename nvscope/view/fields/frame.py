@@ -24,6 +24,7 @@ from nvscope.expression.typed_columns import (
 )
 from nvscope.view.escape import visible
 from nvscope.view.fields.can import CAN_FIELDS
+from nvscope.view.fields.ethernet import ETHERNET_FIELDS
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.netvar import NETVAR_FIELDS
 from nvscope.view.rows.frames import IP, UDP, FrameRows
@@ -116,6 +117,7 @@ CARRIER_FIELDS = (
         "frame.cap_len", _UNSIGNED, "Captured length", "bytes of the frame that were captured",
         lambda rows: rows.packets.captured[rows.row],
     ),
+    *ETHERNET_FIELDS,
     *_IP_FIELDS,
     *_UDP_FIELDS,
 )  # fmt: skip

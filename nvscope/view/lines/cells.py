@@ -30,7 +30,7 @@ def texts(field: TelegramField, rows: FrameRows, shown: Callable[[str], str] = v
     if isinstance(column, AddressColumn):
         cells = addresses(column)
     elif isinstance(column, BytesColumn):
-        cells = hexadecimal(column)
+        cells = hexadecimal(column, field.separator)
     elif isinstance(column, TextColumn):
         safe = [shown(text) for text in column.texts]
         cells = [safe[code] for code in column.code.tolist()]
@@ -50,7 +50,7 @@ def json_texts(field: TelegramField, rows: FrameRows) -> list[str]:
     if isinstance(column, AddressColumn):
         cells = _quoted(addresses(column))
     elif isinstance(column, BytesColumn):
-        cells = _quoted(hexadecimal(column))
+        cells = _quoted(hexadecimal(column, field.separator))
     elif isinstance(column, TextColumn):
         quoted = [json.dumps(text) for text in column.texts]
         cells = [quoted[code] for code in column.code.tolist()]
@@ -72,10 +72,13 @@ def addresses(column: AddressColumn) -> list[str]:
     return [told[pair] for pair in pairs]
 
 
-def hexadecimal(column: BytesColumn) -> list[str]:
-    """Return bytes as pairs of lower-case hexadecimal digits."""
+def hexadecimal(column: BytesColumn, separator: str = "") -> list[str]:
+    """Return bytes as pairs of lower-case hexadecimal digits, with what separates them in between."""
     data = column.data.data
-    return [data[start:stop].hex() for start, stop in zip(column.start.tolist(), column.stop.tolist(), strict=True)]
+    spans = zip(column.start.tolist(), column.stop.tolist(), strict=True)
+    if separator:
+        return [data[start:stop].hex(separator) for start, stop in spans]
+    return [data[start:stop].hex() for start, stop in spans]
 
 
 def _number_texts(field: TelegramField, column: Numbers) -> list[str]:
