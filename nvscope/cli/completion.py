@@ -1,4 +1,4 @@
-"""What the shell proposes behind an option: codes of findings, fields, and lists of the project."""
+"""What the shell proposes behind an option: codes of findings, documents, fields, and lists of the project."""
 
 from __future__ import annotations
 
@@ -17,6 +17,13 @@ def codes(incomplete: str) -> list[str]:
 
     names = [*CATALOGUE, *(kind.name for kind in CATALOGUE.values()), *(figure.name for figure in FIGURES)]
     return _beginning(names, incomplete)
+
+
+def documents(incomplete: str) -> list[str]:
+    """Return the documents that have a schema and that begin like this."""
+    from nvscope.schemas.schema_files import schema_names
+
+    return _beginning(schema_names(), incomplete)
 
 
 def fields(incomplete: str) -> list[str]:

@@ -58,6 +58,10 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope explain jitter", "a figure: what it tells, and where"),
         ),
         "keys": (("nvscope keys --gvl plc", "all fields, those of the variables too"),),
+        "schema": (
+            ("nvscope schema", "all documents for programs, and what writes them"),
+            ("nvscope schema report", "what `nvscope report --json` prints, as JSON Schema"),
+        ),
     }
 )
 """Command lines by verb, each with what it shows."""

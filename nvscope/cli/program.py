@@ -19,6 +19,7 @@ VERBS = {
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",
     "keys": "nvscope.cli.keys:keys",
+    "schema": "nvscope.cli.schema:schema",
 }
 """Verbs in the order of ``--help``, and where each is: a function, or a program of verbs of its own."""
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from nvscope.cli.main import main
 from nvscope.errors import ExitCode
+from tests.schemas.validation import mistakes_in
 
 SHOWN_WIDTH = 80
 
@@ -31,8 +32,11 @@ class Ran:
     err: str
 
     def document(self) -> Any:
-        """What was written, as JSON: strict, so without NaN and infinity."""
-        return json.loads(self.out, parse_constant=_no_constant)
+        """What was written, as JSON: strict, so without NaN and infinity, and valid by the schema that it names."""
+        found = json.loads(self.out, parse_constant=_no_constant)
+        if isinstance(found, dict) and "schema" in found:
+            assert mistakes_in(found) == [], self.words
+        return found
 
     def records(self) -> list[dict[str, Any]]:
         """What was written, as one JSON object a line."""

@@ -1,0 +1,1 @@
+"""JSON Schemas of all documents that the program writes, in files of their names."""

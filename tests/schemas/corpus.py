@@ -1,0 +1,137 @@
+"""Documents of every schema: what the program writes about the captures and the scenarios of the repository."""
+
+from __future__ import annotations
+
+import atexit
+import json
+import shlex
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from shutil import rmtree
+from tempfile import TemporaryDirectory, mkdtemp
+from typing import Any
+
+from nvscope.errors import ExitCode
+from nvscope.view.documents.drawn import plain
+from tests.program import run
+from tests.schemas.odd_plant import make_odd_plant
+from tests.simulate.simulation import simulated
+
+ROOT = Path(__file__).parents[2]
+SCENARIOS = sorted((ROOT / "tests" / "scenarios").glob("*.toml"))
+
+_READ = {ExitCode.GOOD, ExitCode.DATA_LOSS, ExitCode.ASSERTION_FAILED}
+_PEERS = "captures/peers/peers.pcap --gvl captures/peers"
+_PLANT = "captures/plant.pcapng.gz"
+_PRESS = "captures/can/press.log --gvl captures/can"
+
+COMMANDS = (
+    f"report {_PEERS}",
+    f"report {_PLANT}",
+    f"report {_PLANT} -Y 'list.lost > 0'",
+    f"report {_PEERS} --list 7",
+    f"report {_PRESS}",
+    "report captures/can/press.log captures/peers/peers.pcap --gvl captures/peers --gvl captures/can --compare",
+    "report captures/can/press.log --bitrate 250k",
+    "report captures/telegrams.pcap",
+    "report captures/interfaces.pcapng",
+    "report captures/truncated.pcap",
+    f"report {_PLANT} --from-time 5s --to-time -2s",
+    "report captures/peers/peers.pcap --from-time 1h",
+    f"vars {_PEERS}",
+    f"vars {_PEERS} -Y 'nv.index == 1'",
+    f"vars {_PRESS}",
+    f"vars {_PEERS} --history 'stAxis.*'",
+    f"vars {_PEERS} --history 'stAxis.*' --all -Y 'nv.counter < 100'",
+    f"vars {_PRESS} --history v0",
+    f"vars {_PEERS} --at 5s",
+    f"vars {_PEERS} --at -1h",
+    f"vars {_PEERS} --at 5s -Y 'nv.index == 1'",
+    f"vars {_PEERS} --at 1s -Y 'frame.number > 800'",
+    f"vars {_PRESS} --at 5s",
+    "vars captures/telegrams.pcap --gvl captures/peers --at 5s",
+    "vars captures/peers/peers.pcap --infer",
+    f"vars {_PLANT} --infer",
+    "vars captures/telegrams.pcap --infer",
+    "vars captures/can/press.log --infer",
+    "gvl layout captures/peers",
+    "gvl layout captures/can",
+    "gvl layout tests/definition/samples",
+    "gvl layout tests/definition/samples/axis.gvl",
+    "gvl lint captures/peers captures/can tests/definition/samples",
+    "gvl lint tests/definition/samples/axis.gvl",
+    "gvl lint --rules",
+    "gvl diff captures/peers/axis.gvl captures/peers/batch.gvl",
+    "gvl diff captures/peers/batch.gvl captures/peers/axis.gvl --types captures/peers/axis_types.st",
+    "gvl diff captures/peers/axis.gvl captures/peers/axis.gvl --types captures/peers/axis_types.st",
+    "gvl diff captures/can/press.gvl captures/can/level.gvl",
+    "gvl diff tests/definition/samples/axis.gvl captures/peers/axis.gvl --types captures/peers/axis_types.st",
+    "gvl diff tests/definition/samples/plant.exp captures/peers/batch.gvl",
+    "gvl diff captures/peers/batch.gvl tests/definition/samples/plant.exp",
+    "explain",
+    "explain lost",
+    "explain NV301",
+    "keys --fields",
+    "keys --fields --gvl captures/peers/batch.gvl",
+)
+
+
+ODD_COMMANDS = (
+    "report eth.pcap can.log --gvl eth.gvl --gvl can.gvl --compare",
+    "report eth.pcap can.log --gvl eth.gvl --gvl can.gvl --gvl other_type.gvl --compare -Y 'nv.index == 9'",
+    "report can.log --gvl can.gvl --gvl overlapping.gvl --bitrate 250k,2M",
+    "report eth.pcap can.log --gvl eth.gvl --gvl can.gvl --compare --to-time 50ms",
+    "report one.pcap one.log --gvl eth.gvl --gvl can.gvl --compare",
+    "report one.pcap",
+    "report cut.pcap",
+    "report one.log",
+    "report bus_off.log",
+    "report one.pcap --project named.toml",
+    "vars eth.pcap --gvl eth.gvl --gvl before.gvl --gvl after.gvl",
+    "vars eth.pcap --gvl eth.gvl --history '*'",
+    "vars one.pcap --gvl eth.gvl --history '*' --all",
+    "vars eth.pcap --gvl eth.gvl --gvl nameless.gvl --at 50ms",
+    "vars cut.pcap --gvl eth.gvl --at 2026-01-01T00:00:00",
+    "vars eth.pcap --infer",
+    "gvl layout long.gvl nameless.gvl",
+    "gvl diff nameless.gvl eth.gvl",
+    "gvl diff eth.gvl nameless.gvl",
+    "gvl diff nameless.gvl can.gvl",
+    "gvl diff eth.gvl unknown.gvl",
+    "gvl diff unknown.gvl eth.gvl",
+)
+"""Commands on the files of ``make_odd_plant``."""
+
+
+def asked(command: str, folder: Path = ROOT) -> dict[str, Any]:
+    """Return what a command prints as JSON."""
+    verb, *words = shlex.split(command)
+    done = run(verb, *words, "--json", cwd=folder)
+    assert done.returncode in _READ, done.stderr.decode()
+    return dict(json.loads(done.stdout))
+
+
+@cache
+def odd_plant() -> Path:
+    """Return the folder of an odd plant, which is there as long as the tests are."""
+    folder = Path(mkdtemp())
+    atexit.register(rmtree, folder, ignore_errors=True)
+    make_odd_plant(folder)
+    return folder
+
+
+def of_nothing() -> dict[str, Any]:
+    """Return the truth about a scenario in which nobody sends."""
+    done = run("simulate", "empty.toml", "-w", "empty.pcap", "--force", cwd=odd_plant())
+    assert done.returncode == ExitCode.GOOD, done.stderr.decode()
+    return dict(json.loads((odd_plant() / "empty.pcap.truth.json").read_bytes()))
+
+
+def of_scenario(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield what is told of a scenario, and of its traffic."""
+    simulation = simulated(path)
+    yield simulation.truth
+    with TemporaryDirectory() as folder:
+        directory = Path(folder)
+        yield dict(plain(simulation.report(directory)))

@@ -1,0 +1,66 @@
+"""All schemas, by name: what stands in ``nvscope/schemas`` is written from here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import nvscope.schemas
+from nvscope.tracker.figures import FIGURES
+from tests.schemas.definitions import difference, explain, fields, layout, lint
+from tests.schemas.paths import Told, paths_of
+from tests.schemas.report import report
+from tests.schemas.shapes import Schema
+from tests.schemas.simulated import simulated_truth
+from tests.schemas.variables import at, history, inference, last_values
+
+FOLDER = Path(nvscope.schemas.__file__).parent
+
+SCHEMAS: Mapping[str, Callable[[], Schema]] = {
+    "report": report,
+    "vars": last_values,
+    "history": history,
+    "at": at,
+    "infer": inference,
+    "layout": layout,
+    "lint": lint,
+    "diff": difference,
+    "fields": fields,
+    "explain": explain,
+    "truth": simulated_truth,
+}
+
+
+def path_of(name: str) -> Path:
+    """Return the file of a schema."""
+    return FOLDER / f"{name}.json"
+
+
+def file_text(schema: Schema) -> str:
+    """Return a schema as its file has it."""
+    return json.dumps(schema, indent=2, ensure_ascii=True) + "\n"
+
+
+PROMISED = Path(__file__).with_name("promised.txt")
+"""What documents promise to those who read them: a line for each place, with its types and its words."""
+
+
+def told_of(schemas: Mapping[str, Schema]) -> dict[str, Told]:
+    """Return what all schemas say, by the names of documents and paths within them, and the units of figures."""
+    units = {f"figure/{one.name}": Told(frozenset((one.unit or "text").split())) for one in FIGURES}
+    return units | {
+        f"{name}/{path}": told for name, one in schemas.items() for path, told in paths_of(one).items() if path
+    }
+
+
+def promised() -> dict[str, Told]:
+    """Return what is promised."""
+    return dict(Told.read(line) for line in PROMISED.read_text(encoding="utf-8").splitlines())
+
+
+def promised_with(known: Mapping[str, Told], schemas: Mapping[str, Schema]) -> str:
+    """Return the text of what is promised, with all that is new: places, and words of known ones."""
+    now = told_of(schemas)
+    joined = {**now, **{path: told.joined(now.get(path, told)) for path, told in known.items()}}
+    return "".join(f"{joined[path].line(path)}\n" for path in sorted(joined))

@@ -1,0 +1,90 @@
+"""A plant that has what the captures of the repository do not: values of all kinds, two definitions of one list, a
+variable that goes over Ethernet and CAN, and lists and buses of which little is known.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+from nvscope.capture.open import open_sink
+from tests.definition.lists import telegram
+from tests.packets import batch_of
+
+_START_NS = 1_700_000_000_000_000_000
+_MS = 1_000_000
+_SENT = 12
+_NOT_A_NUMBER = (_SENT // 2 - 1, _SENT - 1)
+_VALUES = struct.Struct("<hBIfI4s")
+_GVL = """<GVL>
+  <Declarations><![CDATA[VAR_GLOBAL {declared} END_VAR]]></Declarations>
+  <NetvarSettings Protocol="{protocol}">{identifier}<Pack>True</Pack></NetvarSettings>
+</GVL>"""
+_SHARED = "nCount : INT; bRun : BOOL; tRun : TIME; rLevel : REAL; {odd} : DATE; sName : STRING(3);"
+
+DEFINITIONS = {
+    "eth.gvl": ("UDP", 9, _SHARED.format(odd="dDay")),
+    "can.gvl": ("CAN", 0x190, _SHARED.format(odd="dOther")),
+    "overlapping.gvl": ("CAN", 0x191, "nOther : LINT; nFurther : LINT;"),
+    "other_type.gvl": ("UDP", 12, "nCount : DINT;"),
+    "before.gvl": ("UDP", 10, _SHARED.format(odd="dDay")),
+    "after.gvl": ("UDP", 10, "nCount : INT;"),
+    "long.gvl": ("CAN", 0x1A0, "sLong : STRING(20); nBehind : INT;"),
+    "unknown.gvl": ("UDP", 9, "nCount : INT; pNext : POINTER TO INT; nBehind : INT;"),
+    "nameless.gvl": ("UDP", None, "nCount : INT;"),
+}  # fmt: skip
+
+
+def make_odd_plant(folder: Path) -> None:
+    """Write it to a folder: captures, logs and definitions."""
+    for name, (protocol, identifier, declared) in DEFINITIONS.items():
+        told = "" if identifier is None else f"<ListIdentifier>{identifier}</ListIdentifier>"
+        (folder / name).write_text(_GVL.format(declared=declared, protocol=protocol, identifier=told))
+    (folder / "named.toml").write_text('definitions = ["eth.gvl"]\n[nodes]\n"10.0.0.1" = { name = "press" }\n')
+    (folder / "empty.toml").write_text(_EMPTY_SCENARIO)
+    values = [_values(number) for number in range(_SENT)]
+    frames = []
+    for number, data in enumerate(values):
+        at_ns = _START_NS + number * 10 * _MS
+        frames.append(telegram(data, 6, subindex=0, counter=number, ts_ns=at_ns, list_id=9))
+        shape = (data, 6) if number < _SENT // 2 else (data[:2], 1)
+        frames.append(telegram(*shape, subindex=0, counter=number, ts_ns=at_ns + _MS, list_id=10))
+        frames.append(telegram(b"\0", 3, subindex=0, counter=number, ts_ns=at_ns + 2 * _MS, list_id=11))
+    _write(folder / "eth.pcap", frames)
+    _write(folder / "one.pcap", frames[:1])
+    (folder / "cut.pcap").write_bytes((folder / "one.pcap").read_bytes()[:40])
+    lines = []
+    for number, data in enumerate(values):
+        at_s = (_START_NS + (number * 10 + 2) * _MS) / 1e9
+        parts = [data[:7], data[7:15], data[15:]]
+        lines += [f"({at_s:.6f}) can0 {0x190 + place:X}#{part.hex().upper()}\n" for place, part in enumerate(parts)]
+    (folder / "can.log").write_text("".join(lines))
+    (folder / "one.log").write_text(lines[0])
+    (folder / "bus_off.log").write_text(_BUS_OFF)
+
+
+def _values(number: int) -> bytes:
+    level = float("nan") if number in _NOT_A_NUMBER else number / 2
+    day = 1_700_006_400 + number * 86_400
+    return _VALUES.pack(number, number % 2, number * 1_000, level, day - day % 86_400, f"{number}".encode())
+
+
+def _write(path: Path, frames: list) -> None:  # type: ignore[type-arg]
+    sink = open_sink(str(path))
+    sink.write(batch_of(frames))
+    sink.close()
+
+
+# Node 5 answers an SDO and has an emergency, and nothing tells its state; the controller leaves the bus for good.
+_BUS_OFF = """(1700000000.000000) can0 605#4000100000000000
+(1700000000.001000) can0 585#4300100000000000
+(1700000000.002000) can0 085#0010010000000000
+(1700000000.003000) can0 20000040#0000000000000000
+"""
+_EMPTY_SCENARIO = """title = "Nobody sends"
+duration = "1s"
+
+[[node]]
+name = "press"
+address = "192.168.1.10"
+"""

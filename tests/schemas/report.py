@@ -1,0 +1,332 @@
+"""The schema of reports: ``nvscope.report/1``."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+from dissectors.can.canopen import ERROR_REGISTER, NODE_STATES
+from dissectors.can.error import CLASS_LABELS, CONTROLLER_BITS
+from nvscope.capture.formats import FORMATS
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.findings.kind import Severity
+from nvscope.list_key import Transport
+from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.tracker.figures import (
+    BIT_RATES,
+    BUS_COUNTERS,
+    BUS_ERRORS,
+    DIAGNOSIS,
+    INTERVALS,
+    LATENCIES,
+    LIST_COUNTERS,
+    LOADS,
+    PACE,
+    RATE,
+    REMOTE,
+    STREAM_COUNTERS,
+    TELEGRAMS,
+    Of,
+)
+from nvscope.view.documents.buses import MOST_SECONDS
+from tests.schemas.figures import figures, known_to_none
+from tests.schemas.shapes import (
+    CAN_KEY,
+    LIST_KEY,
+    PORT,
+    SUBINDEX,
+    TOOL,
+    UDP_KEY,
+    Properties,
+    Schema,
+    document,
+    duration,
+    maybe,
+    nothing_in,
+    number,
+    record,
+    several,
+    shared,
+    text,
+    time,
+    truth,
+    unknown,
+    whole,
+    word,
+)
+from tests.schemas.variables import VALUE, VALUE_OF_LIST
+
+SEVERITIES = [severity.word for severity in sorted(Severity, reverse=True)]
+SCOPES = [*SCOPE_NAMES.values(), SCOPE_UNUSED]
+_JUDGED = [kind for kind in CATALOGUE.values() if kind.judged]
+_OF_COMPARE = ("hops", "hops_of_other_types")
+_NOT_OF_CAN = "null: no frame on CAN tells it"
+
+
+def report() -> Schema:
+    """Return the schema of ``report --json``."""
+    about = "`nvscope report --json`: what was counted of lists, nodes, streams and buses, and what was found"
+    found = document(
+        "report", about,
+        {
+            "tool": TOOL,
+            "capture": _capture(),
+            "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
+            "findings": several(shared("finding"), "the worst first"),
+            "buses": several(shared("bus"), "the channels of CAN, where there are any"),
+            "filter": record({"expression": text(), "telegrams": whole("those it chooses")}),
+            "hops": several(shared("hop"), "with --compare: variables that several lists have"),
+            "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
+        },
+        optional=("buses", "filter", *_OF_COMPARE),
+    )  # fmt: skip
+    parts = {
+        "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
+        "value": VALUE_OF_LIST, "finding": _finding(), "bus": _bus(), "canopen_node": _canopen_node(), "hop": _hop(),
+    }  # fmt: skip
+    return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
+
+
+def _capture() -> Schema:
+    formats = sorted({entry.name for entry in FORMATS})
+    source = {"path": text(), "format": word(formats), "bytes": whole(), "frames": whole()}
+    return record(
+        {
+            "sources": several(record(source)),
+            "frames": whole(),
+            "telegrams": whole(),
+            "other_frames": whole("frames that are no telegrams"),
+            "can_frames": whole("where there are any"),
+            "drops": maybe(whole("packets that the capturing side says it lost; null where it cannot know")),
+            "start_ns": maybe(time("of the first frame")),
+            "end_ns": maybe(time("of the last frame")),
+        },
+        optional=("can_frames",),
+    )
+
+
+def _list() -> Schema:
+    return record(
+        {
+            "key": UDP_KEY,
+            "transport": {"const": Transport.UDP.value},
+            "port": PORT,
+            "id": whole("Index", 0, 0xFFFF),
+            "name": maybe(text("that of its definition")),
+            "senders": several(text()),
+            "readers": several(text()),
+            **figures((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST),
+            "nodes": several(shared("node")),
+            "streams": several(shared("stream")),
+            "values": several(shared("value"), "with definitions"),
+            **figures(PACE, Of.LIST),
+        },
+        optional=("values",),
+    )
+
+
+def _node() -> Schema:
+    return record(
+        {
+            "address": text(),
+            "name": maybe(text("that of the project file")),
+            **figures((*DIAGNOSIS, *PACE), Of.NODE),
+        }
+    )
+
+
+def _stream() -> Schema:
+    return record(
+        {
+            "node": text("address of the sender"),
+            "subindex": SUBINDEX,
+            **figures((TELEGRAMS,), Of.STREAM),
+            "counter_scope": word(SCOPES, "what its sender's Counter counts"),
+            **figures((*STREAM_COUNTERS, *INTERVALS), Of.STREAM),
+            "items": whole("Items of the last telegram", 0, 0xFFFF),
+            "length": whole("Length of the last telegram, bytes with header", 0, 0xFFFF),
+            "checksum": maybe(whole("of the last telegram, null if it has none", 0, 0xFF)),
+            **figures(PACE, Of.STREAM),
+        }
+    )
+
+
+def _pace_of_can(of: Of) -> Properties:
+    return figures((one for one in PACE if one not in LATENCIES), of) | figures(LATENCIES, of, shape=known_to_none)
+
+
+def _can_list() -> Schema:
+    return record(
+        {
+            "key": CAN_KEY,
+            "transport": {"const": Transport.CAN.value},
+            "channel": text(),
+            "id": whole("COB-ID of its first frame", 0, 0x1FFF_FFFF),
+            "name": maybe(text("that of its definition")),
+            "cob_id": text("the same as people read it", "^0x([0-9A-F]{3}|[0-9A-F]{8})$"),
+            "canopen": maybe(text("what CANopen plans the identifier for")),
+            "senders": nothing_in("no frame on CAN names its sender"),
+            "readers": nothing_in(),
+            **figures(DIAGNOSIS, Of.LIST),
+            **figures(LIST_COUNTERS, Of.LIST, shape=known_to_none),
+            "nodes": nothing_in(),
+            "streams": several(shared("can_stream")),
+            "values": several(shared("value"), "with definitions"),
+            **_pace_of_can(Of.LIST),
+        },
+        optional=("values",),
+    )
+
+
+def _can_stream() -> Schema:
+    return record(
+        {
+            "node": unknown(_NOT_OF_CAN),
+            "subindex": SUBINDEX,
+            "cob_id": whole("", 0, 0x1FFF_FFFF),
+            "extended": truth("whether it has 29 bits"),
+            **figures((TELEGRAMS, REMOTE), Of.STREAM),
+            "counter_scope": unknown(_NOT_OF_CAN),
+            **figures(STREAM_COUNTERS, Of.STREAM, shape=known_to_none),
+            **figures(INTERVALS, Of.STREAM),
+            "items": unknown(_NOT_OF_CAN),
+            "length": whole("data bytes of the last frame", 0, 64),
+            "checksum": unknown(_NOT_OF_CAN),
+            **_pace_of_can(Of.STREAM),
+        }
+    )
+
+
+def _finding() -> Schema:
+    found = record(
+        {
+            "code": word([kind.code for kind in _JUDGED]),
+            "name": word([kind.name for kind in _JUDGED]),
+            "severity": word(SEVERITIES),
+            "list": maybe(LIST_KEY),
+            "node": maybe(text("address")),
+            "subindex": maybe(SUBINDEX),
+            "channel": text("that of CAN it is about"),
+            "lists": several(LIST_KEY, "where it is about many"),
+            "count": whole("how often", 1),
+            "first_ns": maybe(time()),
+            "last_ns": maybe(time()),
+            "frames": several(whole("", 1), "the first of its frames") | {"maxItems": FRAMES_KEPT},
+            "message": text(),
+            "hint": text(),
+        },
+        optional=("channel", "lists"),
+    )
+    return found | {"dependentRequired": {"lists": ["channel"]}}
+
+
+def _bus() -> Schema:
+    return record(
+        {
+            "channel": text(),
+            **figures(BUS_COUNTERS, Of.BUS),
+            "bit_rate": maybe(
+                record({**figures(BIT_RATES, Of.BUS, "bit_rate"), "source": word(("given", "found"))})
+            ),
+            "load": maybe(_load()),
+            "identifiers": several(_identifier(), "those with frames, the largest share first"),
+            "errors": maybe(_errors()),
+            "canopen_nodes": several(shared("canopen_node")),
+            **figures((RATE,), Of.BUS),
+        }
+    )  # fmt: skip
+
+
+def _load() -> Schema:
+    second = [time("when it began"), number("load; unit: percent", 0), number("with most stuff bits; percent", 0)]
+    row = {"type": "array", "prefixItems": second, "minItems": len(second), "items": False}
+    mean, peak, worst = (figures((one,), Of.BUS, "load") for one in LOADS)
+    return record(
+        {
+            **mean,
+            **peak,
+            "peak_ns": time("when the busiest second began"),
+            **worst,
+            "partial": truth("bits at a data bit rate that is unknown are not counted"),
+            "by_second": several(row, "seconds with frames") | {"maxItems": MOST_SECONDS},
+        }
+    )
+
+
+def _identifier() -> Schema:
+    return record(
+        {
+            "cob_id": whole("", 0, 0x1FFF_FFFF),
+            "extended": truth("whether it has 29 bits"),
+            "name": maybe(text("that of a defined list")),
+            "canopen": maybe(text("what CANopen plans it for")),
+            "frames": whole(),
+            "bits": whole(),
+            "fast_bits": whole(),
+            "share": number("unit: percent", 0),
+        }
+    )
+
+
+def _errors() -> Schema:
+    by_key = figures(BUS_ERRORS, Of.BUS, "errors")
+    states = [bit.name for bit in CONTROLLER_BITS]
+    off = record(
+        {**by_key["bus_off"]["properties"], "since_ns": maybe(time("null while no controller is off the bus"))}
+    )
+    return record(
+        {
+            "frames": by_key["frames"],
+            "first_ns": time(),
+            "last_ns": time(),
+            "classes": several(record({"name": word(CLASS_LABELS), "label": text(), "frames": whole("", 1)})),
+            "states": several(record({"name": word(states), "label": text(), "frames": whole("", 1)})),
+            "bus_off": off,
+            "tx_errors": by_key["tx_errors"],
+            "rx_errors": by_key["rx_errors"],
+        }
+    )
+
+
+def _canopen_node() -> Schema:
+    emergency = record(
+        {
+            "code": whole("", 0, 0xFFFF),
+            "text": text(),
+            "register": several(word(ERROR_REGISTER)),
+            "time_ns": time(),
+        }
+    )
+    return record(
+        {
+            "node": whole("", 1, 127),
+            "state": maybe(word(NODE_STATES.values())),
+            "since_ns": maybe(time()),
+            "told_by": maybe(word(("command", "heartbeat"))),
+            "last_ns": time(),
+            "heartbeats": whole(),
+            "changes": whole(),
+            "boot_ups": whole(),
+            "emergencies": whole(),
+            "last_emergency": maybe(emergency),
+        }
+    )
+
+
+def _hop() -> Schema:
+    end = record({"list": LIST_KEY, "sender": text(), "telegrams": whole(), **VALUE})
+    delays = {"count": whole("changes that were timed")}
+    return record(
+        {
+            "variable": text(),
+            "type": text(),
+            "from": end,
+            "to": end,
+            "changes": whole(),
+            "followed": whole(),
+            "delay_ns": record(delays | {key: maybe(duration()) for key in ("min", "mean", "p50", "p99", "max")}),
+            "observed_ns": duration(),
+            "differed_ns": duration(),
+            "equal": truth("whether both had the same value at last"),
+        }
+    )

@@ -1,0 +1,179 @@
+"""The schemas of the package: in step with the program, true of all that it writes, and of nothing else."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from tests.schemas.corpus import COMMANDS, ODD_COMMANDS, SCENARIOS, asked, odd_plant, of_nothing, of_scenario
+from tests.schemas.documents import FOLDER, PROMISED, SCHEMAS, file_text, path_of, promised, promised_with, told_of
+from tests.schemas.paths import Told, paths_of, seen_in, type_of
+from tests.schemas.validation import is_valid, mistakes_in
+
+EACH = pytest.mark.parametrize("name", SCHEMAS)
+AGAIN = "run `python -m tests.schemas`"
+PACKAGE = FOLDER.parent
+
+
+@EACH
+def test_files_are_in_step_with_the_tables_of_the_program(name: str) -> None:
+    schema = SCHEMAS[name]()
+    Draft202012Validator.check_schema(schema)
+    assert path_of(name).read_text(encoding="utf-8") == file_text(schema), AGAIN
+
+
+def test_every_document_of_the_program_has_a_schema_and_no_other_does() -> None:
+    sources = (path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py"))
+    written = {name for text in sources for name in re.findall(r"\bnvscope\.([a-z]+)/\d", text)}
+    assert written == set(SCHEMAS) == {path.stem for path in FOLDER.glob("*.json")}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_commands_print_is_valid(command: str) -> None:
+    assert mistakes_in(asked(command)) == []
+
+
+@pytest.mark.parametrize("command", ODD_COMMANDS)
+def test_what_commands_print_about_an_odd_plant_is_valid(command: str) -> None:
+    assert mistakes_in(asked(command, odd_plant())) == []
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=[path.stem for path in SCENARIOS])
+def test_what_is_told_of_scenarios_is_valid(path: Path) -> None:
+    for document in of_scenario(path):
+        assert mistakes_in(document) == []
+
+
+@cache
+def corpus() -> tuple[dict[str, Any], ...]:
+    """Return all documents; whoever changes one changes a copy."""
+    printed = (asked(command) for command in COMMANDS)
+    odd = (asked(command, odd_plant()) for command in ODD_COMMANDS)
+    return (*printed, *odd, of_nothing(), *(document for path in SCENARIOS for document in of_scenario(path)))
+
+
+def name_of(document: Mapping[str, Any]) -> str:
+    return str(document["schema"]).removeprefix("nvscope.").removesuffix("/1")
+
+
+UNSEEN = {
+    "report/capture.drops null": "what is captured where nobody counts drops",
+    "diff/only_a[].id null": "a list of many whose file does not tell it",
+    "diff/only_b[].id null": "the same",
+    "report/lists[].diag.tLastReceive null": "a list of which nothing was received but that it could not be delivered",
+    "truth/lists[].diag.tLastReceive null": "the same",
+    "truth/lists[].diag.tLastSend null": "a list of which only an answer is seen",
+    **{
+        f"truth/buses[].designed.errors.{name} integer": "scenarios do not have all errors of the table"
+        for name in ("lost-arbitration", "no-acknowledgement", "protocol", "transceiver", "tx-timeout")
+    },
+}
+"""What may be written, and is nowhere in these documents."""
+
+
+@pytest.mark.long
+def test_schemas_allow_no_more_than_what_is_written() -> None:
+    seen: dict[str, dict[str, set[str]]] = {name: {} for name in SCHEMAS}
+    for document in corpus():
+        for path, value in seen_in(document):
+            seen[name_of(document)].setdefault(path, set()).add(type_of(value))
+    never = {
+        f"{name}/{path} {kind}"
+        for name in SCHEMAS
+        for path, told in paths_of(SCHEMAS[name]()).items()
+        for kind in told.types
+        if not seen[name].get(path, set()) & ({"integer", "number"} if kind == "number" else {kind})
+    }
+    assert never == set(UNSEEN)
+
+
+WRONG = {"null": None, "boolean": True, "integer": 7, "number": 0.5, "string": "?", "array": [None], "object": {"?": 0}}
+"""A value of each type that no place of a document has."""
+
+
+def shortened(value: Any) -> Any:
+    """Return a document with the first two of each of its lists."""
+    if isinstance(value, Mapping):
+        return {key: shortened(item) for key, item in value.items()}
+    # The row of a second is not a list of many.
+    return [shortened(item) for item in value[: 2 + (len(value) == 3)]] if isinstance(value, list) else value
+
+
+def places_in(value: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yield each place of a document: its path, and the object or list and the key or index where it is."""
+    below = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in list(below):
+        deeper = f"{path}[]" if isinstance(value, list) else f"{path}.{key}" if path else key
+        yield deeper, value, key
+        yield from places_in(item, deeper)
+
+
+def wrong_values(told: Told, value: Any) -> Iterator[Any]:
+    for kind, wrong in WRONG.items():
+        if kind not in told.types and not (kind == "integer" and "number" in told.types):
+            yield wrong
+    if told.words and isinstance(value, str):
+        yield f"{value}?"
+
+
+def still_valid(document: dict[str, Any]) -> Iterator[str]:
+    """Change each place of a document once, and yield the changes that no schema minds."""
+    name, told = name_of(document), paths_of(SCHEMAS[name_of(document)]())
+    done = set()
+    for path, holder, key in places_in(document):
+        if path in done:
+            continue
+        done.add(path)
+        value = holder[key]
+        for wrong in wrong_values(told[path], value):
+            holder[key] = wrong
+            if is_valid(document, name):
+                yield f"{path} = {wrong!r}"
+        holder[key] = value
+        if isinstance(holder, dict) and not told[path].optional:
+            kept = dict(holder)
+            del holder[key]
+            if is_valid(document, name):
+                yield f"without {path}"
+            holder.clear()
+            holder.update(kept)
+        if isinstance(value, dict):
+            value["unknown key"] = 1
+            if is_valid(document, name):
+                yield f"{path} with a key that nobody knows"
+            del value["unknown key"]
+
+
+@pytest.mark.long
+@EACH
+def test_what_is_changed_is_not_valid(name: str) -> None:
+    documents = [shortened(document) for document in corpus() if name_of(document) == name]
+    chosen = sorted(documents, key=lambda document: -len({path for path, _ in seen_in(document)}))[:2]
+    for document in chosen:
+        assert mistakes_in(document) == []
+        before = deepcopy(document)
+        assert list(still_valid(document)) == []
+        assert document == before
+        assert not is_valid({**document, "unknown key": 1}, name)
+        assert not is_valid({**document, "schema": f"nvscope.{name}/2"}, name)
+
+
+def test_what_was_promised_is_there() -> None:
+    now = told_of({name: make() for name, make in SCHEMAS.items()})
+    for path, told in promised().items():
+        assert path in now, f"{path} was promised"
+        assert now[path].types <= told.types, f"{path} was promised to be {told.types}"
+        assert now[path].words >= told.words, f"{path} was promised to have {told.words}"
+        assert told.optional or not now[path].optional, f"{path} was promised to be there always"
+
+
+def test_all_that_is_there_is_promised() -> None:
+    now = {name: make() for name, make in SCHEMAS.items()}
+    assert PROMISED.read_text(encoding="utf-8") == promised_with(promised(), now), AGAIN
