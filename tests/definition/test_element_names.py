@@ -17,7 +17,7 @@ from nvscope.definition.packing import TelegramLayout, known_fronts
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.sent_elements import SentElement, SentElements, typed
 from nvscope.definition.variables import Array, Member, Structure, Type, Variable, elements
-from tests.definition.lists import HERE, INT, TYPES, VARIABLES, list_of
+from tests.definition.lists import HERE, INT, REAL, TYPES, VARIABLES, list_of
 
 NAMES = st.sampled_from(["a", "A", "b", "a.b", "b[0]", "Größe", "ΤΕΛΟΣ", "a b", "test"])
 
@@ -51,6 +51,26 @@ def test_a_name_is_of_the_elements_that_have_it(declared: list[tuple[str, Type]]
             assert names.places_of(other) == [place for place, one in enumerate(told) if one == other]
 
 
+def test_a_letter_is_the_same_wherever_in_a_name_it_stands() -> None:
+    """A sigma at the end is written in its own way in lower case; a dot behind it, and it is at the end no more."""
+    part = Structure("S", (Member("ΘΕΣΗΣ", INT),))
+    names = ElementNames([Variable("ΤΕΛΟΣ", part, HERE), Variable("ΑΞΟΝΑΣ", Array(((0, 1),), part), HERE)])
+    for place, name in enumerate(["ΤΕΛΟΣ.ΘΕΣΗΣ", "ΑΞΟΝΑΣ[0].ΘΕΣΗΣ", "ΑΞΟΝΑΣ[1].ΘΕΣΗΣ"]):
+        assert names.places_of(folded(name)) == [place]
+
+
+def test_a_list_may_be_called_what_a_variable_is() -> None:
+    part = Structure("S", (Member("v1", INT),))
+    layouts = Layouts(Definition((
+        replace(list_of([INT, REAL], list_id=7), name="v0"), replace(list_of([part], list_id=8), name="other"),
+        replace(list_of([part], list_id=9), name="V0"),
+    )))  # fmt: skip
+    found = SentElements(layouts).named("v0.v1")
+    assert [(sent.key.identifier, sent.element.name, of_list) for sent, of_list in found] == [
+        (7, "v1", True), (8, "v0.v1", False), (9, "v0.v1", False),
+    ]  # fmt: skip
+
+
 def all_elements(layouts: Layouts) -> Iterator[tuple[str, SentElement]]:
     """Yield all elements of all lists, one after the other, with each of their folded names."""
     for key, _ in layouts.lists():
@@ -81,7 +101,9 @@ LISTS = st.lists(
 def drawn(lists: list[tuple[list[Type], bool, int, str, int | None]]) -> Iterator[ListDefinition]:
     for types, pack, number, name, unknown in lists:
         own = types if unknown is None else [*types[:unknown], SCALARS["POINTER"], *types[unknown:]]
-        yield replace(list_of(own, pack=pack, list_id=number), name=name)
+        entry = list_of(own, pack=pack, list_id=number)
+        first = replace(entry.variables[0], name="m0" if name == "v0" else "v0")
+        yield replace(entry, name=name, variables=(first, *entry.variables[1:]))
 
 
 @given(LISTS, st.booleans())
