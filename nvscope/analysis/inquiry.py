@@ -6,7 +6,7 @@ captures, project and filter to an answer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -48,6 +48,7 @@ if TYPE_CHECKING:  # what only some questions need is imported when they are ask
     from nvscope.view.display_filter import DisplayFilter
     from nvscope.view.fields.field import TelegramField
     from nvscope.view.fields.verdicts import Names, Verdicts
+    from nvscope.view.fields.vocabulary import Vocabulary
 
 
 Watch = Callable[[Source], AbstractContextManager[Callable[[], None]]]
@@ -190,7 +191,7 @@ class Inquiry:
         )
 
     @cached_property
-    def fields(self) -> Mapping[str, TelegramField]:
+    def fields(self) -> Vocabulary:
         """What expressions may name; what is judged cannot be read with these."""
         return self._fields(None)
 
@@ -337,7 +338,7 @@ class Inquiry:
 
         return Session(source, reading, [state], look)
 
-    def _fields(self, verdicts: Verdicts | None) -> Mapping[str, TelegramField]:
+    def _fields(self, verdicts: Verdicts | None) -> Vocabulary:
         from nvscope.view.fields.vocabulary import vocabulary  # noqa: PLC0415
 
         further = [kind for one in self.protocols for kind in one.findings()]

@@ -70,8 +70,8 @@ class Candidate:
         return self.offset + self.size_bytes
 
 
-def candidates(data: U8, first: U8, first_ns: I64) -> list[Candidate]:
-    """Return all fields that telegrams could have, by offset.
+def candidates(data: U8, first: U8, first_ns: I64, most_bytes: int) -> list[Candidate]:
+    """Return all fields of up to ``most_bytes`` that telegrams could have, by offset.
 
     ``data`` are telegrams as (n, bytes), of which the ``first`` follow each other in the stream, at ``first_ns``.
     """
@@ -92,18 +92,18 @@ def candidates(data: U8, first: U8, first_ns: I64) -> list[Candidate]:
                 if np.isfinite(table[row, offset])
             )
             found.append(Candidate(offset, size, told))
-    found += _strings(data, first)
+    found += _strings(data, first, most_bytes)
     found.sort(key=lambda entry: (entry.offset, entry.size_bytes))
     return found
 
 
-def opaque_candidates(size_bytes: int) -> list[Candidate]:
+def opaque_candidates(size_bytes: int, items: int) -> list[Candidate]:
     """Return fields of any size of which nothing is known, for telegrams that nothing else explains."""
     return [
         Candidate(offset, size, (("UNKNOWN", _RARE["UNKNOWN"] + 18.0 * size),))
         for offset in range(size_bytes)
-        for size in range(3, size_bytes - offset + 1)
-        if size not in (4, 8)
+        for size in range(3 if items > 1 else size_bytes, size_bytes - offset + 1)
+        if size >= 3 and size not in (4, 8)
     ]
 
 
@@ -229,7 +229,7 @@ def _clock_prices(
     return {name: np.where(plausible & (running | standing), price + _RARE[name], np.inf)}
 
 
-def _strings(data: U8, first: U8) -> list[Candidate]:
+def _strings(data: U8, first: U8, most_bytes: int) -> list[Candidate]:
     """Return the fields that could be STRING(n): text with a NUL behind it, or nothing at all."""
     count, width = data.shape
     zero = data == 0
@@ -244,8 +244,16 @@ def _strings(data: U8, first: U8) -> list[Candidate]:
     leftovers = _sums(behind)
     changed = _sums(first[1:] != first[:-1]) if len(first) > 1 else np.zeros((1, width + 1))
     changes = changed.mean(axis=0)
+    leftovers_to = np.ascontiguousarray(leftovers.T)
+    leftover: F64 = np.asarray(leftovers.mean(axis=0))
     rows = np.arange(count)
-    set_before = np.append(0, np.cumsum(data.any(axis=0)))
+    held: Bool = np.asarray(data.any(axis=0))
+    set_before = np.append(0, np.cumsum(held))
+    # Behind each byte, whether a STRING may well end there: what follows is no rest of it.
+    edge = np.append(held, True)
+    usual = np.full(width + 1, np.nan)
+    for characters, told in _USUAL_LENGTHS.items():
+        usual[characters + 1 : characters + 2] = told
     found: list[Candidate] = []
     for offset in range(width - 1):
         stop = end[:, offset]
@@ -258,22 +266,23 @@ def _strings(data: U8, first: U8) -> list[Candidate]:
             continue
         price = _CHARACTER * float(length.mean()) + (_SHORT_TEXT if longest - offset < 3 else 0.0)
         empty = longest == offset
-        limit = width
-        for size in range(max(longest - offset + 1, 3), limit - offset + 1):
-            stop_at = offset + size
-            rest = float((leftovers[rows, stop_at] - leftovers[rows, stop + 1]).mean())
-            if rest > _MOST_STRING_PRICE_AHEAD:
-                break
-            if empty and set_before[stop_at] > set_before[offset]:
-                break
-            usual = _USUAL_LENGTHS.get(size - 1)
-            at_edge = stop_at == width or data[:, stop_at].any()
-            starts = offset == 0 or data[:, offset - 1].any()
-            if empty and usual is None and not (at_edge or starts):
-                continue
-            walk = _CHARACTER * float(changes[stop_at] - changes[offset])
-            told = price + rest + walk + (_RARE_LENGTH if usual is None else usual) + _RARE["STRING"]
-            found.append(Candidate(offset, size, (("STRING", told),)))
+        least = max(longest - offset + 1, 3)
+        sizes = np.arange(least, min(width - offset, most_bytes) + 1)
+        ends = offset + sizes
+        ahead = leftovers[rows, stop + 1]
+        wanted = leftover[ends] - float(ahead.mean()) <= _MOST_STRING_PRICE_AHEAD
+        if empty:
+            starts = offset == 0 or bool(held[offset - 1])
+            wanted &= (set_before[ends] == set_before[offset]) & (starts | edge[ends] | np.isfinite(usual[sizes]))
+        sizes, ends = sizes[wanted], ends[wanted]
+        rest = (leftovers_to[ends] - ahead).mean(axis=1)
+        walk = _CHARACTER * (changes[ends] - changes[offset])
+        known = np.where(np.isnan(usual[sizes]), _RARE_LENGTH, usual[sizes])
+        prices = price + rest + walk + known + _RARE["STRING"]
+        found += [
+            Candidate(offset, size, (("STRING", told),))
+            for size, told in zip(sizes.tolist(), prices.tolist(), strict=True)
+        ]
     return found
 
 

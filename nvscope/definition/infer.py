@@ -6,7 +6,7 @@ Each field therefore has its probability, a grade made of it, and what speaks fo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,12 +90,13 @@ def infer(items: int, data: U8, first: U8, first_ns: I64, *, least_first_bytes: 
         whole = Candidate(0, size, (("STRING" if _is_text(data) else "UNKNOWN", 0.0),))
         told = _field(whole, data, first, 0.5, prefix)
         return Proposal(items, size, (Layout((told,), 0.0),))
-    found = [
-        entry for entry in candidates(data, first, first_ns) if entry.offset or entry.size_bytes >= least_first_bytes
-    ]
+    # What is longer than a packed telegram travels alone.
+    most = size if items == 1 else min(size, PACKED_DATA_BYTES)
+    found = _usable(candidates(data, first, first_ns, most), size, items, least_first_bytes)
     best = segmentations(found, size, items, LAYOUTS)
-    if not best:
-        found = sorted([*found, *opaque_candidates(size)], key=lambda entry: (entry.offset, entry.size_bytes))
+    if not best and size <= most:
+        found = _usable([*found, *opaque_candidates(size, items)], size, items, 0)
+        found.sort(key=lambda entry: (entry.offset, entry.size_bytes))
         best = segmentations(found, size, items, LAYOUTS)
     if not best:
         return Proposal(items, size, (), f"no fields of known sizes make {items} items of {size} bytes")
@@ -111,6 +112,16 @@ def infer(items: int, data: U8, first: U8, first_ns: I64, *, least_first_bytes: 
             for layout in best
         ),
     )
+
+
+def _usable(found: Iterable[Candidate], size: int, items: int, least_first: int) -> list[Candidate]:
+    """Return the candidates beside which there is room for the other items, and only for these."""
+    return [
+        entry
+        for entry in found
+        if (entry.offset > 0) + (entry.end < size) < items <= size - entry.size_bytes + 1
+        and (entry.offset or entry.size_bytes >= least_first)
+    ]
 
 
 def least_first_bytes(before: Sequence[int]) -> int:

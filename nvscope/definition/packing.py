@@ -89,8 +89,8 @@ def placed(telegrams: Sequence[TelegramLayout]) -> tuple[tuple[TelegramLayout, .
     """
     if not any(layout.unknown for layout in telegrams) or not telegrams[0].list.pack:
         return tuple(telegrams), ()
-    first = _first_unknown(telegrams)
-    front, _ = _front(telegrams, first, first)
+    first = first_unknown(telegrams)
+    front, _ = known_front(telegrams, first, first)
     behind = [element for layout in telegrams[first:] for element in layout.elements][len(front.elements) :]
     return (*telegrams[:first], *([front] if front.elements else [])), tuple(behind)
 
@@ -101,16 +101,24 @@ def known_fronts(telegrams: Sequence[TelegramLayout]) -> list[tuple[TelegramLayo
     Of each it is the elements in front, and the element of unknown size behind them, from which on nothing can be
     placed; None where all is known. The last entry is that of all further SubIndexes.
     """
-    first = _first_unknown(telegrams)
+    first = first_unknown(telegrams)
     count = first + 1 if telegrams[0].list.pack else len(telegrams)
-    return [_front(telegrams, subindex, first) for subindex in range(count + 1)]
+    return [known_front(telegrams, subindex, first) for subindex in range(count + 1)]
 
 
-def _first_unknown(telegrams: Sequence[TelegramLayout]) -> int:
+def first_unknown(telegrams: Sequence[TelegramLayout]) -> int:
+    """Return the SubIndex of the first telegram that has an element of unknown size; there has to be one."""
     return next(number for number, layout in enumerate(telegrams) if layout.unknown)
 
 
-def _front(telegrams: Sequence[TelegramLayout], subindex: int, first: int) -> tuple[TelegramLayout, Element | None]:
+def known_front(
+    telegrams: Sequence[TelegramLayout], subindex: int, first: int
+) -> tuple[TelegramLayout, Element | None]:
+    """Return what is known of one telegram; ``first`` is the first one with an element of unknown size.
+
+    It is the elements in front, and the element of unknown size behind them, from which on nothing can be placed; None
+    where all is known.
+    """
     definition = telegrams[0].list
     own = telegrams[subindex] if subindex < len(telegrams) and (subindex <= first or not definition.pack) else None
     cause = (own or telegrams[first]).unknown
@@ -134,7 +142,7 @@ def known_part(
     The elements in front of the first such one stand where they are declared; from there on, all bytes are one element
     that nobody has described. None where the telegram is too short for what is known, or is all known and differs.
     """
-    front, cause = _front(telegrams, subindex, _first_unknown(telegrams))
+    front, cause = known_front(telegrams, subindex, first_unknown(telegrams))
     if cause is None:
         return front if (items, size_bytes) == front.shape else None
     rest = size_bytes - front.layout.size_bytes

@@ -11,6 +11,9 @@ from dissectors.batch import I64, Bool
 from nvscope.expression.typed_columns import BytesColumn, Numbers
 
 _JOINED_ROWS = 4096
+_LOOKED_AT = 16
+"""Of longer bytes that are searched for, so many are looked for everywhere at once: where these are, Python's search,
+which is linear whatever repeats itself, goes through the span."""
 
 
 def constant_span(value: bytes) -> BytesColumn:
@@ -68,15 +71,19 @@ def contains(column: BytesColumn, wanted: bytes) -> Bool:
     # Zeros are everywhere; a byte that is not common leaves less to look at.
     anchor = next((at for at, byte in enumerate(wanted) if byte not in (0, 0xFF)), 0)
     hits = np.flatnonzero(region[anchor : anchor + places] == wanted[anchor])
-    for at, byte in enumerate(wanted):
+    looked_at = min(max(anchor - _LOOKED_AT // 2, 0), max(len(wanted) - _LOOKED_AT, 0))
+    for at in range(looked_at, min(looked_at + _LOOKED_AT, len(wanted))):
         if not len(hits):
             break
         if at != anchor:
-            hits = hits[region[hits + at] == byte]
+            hits = hits[region[hits + at] == wanted[at]]
     hits += begin
     first = np.searchsorted(hits, column.start)
     last = np.searchsorted(hits, column.stop - len(wanted), side="right")
     found: Bool = first < last
+    if len(wanted) > _LOOKED_AT:
+        for row in np.flatnonzero(found).tolist():
+            found[row] = wanted in column.data[column.start[row] : column.stop[row]].tobytes()
     return found
 
 

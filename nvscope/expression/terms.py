@@ -30,6 +30,7 @@ from nvscope.expression.values import (
     real_arithmetic,
     whole_arithmetic,
 )
+from nvscope.expression.words import words_of
 
 WORDS = {
     FieldType.UNSIGNED: "a whole number",
@@ -98,8 +99,7 @@ class Terms:
 
     def __init__(self, text: str, names: NameTable) -> None:
         self._text = text
-        self._names = names
-        self._lower = {name.lower(): name for name in names}
+        self._names = words_of(names)
         self.fields: dict[str, None] = {}
 
     def _typed(self, node: Node, otherwise: str) -> Typed:
@@ -139,7 +139,7 @@ class Terms:
 
     def _known(self, text: str) -> tuple[str, Named] | None:
         """Return the name that is meant, in its own spelling, and what it stands for; None where there is none."""
-        name = text if text in self._names else self._lower.get(text.lower())
+        name = self._names.spelled(text)
         return None if name is None else (name, self._names[name])
 
     def _named(self, text: str, span: Span) -> Typed | Written:
@@ -162,7 +162,7 @@ class Terms:
         return Typed(named.type, evaluate, span, len(parts), values=named.values, texts=named.texts)
 
     def _unknown(self, text: str, span: Span) -> ExpressionError:
-        offered = [name for name, named in self._names.items() if not named.refused]
+        offered = (name for name, named in self._names.items() if not named.refused)
         # Where a value stands, a word without a dot is more often a text.
         quoted = f'a text stands in quotes: "{text}"; ' if span.start and text.isidentifier() else ""
         return self._error(f"no field is called {text[:60]}", span, quoted + nearest(text, offered))
@@ -181,7 +181,7 @@ class Terms:
     def _slice(self, node: Node, span: Span) -> Typed | Written:
         inner, *parts = cast("list[Node]", node.children)
         if all(part.data == "at" for part in parts):
-            whole = self._lower.get(re.sub(r"\s", "", self._text[span.start : span.stop]).lower())
+            whole = self._names.spelled(re.sub(r"\s", "", self._text[span.start : span.stop]))
             if whole is not None:
                 return self._named(whole, span)
         value = self._typed(inner, "only fields have parts")

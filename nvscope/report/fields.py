@@ -2,39 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from nvscope.report.ansi import paint
+from nvscope.units import count_of
 from nvscope.view.escape import visible_document
-from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import EITHER_OF, expression_names
+from nvscope.view.fields.vocabulary import Vocabulary
 from nvscope.view.lines.table import GAP, Cell, Line, Tone, display_width, wrap
 
 _MIN_WIDTH = 40
 
 
-def render(fields: Mapping[str, TelegramField], *, colour: bool = False, width: int = 80) -> str:
-    """Return a table of all fields: name, type, what it is."""
+def render(fields: Vocabulary, *, colour: bool = False, width: int = 80) -> str:
+    """Return a table of all fields: name, type, what it is; and how many variables are not in it."""
     entries = visible_document(document(fields))["fields"]
     widths = [max(display_width(entry[key]) for entry in entries) + GAP for key in ("name", "type")]
     lines: list[Line] = []
+    room = max(width, _MIN_WIDTH)
     for name, kind, meaning in [
         ("field", "type", "meaning"),
         *((entry["name"], entry["type"], f"{entry['label']}: {entry['help']}") for entry in entries),
     ]:
         tone = Tone.STRONG if lines else Tone.FAINT
         head = [Cell(name + " " * (widths[0] - display_width(name)), tone), Cell(kind.ljust(widths[1]))]
-        room = max(width, _MIN_WIDTH)
         lines += wrap([*head, Cell(meaning)], room, hanging=min(sum(widths), room // 2))
+    if left := fields.unlisted:
+        told = f"{count_of(left, 'further element')} of lists not listed; -Y and -e know the variables all the same"
+        lines += wrap([Cell(told, Tone.FAINT)], room)
     return paint(lines, colour=colour)
 
 
-def document(fields: Mapping[str, TelegramField]) -> dict[str, Any]:
+def document(fields: Vocabulary) -> dict[str, Any]:
     """Return all fields as data (schema ``nvscope.fields/1``), with an object for each.
 
     ``filter`` and ``output`` tell whether -Y and -e may name it, ``judged`` whether it is known only when the whole
-    capture was read.
+    capture was read. ``unlisted`` is how many elements of lists are not gone through: their fields may be named too.
     """
     names = expression_names(fields)
     own = [
@@ -62,4 +65,4 @@ def document(fields: Mapping[str, TelegramField]) -> dict[str, Any]:
         }
         for name, parts in EITHER_OF.items()
     ]
-    return {"schema": "nvscope.fields/1", "fields": own + either}
+    return {"schema": "nvscope.fields/1", "fields": own + either, "unlisted": fields.unlisted}

@@ -32,6 +32,7 @@ def check_scenario(scenario: Scenario, place: Place) -> None:
     _check_nodes(scenario, place)
     for position, entry in enumerate(scenario.list):
         _check_list(scenario, entry, place.below("list").below(position))
+    _check_told_apart(scenario, place)
     _check_names(scenario, place)
     check_can(scenario, place)
     for where, fault in scenario.selections():
@@ -96,6 +97,20 @@ def _check_nodes(scenario: Scenario, place: Place) -> None:
             raise below.below("vlan").error("more than two tags")
 
 
+def _check_told_apart(scenario: Scenario, place: Place) -> None:
+    """Raise ConfigurationError for lists that have the name of another one, or its index, port and sender."""
+    named: dict[str, int] = {}
+    sent: dict[tuple[int, int, str], int] = {}
+    for position, entry in enumerate(scenario.list):
+        below = place.below("list").below(position)
+        first = named.setdefault(entry.name, position)
+        same = [sent.setdefault((entry.port, entry.index, sender), position) for sender in entry.sender]
+        if first != position:
+            raise below.below("name").error(f"list[{first}] is called {entry.name!r} already")
+        if (other := min(same, default=position)) != position:
+            raise below.below("index").error(f"list[{other}] has the same index, port and sender")
+
+
 def _check_list(scenario: Scenario, entry: ListPlan, place: Place) -> None:
     if bool(entry.data_bytes) == bool(entry.total_bytes):
         raise place.error("one of bytes and total_bytes is needed")
@@ -113,13 +128,6 @@ def _check_list(scenario: Scenario, entry: ListPlan, place: Place) -> None:
         raise place.below("spacing").error("the telegrams of one sending take more than half the interval")
     if not entry.sender or len(set(entry.sender)) != len(entry.sender):
         raise place.below("sender").error("no sender, or the same one twice")
-    for position, other in enumerate(scenario.list):
-        if other is entry:
-            break
-        if other.name == entry.name:
-            raise place.below("name").error(f"list[{position}] is called {entry.name!r} already")
-        if (other.port, other.index) == (entry.port, entry.index) and set(other.sender) & set(entry.sender):
-            raise place.below("index").error(f"list[{position}] has the same index, port and sender")
     if entry.destination != "broadcast" and entry.destination not in scenario.node_numbers:
         try:
             ipaddress.ip_address(entry.destination)

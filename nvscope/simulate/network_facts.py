@@ -15,13 +15,17 @@ _UNUSED_TELEGRAMS = 8
 class NetworkFacts:
     """The facts of an observation: ``lists`` in the order of a report, ``figures`` by stream.
 
-    ``recognisable`` tells of each node whether an observer can find out what it counts.
+    ``recognisable`` tells of each node whether an observer can find out what it counts, ``restarted`` whether any of
+    its streams did.
     """
 
     def __init__(self, seen: Observation) -> None:
         self.seen = seen
         self.figures = count_figures(seen)
         self.recognisable = [is_recognisable(seen, node) for node in range(len(seen.addresses))]
+        self.restarted = [
+            bool(self.figures.restarts[seen.streams_of_node(node)].any()) for node in range(len(seen.addresses))
+        ]
         self.lists = [make_list_facts(seen, key) for key in seen.rows_of_lists]
 
     def scope(self, stream: int) -> str:
@@ -38,8 +42,7 @@ class NetworkFacts:
         that counts across streams this hangs on where its streams stood.
         """
         entry = self.seen.streams[stream]
-        restarted = self.figures.restarts[self.seen.streams_of_node(entry.node)].any()
-        if not self.recognisable[entry.node] or (restarted and entry.scope != "stream"):
+        if not self.recognisable[entry.node] or (self.restarted[entry.node] and entry.scope != "stream"):
             return None
         intervals: I64 = np.diff(self.seen.table.ts_ns[self.seen.timed(stream)])
         return intervals

@@ -134,8 +134,14 @@ class Observation:
 
     def streams_of_node(self, node: int) -> list[int]:
         """Return the streams of a node of which a data telegram is seen."""
-        seen = np.diff(self._starts) > 0
-        return [number for number, entry in enumerate(self.streams) if entry.node == node and seen[number]]
+        return self._streams_of_nodes.get(node, [])
+
+    @cached_property
+    def _streams_of_nodes(self) -> dict[int, list[int]]:
+        found: dict[int, list[int]] = {}
+        for number in np.flatnonzero(np.diff(self._starts)).tolist():
+            found.setdefault(self.streams[number].node, []).append(number)
+        return found
 
     def _repeated(self, captured: I32) -> Bool:
         """Return which data telegrams are, byte for byte, the one before them in their stream; ordered by stream."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 from dissectors.can.frame import MAX_DATA_BYTES as MAX_PDO_BYTES
 from nvscope.errors import ConfigurationError
@@ -481,17 +482,17 @@ class Scenario:
         """Return the error that something is wrong at a place of this scenario, such as ``loss[0]``."""
         return Place(self.path, keys).error(what, next_step)
 
-    @property
+    @cached_property
     def node_numbers(self) -> dict[str, int]:
         """The position of each node by its name."""
         return {node.name: position for position, node in enumerate(self.node)}
 
-    @property
+    @cached_property
     def list_numbers(self) -> dict[str, int]:
         """The position of each list by its name."""
         return {entry.name: position for position, entry in enumerate(self.list)}
 
-    @property
+    @cached_property
     def can_numbers(self) -> dict[str, int]:
         """The position of each list on CAN by its name."""
         return {entry.name: position for position, entry in enumerate(self.can_list)}

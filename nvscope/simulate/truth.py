@@ -69,13 +69,18 @@ class _Telling:
         self.figures = facts.figures
         arrived = self.seen.data & (self.seen.table.label != Label.COPY)
         self.arrived_of = np.bincount(self.seen.stream[arrived], minlength=len(self.seen.streams))
+        self.streams_of: dict[ListKey, list[int]] = {}
+        for number, stream in enumerate(self.seen.streams):
+            self.streams_of.setdefault(self.seen.scenario.list[stream.entry].list_key, []).append(number)
+        self.written: Bool = self.seen.data.copy()
+        for one in facts.lists:
+            self.written[one.mismatches] = False
 
     def list_truth(self, entry: ListFacts) -> dict[str, Any]:
         seen, key, judged = self.seen, entry.key, entry.judged
         role = seen.role[judged]
         errors = self._errors(entry)
-        written = seen.data.copy()
-        written[entry.mismatches] = False
+        written = self.written
         return {
             "key": str(key),
             "transport": key.transport.value,
@@ -123,8 +128,7 @@ class _Telling:
 
     def _designed(self, key: ListKey) -> dict[str, int]:
         """Return how many telegrams of a list were sent, and how many of them are never seen."""
-        lists = self.seen.scenario.list
-        own = [number for number, entry in enumerate(self.seen.streams) if lists[entry.entry].list_key == key]
+        own = self.streams_of.get(key, [])
         sent, arrived = int(self.seen.table.sent_of[own].sum()), int(self.arrived_of[own].sum())
         return {"telegrams_sent": sent, "telegrams_lost": sent - arrived}
 

@@ -12,10 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nvscope.definition import infer as module
+from nvscope.definition.field_evidence import Candidate
 from nvscope.definition.gvl_text import drafted, gvl_text
 from nvscope.definition.infer import GUESS, SURE, Proposal, infer, least_first_bytes
 from nvscope.definition.load import load_definitions
 from nvscope.definition.packing import pack
+from nvscope.definition.segmentation import Segmentation, probabilities, segmentations
 from tests.definition.realistic import realistic_list, telegrams_of
 from tests.laws import examples
 
@@ -133,3 +136,76 @@ def test_a_draft_that_would_be_packed_differently_says_so() -> None:
     assert draft.problem in gvl_text(draft)
     gap = drafted(7, 1202, "", [(0, told), (2, told)], acknowledge=False, checksum=False, interval_ns=None)
     assert "SubIndex 1 was not captured" in gap.problem
+
+
+SPANS = st.integers(1, 6).flatmap(
+    lambda size: st.tuples(
+        st.just(size),
+        st.integers(1, 5),
+        st.lists(
+            st.tuples(st.integers(0, size - 1), st.sampled_from([1, 1, 2, size]), st.integers(0, 20)).filter(
+                lambda entry: entry[0] + entry[1] <= size
+            ),
+            max_size=25,
+        ),
+    )
+)
+
+
+@given(SPANS)
+def test_segmentations_are_the_cheapest_of_all_there_are(drawn: tuple[int, int, list[tuple[int, int, int]]]) -> None:
+    size, items, spans = drawn
+    found = [Candidate(offset, width, (("BYTE", float(price)),)) for offset, width, price in sorted(spans)]
+
+    def ways(offset: int, left: int) -> list[tuple[int, ...]]:
+        if not left:
+            return [()] if offset == size else []
+        return [
+            (number, *rest)
+            for number, entry in enumerate(found)
+            if entry.offset == offset
+            for rest in ways(entry.end, left - 1)
+        ]
+
+    every = ways(0, items)
+    prices = sorted(sum(found[number].price for number in way) for way in every)
+    best = segmentations(found, size, items, 3)
+    assert [one.price for one in best] == prices[:3]
+    told = [tuple(map(id, one.fields)) for one in best]
+    assert [sum(field.price for field in one.fields) for one in best] == prices[:3]
+    assert len(set(told)) == len(told)
+    assert set(told) <= {tuple(id(found[number]) for number in way) for way in every}
+    weights = [2.0 ** -sum(found[number].price for number in way) for way in every]
+    share = [
+        sum(weight for way, weight in zip(every, weights, strict=True) if number in way) / (sum(weights) or 1)
+        for number in range(len(found))
+    ]
+    assert probabilities(found, size, items).tolist() == pytest.approx(share, abs=1e-9)
+
+
+LARGE = 1_400
+
+
+@pytest.mark.parametrize("fill", ["zeros", "noise", "text", "specks"])
+@pytest.mark.parametrize("items", [1, 2, 20, 350])
+def test_large_telegrams_have_no_more_candidates_than_bytes_ask_for(
+    fill: str, items: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is looked at grows with the bytes, not with the square of them, whatever a sender puts into them."""
+    data = np.zeros((20, LARGE), np.uint8)
+    if fill == "noise":
+        data = np.random.default_rng(1).integers(0, 256, data.shape).astype(np.uint8)
+    elif fill != "zeros":
+        data[:, : -2 if fill == "text" else None : 1 if fill == "text" else 7] = 65
+    looked_at: list[int] = []
+
+    def counted(found: list[Candidate], *rest: int) -> list[Segmentation]:
+        looked_at.append(len(found))
+        return segmentations(found, *rest)
+
+    monkeypatch.setattr(module, "segmentations", counted)
+    proposal = infer(items, data, data, TIMES_NS[:20])
+    assert sum(looked_at) <= (2 if items == 1 else 30 * LARGE)
+    assert bool(proposal.layouts) != bool(proposal.reason)
+    if items == 1:
+        assert [(field.offset, field.size_bytes) for field in proposal.layouts[0].fields] == [(0, LARGE)]

@@ -5,7 +5,7 @@ One table for everything that names fields. Names are Wireshark's where it has t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +22,7 @@ from nvscope.expression.typed_columns import (
     Named,
     Numbers,
 )
+from nvscope.expression.words import TableWords, Words, words_of
 from nvscope.view.escape import visible
 from nvscope.view.fields.can import CAN_FIELDS
 from nvscope.view.fields.ethernet import ETHERNET_FIELDS
@@ -153,33 +154,54 @@ PROTOCOL_TESTS = MappingProxyType(
 version 4 alone."""
 
 
-def expression_names(fields: Mapping[str, TelegramField]) -> dict[str, Named]:
+class _Names(Words[Named]):
+    """What an expression may name: the fields there are, and what stands for several of them or for a test."""
+
+    def __init__(self, fields: Words[TelegramField]) -> None:
+        self._fields = fields
+        self._further = TableWords(
+            {
+                **{name: Named(fields[parts[0]].type, parts) for name, parts in EITHER_OF.items()},
+                **{name: Named(FieldType.BOOL, test=test) for name, test in PROTOCOL_TESTS.items()},
+                "frame.time_delta_displayed": Named(_DURATION, refused="what is displayed is still to be decided"),
+            }
+        )
+
+    def spelled(self, text: str) -> str | None:
+        found = self._further.spelled(text)
+        return self._fields.spelled(text) if found is None else found
+
+    def __getitem__(self, name: str) -> Named:
+        if name in self._further:
+            return self._further[name]
+        field = self._fields[name]
+        return Named(
+            field.type,
+            values=field.values,
+            texts=field.texts,
+            refused=visible(field.refused),
+            instead=visible(field.instead),
+        )
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._further
+        yield from (name for name in self._fields if name not in self._further)
+
+
+def expression_names(fields: Mapping[str, TelegramField]) -> Words[Named]:
     """Return what an expression may name, given the fields there are."""
-    return {
-        **{
-            name: Named(
-                field.type,
-                values=field.values,
-                texts=field.texts,
-                refused=visible(field.refused),
-                instead=visible(field.instead),
-            )
-            for name, field in fields.items()
-        },
-        **{name: Named(fields[parts[0]].type, parts) for name, parts in EITHER_OF.items()},
-        **{name: Named(FieldType.BOOL, test=test) for name, test in PROTOCOL_TESTS.items()},
-        "frame.time_delta_displayed": Named(_DURATION, refused="what is displayed is still to be decided"),
-    }
+    return _Names(words_of(fields))
 
 
 def output_field(name: str, fields: Mapping[str, TelegramField] = FIELDS) -> TelegramField:
     """Return the field of a name, in any case, that -e may name; UsageError, with the nearest names, where none is."""
     wanted = "".join(name.split())
-    field = fields.get(wanted) or {known.lower(): one for known, one in fields.items()}.get(wanted.lower())
-    if field is None:
+    spelled = words_of(fields).spelled(wanted)
+    if spelled is None:
         if parts := EITHER_OF.get(wanted.lower()):
             raise UsageError(f"{name.strip()} is for -Y only", next_step=f"write -e {' -e '.join(parts)}")
         raise UsageError(f"no field is called {visible(name)!s}", next_step=nearest(name, fields))
+    field = fields[spelled]
     if field.refused:
         raise UsageError(f"{field.name}: {visible(field.refused)!s}", next_step=visible(field.instead))
     if field.judged:

@@ -8,8 +8,7 @@ does not exist. In names of lists, what no identifier may hold is written ``_``.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +17,13 @@ import numpy as np
 from dissectors.batch import I64, U8, Bool
 from dissectors.carried import Carrier
 from dissectors.layout import gather_bytes
+from nvscope.definition.element_names import folded
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.packing import TelegramLayout, known_fronts
+from nvscope.definition.sent_elements import SentElement, SentElements, typed
 from nvscope.definition.value import value_of
 from nvscope.definition.variables import Element, Enumeration, ScalarKind, scalar_of
 from nvscope.expression.typed_columns import BytesColumn, Column, FieldType, Numbers, TextColumn
+from nvscope.expression.words import Words
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
 from nvscope.tracker.variables.values import Block
 from nvscope.view.fields.field import TelegramField
@@ -33,65 +34,94 @@ _TIME_BYTES = 8
 """Times of so many bytes may be more than a column of times holds."""
 
 _MAX_LISTED = 4
+_MOST_PLACES = 50_000
+"""Of so many places the fields are told to who wants to see all names; any other can be asked for all the same."""
+
+_PREFIX = "var."
 _Key = tuple[ListKey, int, int, int]
 _ODD = np.uint64(0x9E3779B97F4A7C15)
 
 
-def variable_fields(layouts: Layouts) -> dict[str, TelegramField]:
-    """Return the fields of all elements of all lists that can be decoded, by name.
+class VariableFields(Words[TelegramField]):
+    """The fields of all elements of all lists that can be decoded, by name, each made when it is asked for.
 
     A name that several lists have stands for the variable of each where they are of one type; where they are not, it is
-    ``refused``, and only the names with the list in front can be read.
+    ``refused``, and only the names with the list in front can be read. Iterated are the names of the first lists only,
+    where there are many.
     """
-    places: dict[str, tuple[str, list[_Place]]] = {}
-    sightings = _Sightings(key for key, _ in layouts.lists() if key != key.on_any_channel)
-    for key, _ in layouts.lists():
-        whole = [(layout, False) for layout in _told_apart(layouts.candidates_of(key))]
-        for layout, is_front in whole + _fronts(layouts.partly_of(key)):
-            for offset, element in layout.spans():
-                place = _Place(key, layout, offset, element, sightings, is_front)
-                name = element.name.replace(" ", "")
-                # Names of IEC 61131-3 are the same in any case.
-                for told in (f"var.{name}", f"var.{_typed(layout.list.name)}.{name}"):
-                    places.setdefault(told.lower(), (told, []))[1].append(place)
-    return {name: _field(name, found) for name, found in places.values()}
+
+    def __init__(self, layouts: Layouts) -> None:
+        self._sent = SentElements(layouts)
+        self._sightings = _Sightings(key for key, _ in layouts.lists() if key != key.on_any_channel)
+        self._known: dict[str, tuple[TelegramField, int]] = {}  # what was asked for, and of how many places it is
+
+    def spelled(self, text: str) -> str | None:
+        found = self._found(text)
+        return found[0].name if found else None
+
+    def __getitem__(self, name: str) -> TelegramField:
+        found = self._found(name)
+        if found is None or found[0].name != name:
+            raise KeyError(name)
+        return found[0]
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for names, _ in self._listed() for name in names)
+
+    @property
+    def unlisted(self) -> int:
+        """How many elements are not gone through as the names are iterated."""
+        return len(self._sent) - sum(count for _, count in self._listed())
+
+    def _found(self, text: str) -> tuple[TelegramField, int] | None:
+        name = folded(text)
+        if name not in self._known and name.startswith(_PREFIX):
+            places: list[_Place] = []
+            first = ""
+            for sent, of_list in self._sent.named(name.removeprefix(_PREFIX)):
+                first = first or _names_of(sent)[of_list]
+                places.append(_Place(sent, self._sightings))
+            if places:
+                self._known[name] = _field(first, places), len(places)
+        return self._known.get(name)
+
+    def _listed(self) -> Iterator[tuple[list[str], int]]:
+        """Yield, of one telegram after the other, the names that none before it has, and how many elements it has."""
+        seen: set[str] = set()
+        places = 0
+        for elements, count in self._sent.telegrams():
+            if places >= _MOST_PLACES:
+                return
+            fresh: list[str] = []
+            for name in (name for sent in elements for name in _names_of(sent)):
+                found = self._found(name)
+                if found is not None and found[0].name not in seen:
+                    seen.add(found[0].name)
+                    fresh.append(found[0].name)
+                    places += found[1]
+            yield fresh, count
 
 
-def _fronts(telegrams: Sequence[TelegramLayout]) -> list[tuple[TelegramLayout, bool]]:
-    """Return what is known of the telegrams of a list with elements of unknown size, and whether more follows."""
-    if not telegrams:
-        return []
-    return [(layout, cause is not None) for layout, cause in known_fronts(telegrams)]
-
-
-def _told_apart(candidates: Iterable[Sequence[TelegramLayout]]) -> Iterator[TelegramLayout]:
-    """Yield the telegrams that the definitions of a list describe; of those of one shape only the first."""
-    seen = set()
-    for layout in (layout for candidate in candidates for layout in candidate):
-        shape = layout.subindex, *layout.shape
-        if shape not in seen:
-            seen.add(shape)
-            yield layout
-
-
-def _typed(list_name: str) -> str:
-    """Return the name of a list as it is typed between two dots."""
-    return re.sub(r"\W", "_", list_name) or "_"
+def _names_of(sent: SentElement) -> tuple[str, str]:
+    """Return the names of the field of an element: that which all lists share, and that with its list in front."""
+    name = sent.element.name.replace(" ", "")
+    return f"{_PREFIX}{name}", f"{_PREFIX}{typed(sent.layout.list.name)}.{name}"
 
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where an element is sent: in which telegram of which list, from which byte of its data on.
+    """Where an element is sent, and the telegrams of its list that were seen."""
 
-    ``is_front``: the layout is only what is known of longer telegrams.
-    """
-
-    key: ListKey
-    layout: TelegramLayout
-    offset: int
-    element: Element
+    sent: SentElement
     sightings: _Sightings
-    is_front: bool = False
+
+    @property
+    def element(self) -> Element:
+        return self.sent.element
+
+    @property
+    def list_name(self) -> str:
+        return self.sent.layout.list.name
 
     def rows_of(self, rows: FrameRows) -> I64:
         """Return the positions of the telegrams in which it is, with a value that its column can hold."""
@@ -106,7 +136,7 @@ class _Place:
         return scalar is not None and bool(scalar.unit_ns) and scalar.size_bytes == _TIME_BYTES
 
     def _telegrams_of(self, rows: FrameRows) -> I64:
-        key = self.key, self.layout.subindex, *self.layout.shape
+        key = self.sent.key, self.sent.layout.subindex, *self.sent.layout.shape
         seen = self.sightings.of(rows)
         if key not in seen:
             seen[key] = self._rows_of(rows)
@@ -114,39 +144,40 @@ class _Place:
 
     def _rows_of(self, rows: FrameRows) -> I64:
         """Return the positions of the frames, captured whole, that carry it."""
-        carried = rows.carried
-        found: Bool = carried.is_data & (carried.identifier == self.key.identifier)
-        found &= carried.subindex == self.layout.subindex
-        items, size_bytes = self.layout.shape
-        if self.is_front:
+        carried, key, layout = rows.carried, self.sent.key, self.sent.layout
+        found: Bool = carried.is_data & (carried.identifier == key.identifier)
+        found &= carried.subindex == layout.subindex
+        items, size_bytes = layout.shape
+        if self.sent.is_front:
             found &= (carried.items >= items) & (carried.size_bytes >= size_bytes)
         else:
             found &= (carried.items == items) & (carried.size_bytes == size_bytes)
         found &= ~carried.truncated
-        if self.key.transport is Transport.CAN:
+        if key.transport is Transport.CAN:
             found &= self._on_channel(rows)
         else:
-            found &= (carried.carrier == Carrier.UDP) & (carried.port == self.key.port)
+            found &= (carried.carrier == Carrier.UDP) & (carried.port == key.port)
         return np.flatnonzero(found)
 
     def _on_channel(self, rows: FrameRows) -> Bool:
         """Tell which frames are on a channel that the definition is for."""
-        carried = rows.carried
+        carried, key = rows.carried, self.sent.key
         on_can: Bool = carried.carrier == Carrier.CAN
-        if self.key.port == ANY_CHANNEL and not self.sightings.channels:
+        if key.port == ANY_CHANNEL and not self.sightings.channels:
             return on_can
         channels = {number: rows.channel(number) for number in np.unique(carried.port[on_can]).tolist()}
-        own = [number for number, name in channels.items() if self._is_of(ListKey.can(name, self.key.identifier))]
+        own = [number for number, name in channels.items() if self._is_of(ListKey.can(name, key.identifier))]
         on_can &= np.isin(carried.port, own)
         return on_can
 
     def _is_of(self, key: ListKey) -> bool:
         """Tell whether the definition is that of a list: of its channel, or of any that has none of its own."""
-        return key == self.key or (key.on_any_channel == self.key and key not in self.sightings.channels)
+        own = self.sent.key
+        return key == own or (key.on_any_channel == own and key not in self.sightings.channels)
 
     def bytes_of(self, rows: FrameRows, which: I64) -> BytesColumn:
         """Return its bytes in some telegrams in which it is."""
-        start = rows.carried.at[which] + self.offset
+        start = rows.carried.at[which] + self.sent.offset
         return BytesColumn(rows.packets.data, start, start + self.element.type.size_bytes)
 
 
@@ -177,7 +208,7 @@ def _field(name: str, places: list[_Place]) -> TelegramField:
         return _refused(name, places)
     named = [place.element.type for place in places if isinstance(place.element.type, Enumeration)]
     values = named[0].values if len({tuple(one.values.items()) for one in named}) == 1 else {}
-    lists = ", ".join(dict.fromkeys(place.layout.list.name for place in places))
+    lists = ", ".join(dict.fromkeys(place.list_name for place in places))
     seconds = "; a number is seconds" if kind is FieldType.DURATION else ""
     return TelegramField(
         name, kind, first.element.name, f"{first.element.type.name} of list {lists}{seconds}",
@@ -188,8 +219,8 @@ def _field(name: str, places: list[_Place]) -> TelegramField:
 
 def _refused(name: str, places: list[_Place]) -> TelegramField:
     """Return the field of a name that stands for variables of different types: it tells what to write instead."""
-    lists = list(dict.fromkeys(place.layout.list.name for place in places))
-    names = list(dict.fromkeys(f"var.{_typed(one)}.{places[0].element.name.replace(' ', '')}" for one in lists))
+    lists = list(dict.fromkeys(place.list_name for place in places))
+    names = list(dict.fromkeys(f"var.{typed(one)}.{places[0].element.name.replace(' ', '')}" for one in lists))
     why = f"{_listed(lists, 'and', 'list', 'lists')} {'has' if len(lists) == 1 else 'have'} it with different types"
     instead = "" if name in names else f"write {_listed(names, 'or')}"
     return TelegramField(

@@ -25,7 +25,7 @@ from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields import variables as module
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import output_field
-from nvscope.view.fields.variables import variable_fields
+from nvscope.view.fields.variables import VariableFields
 from nvscope.view.fields.vocabulary import vocabulary
 from nvscope.view.rows.frames import FrameRows
 from tests.definition.lists import BOOL, INT, REAL, STATE, TIME, VARIABLES, list_of, telegram
@@ -52,7 +52,7 @@ def seen(field: TelegramField, rows: FrameRows) -> list[Any]:
 @settings(deadline=None)
 def test_fields_are_the_values_of_the_elements(types: list[Type], packed: bool, seed: int, count: int) -> None:
     definition = list_of(types, pack=packed)
-    fields = variable_fields(Layouts(Definition((definition,))))
+    fields = VariableFields(Layouts(Definition((definition,))))
     sent = telegrams_of(definition, seed, count)
     (rows,) = rows_of([frame for frame, _, _ in sent])
     for layout in pack(definition):
@@ -206,7 +206,7 @@ def test_rows_that_have_the_same_bits_are_told_apart(monkeypatch: pytest.MonkeyP
 
 
 def test_fields_of_other_telegrams_are_looked_for_anew() -> None:
-    fields = variable_fields(Layouts(Definition((list_of([INT]),))))
+    fields = VariableFields(Layouts(Definition((list_of([INT]),))))
     some = [telegram(bytes([n, 0]), 1, subindex=0, counter=n, ts_ns=START_NS, list_id=7 + n % 2) for n in range(6)]
     (first,), (second,) = rows_of(some), rows_of(some[1:])
     field = fields["var.v0"]
@@ -252,3 +252,41 @@ def test_what_stands_in_front_of_a_pointer_can_be_asked_for() -> None:
     (rows,) = rows_of(frames)
     assert numbers("var.v0 == 5", rows, fields) == [1, 2, 3]
     assert "var.v2" not in fields
+
+
+def test_of_many_variables_the_first_are_listed_and_all_can_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_MOST_PLACES", 300)
+    lists = [replace(list_of([Array(((1, 5_000),), INT)], list_id=number), name=f"L{number}") for number in range(1, 9)]
+    fields = vocabulary(Layouts(Definition(tuple(lists))))
+    own = [name for name in fields if name.startswith("var.")]
+    # Telegrams of 128 elements; each has a name of eight places, and one of a single place.
+    assert own[:2] == ["var.v0[1]", "var.L1.v0[1]"]
+    assert len(own) == 256
+    told = document(fields)
+    assert told["unlisted"] == 8 * 5_000 - 128
+    assert {entry["name"] for entry in told["fields"]} >= set(own)
+    assert "39 872 further elements of lists not listed" in " ".join(render(fields, width=200).split())
+    assert output_field("VAR.l8.V0[5000]", fields).help == "INT of list L8"
+    assert "var.v0[5000]" in fields
+    assert "VAR.v0[5000]" not in fields
+    with pytest.raises(UsageError, match="no field is called") as error:
+        DisplayFilter("var.v0[5001] == 1", fields)
+    assert "var.v0[" in error.value.next_step
+    few = vocabulary(Layouts(Definition((list_of([INT, INT]), list_of([INT, INT])))))
+    assert document(few)["unlisted"] == vocabulary().unlisted == 0
+    assert "not listed" not in render(few)
+
+
+def test_a_filter_makes_the_fields_that_it_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+    real = module._field
+
+    def field(name: str, *rest: Any) -> TelegramField:
+        made.append(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(module, "_field", field)
+    fields = vocabulary(Layouts(Definition((list_of([Array(((1, 50_000),), INT)] * 2),))))
+    (rows,) = rows_of([telegram(bytes(256), 128, subindex=3, counter=1, ts_ns=START_NS)])
+    assert numbers("nv.index == 7 && var.V0[400] == 0 && !var.v1[50000]", rows, fields) == [1]
+    assert made == ["var.v0[400]", "var.v1[50000]"]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
-from nvscope.view.fields.variables import variable_fields
+from nvscope.view.fields.variables import VariableFields
 from tests.can_frames import rows_of_log
 from tests.definition.lists import INT, list_of
 from tests.view.fields.test_variables import seen
@@ -21,7 +21,7 @@ def on(channel: str, name: str) -> ListDefinition:
 def test_the_definition_of_a_channel_goes_before_that_of_any() -> None:
     for lists in ((on("can1", "own"), on("", "any")), (on("", "any"), on("can1", "own"))):
         definition = Definition(lists)
-        fields = variable_fields(Layouts(definition))
+        fields = VariableFields(Layouts(definition))
         rows = rows_of_log(LOG.replace("(", "(000000000"), definition)
         assert seen(fields["var.any.v0"], rows) == [1, None, 3]
         assert seen(fields["var.own.v0"], rows) == [None, 2, None]
@@ -31,4 +31,4 @@ def test_the_definition_of_a_channel_goes_before_that_of_any() -> None:
 def test_of_channels_that_are_named_no_other_has_the_list() -> None:
     definition = Definition((on("can2", "left"), on("can0", "right")))
     rows = rows_of_log(LOG.replace("(", "(000000000"), definition)
-    assert seen(variable_fields(Layouts(definition))["var.v0"], rows) == [1, None, 3]
+    assert seen(VariableFields(Layouts(definition))["var.v0"], rows) == [1, None, 3]
