@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dissectors import address
@@ -27,6 +27,12 @@ IDENTITIES = (b"\x00-S3", b"0-S3")
 
 def rows_of(frames: list[Frame]) -> list[FrameRows]:
     return list(Shown(Batches([batch_of(frames)])))
+
+
+def is_can(frame: Frame) -> bool:
+    """Return whether a cooked header (SLL, SLL2) says that a frame of CAN, CAN FD or CAN XL follows."""
+    at = {113: 14, 276: 0}.get(frame.link)
+    return at is not None and frame.data[at : at + 2] in (b"\0\x0c", b"\0\x0d", b"\0\x0e")
 
 
 def values(name: str, rows: FrameRows) -> list[object]:
@@ -82,10 +88,12 @@ def test_columns_have_the_shape_of_their_type(link: int) -> None:
 
 
 @given(st.integers(0, 10_000), st.sampled_from([*LINKS, None]), st.booleans())
+@example(49, 113, True)
 @examples(30)
 def test_values_are_what_the_bytes_say(seed: int, link: int | None, broken: bool) -> None:
     frames = generate(seed, frames=120, link=link)
-    frames = mutate(seed, frames) if broken else frames
+    # a flipped bit can make a frame of CAN of one that a cooked capture calls IP: no matter of the UDP oracle
+    frames = [frame for frame in (mutate(seed, frames) if broken else frames) if not is_can(frame)]
     expected = []
     for number, frame in enumerate(frames, 1):
         datagram = peel(frame)
