@@ -193,5 +193,8 @@ def fields() -> Schema:
     }
     return document(
         "fields", "`nvscope keys --fields --json`: the fields that -Y and -e may name",
-        {"fields": several(record(field))},
+        {
+            "fields": several(record(field)),
+            "unlisted": whole("how many elements of lists are not gone through: -Y and -e may name them too"),
+        },
     )  # fmt: skip
