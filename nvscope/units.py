@@ -1,12 +1,14 @@
 """Quantities as people read them: durations, times, counts, bytes, shares, COB-IDs. Integer arithmetic, no locale.
 
-Halves are rounded to even. A regular space separates thousands; ``view.lines.table.wrap`` keeps such a number on one
-line.
+Halves are rounded to even. A regular space separates thousands, or nothing does, where programs read them
+(``thousands``); ``view.lines.table.wrap`` keeps such a number on one line.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 _MS_NS = 1_000_000
 _S_NS = 1_000_000_000
@@ -14,9 +16,28 @@ _SMALL_UNITS = ((1_000, "µs"), (_MS_NS, "ms"), (_S_NS, "s"))
 _PAIRED_UNITS = ((1, "min", "s", 60, 60), (60, "h", "min", 60, 24), (3_600, "d", "h", 24, None))
 
 
+_separator = " "
+
+
+@contextmanager
+def thousands(*, separated: bool) -> Iterator[None]:
+    """Have all numbers, in all threads, told as ``1 234 567`` meanwhile, or as ``1234567``."""
+    global _separator  # noqa: PLW0603  # who tells a number does not know who is going to read it
+    before, _separator = _separator, " " if separated else ""
+    try:
+        yield
+    finally:
+        _separator = before
+
+
+def separator() -> str:
+    """Return what stands between thousands: for what is kept of numbers that were told."""
+    return _separator
+
+
 def count(number: int) -> str:
-    """Return ``1 234 567`` for 1234567."""
-    return f"{number:,}".replace(",", " ")
+    """Return ``1 234 567`` for 1234567, or ``1234567`` where ``thousands`` says so."""
+    return f"{number:,}".replace(",", _separator)
 
 
 def count_of(number: int, noun: str, plural: str = "") -> str:
@@ -44,6 +65,21 @@ def list_key(key: str) -> str:
 def cob_id_range(first: int, last: int) -> str:
     """Return ``0x181``, or ``0x181 to 0x183``."""
     return cob_id(first) if first == last else f"{cob_id(first)} to {cob_id(last)}"
+
+
+def ranges(numbers: Iterable[int], told: Callable[[int], str] = str) -> list[str]:
+    """Return ``1 to 40`` and ``42`` for these numbers, in order; ``told`` writes one. From three on it is a range."""
+    runs: list[list[int]] = []
+    for number in sorted(set(numbers)):
+        if runs and runs[-1][1] == number - 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return [
+        part
+        for first, last in runs
+        for part in ([f"{told(first)} to {told(last)}"] if last - first > 1 else map(told, range(first, last + 1)))
+    ]
 
 
 def data_size(size_bytes: int) -> str:
@@ -108,6 +144,15 @@ def duration(duration_ns: int) -> str:
 def iec_time(duration_ns: int) -> str:
     """Return an IEC 61131-3 TIME literal such as ``T#1m2s345ms``, whole milliseconds, the rest cut off."""
     return _iec_duration("T", duration_ns, _MS_NS)
+
+
+def since(time_ns: int, start_ns: int) -> str:
+    """Return the time from one instant to another as an IEC literal, ``T#7s``, with the milliseconds that both show.
+
+    Clock times cut off what is less than a millisecond: so does this, of both, before it subtracts. Else 07.000 would
+    be T#6s999ms after 00.000.
+    """
+    return iec_time((time_ns // _MS_NS - start_ns // _MS_NS) * _MS_NS)
 
 
 def iec_ltime(duration_ns: int) -> str:

@@ -72,7 +72,7 @@ def test_the_opening_is_what_the_program_prints(here: Path) -> None:
     language, text = BLOCKS[0]
     assert language == "console"
     command, *shown = text.splitlines()
-    done = run_text(*command.split()[2:], cwd=here, environment={"COLUMNS": "100", "TZ": "UTC"})
+    done = run_text(*command.split()[2:], cwd=here, environment={"COLUMNS": "", "TZ": "UTC"})
     printed = done.stdout.splitlines()
     # Of the findings, the first two stand there.
     assert shown == printed[: len(shown)]

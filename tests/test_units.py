@@ -157,3 +157,55 @@ def test_percent(numerator: int, denominator: int, text: str) -> None:
 @given(st.integers(), st.integers(1, 10**12))
 def test_divide_rounds_halves_to_even(numerator: int, denominator: int) -> None:
     assert units.divide(numerator, denominator) == round(Fraction(numerator, denominator))
+
+
+def test_thousands_are_separated_for_who_wants_them() -> None:
+    with units.thousands(separated=False):
+        told = [units.count(1_234_567), units.count_of(1_000, "frame"), units.bit_rate(1_000_000_000)]
+        assert told == ["1234567", "1000 frames", "1000 Mbit/s"]
+        assert units.separator() == ""
+        with units.thousands(separated=True):
+            assert units.count(1_234) == "1 234"
+        assert units.count(1_234) == "1234"
+    assert units.count(1_234) == "1 234"
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ([], []),
+        ([7], ["7"]),
+        ([2, 1], ["1", "2"]),
+        ([3, 1, 2], ["1 to 3"]),
+        ([1, 2, 3, 5, 8, 9, 9, 12, 13, 14], ["1 to 3", "5", "8", "9", "12 to 14"]),
+    ],
+)
+def test_ranges(numbers: list[int], told: list[str]) -> None:
+    assert units.ranges(numbers) == told
+
+
+@given(st.sets(st.integers(0, 60)))
+def test_ranges_hold_each_number_once(numbers: set[int]) -> None:
+    found = [part.split(" to ") for part in units.ranges(numbers)]
+    assert [number for part in found for number in range(int(part[0]), int(part[-1]) + 1)] == sorted(numbers)
+
+
+def test_time_since_the_start_is_what_lies_between_the_times_shown() -> None:
+    start_ns = 59 * 1_000_000_000 + 999_999_999
+    assert units.iec_time(7_000_000_000 - 1) == "T#6s999ms"
+    assert units.since(start_ns + 1, start_ns) == "T#1ms"
+    assert units.since(66_999_000_000, 60_000_000_999) == "T#6s999ms"
+    assert units.since(67_000_000_000, 60_000_000_999) == "T#7s"
+
+
+@given(st.integers(0, 10**13), st.integers(0, 10**13))
+def test_clock_times_and_times_since_the_start_agree(start_ns: int, passed_ns: int) -> None:
+    def shown_ms(time_ns: int) -> int:
+        hours, minutes, seconds = units.clock_time(time_ns, utc=True).split(":")
+        return (int(hours) * 60 + int(minutes)) * 60_000 + int(seconds.replace(".", ""))
+
+    passed_ms = (shown_ms(start_ns + passed_ns) - shown_ms(start_ns)) % 86_400_000
+    days = (start_ns + passed_ns) // 86_400_000_000_000 - start_ns // 86_400_000_000_000
+    if shown_ms(start_ns + passed_ns) < shown_ms(start_ns):
+        days -= 1
+    assert units.since(start_ns + passed_ns, start_ns) == units.iec_time((days * 86_400_000 + passed_ms) * 1_000_000)

@@ -11,7 +11,7 @@ import typer
 
 from nvscope.cli.definitions import ProjectOption, project_of, tell_of_flaws
 from nvscope.cli.help import Command, Group
-from nvscope.cli.terminal import ColourOption, colour_wanted, tell, width
+from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, tables_are_wide, tell, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ def layout(
     files: FilesArgument = None,
     project: ProjectOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the byte maps as JSON (nvscope.layout/1).")] = False,
+    wide: WideOption = False,
     colour: ColourOption = "auto",
 ) -> None:
     """Print what lies where in each telegram of each list."""
@@ -69,7 +70,8 @@ def layout(
 
     document = layout_document(_plant(files, project).definition)
     shown = colour_wanted(colour)
-    tell(document, partial(face.render, colour=shown, width=width()), as_json=as_json, colour=shown)
+    render = partial(face.render, colour=shown, width=width(), wide=tables_are_wide(wide))
+    tell(document, render, as_json=as_json, colour=shown)
 
 
 @app.command(cls=Command)
@@ -119,6 +121,7 @@ def diff(
     a_types: Annotated[list[str] | None, _types_option("--a-types", "of A alone")] = None,
     b_types: Annotated[list[str] | None, _types_option("--b-types", "of B alone")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON (nvscope.diff/1).")] = False,
+    wide: WideOption = False,
     colour: ColourOption = "auto",
 ) -> None:
     """Compare two definitions, and show where A's values land in B.
@@ -137,6 +140,7 @@ def diff(
             raise UsageError("no list is defined", where=file, next_step="name the exported list; types go to --types")
     document = difference_document(difference(*sides))
     shown = colour_wanted(colour)
-    tell(document, partial(face.render, colour=shown, width=width()), as_json=as_json, colour=shown)
+    render = partial(face.render, colour=shown, width=width(), wide=tables_are_wide(wide))
+    tell(document, render, as_json=as_json, colour=shown)
     if not document["same_on_wire"]:
         raise typer.Exit(ExitCode.ASSERTION_FAILED)

@@ -1,4 +1,4 @@
-"""Help: options in groups, examples at the end, and no sentence cut."""
+"""Verbs: help in groups, with examples and no sentence cut; and numbers as who reads them wants them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
+from nvscope.cli.terminal import numbers
+
 READ, SHOWN, DEFINED, WRITTEN, HELP = "What is read", "What is shown", "Definitions and names", "How it is told", "Help"
 
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -15,7 +17,8 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
         DEFINED: ("--gvl", "--project", "-n", "--types", "--a-types", "--b-types"),
         WRITTEN: (
-            "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--color", "--truth",
+            "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",
+            "--truth",
         ),
         HELP: ("--help",),
     }
@@ -70,7 +73,15 @@ _GAP = "   "
 
 
 class Command(TyperCommand):
-    """A verb whose help has groups of options, and ends with examples."""
+    """A verb whose help has groups of options, and ends with examples.
+
+    While it runs, all numbers are told as its output wants them (``nvscope.cli.terminal.numbers``).
+    """
+
+    def invoke(self, ctx: Any) -> Any:
+        asked = ctx.params
+        with numbers(as_json=bool(asked.get("as_json")), as_markdown=bool(asked.get("as_markdown"))):
+            return super().invoke(ctx)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         groups: dict[str, list[tuple[str, str]]] = {title: [] for title in ORDER}

@@ -28,7 +28,7 @@ from nvscope.cli.sources import (
     tell_of_losses,
     with_channels,
 )
-from nvscope.cli.terminal import ColourOption, colour_wanted, echo, echo_all, width
+from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, echo_all, tables_are_wide, width
 from nvscope.errors import ExitCode, UsageError
 
 
@@ -38,8 +38,14 @@ def report(
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON (nvscope.report/1).")] = False,
     as_markdown: Annotated[bool, typer.Option("--md", help="Print the report as Markdown.")] = False,
     details: Annotated[
-        bool, typer.Option("-v", "--details", help="Show the diagnosis structure and the streams of every list.")
+        bool,
+        typer.Option(
+            "-v",
+            "--details",
+            help="Show the diagnosis structure and the streams of every list, and each finding by itself.",
+        ),
     ] = False,
+    wide: WideOption = False,
     listed: Annotated[
         list[str] | None,
         typer.Option(
@@ -136,16 +142,19 @@ def report(
     elif as_markdown:
         from nvscope.report import markdown
 
-        parts = markdown.pieces(document, utc=utc)
+        parts = markdown.pieces(document, utc=utc, details=details)
     else:
         from nvscope.report import text as face
 
-        parts = face.pieces(document, colour=shown, width=width(), utc=utc, details=details)
+        parts = face.pieces(document, colour=shown, width=width(), wide=tables_are_wide(wide), utc=utc, details=details)
     echo_all(parts, color=shown)
     tell_of_lists(inquiry)
     tell_of_channels(channel_map, [bus.channel for bus in found.summary.can.buses])
     if fragments := found.state.capture.fragments:
-        echo(f"nvscope: {fragments} IP fragments were counted but not put together.", err=True)
+        from nvscope.units import count_of
+
+        told = count_of(fragments, "IP fragment")
+        echo(f"nvscope: {told} counted but not put together.", err=True)
     if asked and not found.summary.capture.frames:
         echo(NOTHING_BETWEEN, err=True)
     tell_of_gaps(found.infos)

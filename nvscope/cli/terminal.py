@@ -6,14 +6,25 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
 from typing import Annotated, Any, Literal
 
 import typer
 
+from nvscope import units
 from nvscope.cli.encodings import as_data
 
 Colour = Literal["auto", "always", "never"]
 ColourOption = Annotated[Colour, typer.Option("--color", help="Colours: on a terminal only, always, or never.")]
+WideOption = Annotated[
+    bool,
+    typer.Option(
+        "--wide", help="Tables as wide as they need, with all columns and whole names, however wide the terminal is."
+    ),
+]
+
+_READABLE = 100
+"""Columns of prose where there is no terminal to fit it to."""
 
 
 def echo(text: str, *, nl: bool = True, err: bool = False, color: bool | None = None) -> None:
@@ -48,10 +59,27 @@ def colour_wanted(choice: Colour) -> bool:
 
 
 def width() -> int:
-    """Return the columns of the terminal, that of stderr where stdout goes elsewhere, 100 where there is none."""
-    if not os.environ.get("COLUMNS") and not sys.stdout.isatty() and sys.stderr.isatty():
-        return os.get_terminal_size(sys.stderr.fileno()).columns
-    return shutil.get_terminal_size((100, 24)).columns
+    """Return the columns of the terminal, or what COLUMNS says; 100 where stdout is none.
+
+    A pager that is narrower shows them whole: the terminal of stderr counts, up to 100.
+    """
+    if not os.environ.get("COLUMNS") and not sys.stdout.isatty():
+        return min(os.get_terminal_size(sys.stderr.fileno()).columns, _READABLE) if sys.stderr.isatty() else _READABLE
+    return shutil.get_terminal_size((_READABLE, 24)).columns
+
+
+def tables_are_wide(asked: bool) -> bool:
+    """Decide whether tables are as wide as they need: asked for, or in a file or pipe of which COLUMNS says nothing."""
+    return asked or not (sys.stdout.isatty() or os.environ.get("COLUMNS"))
+
+
+def numbers(*, as_json: bool, as_markdown: bool) -> AbstractContextManager[None]:
+    """Have thousands separated where a person sees them; elsewhere a program may want to read the numbers.
+
+    JSON and Markdown are the same wherever they go: in the sentences of the one thousands are separated, in the tables
+    and sentences of the other they are not.
+    """
+    return units.thousands(separated=as_json or (sys.stdout.isatty() and not as_markdown))
 
 
 def tell(

@@ -28,7 +28,7 @@ from nvscope.cli.sources import (
     tell_of_losses,
     with_channels,
 )
-from nvscope.cli.terminal import ColourOption, colour_wanted, echo, tell, width
+from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, tables_are_wide, tell, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ def variables(
     channel_map: ChannelMapOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
+    wide: WideOption = False,
     colour: ColourOption = "auto",
 ) -> None:
     """Show the variables of a capture: last value, when and how often it changed, and its bounds.
@@ -117,7 +118,7 @@ def variables(
     between = asked_range(from_time, to_time, utc=utc)
     inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
     names = {} if no_names else plant.node_names
-    asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names)
+    asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names, tables_are_wide(wide))
     if infer:
         infos = _infer(asked, listed, write, force=force)
     elif history is not None:
@@ -143,6 +144,7 @@ class _Asked:
     quiet: bool
     colour: bool
     names: Mapping[str, str]
+    wide: bool
 
     def keys(self, listed: str | None) -> Collection[ListKey] | None:
         """Return the keys of the lists of a name, None for all; UsageError where there is none."""
@@ -197,7 +199,7 @@ def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
     asked.tell(
         variables_document(found.state, found.values, keys=keys, expression=asked.wanted),
         lambda document: face.render(
-            document, colour=asked.colour, width=width(), utc=asked.utc, node_names=asked.names,
+            document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc, node_names=asked.names,
             some_came=bool(unfitting or truncated), of_one_list=keys is not None,
         ),
     )  # fmt: skip
@@ -247,7 +249,13 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
         Json()
         if asked.as_json
         else Text(
-            wanted.names(), changes.lists, subindexes=wanted.repeated, width=width(), colour=asked.colour, utc=asked.utc
+            wanted.names(),
+            changes.lists,
+            subindexes=wanted.repeated,
+            width=width(),
+            wide=asked.wide,
+            colour=asked.colour,
+            utc=asked.utc,
         )
     )
     out = sys.stdout
@@ -280,7 +288,7 @@ def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
         at_document(
             found.moment, asked.inquiry.defined_layouts(), found.time_ns, keys=keys, expression=asked.wanted
         ),
-        lambda document: face.render_at(document, colour=asked.colour, width=width(), utc=asked.utc),
+        lambda document: face.render_at(document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc),
     )  # fmt: skip
     return found.source.infos
 
@@ -301,7 +309,8 @@ def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool)
         )  # fmt: skip
     found = proposals(samples, listed)
     asked.tell(
-        inference_document(found, samples), lambda document: face.render(document, colour=asked.colour, width=width())
+        inference_document(found, samples),
+        lambda document: face.render(document, colour=asked.colour, width=width(), wide=asked.wide),
     )
     if write is None:
         return source.infos

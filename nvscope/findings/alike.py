@@ -1,4 +1,4 @@
-"""Findings that many identifiers of a CAN channel have alike: one finding instead of one for each."""
+"""Findings that many identifiers of a CAN channel have alike: one for all of them, which says what is worst."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from dissectors.can.pdo import EXTENDED
-from nvscope.findings.cob_ids import CANOPEN_COLLISION, COB_ID_OVERLAP
+from nvscope.findings.badness import badness
+from nvscope.findings.cob_ids import OF_ONE_LIST
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -15,20 +16,18 @@ from nvscope.units import cob_id, count_of
 
 _MANY = 5
 _NAMED = 4
-_ALONE = (COB_ID_OVERLAP, CANOPEN_COLLISION)
-"""These say something else of each list."""
 
 
 def taken_together(findings: Iterable[Finding], keys: Mapping[int, ListKey]) -> list[Finding]:
     """Return findings with those of one code and channel, where many lists on CAN have them, as one.
 
-    ``keys`` are those of the lists that were seen, by number. What is said of the one with the most events stands for
-    all, with how many there are.
+    ``keys`` are those of the lists that were seen, by number. What is said of the worst (``badness``) stands for all,
+    with how many there are.
     """
     left, alike = [], defaultdict(list)
     for finding in findings:
         key = None if finding.list_number is None else keys[finding.list_number]
-        if key is None or key.transport is not Transport.CAN or finding.kind in _ALONE:
+        if key is None or key.transport is not Transport.CAN or finding.kind in OF_ONE_LIST:
             left.append(finding)
         else:
             alike[finding.code, str(key.port)].append(finding)
@@ -38,18 +37,18 @@ def taken_together(findings: Iterable[Finding], keys: Mapping[int, ListKey]) -> 
 
 
 def _one(found: Sequence[Finding], channel: str, keys: Mapping[int, ListKey]) -> Finding:
-    most = max(found, key=lambda finding: finding.count)
+    worst = max(found, key=lambda finding: badness(finding.code, finding.message, finding.count))
     named = ", ".join(_identifier(finding, keys) for finding in found[:_NAMED])
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     message = (
-        f"{count_of(len(found), 'identifier')} of {channel} show this: {named}{more}. {_identifier(most, keys)}: "
-        f"{most.message}"
+        f"{count_of(len(found), 'identifier')} of {channel} show this: {named}{more}. {_identifier(worst, keys)}: "
+        f"{worst.message}"
     )
     first = [finding.first_ns for finding in found if finding.first_ns is not None]
     last = [finding.last_ns for finding in found if finding.last_ns is not None]
     frames = sorted({frame for finding in found for frame in finding.frames})
     return replace(
-        most,
+        worst,
         message=message,
         count=sum(finding.count for finding in found),
         first_ns=min(first, default=None),

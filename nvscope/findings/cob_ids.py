@@ -57,6 +57,9 @@ CANOPEN_COLLISION = FindingKind(
     ),
 )
 
+OF_ONE_LIST = (COB_ID_OVERLAP, CANOPEN_COLLISION)
+"""These say something else of each list: many of them are never taken together."""
+
 
 def judge_cob_ids(facts: Facts) -> Iterator[Finding]:
     """Yield a finding for each list that others overlap, and each within CANopen's set; none without definition.

@@ -120,15 +120,15 @@ def _several_senders(facts: Facts, entry: ListSummary) -> Finding:
 
 
 def _shape(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:
-    times = f"Items or Length differ from the telegram before {count_of(events.count, 'time')}"
+    """Return the same for every sender of a SubIndex: a telegram is compared with the one before it, of any of them."""
     own = facts.streams_of_place[entry.number, subindex]
     if len(own) > _MOST_SENDERS:
-        return f"{times}, whoever sent it; {count(len(own))} nodes send it."
+        return f"Consecutive telegrams differ in Items or Length; {count(len(own))} nodes send them."
     shapes = [f"{count_of(stream.items, 'item')} in {stream.length} bytes" for stream in own]
     if len(own) == 1:
-        return f"{times}; the last has {shapes[0]}."
-    senders = ", ".join(f"{facts.address(stream.node)} {shape}" for stream, shape in zip(own, shapes, strict=True))
-    return f"{times}, whoever sent it; last sent by {senders}."
+        return f"Consecutive telegrams differ in Items or Length; the last has {shapes[0]}."
+    senders = ", ".join(f"{shape} from {facts.address(stream.node)}" for stream, shape in zip(own, shapes, strict=True))
+    return f"Consecutive telegrams differ in Items or Length; the last ones have {senders}."
 
 
 def _checksum(facts: Facts, entry: ListSummary, subindex: int, events: Events) -> str:

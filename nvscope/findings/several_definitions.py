@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from nvscope.findings.definition_names import how_to_compare, names_of_definitions, together
 from nvscope.findings.finding import Events, events_of
 from nvscope.findings.misfits import Mismatch, all_of, tell_misfits
-from nvscope.units import iec_time
+from nvscope.units import since as told_since
 
 if TYPE_CHECKING:  # a report without definitions starts without what reads them
     from nvscope.definition.byte_map import Run
@@ -135,7 +135,7 @@ class _Sender:
                 continue
             until_ns, since = moment
             start_ns = self.facts.summary.start_ns or 0
-            until, begin = iec_time(until_ns - start_ns), iec_time(since.first_ns - start_ns)
+            until, begin = told_since(until_ns, start_ns), told_since(since.first_ns, start_ns)
             message = (
                 f"{self.names[old]} fits what {self.address} sends up to {until}, "
                 f"{self.names[new]} from {begin} on (frame {since.frames[0]}): a download?"

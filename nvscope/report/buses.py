@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.report.content import Clock, Report, Row, nanoseconds
-from nvscope.report.tables import NOTHING, Measure, count_cell, used
-from nvscope.view.lines.table import NO_BREAK, Cell, Column, Tone
+from nvscope.report.tables import Measure, count_cell, used
+from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column, Tone
 
 MOST_IDENTIFIERS = 8
 """So many identifiers of a bus are shown unless all are wanted: those with the largest share."""
@@ -154,9 +154,8 @@ def _register(node: Row) -> Cell:
 _IDENTIFIERS = (
     Measure(Column("identifier"), _identifier),
     Measure(
-        Column("name", importance=7, shortest=12),
+        Column("name", importance=7, shortest=12, identifier=True),
         lambda row: Cell(row["name"]) if row["name"] else _faint(row["canopen"]),
-        identifier=True,
     ),
     Measure(Column("frames", right=True, importance=8), lambda row: count_cell(row["frames"])),
     Measure(Column("bits", right=True, importance=5), lambda row: count_cell(row["bits"] + row["fast_bits"])),

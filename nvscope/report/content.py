@@ -48,8 +48,8 @@ class Clock:
         return self.moment(time_ns).partition(".")[0]
 
     def since_start(self, time_ns: int) -> str:
-        """Return the time since the start of the capture as an IEC literal."""
-        return units.iec_time(time_ns - (self.start_ns or 0))
+        """Return the time since the start of the capture as an IEC literal: what is between the moments shown."""
+        return units.since(time_ns, self.start_ns or 0)
 
 
 def nanoseconds(value: str | None) -> int | None:
@@ -102,7 +102,7 @@ def headline(report: Report) -> Cell:
     known = {entry["key"] for entry in lists}
     beside = [one for one in findings if one["list"] not in known and not one.get("lists")]
     if beside:
-        text += f"; {tally(beside)} beside the lists"
+        text += f"; {tally(beside)} about something else"
     return Cell(text, tone)
 
 
@@ -229,10 +229,10 @@ def about(
         named.append(f"channel {finding['channel']}")
     if finding["node"] is not None:
         named.append(_named(finding["node"], node_names.get(finding["node"])))
-    return named, _part(finding)
+    return named, part(finding)
 
 
-def _part(finding: Row) -> list[str]:
+def part(finding: Row) -> list[str]:
     """Return which telegram of its list a finding is about; on CAN, that is a COB-ID."""
     if finding["subindex"] is None:
         return []
@@ -253,13 +253,11 @@ def evidence(finding: Row, clock: Clock) -> str:
     first_ns, last_ns = nanoseconds(finding["first_ns"]), nanoseconds(finding["last_ns"])
     parts = []
     if first_ns is not None and last_ns is not None:
-        if first_ns == last_ns:
-            parts.append(f"{clock.moment(first_ns)} ({clock.since_start(first_ns)})")
+        first, last = clock.moment(first_ns), clock.moment(last_ns)
+        if first == last:
+            parts.append(f"{first} ({clock.since_start(first_ns)})")
         else:
-            parts.append(
-                f"{clock.moment(first_ns)} to {clock.moment(last_ns)} "
-                f"({clock.since_start(first_ns)} to {clock.since_start(last_ns)})"
-            )
+            parts.append(f"{first} to {last} ({clock.since_start(first_ns)} to {clock.since_start(last_ns)})")
     frames = finding["frames"]
     if frames:
         more = finding["count"] - len(frames)

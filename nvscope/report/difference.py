@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from nvscope.report.ansi import paint
-from nvscope.units import count, count_of, duration
+from nvscope.units import count, count_of, duration, ranges
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
@@ -18,8 +18,8 @@ _MOST_CHANGES = 20
 
 _COLUMNS = (
     Column("Bytes", right=True),
-    Column("A writes", shortest=14),
-    Column("B reads", shortest=14),
+    Column("A writes", shortest=14, identifier=True),
+    Column("B reads", shortest=14, identifier=True),
 )
 _OF_ADDRESS = {"list_id", "protocol", "port"}
 _SETTINGS = {
@@ -40,14 +40,14 @@ _SETTINGS = {
 Row = Mapping[str, Any]
 
 
-def render(document: Row, *, colour: bool = False, width: int = 80) -> str:
+def render(document: Row, *, colour: bool = False, width: int = 80, wide: bool = False) -> str:
     """Return a comparison (schema ``nvscope.diff/1``) as text of at most ``width`` columns."""
-    return paint(_lines(visible_document(document), max(width, MIN_WIDTH)), colour=colour)
+    return paint(_lines(visible_document(document), max(width, MIN_WIDTH), wide), colour=colour)
 
 
-def _lines(document: Row, width: int) -> Iterator[Line]:
+def _lines(document: Row, width: int, wide: bool) -> Iterator[Line]:
     for entry in document["lists"]:
-        yield from _list_lines(entry, width)
+        yield from _list_lines(entry, width, wide)
         yield []
     for side, entries in (("A", document["only_a"]), ("B", document["only_b"])):
         for entry in entries:
@@ -74,7 +74,7 @@ def _title(entry: Row) -> str:
     return f"{entry['name']} ({identifier} on {entry['protocol']} port {entry['port']})"
 
 
-def _list_lines(entry: Row, width: int) -> Iterator[Line]:
+def _list_lines(entry: Row, width: int, wide: bool) -> Iterator[Line]:
     verdict = Cell("same on the wire", Tone.GOOD) if entry["same_on_wire"] else Cell("different", Tone.ERROR)
     identical = Cell(", nothing differs." if entry["identical"] else ".")
     yield from wrap([Cell(_title(entry["a"]), Tone.STRONG), Cell(": "), verdict, identical], width, 0, 2)
@@ -94,7 +94,7 @@ def _list_lines(entry: Row, width: int) -> Iterator[Line]:
     if len(changes) > _MOST_CHANGES:
         yield [Cell(f"  and {count_of(len(changes) - _MOST_CHANGES, 'more variable')}", Tone.FAINT)]
     if not entry["identical"]:
-        yield from _telegram_lines(entry["telegrams"], width)
+        yield from _telegram_lines(entry["telegrams"], width, wide)
 
 
 def _setting(name: str, value: Any) -> str:
@@ -118,30 +118,22 @@ def _change(change: Row) -> str:
     return f"{name}: {a or 'nothing more'} in A, {b or 'nothing more'} in B"
 
 
-def _telegram_lines(telegrams: list[Row], width: int) -> Iterator[Line]:
+def _telegram_lines(telegrams: list[Row], width: int, wide: bool) -> Iterator[Line]:
     """Yield the telegrams; those that are the same as one line."""
     same = [telegram["subindex"] for telegram in telegrams if _plain(telegram)]
     if same:
-        yield from wrap([Cell(f"SubIndex {_ranges(same)}: every byte is the same on both sides.")], width, 2, 4)
+        yield from wrap(
+            [Cell(f"SubIndex {', '.join(ranges(same))}: every byte is the same on both sides.")], width, 2, 4
+        )
     for telegram in telegrams:
         if not _plain(telegram):
             yield []
             yield from wrap([Cell(f"SubIndex {telegram['subindex']}: ", Tone.STRONG), *_verdict(telegram)], width, 2, 4)
-            yield from _map_lines(telegram, width)
+            yield from _map_lines(telegram, width, wide)
 
 
 def _plain(telegram: Row) -> bool:
     return telegram["same"] and all(run["relation"] == "same" for run in telegram["bytes"])
-
-
-def _ranges(numbers: list[int]) -> str:
-    parts: list[list[int]] = []
-    for number in numbers:
-        if parts and parts[-1][1] == number - 1:
-            parts[-1][1] = number
-        else:
-            parts.append([number, number])
-    return ", ".join(str(first) if first == last else f"{first} to {last}" for first, last in parts)
 
 
 def _verdict(telegram: Row) -> list[Cell]:
@@ -170,13 +162,13 @@ def _shape(side: Row) -> str:
     return f"Items {side['items']}, Length {length}"
 
 
-def _map_lines(telegram: Row, width: int) -> Iterator[Line]:
+def _map_lines(telegram: Row, width: int, wide: bool) -> Iterator[Line]:
     if telegram["a"] is None or telegram["b"] is None:
         return
     runs = telegram["bytes"]
     rows = [_row(run) for run in runs[:MOST_RUNS]]
     if rows:
-        yield from align(_COLUMNS, rows, width, 4)
+        yield from align(_COLUMNS, rows, None if wide else width, 4)
     if len(runs) > MOST_RUNS:
         rest = f"{count_of(len(runs) - MOST_RUNS, 'more row')}, up to byte {count(runs[-1]['last'])}"
         yield from wrap([Cell(f"{rest}: --json shows all.", Tone.FAINT)], width, 4)

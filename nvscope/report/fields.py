@@ -9,7 +9,8 @@ from nvscope.units import count_of
 from nvscope.view.escape import visible_document
 from nvscope.view.fields.frame import EITHER_OF, expression_names
 from nvscope.view.fields.vocabulary import Vocabulary
-from nvscope.view.lines.table import GAP, Cell, Line, Tone, display_width, wrap
+from nvscope.view.lines.table import GAP, Cell, Line, Tone, wrap
+from nvscope.view.lines.text_width import display_width
 
 _MIN_WIDTH = 40
 

@@ -16,7 +16,9 @@ from nvscope.report.content import nanoseconds
 from nvscope.report.variables import VALUE_WIDTH, filter_lines
 from nvscope.view.documents.history import HISTORY_SCHEMA, TOOL
 from nvscope.view.escape import visible, visible_document
-from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, display_width, shorten, wrap
+from nvscope.view.lines.short_names import short_names
+from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, hidden, wrap
+from nvscope.view.lines.text_width import display_width, shorten
 
 MIN_WIDTH = 40
 
@@ -32,10 +34,13 @@ _S_NS = 1_000_000_000
 _MOST_COLUMNS = 1024
 _LEAST_REST = 33
 """Columns that variable and values keep: what else there is in a line has to fit beside them."""
+_WIDE = 1 << 30
+"""Columns of a line that is as wide as it needs: more than any value has."""
+
 _SUMMARY = (
-    Column("Variable", shortest=12),
-    Column("List", importance=1),
-    Column("Sender", shortest=11, importance=2),
+    Column("Variable", shortest=12, identifier=True),
+    Column("List", importance=1, identifier=True),
+    Column("Sender", shortest=11, importance=2, identifier=True),
     Column("Telegrams", right=True, importance=0),
     Column("Changes", right=True),
     Column("Shortest", right=True),
@@ -44,10 +49,11 @@ _SUMMARY = (
 
 
 class Text:
-    """A line a change, of at most ``width`` columns: time of day, frame, list, sender, variable, old and new value.
+    """A line a change: time of day, frame, list, sender, variable, old and new value.
 
-    ``names`` of variables and ``lists`` (their keys and names) are all that can occur: columns that would say the same
-    in each line are left out. ``subindexes``: a name alone does not say which telegram has it.
+    Lines have at most ``width`` columns, or as many as they need (``wide``). ``names`` of variables and ``lists``
+    (their keys and names) are all that can occur: columns that would say the same in each line are left out.
+    ``subindexes``: a name alone does not say which telegram has it.
     """
 
     def __init__(
@@ -57,10 +63,12 @@ class Text:
         *,
         subindexes: bool = False,
         width: int = 80,
+        wide: bool = False,
         colour: bool = False,
         utc: bool = False,
     ) -> None:
         self._width = max(width, MIN_WIDTH)
+        self._wide = wide
         self._colour = colour
         self._utc = utc
         self._day = ""
@@ -71,12 +79,14 @@ class Text:
         keys, labels = {key for key, _ in lists}, {name for _, name in lists}
         # Lists of one name are told apart by their keys.
         self._label = "list_name" if len(set(lists)) == len(labels) else "list"
-        room = self._width - _CLOCK_WIDTH - 2
+        room = (_WIDE if wide else self._width) - _CLOCK_WIDTH - 2
         self._list = 0
+        self._short_lists: Mapping[str, str] = {}
         if len(keys) > 1:
-            told = (visible(name) for name in labels) if self._label == "list_name" else keys
+            told = [visible(name) for name in labels] if self._label == "list_name" else [*keys]
             longest = max(map(display_width, [*told, "List"]))
-            self._list = min(longest, _LIST_WIDTH, max(room // 4, 4))
+            self._list = longest if wide else min(longest, _LIST_WIDTH, max(room // 4, 4))
+            self._short_lists = short_names(told, self._list)
             room -= self._list + 2
         self._subindex = len(_SUBINDEX) if subindexes else 0
         room -= self._subindex + 2 if subindexes else 0
@@ -86,6 +96,7 @@ class Text:
         room -= _FRAME_WIDTH + 2 if self._frame else 0
         longest = max(map(display_width, [*shown, "Variable"]))
         self._name = min(longest, max(room // 2, 8)) if len(shown) > 1 else 0
+        self._short_names = short_names(shown, self._name) if self._name else {}
         self._change = room - (self._name + 2 if self._name else 0)
 
     def begin(self) -> str:
@@ -123,13 +134,14 @@ class Text:
 
     def _told_columns(self, label: str, sender: str, subindex: int, name: str) -> Cell:
         """Return what a line says of where a variable is, in the columns that are shown."""
+        label, sender, name = visible(label), visible(sender), visible(name)
         columns = (
-            (self._list, visible(label)),
-            (self._sender, visible(sender)),
+            (self._list, self._short_lists.get(label, label)),
+            (self._sender, sender if self._wide else shorten(sender, self._sender or 1)),
             (self._subindex, str(subindex).rjust(self._subindex)),
-            (self._name, visible(name)),
+            (self._name, self._short_names.get(name, name)),
         )
-        told = [(width, shorten(column, width)) for width, column in columns if width]
+        told = [(width, text) for width, text in columns if width]
         return Cell("".join(text + " " * (width - display_width(text) + 2) for width, text in told))
 
     def _values(self, row: Row) -> list[Cell]:
@@ -154,7 +166,8 @@ class Text:
         """
         rows = visible_document(summary)
         told_filter = None if chosen is None else visible_document(chosen)
-        lines: list[Line] = filter_lines(told_filter, self._width)
+        gone = [title for title, there in (("Frame", self._frame), ("Sender", self._sender)) if not there]
+        lines: list[Line] = [*hidden(gone if self._day else [], self._width), *filter_lines(told_filter, self._width)]
         if not rows and told_filter is None and not some_came:
             text = (
                 "No telegram with this variable was found: compare the identifiers and ports of the definition files "
@@ -165,7 +178,7 @@ class Text:
             lines += wrap([Cell(_no_history(told_filter), Tone.WARNING)], self._width)
         else:
             lines[:0] = [[]] if lines else []
-            lines += [[], *align(_SUMMARY, [_figures(row) for row in rows], self._width)]
+            lines += [[], *align(_SUMMARY, [_figures(row) for row in rows], None if self._wide else self._width)]
             steps = sum(row["changes"] for row in rows)
             told = f"{units.count_of(steps, 'change')}; shortest and longest are times between two changes."
             lines += [[], *wrap([Cell(told.replace("\u00a0", NO_BREAK), Tone.FAINT)], self._width)]
@@ -225,14 +238,16 @@ _NEVER = {
     "not decoded": "sent, but no telegram that could be decoded",
 }
 _AT = (
-    Column("Variable", shortest=12),
+    Column("Variable", shortest=12, identifier=True),
     Column("Value", shortest=VALUE_WIDTH),
     Column("Type", importance=1, shortest=12),
     Column("Age", right=True),
 )
 
 
-def render_at(document: Row, *, colour: bool = False, width: int = 80, utc: bool = False) -> str:
+def render_at(
+    document: Row, *, colour: bool = False, width: int = 80, wide: bool = False, utc: bool = False
+) -> str:  # fmt: skip
     """Return variables at a time (schema ``nvscope.at/1``) as text of at most ``width`` columns."""
     width = max(width, MIN_WIDTH)
     shown = visible_document(document)
@@ -250,7 +265,7 @@ def render_at(document: Row, *, colour: bool = False, width: int = 80, utc: bool
         whence = Cell(", packed as assumed", Tone.FAINT) if key.startswith("can/") else Cell(f" from {sender}")
         lines += wrap([*title, whence], width)
         unseen = "not yet seen" if shown["filter"] is None else "not yet chosen"
-        lines += align(_AT, [_at_cells(row, unseen) for row in rows], width, 2)
+        lines += align(_AT, [_at_cells(row, unseen) for row in rows], None if wide else width, 2)
     if not groups:
         lines += wrap([Cell("The definition files have no list that can be decoded.", Tone.WARNING)], width)
     return paint(lines, colour=colour)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.report.content import Report, Row
-from nvscope.report.tables import NOTHING, Measure, duration_cell
-from nvscope.view.lines.table import Cell, Column, Tone
+from nvscope.report.tables import Measure, duration_cell
+from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "Hops: the same variable in several lists"
 
@@ -58,9 +58,9 @@ def _now(row: Row) -> Cell:
 
 
 _HOPS = (
-    Measure(Column("variable", shortest=12), lambda row: Cell(row["variable"], Tone.STRONG), identifier=True),
-    Measure(Column("from", shortest=16), lambda row: Cell(units.list_key(row["from"]["list"])), identifier=True),
-    Measure(Column("to", shortest=16), lambda row: Cell(units.list_key(row["to"]["list"])), identifier=True),
+    Measure(Column("variable", shortest=12, identifier=True), lambda row: Cell(row["variable"], Tone.STRONG)),
+    Measure(Column("from", shortest=16, identifier=True), lambda row: Cell(units.list_key(row["from"]["list"]))),
+    Measure(Column("to", shortest=16, identifier=True), lambda row: Cell(units.list_key(row["to"]["list"]))),
     Measure(Column("followed", right=True, importance=9), _followed),
     Measure(Column("delay p50", right=True, importance=10), lambda row: duration_cell(row["delay_ns"]["p50"])),
     Measure(Column("p99", right=True, importance=5), lambda row: duration_cell(row["delay_ns"]["p99"])),

@@ -28,12 +28,12 @@ _WORTH_TELLING_BITS = 7.0
 _MOST_FIELDS_TOLD = 6
 
 
-def render(document: Row, *, colour: bool = False, width: int = 80) -> str:
+def render(document: Row, *, colour: bool = False, width: int = 80, wide: bool = False) -> str:
     """Return proposals (schema ``nvscope.infer/1``) as text of at most ``width`` columns, ending with a line break."""
-    return paint(_lines(visible_document(document), max(width, MIN_WIDTH)), colour=colour)
+    return paint(_lines(visible_document(document), max(width, MIN_WIDTH), wide), colour=colour)
 
 
-def _lines(document: Row, width: int) -> Iterator[Line]:
+def _lines(document: Row, width: int, wide: bool) -> Iterator[Line]:
     lists = document["lists"]
     if not lists:
         told = "No data telegram was found: there is nothing to propose."
@@ -60,11 +60,11 @@ def _lines(document: Row, width: int) -> Iterator[Line]:
                 for telegram in telegrams
                 for field in _fields(telegram)
             ]
-            yield from align(_UNPACKED, rows, width, 2)
+            yield from align(_UNPACKED, rows, None if wide else width, 2)
             continue
         for telegram in telegrams:
             yield []
-            yield from _telegram(telegram, width)
+            yield from _telegram(telegram, width, wide)
     if document["left_out"]:
         yield []
         told = f"{units.count_of(document['left_out'], 'telegram')} of further streams or shapes were not looked at."
@@ -89,7 +89,7 @@ def _fields(telegram: Row) -> Sequence[Row]:
     return telegram["layouts"][0]["fields"] if telegram["layouts"] else ()
 
 
-def _telegram(telegram: Row, width: int) -> Iterator[Line]:
+def _telegram(telegram: Row, width: int, wide: bool) -> Iterator[Line]:
     head = f"SubIndex {telegram['subindex']}: Items {telegram['items']}, Length {telegram['length']}, "
     head += units.count_of(telegram["telegrams"], "telegram")
     if telegram["looked_at"] < telegram["telegrams"]:
@@ -102,7 +102,7 @@ def _telegram(telegram: Row, width: int) -> Iterator[Line]:
     if telegram["reason"]:
         yield from wrap([Cell(f"Nothing is proposed: {telegram['reason']}.", Tone.WARNING)], width, 2)
         return
-    yield from align(_COLUMNS, [_cells(field) for field in _fields(telegram)], width, 2)
+    yield from align(_COLUMNS, [_cells(field) for field in _fields(telegram)], None if wide else width, 2)
     best = {(field["offset"], field["bytes"]) for field in _fields(telegram)}
     for layout in telegram["layouts"][1:]:
         if layout["behind_bits"] > _WORTH_TELLING_BITS:

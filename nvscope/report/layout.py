@@ -16,17 +16,17 @@ _ASSUMED = "How lists are packed on CAN is described nowhere: this is the rule o
 _COLUMNS = (
     Column("Offset", right=True),
     Column("Bytes", right=True),
-    Column("Variable", shortest=12),
+    Column("Variable", shortest=12, identifier=True),
     Column("Type", shortest=8),
 )
 
 
-def render(document: Mapping[str, Any], *, colour: bool = False, width: int = 80) -> str:
+def render(document: Mapping[str, Any], *, colour: bool = False, width: int = 80, wide: bool = False) -> str:
     """Return byte maps (schema ``nvscope.layout/1``) as text of at most ``width`` columns, ending with a line break."""
-    return paint(_lines(visible_document(document)["lists"], max(width, MIN_WIDTH)), colour=colour)
+    return paint(_lines(visible_document(document)["lists"], max(width, MIN_WIDTH), wide), colour=colour)
 
 
-def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
+def _lines(lists: list[Mapping[str, Any]], width: int, wide: bool) -> Iterator[Line]:
     if not lists:
         text = "The files define types only: name the file of a list too."
         yield from wrap([Cell(text, Tone.WARNING)], width)
@@ -56,7 +56,7 @@ def _lines(lists: list[Mapping[str, Any]], width: int) -> Iterator[Line]:
                 ]
                 for element in telegram["elements"]
             ]
-            yield from align(_COLUMNS, rows, width, 2)
+            yield from align(_COLUMNS, rows, None if wide else width, 2)
 
 
 def _summary(entry: Mapping[str, Any]) -> str:

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, content, hops, tables
+from nvscope.report import buses, content, folding, hops, tables
 from nvscope.report.ansi import batched
 from nvscope.view.escape import markdown_code, markdown_safe
-from nvscope.view.lines.table import NO_BREAK, Cell
+from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell
 
 
-def render(report: content.Report, *, utc: bool = False) -> str:
-    """Return the report as Markdown, ending with a line break; ``utc`` tells times in UTC instead of local time."""
-    return "".join(pieces(report, utc=utc))
+def render(report: content.Report, *, utc: bool = False, details: bool = False) -> str:
+    """Return the report as Markdown, ending with a line break; ``utc`` tells times in UTC instead of local time.
+
+    ``details`` adds what the controllers count as errors, and shows findings that say the same one by one.
+    """
+    return "".join(pieces(report, utc=utc, details=details))
 
 
-def pieces(report: content.Report, *, utc: bool = False) -> Iterator[str]:
+def pieces(report: content.Report, *, utc: bool = False, details: bool = False) -> Iterator[str]:
     """Yield the same, some lines at a time."""
-    for lines in batched(_lines(report, content.Clock.of(report, utc=utc))):
+    for lines in batched(_lines(report, content.Clock.of(report, utc=utc), details)):
         yield "\n".join(lines) + "\n"
 
 
-def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
+def _lines(report: content.Report, clock: content.Clock, details: bool) -> Iterator[str]:
     yield f"**{markdown_safe(content.headline(report).text)}**"
     yield ""
     for path, facts in content.source_facts(report):
@@ -39,7 +41,7 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
             yield f"- {step}"
     if report["lists"]:
         yield ""
-        measures, overview = tables.overview(report)
+        measures, overview = tables.overview(report, details=details)
         yield from _rows(measures, overview)
     for bus in buses.buses(report)[0]:
         yield from _bus(bus, clock)
@@ -55,7 +57,7 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
     if report["findings"]:
         yield ""
         yield f"### Findings: {content.tally(report['findings'])}"
-        yield from _findings(report, clock)
+        yield from _findings(report, clock, details)
     yield ""
     tool = report["tool"]
     yield f"_{markdown_safe(tool['name'])} {markdown_safe(tool['version'])}_"
@@ -73,9 +75,9 @@ def _rows(measures: Sequence[tables.Measure], rows: Iterable[Sequence[Cell]]) ->
 
 
 def _cell(measure: tables.Measure, text: str) -> str:
-    if text == tables.NOTHING:
+    if text == NOTHING:
         return text
-    return markdown_code(text) if measure.identifier else markdown_safe(text)
+    return markdown_code(text) if measure.column.identifier else markdown_safe(text)
 
 
 def _row(texts: Sequence[str]) -> str:
@@ -96,20 +98,22 @@ def _bus(bus: content.Row, clock: content.Clock) -> Iterator[str]:
             yield from _table(measures, rows)
 
 
-def _findings(report: content.Report, clock: content.Clock) -> Iterator[str]:
+def _findings(report: content.Report, clock: content.Clock, details: bool) -> Iterator[str]:
     list_names, node_names = content.list_names(report), content.node_names(report)
     yield ""
-    for finding in report["findings"]:
+    entries = folding.entries(report["findings"], each=details)
+    for entry in entries:
+        finding = entry.row
         label = content.status(Severity.of(finding["severity"])).text
-        title = f"- **{label} {markdown_safe(finding['code'])} {markdown_safe(finding['name'])}**"
-        if finding["count"] > 1:
-            title += f", {units.count(finding['count'])} times"
-        named, part = content.about(finding, list_names, node_names)
+        title = f"- **{label} {markdown_safe(finding['code'])} {markdown_safe(finding['name'])}**{entry.title()}"
+        named, part = entry.about(list_names, node_names)
         about = ", ".join([markdown_code(text) for text in named] + part)
         yield f"{title}: {about}" if about else title
-        yield f"  - {markdown_safe(finding['message'])}"
+        yield f"  - {markdown_safe(entry.message(list_names, node_names))}"
         if finding["hint"]:
             yield f"  - **Next:** {markdown_safe(finding['hint'])}"
         evidence = content.evidence(finding, clock)
         if evidence:
             yield f"  - {evidence}"
+    if remark := folding.remark(entries):
+        yield from ("", remark)

@@ -15,26 +15,27 @@ from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, 
 from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, Of
 from nvscope.tracker.jitter import Jitter
 from nvscope.view.documents.figures import lookup
-from nvscope.view.lines.table import NO_BREAK, Cell, Column, Tone
-
-NOTHING = "-"
+from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column, Tone
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A column of a table and what stands in it for one row; ``identifier`` marks addresses, keys and names."""
+    """A column of a table and what stands in it for one row."""
 
     column: Column
     cell: Callable[[Any], Cell]
-    identifier: bool = False
 
 
-def overview(report: Report) -> tuple[list[Measure], list[list[Cell]]]:
-    """Return columns and cells of the table of lists; each row is looked at once, and not kept."""
+def overview(report: Report, *, details: bool = False) -> tuple[list[Measure], list[list[Cell]]]:
+    """Return columns and cells of the table of lists; each row is looked at once, and not kept.
+
+    ``details`` adds what is of the diagnosis structure of a list, and no count of what was found.
+    """
+    measures = [*_OVERVIEW[:-1], _ERRORS, *_OVERVIEW[-1:]] if details else _OVERVIEW
     by_list, names = worst_by_list(report["findings"]), node_names(report)
     rows = [
         cells(
-            _OVERVIEW,
+            measures,
             _With(
                 entry,
                 {
@@ -47,10 +48,10 @@ def overview(report: Report) -> tuple[list[Measure], list[list[Cell]]]:
         )
         for entry in report["lists"]
     ]
-    places = [place for place in range(len(_OVERVIEW)) if any(row[place].text != NOTHING for row in rows)]
-    if len(places) < len(_OVERVIEW):
+    places = [place for place in range(len(measures)) if any(row[place].text != NOTHING for row in rows)]
+    if len(places) < len(measures):
         rows = [[row[place] for place in places] for row in rows]
-    return [_OVERVIEW[place] for place in places], rows
+    return [measures[place] for place in places], rows
 
 
 class _With(Mapping[str, Any]):
@@ -156,17 +157,25 @@ def _text(value: object, tone: Tone = Tone.PLAIN) -> Cell:
     return Cell(NOTHING, Tone.FAINT) if value is None or value in ("", NOTHING) else Cell(str(value), tone)
 
 
-@lru_cache(4096)
 def count_cell(number: int | None, tone: Tone = Tone.PLAIN) -> Cell:
     """Return a counter: zero is faint, more has the tone given (less is not bad: it evens out elsewhere)."""
+    return _count_cell(number, tone, units.separator())
+
+
+@lru_cache(4096)
+def _count_cell(number: int | None, tone: Tone, _separator: str) -> Cell:
     if number is None:
         return Cell(NOTHING, Tone.FAINT)
     return Cell(units.count(number), tone if number > 0 else Tone.PLAIN if number else Tone.FAINT)
 
 
-@lru_cache(4096)
 def duration_cell(duration_ns: int | None, tone: Tone = Tone.PLAIN) -> Cell:
     """Return a duration as people read it, nothing where there is none."""
+    return _duration_cell(duration_ns, tone, units.separator())
+
+
+@lru_cache(4096)
+def _duration_cell(duration_ns: int | None, tone: Tone, _separator: str) -> Cell:
     return Cell(NOTHING, Tone.FAINT) if duration_ns is None else Cell(units.duration(duration_ns), tone)
 
 
@@ -287,10 +296,10 @@ def _tone_of_median(stream: Row) -> Tone:
 
 _OVERVIEW = (
     Measure(Column("status"), lambda row: status(row["worst"])),
-    Measure(Column("list", shortest=16), lambda row: _text(units.list_key(row["key"]), Tone.STRONG), identifier=True),
-    Measure(Column("name", importance=7, shortest=12), _name, identifier=True),
-    Measure(Column("sender", shortest=16), lambda row: _text(row["from"]), identifier=True),
-    Measure(Column("reader", importance=1, shortest=16), lambda row: _text(row["to"]), identifier=True),
+    Measure(Column("list", shortest=16, identifier=True), lambda row: _text(units.list_key(row["key"]), Tone.STRONG)),
+    Measure(Column("name", importance=7, shortest=12, identifier=True), _name),
+    Measure(Column("sender", shortest=16, identifier=True), lambda row: _text(row["from"])),
+    Measure(Column("reader", importance=1, shortest=16, identifier=True), lambda row: _text(row["to"])),
     Measure(Column("interval", right=True, importance=9), _interval),
     Measure(Column("defined", right=True, importance=9), _defined),
     Measure(Column("median", right=True, importance=2), _median),
@@ -298,12 +307,14 @@ _OVERVIEW = (
     _figure("nSendCount", Of.LIST, "sent", 10),
     Measure(Column("lost", right=True, importance=10), _lost(Of.LIST)),
     _figure("missing_acknowledgements", Of.LIST, "no ack", 8, Tone.ERROR),
-    _figure("nErrorCount", Of.LIST, "errors", 5, Tone.ERROR),
     Measure(Column("last error", importance=3), _last_error),
 )
 
+_ERRORS = _figure("nErrorCount", Of.LIST, "nErrorCount", 5, Tone.ERROR)
+"""What a controller counts as errors: not what is found, so that it is called as there."""
+
 _STREAM = (
-    Measure(Column("node", shortest=12), lambda row: _text(row["node"]), identifier=True),
+    Measure(Column("node", shortest=12, identifier=True), lambda row: _text(row["node"])),
     Measure(Column("sub", right=True), lambda row: Cell(str(row["subindex"]))),
 )
 

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, content, hops, tables
+from nvscope.report import buses, content, folding, hops, tables
 from nvscope.report.ansi import painted
 from nvscope.view.escape import visible_document
-from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, display_width, wrap
+from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, wrap
+from nvscope.view.lines.text_width import display_width
 
 MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
@@ -18,26 +19,43 @@ _BODY_INDENT = 11  # below the status: the width of its longest word, and a gap
 
 
 def render(
-    report: content.Report, *, colour: bool = False, width: int = 80, utc: bool = False, details: bool = False
+    report: content.Report,
+    *,
+    colour: bool = False,
+    width: int = 80,
+    wide: bool = False,
+    utc: bool = False,
+    details: bool = False,
 ) -> str:
     """Return the report as text of at most ``width`` columns (40 or more), ending with a line break.
 
-    ``utc`` tells times in UTC instead of local time. ``details`` adds, for each list, the diagnosis structure of the
-    list and its nodes, all counters, and its streams. With and without ``colour`` the text is the same.
+    ``wide`` tables are as wide as they need all the same. ``utc`` tells times in UTC instead of local time. ``details``
+    adds, for each list, the diagnosis structure of the list and its nodes, all counters, and its streams, and shows
+    findings that say the same one by one. With and without ``colour`` the text is the same.
     """
-    return "".join(pieces(report, colour=colour, width=width, utc=utc, details=details))
+    return "".join(pieces(report, colour=colour, width=width, wide=wide, utc=utc, details=details))
 
 
 def pieces(
-    report: content.Report, *, colour: bool = False, width: int = 80, utc: bool = False, details: bool = False
-) -> Iterator[str]:  # fmt: skip
+    report: content.Report,
+    *,
+    colour: bool = False,
+    width: int = 80,
+    wide: bool = False,
+    utc: bool = False,
+    details: bool = False,
+) -> Iterator[str]:
     """Yield the same, some lines at a time."""
     shown = visible_document(report)
-    lines = _lines(shown, max(width, MIN_WIDTH), content.Clock.of(shown, utc=utc), details)
+    width = max(width, MIN_WIDTH)
+    lines = _lines(shown, width, None if wide else width, content.Clock.of(shown, utc=utc), details)
     return painted(lines, colour=colour)
 
 
-def _lines(report: content.Report, width: int, clock: content.Clock, details: bool) -> Iterator[Line]:
+def _lines(
+    report: content.Report, width: int, room: int | None, clock: content.Clock, details: bool
+) -> Iterator[Line]:  # fmt: skip
+    """Yield the report with sentences of at most ``width`` columns and tables that have ``room``."""
     text_width = min(width, _TEXT_WIDTH)
     head = content.headline(report)
     yield from wrap([Cell("● ", head.tone), Cell(head.text, Tone.STRONG)], text_width, hanging=2)
@@ -52,26 +70,26 @@ def _lines(report: content.Report, width: int, clock: content.Clock, details: bo
             yield from wrap([Cell(f"- {step}")], text_width, 0, 2)
     if report["lists"]:
         yield from _section("Lists", width)
-        measures, overview = tables.overview(report)
-        yield from aligned([measure.column for measure in measures], overview, width)
+        measures, overview = tables.overview(report, details=details)
+        yield from aligned([measure.column for measure in measures], overview, room)
     shown, left = buses.buses(report, None if details else buses.MOST_BUSES)
     for bus in shown:
-        yield from _bus(bus, width, clock, details)
+        yield from _bus(bus, width, room, clock, details)
     if left:
         more = f"{units.count_of(left, 'bus', 'buses')} more: -v shows all, --json and --md too."
         yield from ([], *wrap([Cell(more)], text_width))
     measures, rows = hops.hops(report)
     if "hops" in report:
         yield from _section(hops.TITLE, width)
-        yield from _table(measures, rows, width) if rows else ()
+        yield from _table(measures, rows, room) if rows else ()
         for sentence in hops.remarks(report):
             yield from wrap([Cell(sentence, Tone.FAINT)], text_width)
     if report["findings"]:
         yield from _section(f"Findings: {content.tally(report['findings'])}", width)
-        yield from _findings(report, text_width, clock, None if details else _MOST_FINDINGS)
+        yield from _findings(report, text_width, clock, details)
     if details:
         for entry in report["lists"]:
-            yield from _details(entry, width, clock)
+            yield from _details(entry, width, room, clock)
     if report["findings"]:
         yield []
         code = report["findings"][0]["code"]
@@ -84,13 +102,13 @@ def _section(title: str, width: int) -> list[Line]:
 
 
 def _table(
-    measures: Sequence[tables.Measure], rows: Sequence[content.Row], width: int, indent: int = 0
+    measures: Sequence[tables.Measure], rows: Sequence[content.Row], room: int | None, indent: int = 0
 ) -> Iterator[Line]:  # fmt: skip
     cells = [tables.cells(measures, row) for row in rows]
-    return aligned([measure.column for measure in measures], cells, width, indent)
+    return aligned([measure.column for measure in measures], cells, room, indent)
 
 
-def _bus(bus: content.Row, width: int, clock: content.Clock, details: bool) -> Iterator[Line]:
+def _bus(bus: content.Row, width: int, room: int | None, clock: content.Clock, details: bool) -> Iterator[Line]:
     yield []
     yield from wrap(buses.headline(bus, clock), min(width, _TEXT_WIDTH), 0, 2)
     for cells in buses.error_lines(bus, clock):
@@ -99,43 +117,46 @@ def _bus(bus: content.Row, width: int, clock: content.Clock, details: bool) -> I
     for measures, rows in (shown, buses.nodes(bus, clock)):
         if rows:
             yield []
-            yield from _table(measures, rows, width, 2)
+            yield from _table(measures, rows, room, 2)
 
 
-def _findings(report: content.Report, width: int, clock: content.Clock, most: int | None) -> Iterator[Line]:
+def _findings(report: content.Report, width: int, clock: content.Clock, details: bool) -> Iterator[Line]:
     list_names, node_names = content.list_names(report), content.node_names(report)
-    for place, finding in enumerate(report["findings"] if most is None else report["findings"][:most]):
+    entries = folding.entries(report["findings"], each=details)
+    shown = entries if details else entries[:_MOST_FINDINGS]
+    for place, entry in enumerate(shown):
         if place:
             yield []
-        title = [Cell(f"{finding['code']} {finding['name']}", Tone.STRONG)]
-        if finding["count"] > 1:
-            title.append(Cell(f", {units.count(finding['count'])} times"))
+        finding = entry.row
+        title = [Cell(f"{finding['code']} {finding['name']}", Tone.STRONG), Cell(entry.title())]
         status = content.status(Severity.of(finding["severity"]))
         gap = NO_BREAK * (_BODY_INDENT - display_width(status.text))
         yield from wrap([Cell(status.text.replace(" ", NO_BREAK) + gap, status.tone), *title], width, 0, _BODY_INDENT)
-        named, part = content.about(finding, list_names, node_names)
+        named, part = entry.about(list_names, node_names)
         if named or part:
             yield from wrap([Cell(", ".join(named + part))], width, _BODY_INDENT)
-        yield from wrap([Cell(finding["message"])], width, _BODY_INDENT)
+        yield from wrap([Cell(entry.message(list_names, node_names))], width, _BODY_INDENT)
         if finding["hint"]:
             yield from wrap([Cell("Next: ", Tone.STRONG), Cell(finding["hint"])], width, _BODY_INDENT)
         evidence = content.evidence(finding, clock)
         if evidence:
             yield from wrap([Cell(evidence, Tone.FAINT)], width, _BODY_INDENT)
-    left = len(report["findings"]) - (most or len(report["findings"]))
+    left = sum(len(entry.places) for entry in entries[len(shown) :])
     if left > 0:
         yield []
         more = f"{units.count_of(left, 'finding')} more, none worse than these: -v shows all, --json and --md too."
         yield from wrap([Cell(more)], width)
+    if remark := folding.remark(shown):
+        yield from ([], *wrap([Cell(remark, Tone.FAINT)], width))
 
 
-def _details(entry: content.Row, width: int, clock: content.Clock) -> Iterator[Line]:
+def _details(entry: content.Row, width: int, room: int | None, clock: content.Clock) -> Iterator[Line]:
     yield from _section(" ".join(filter(None, (units.list_key(entry["key"]), entry["name"]))), width)
-    yield from _diagnosis(entry, width, clock)
+    yield from _diagnosis(entry, width, room, clock)
     for measures, rows in (tables.streams(entry), tables.intervals(entry)):
         if rows:
             yield []
-            yield from _table(measures, rows, width)
+            yield from _table(measures, rows, room)
     yield []
     counted, others = tables.counter_parts(entry)
     for label, parts in (("counted: ", counted), ("zero: ", others)):
@@ -143,7 +164,7 @@ def _details(entry: content.Row, width: int, clock: content.Clock) -> Iterator[L
             yield from wrap([Cell(label, Tone.FAINT), Cell(", ".join(parts))], min(width, _TEXT_WIDTH), 0, 2)
 
 
-def _diagnosis(entry: content.Row, width: int, clock: content.Clock) -> Iterator[Line]:
+def _diagnosis(entry: content.Row, width: int, room: int | None, clock: content.Clock) -> Iterator[Line]:
     """Yield the table of the diagnosis structures, side by side as far as the width allows, then below each other."""
     holders = [("list", entry["diag"])]
     holders += ((" ".join(filter(None, (node["address"], node["name"]))), node["diag"]) for node in entry["nodes"])
@@ -154,14 +175,14 @@ def _diagnosis(entry: content.Row, width: int, clock: content.Clock) -> Iterator
         label_width = max(display_width(label.text) for label, _ in rows)
         needed = GAP + max(display_width(title), *(display_width(value.text) for _, value in rows))
         if block and used + needed > width:
-            yield from _diagnosis_block(block, width, clock)
+            yield from _diagnosis_block(block, room, clock)
             yield []
             block = []
         used = (used if block else label_width) + needed
         block.append((title, diag))
-    yield from _diagnosis_block(block, width, clock)
+    yield from _diagnosis_block(block, room, clock)
 
 
-def _diagnosis_block(block: Sequence[tuple[str, content.Row]], width: int, clock: content.Clock) -> list[Line]:
+def _diagnosis_block(block: Sequence[tuple[str, content.Row]], room: int | None, clock: content.Clock) -> list[Line]:
     header = [Column(""), *(Column(title, right=True, shortest=12) for title, _ in block)]
-    return align(header, tables.diagnosis_rows([diag for _, diag in block], clock), width)
+    return align(header, tables.diagnosis_rows([diag for _, diag in block], clock), room)

@@ -21,7 +21,7 @@ VALUE_WIDTH = 40
 """Values up to this width are shown whole: everything else about a variable gives way first."""
 
 _COLUMNS = (
-    Column("Variable", shortest=12),
+    Column("Variable", shortest=12, identifier=True),
     Column("Value", shortest=VALUE_WIDTH),
     Column("Type", importance=1, shortest=12),
     Column("Changed", importance=4),
@@ -36,6 +36,7 @@ def render(
     *,
     colour: bool = False,
     width: int = 80,
+    wide: bool = False,
     utc: bool = False,
     node_names: Mapping[str, str] = MappingProxyType({}),
     some_came: bool = False,
@@ -43,15 +44,16 @@ def render(
 ) -> str:
     """Return variables (schema ``nvscope.vars/1``) as text of at most ``width`` columns, ending with a line break.
 
-    Senders are called by ``node_names``, where these have one by their address. ``some_came``: if there are none, it is
-    not because no telegram came. ``of_one_list``: others were not asked for.
+    ``wide`` tables are as wide as they need all the same. Senders are called by ``node_names``, where these have one by
+    their address. ``some_came``: if there are none, it is not because no telegram came. ``of_one_list``: others were
+    not asked for.
     """
     names = {node: visible(name) for node, name in node_names.items()}
     shown, width = visible_document(document), max(width, MIN_WIDTH)
     lines = [*filter_lines(shown["filter"], width)]
     if shown["variables"]:
         lines += [[]] if lines else []
-        lines += _lines(shown, width, utc, names)
+        lines += _lines(shown, width, wide, utc, names)
     else:
         lines += wrap([Cell(_nothing_told(shown["filter"], some_came, of_one_list), Tone.WARNING)], width)
     return paint(lines, colour=colour)
@@ -76,7 +78,7 @@ def _nothing_told(chosen: Mapping[str, Any] | None, some_came: bool, of_one_list
     return _NOT_ONE_CAME if of_one_list else _NOTHING_CAME
 
 
-def _lines(document: Mapping[str, Any], width: int, utc: bool, names: Mapping[str, str]) -> Iterator[Line]:
+def _lines(document: Mapping[str, Any], width: int, wide: bool, utc: bool, names: Mapping[str, str]) -> Iterator[Line]:
     # What a layout of before gave stands behind what that of now gives.
     places: dict[tuple[str, str], int] = {}
     groups: dict[tuple[int, bool, str], list[Mapping[str, Any]]] = {}
@@ -98,7 +100,7 @@ def _lines(document: Mapping[str, Any], width: int, utc: bool, names: Mapping[st
             told = f" until {units.clock_time(last_ns, utc=utc)}; later ones have another shape (above)"
             title.append(Cell(told, Tone.WARNING))
         yield from wrap(title, width)
-        yield from align(_COLUMNS, [_cells(row, utc) for row in rows], width, 2)
+        yield from align(_COLUMNS, [_cells(row, utc) for row in rows], None if wide else width, 2)
 
 
 def _telegrams(rows: Sequence[Mapping[str, Any]]) -> str:

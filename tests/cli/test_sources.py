@@ -182,7 +182,7 @@ def test_captures_that_lie_days_apart_are_told(tmp_path: Path) -> None:
     done = nvscope("report", "peers.pcap", "plant.pcapng.gz", "-q", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr == (
-        "nvscope: 1 055 days without a capture lie between plant.pcapng.gz and peers.pcap: what was late, lost or "
+        "nvscope: 1055 days without a capture lie between plant.pcapng.gz and peers.pcap: what was late, lost or "
         "silent meanwhile is no fault. Report them apart: nvscope report peers.pcap\n"
     )
     assert nvscope("report", "peers.pcap", "peers.pcap", "-q", cwd=tmp_path).stderr == ""

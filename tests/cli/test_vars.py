@@ -59,8 +59,9 @@ def test_what_is_missing_is_said() -> None:
     assert untyped.returncode == 0
     assert "no file declares: Axis" in untyped.stderr
     assert "axis.gvl, line 6, column 11" in untyped.stderr
-    shown = [line.split()[0] for line in untyped.stdout.splitlines()[2:]]
-    assert shown == ["bStart", "nSpeed", "fTemp", "stAxis"]
+    *shown, below = (line.split() for line in untyped.stdout.splitlines()[2:])
+    assert [words[0] for words in shown] == ["bStart", "nSpeed", "fTemp", "stAxis"]
+    assert below[0] == "Hidden:"
 
 
 def test_a_byte_map() -> None:

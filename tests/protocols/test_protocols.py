@@ -28,7 +28,7 @@ from nvscope.tracker.state import TrackerState
 from nvscope.view.documents.report import report_document
 from nvscope.view.lines.cells import json_texts, texts
 from nvscope.view.lines.shown import NO_WORDING
-from nvscope.view.lines.table import display_width
+from nvscope.view.lines.text_width import display_width
 from nvscope.view.rows.frames import FrameRows, PacketRows
 from tests.laws import examples
 from tests.oracle.frame import Frame

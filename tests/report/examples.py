@@ -267,6 +267,41 @@ HOSTILE = report(
     ],
 )  # fmt: skip
 
+ALIKE = report(
+    {
+        "sources": [{"path": "line.pcap", "format": "pcap", "bytes": 800_600, "frames": 4_823}],
+        "frames": 4_823, "telegrams": 4_823, "start_ns": at(0), "end_ns": at(20 * S),
+    },
+    [
+        udp_list(
+            1202, index, f"GVL_NetVars_Conveyor_Station{index:02}_Send", senders=[f"192.168.1.{10 + index % 2}"],
+            diag=diag(nSendCount=119, nErrorCount=0), counters={"lost": 1 + index % 3, "gaps": 1},
+            nodes=[node(f"192.168.1.{10 + index % 2}", f"Hall3_Press_Line_{('Left', 'Right')[index % 2]}")],
+            streams=[
+                stream(f"192.168.1.{10 + index % 2}", 0, 119, interval(118, 98 * MS, 100 * MS, 201 * MS, MS, 100 * MS,
+                                                                       101 * MS, 101 * MS, nominal=100 * MS)),
+            ],
+        )
+        for index in range(1, 13)
+    ],
+    [
+        *(
+            finding("NV201", "telegram-gap", "error", f"{1 + index % 3} of 120 telegrams lost, all in one gap.",
+                    "First rule out the capture: drops in the capture (NV901).", list=f"udp/1202/{index}",
+                    node=f"192.168.1.{10 + index % 2}", subindex=0, first_ns=at(4 * S + index * 100 * MS),
+                    last_ns=at(4 * S + index * 100 * MS), frames=[1_600 + index])
+            for index in range(1, 13)
+        ),
+        *(
+            finding("NV504", "stopped", "error", "Silent for the last 8.0 s; nominal is 100.0 ms.",
+                    "See whether all lists of this node stopped together (controller, cable) or only this one (task).",
+                    list=f"udp/1202/{index}", node=f"192.168.1.{10 + index % 2}", subindex=0,
+                    first_ns=at(12 * S + index * 1_000), last_ns=at(12 * S + index * 1_000), frames=[4_700 + index])
+            for index in range(1, 13) if index != 5
+        ),
+    ],
+)  # fmt: skip
+
 EXAMPLES = {
     "clean": CLEAN,
     "troubled": TROUBLED,
@@ -275,4 +310,5 @@ EXAMPLES = {
     "no-frames-then": NO_FRAMES_THEN,
     "only-parameters": ONLY_PARAMETERS,
     "hostile": HOSTILE,
+    "alike": ALIKE,
 }

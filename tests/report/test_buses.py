@@ -93,6 +93,7 @@ Bus can0: 250 kbit/s (found) · 12 345 frames · load: 23.1 % in the mean, at it
   CANopen  state                since         EMCY  last EMCY
   node 5   operational          12:03:08.123     1  0x8130 life gu…artbeat error
   node 17  stopped (commanded)  12:03:08.123     0  -
+  Hidden: heartbeats, changes, boot-ups, register, at (--wide shows them)
 """
     )
 

@@ -9,7 +9,7 @@ from nvscope.errors import ExitCode, UsageError
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.report import explain
 from nvscope.tracker.figures import FIGURES, PLACES, Figure, Of
-from nvscope.view.lines.table import display_width
+from nvscope.view.lines.text_width import display_width
 
 
 @pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "lost", "jitter"])

@@ -16,7 +16,7 @@ from .test_text import poisoned
 MARKDOWN = MarkdownIt("commonmark").enable(["table", "strikethrough"])
 
 
-@pytest.mark.parametrize("example", ["clean", "troubled", "no-telegrams", "hostile"])
+@pytest.mark.parametrize("example", ["clean", "troubled", "no-telegrams", "hostile", "alike"])
 def test_golden(example: str, golden: Callable[[str, str], None]) -> None:
     golden(f"{example}.md", markdown.render(EXAMPLES[example], utc=True))
 

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.report import tables, text
-from nvscope.view.lines.table import Tone, display_width
+from nvscope.view.lines.table import Tone
+from nvscope.view.lines.text_width import display_width
 
 from .examples import CLEAN, EXAMPLES, HOSTILE, MS, TROUBLED, at, diag, interval, report, stream, udp_list
 
@@ -27,6 +28,8 @@ GOLDEN = [
     ("no-frames-then", 80, False),
     ("only-parameters", 80, False),
     ("hostile", 80, True),
+    ("alike", 40, False),
+    ("alike", 80, False),
 ]
 
 
@@ -106,7 +109,7 @@ def test_every_finding_is_shown_in_the_order_given_with_its_sentences() -> None:
     ("example", "first_line"),
     [
         ("clean", "● 2 lists, all ok"),
-        ("troubled", "● 4 lists: 1 with errors, 1 with warnings, 1 with notes, 1 ok; 1 warning beside the lists"),
+        ("troubled", "● 4 lists: 1 with errors, 1 with warnings, 1 with notes, 1 ok; 1 warning about something else"),
         ("no-telegrams", "● None of 412 frames is a telegram of network variables"),
         ("no-frames", "● The capture holds no frames"),
         ("no-frames-then", "● No frame of the capture lies in the time that was asked for"),

@@ -18,7 +18,8 @@ from nvscope.view.lines import cells, moments, words
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
 from nvscope.view.lines.shown import NO_WORDING, Wording
-from nvscope.view.lines.table import GAP, Cell, Line, Tone, shorten
+from nvscope.view.lines.table import GAP, Cell, Line, Tone
+from nvscope.view.lines.text_width import shorten
 from nvscope.view.rows.frames import FrameRows
 
 _REMARK_WIDTH = 24

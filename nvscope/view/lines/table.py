@@ -7,14 +7,20 @@ Text given to this module is already visible (``view.escape``).
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import cache, lru_cache
+from functools import cache
 from typing import NamedTuple
 
+from nvscope.view.lines.short_names import bare_width, short_names
+from nvscope.view.lines.text_width import display_width, head, shorten
+
 GAP = 2
+NOTHING = "-"
+"""What stands in a cell that has nothing to say."""
+
+NO_BREAK = "\u00a0"
 
 
 class Tone(Enum):
@@ -45,74 +51,81 @@ class Column:
 
     ``right`` aligns numbers. ``shortest`` is the width down to which cells may be cut in a table that is too wide, 0
     for columns whose cells are not to be cut. ``importance`` orders the columns that may be left out then, the lowest
-    first, the rightmost of equals first; a column without one always stays.
+    first, the rightmost of equals first; a column without one always stays. ``identifier`` marks addresses, keys and
+    names: they are cut so that different ones stay different (``short_names``).
     """
 
     title: str
     right: bool = False
     importance: int | None = None
     shortest: int = 0
+    identifier: bool = False
 
 
-def display_width(text: str) -> int:
-    """Return the columns that a terminal takes for a visible text: 2 for wide characters, 0 for combining marks."""
-    if text.isascii():
-        return len(text)
-    return sum([_character_width(character) for character in text])
+def align(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None, indent: int = 0) -> list[Line]:
+    """Return a heading line and one line per row, none of them wider than ``width`` (None: as wide as they need).
 
-
-@lru_cache(4096)
-def _character_width(character: str) -> int:
-    if unicodedata.category(character) in {"Mn", "Me"}:
-        return 0
-    return 2 if unicodedata.east_asian_width(character) in "WF" else 1
-
-
-def shorten(text: str, width: int) -> str:
-    """Return ``text``, with an ellipsis in place of its middle where it is wider than ``width`` (at least 1)."""
-    if display_width(text) <= width:
-        return text
-    head_width = width // 2
-    return f"{_cut(text, head_width)}…{_cut(text[::-1], width - 1 - head_width)[::-1]}"
-
-
-def _cut(text: str, width: int) -> str:
-    taken = 0
-    for position, character in enumerate(text):
-        taken += _character_width(character)
-        if taken > width:
-            return text[:position]
-    return text
-
-
-def align(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int, indent: int = 0) -> list[Line]:
-    """Return a heading line and one line per row, none of them wider than ``width``.
-
-    Where the rows are too wide, cells are cut as far as their columns allow; then columns are left out; and if that is
-    still not enough, the widest cells are cut further.
+    Where the rows are too wide, cells are cut as far as their columns allow; then columns are left out, and a last line
+    says which; and if that is still not enough, the widest cells are cut further.
     """
     return list(aligned(columns, rows, width, indent))
 
 
 def aligned(
-    columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int, indent: int = 0
+    columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None, indent: int = 0
 ) -> Iterator[Line]:  # fmt: skip
     """Yield the same, each line when it is asked for."""
     natural = [
         max(display_width(column.title), max([display_width(row[place].text) for row in rows], default=0))
         for place, column in enumerate(columns)
     ]
-    kept, widths = _fit(columns, natural, width - indent)
+    kept, widths = list(range(len(columns))), natural
+    forms: dict[int, dict[str, str]] = {}
+    if width is not None and sum(natural) + GAP * (len(natural) - 1) > width - indent:
+        names = {
+            place: {row[place].text for row in rows} - {NOTHING}
+            for place, column in enumerate(columns)
+            if column.identifier
+        }
+        bare = [
+            min(natural[place], max(display_width(column.title), bare_width(names[place]))) if place in names else 0
+            for place, column in enumerate(columns)
+        ]
+        kept, widths = _fit(columns, natural, bare, width - indent)
+        forms = {
+            place: short_names(names[place], taken) for place, taken in zip(kept, widths, strict=True) if place in names
+        }
     yield _line([Cell(columns[place].title, Tone.FAINT) for place in kept], columns, kept, widths, indent)
     for row in rows:
-        yield _line([row[place] for place in kept], columns, kept, widths, indent)
+        cells = [row[place] for place in kept]
+        for at, place in enumerate(kept):
+            text, tone = cells[at]
+            if place in forms and forms[place].get(text, text) != text:
+                cells[at] = Cell(forms[place][text], tone)
+        yield _line(cells, columns, kept, widths, indent)
+    if width is not None:
+        yield from hidden([column.title for place, column in enumerate(columns) if place not in kept], width, indent)
 
 
-def _fit(columns: Sequence[Column], natural: Sequence[int], width: int) -> tuple[list[int], list[int]]:
-    """Return the places of the columns that stay, and their widths."""
+def hidden(titles: Sequence[str], width: int, indent: int = 0) -> list[Line]:
+    """Return what is said below a table of columns that had no room in it, nothing where there are none."""
+    if not titles:
+        return []
+    told = f"Hidden: {', '.join(titles)} (--wide{NO_BREAK}shows {'it' if len(titles) == 1 else 'them'})"
+    return wrap([Cell(told, Tone.FAINT)], width, indent)
+
+
+def _fit(
+    columns: Sequence[Column], natural: Sequence[int], bare: Sequence[int], width: int
+) -> tuple[list[int], list[int]]:
+    """Return the places of the columns that stay, and their widths.
+
+    Identifiers that are to be cut may go below their shortest, to what they do not have in common (``bare``, 0 for
+    other columns). Room that is left goes to the first columns: to each up to that, then as much as it needs.
+    """
     least = [
-        min(wanted, column.shortest) if column.shortest else wanted
-        for column, wanted in zip(columns, natural, strict=True)
+        min(column.shortest, own or column.shortest) if 0 < column.shortest < wanted else wanted
+        for column, wanted, own in zip(columns, natural, bare, strict=True)
     ]
     kept = list(range(len(columns)))
     while (spare := width - sum(least[place] + GAP for place in kept) + GAP) < 0:
@@ -120,14 +133,21 @@ def _fit(columns: Sequence[Column], natural: Sequence[int], width: int) -> tuple
         if not optional:
             break
         kept.remove(-min(optional)[1])
+    # What was left out for nothing, since a wider one had to go too, comes back: the most important first.
+    gone = [place for place in range(len(columns)) if place not in kept]
+    for place in sorted(gone, key=lambda place: (-(columns[place].importance or 0), place)):
+        if least[place] + GAP <= spare:
+            kept = sorted([*kept, place])
+            spare -= least[place] + GAP
     widths = [least[place] for place in kept]
     while spare < 0 and max(widths) > 1:
         widths[widths.index(max(widths))] -= 1
         spare += 1
-    for at, place in enumerate(kept):
-        more = max(0, min(spare, natural[place] - widths[at]))
-        widths[at] += more
-        spare -= more
+    for wanted in (bare, natural):
+        for at, place in enumerate(kept):
+            more = max(0, min(spare, wanted[place] - widths[at]))
+            widths[at] += more
+            spare -= more
     return kept, widths
 
 
@@ -162,15 +182,15 @@ def _space(width: int) -> Cell:
     return Cell(" " * width)
 
 
-_BREAK = re.compile(r"(?<!\d) +| +(?!\d)")
-NO_BREAK = "\u00a0"
+_BREAK = re.compile(r"(?<!\d) +(?!%)| +(?![\d%])")
 
 
 def wrap(cells: Iterable[Cell], width: int, indent: int = 0, hanging: int | None = None) -> list[Line]:
     """Return a paragraph of toned cells as lines of at most ``width``, broken at spaces.
 
-    Spaces that group digits are no place to break, nor is ``NO_BREAK``, which becomes a space. ``indent`` spaces go
-    before the first line, ``hanging`` (else the same) before the others. A word wider than a line is broken anywhere.
+    Spaces that group digits or stand before a percent sign are no place to break, nor is ``NO_BREAK``, which becomes a
+    space. ``indent`` spaces go before the first line, ``hanging`` (else the same) before the others. A word wider than
+    a line is broken anywhere.
     """
     following = indent if hanging is None else hanging
     parts = list(cells)
@@ -208,7 +228,7 @@ def _broken(text: str, words: Sequence[tuple[int, int]], first: int, others: int
                 yield start, end
                 start, room = word_start, others
             while display_width(text[start:word_end]) > room:
-                end = start + max(1, len(_cut(text[start:word_end], room)))
+                end = start + max(1, len(head(text[start:word_end], room)))
                 yield start, end
                 start, room = end, others
         end = word_end

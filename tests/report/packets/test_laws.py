@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from nvscope.report.packets.records import Csv, Face, JsonArray, JsonLines, SeparatedFields, separation
 from nvscope.report.packets.text import Text
 from nvscope.view.fields.frame import DEFAULT_FIELDS, FIELDS
-from nvscope.view.lines.table import display_width
+from nvscope.view.lines.text_width import display_width
 from tests.laws import examples
 from tests.oracle.builders import LINKS
 from tests.oracle.frame import Frame

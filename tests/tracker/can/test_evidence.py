@@ -70,10 +70,10 @@ def test_what_canopen_would_have_is_shown_on_demand_as_its_plan() -> None:
     assert "TPDO1 node 5" in known
 
 
-def jittery(identifiers: range, channel: int = 0) -> list[Frame]:
-    """Return frames that are sent every 10 ms, one in forty 9 ms late."""
+def jittery(identifiers: range, channel: int = 0, late_ms: int = 9) -> list[Frame]:
+    """Return frames that are sent every 10 ms, one in forty late."""
     frames = [
-        (START_NS + MS * (10 * number + (9 if number % 40 == 39 else 0)) + word, channel, word, bytes(8))
+        (START_NS + MS * (10 * number + (late_ms if number % 40 == 39 else 0)) + word, channel, word, bytes(8))
         for number in range(200)
         for word in identifiers
     ]
@@ -91,6 +91,14 @@ def test_what_many_identifiers_have_alike_is_one_finding() -> None:
     shown = text.render(found, width=100, utc=True)
     assert "channel can0" in shown
     assert "32 lists, all with warnings" in shown
+
+
+def test_what_is_said_of_many_identifiers_is_that_of_the_worst() -> None:
+    frames = sorted(
+        jittery(range(0x300, 0x310), late_ms=7) + jittery(range(0x310, 0x311)) + jittery(range(0x311, 0x320))
+    )
+    (one,) = [finding for finding in report(frames, 10_000)["findings"] if finding["code"] == "NV502"]
+    assert " and 28 more. 0x310: Jitter 90 %" in one["message"]
 
 
 def test_few_identifiers_and_other_channels_have_their_own_findings() -> None:

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.view.escape import visible
-from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, display_width, shorten, wrap
+from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.text_width import display_width, shorten
 
 TEXT = st.text(st.characters(codec="utf-8"), max_size=40).map(visible) | st.text("ab 1値\u0301", max_size=60).map(
     visible
@@ -54,11 +55,41 @@ def test_a_narrow_table_cuts_cells_then_leaves_out_the_least_important_columns()
         "key         name           a     b",
         "udp/1202/7  conveyor-left  AAAA  BBBB",
     ]
-    assert plain(align(columns, rows, 33))[1] == "udp/1202/7  conv…left  AAAA  BBBB"
-    assert plain(align(columns, rows, 29))[1] == "udp/1202/7  conve…-left  AAAA"
+    assert plain(align(columns, rows, 33))[1:] == ["udp/1202/7  conv…left  AAAA  BBBB"]
+    assert plain(align(columns, rows, 29))[1:] == ["udp/1202/7  conve…-left  AAAA", "Hidden: b (--wide shows it)"]
     assert plain(align(columns, rows, 18))[0].split() == ["key", "name"]
-    assert plain(align(columns, rows, 17))[1] == "udp/1202/7"
+    assert " ".join(plain(align(columns, rows, 18))[2:]) == "Hidden: a, b (--wide shows them)"
+    assert plain(align(columns, rows, 17))[1] == "udp/1202/7  AAAA"
     assert plain(align(columns, rows, 5))[1] == "ud…/7"
+    assert plain(align(columns, rows, None)) == plain(align(columns, rows, 200))
+
+
+def test_what_a_wide_column_leaves_room_for_is_shown_the_most_important_first() -> None:
+    columns = [Column("key"), Column("low", importance=1), Column("wide", importance=3), Column("least", importance=0)]
+    rows = [[Cell("udp/1202/7"), Cell("1"), Cell("x" * 30), Cell("2")]]
+    assert plain(align(columns, rows, 50)) == [
+        "key         low  wide",
+        f"udp/1202/7  1    {'x' * 30}",
+        "Hidden: least (--wide shows it)",
+    ]
+    assert plain(align(columns, rows, 46))[0].split() == ["key", "wide"]
+    assert plain(align(columns, rows, 40)) == [
+        "key         low  least",
+        "udp/1202/7  1    2",
+        "Hidden: wide (--wide shows it)",
+    ]
+    assert plain(align(columns, rows, 18))[0].split() == ["key", "low"]
+
+
+def test_identifiers_lose_what_all_of_them_have_in_common() -> None:
+    columns = [Column("list"), Column("name", shortest=12, identifier=True), Column("type", shortest=4)]
+    rows = [[Cell("1"), Cell(f"GVL_NetVars_Station{number}_Send"), Cell("ARRAY[0..9] OF DINT")] for number in (1, 2)]
+    assert plain(align(columns, rows, 22)) == [
+        "list  name        type",
+        "1     …Station1…  AR…T",
+        "1     …Station2…  AR…T",
+    ]
+    assert plain(align(columns, rows, 60))[1] == "1     GVL_NetVars_Station1_Send  ARRAY[0..9] OF DINT"
 
 
 @given(st.data())
@@ -74,9 +105,13 @@ def test_no_table_is_wider_than_asked_and_no_row_is_lost(data: st.DataObject) ->
     least = 4 * len(columns)
     width = data.draw(st.integers(least, 120))
     lines = plain(align(columns, rows, width))
-    assert len(lines) == len(rows) + 1
+    table, below = lines[: len(rows) + 1], "".join("".join(lines[len(rows) + 1 :]).split())
+    assert len(table) == len(rows) + 1
+    hidden = below.removeprefix("Hidden:").partition("(--wideshows")[0].split(",") if below else []
+    assert len(table[0].split()) + len(hidden) == len(columns)
+    assert {*hidden} <= {column.title for column in columns if column.importance is not None}
     assert all(display_width(line) <= width for line in lines)
-    assert all(line == line.rstrip(" ") for line in lines)
+    assert all(line == line.rstrip(" ") for line in table)
 
 
 def test_paragraphs_keep_tones_and_number_groups() -> None:

@@ -1,0 +1,124 @@
+"""What the width of a terminal, a file or a pipe does to tables, and who sees thousands separated."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from nvscope.view.lines.text_width import display_width
+from tests.program import COMMAND, run_text
+
+ROOT = Path(__file__).parents[2]
+PLANT, PEERS, PRESS = (str(ROOT / "captures" / name) for name in ("plant.pcapng.gz", "peers", "can/press.log"))
+CAPTURE = str(ROOT / "captures" / "peers" / "peers.pcap")
+
+VERBS: dict[str, list[str]] = {
+    "report": ["report", PLANT, "-q"],
+    "report -v": ["report", PLANT, "-v", "-q"],
+    "report of CAN": ["report", PRESS, str(ROOT / "captures" / "can"), "-v", "-q"],
+    "vars": ["vars", CAPTURE, PEERS, "-q"],
+    "history": ["vars", CAPTURE, f"{PEERS}/batch.gvl", "--history", "speed", "-q"],
+    "at": ["vars", CAPTURE, PEERS, "--at", "5s", "-q"],
+    "infer": ["vars", CAPTURE, "--infer", "-q"],
+    "layout": ["gvl", "layout", PEERS],
+    "diff": ["gvl", "diff", f"{PEERS}/axis.gvl", f"{PEERS}/batch.gvl", "--types", f"{PEERS}/axis_types.st"],
+}
+SEPARATED = re.compile(r"(?<![\d.,:] )\b[1-9]\d{0,2} \d{3}\b(?! \d{3}\.)")
+
+
+def on_terminal(words: list[str], columns: int, encoding: str = "utf-8") -> str:
+    """Return what a verb writes to stdout where that is a terminal of so many columns."""
+    import fcntl  # noqa: PLC0415  # none of them is on Windows
+    import pty  # noqa: PLC0415
+    import termios  # noqa: PLC0415
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 50, columns, 0, 0))
+    environment = {
+        "PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT), "TZ": "UTC", "NO_COLOR": "1", "PYTHONIOENCODING": encoding,
+    }  # fmt: skip
+    told = b""
+    with subprocess.Popen(
+        [*COMMAND, *words], stdin=subprocess.DEVNULL, stdout=theirs, stderr=subprocess.DEVNULL, env=environment
+    ):
+        os.close(theirs)
+        with contextlib.suppress(OSError):  # which is how a terminal ends
+            while part := os.read(ours, 65_536):
+                told += part
+        os.close(ours)
+    return told.decode(encoding).replace("\r\n", "\n")
+
+
+def in_pipe(words: list[str], columns: str = "") -> str:
+    return run_text(*words, environment={"COLUMNS": columns, "TZ": "UTC"}).stdout
+
+
+terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+
+
+@terminals
+@pytest.mark.parametrize("columns", [40, 80, 100, 200])
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_line_is_wider_than_the_terminal(verb: str, columns: int) -> None:
+    told, plain = on_terminal(VERBS[verb], columns), on_terminal(VERBS[verb], columns, "ascii")
+    assert max(map(display_width, told.splitlines())) <= columns
+    assert [len(line) for line in plain.splitlines()] == [len(line) for line in told.splitlines()]
+
+
+@terminals
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_column_is_there_or_named_and_wide_brings_it_back(verb: str) -> None:
+    everything = on_terminal([*VERBS[verb], "--wide"], 40)
+    assert "Hidden:" not in everything
+    for columns in (40, 80):
+        told = " ".join(on_terminal(VERBS[verb], columns).split())
+        hidden = re.findall(r"Hidden: (.+?) \(--wide shows (?:it|them)\)", told)
+        assert told.count("Hidden:") == len(hidden)
+        for title in {title for titles in hidden for title in titles.split(", ")}:
+            assert title in everything
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_in_a_file_or_pipe_nothing_is_hidden_unless_columns_says_how_wide_it_is(verb: str) -> None:
+    told = in_pipe(VERBS[verb])
+    assert "Hidden:" not in told
+    assert told == in_pipe([*VERBS[verb], "--wide"])
+    assert max(map(display_width, in_pipe(VERBS[verb], "40").splitlines())) <= 40
+
+
+def test_the_columns_that_a_narrow_report_hides_are_in_a_pipe() -> None:
+    narrow, whole = in_pipe(VERBS["report"], "40"), in_pipe(VERBS["report"])
+    assert " ".join(narrow.split()).count(
+        "Hidden: reader, interval, jitter, sent, lost, no ack, last error (--wide shows them)"
+    ) == 1  # fmt: skip
+    (titles,) = (line for line in whole.splitlines() if line.startswith("status"))
+    assert titles.split() == [
+        "status", "list", "sender", "reader", "interval", "jitter", "sent", "lost", "no", "ack", "last", "error",
+    ]  # fmt: skip
+
+
+def test_what_controllers_count_as_errors_is_a_detail() -> None:
+    for words in (["report", PLANT, "-q"], ["report", PLANT, "-q", "--md"]):
+        assert "nErrorCount" not in in_pipe(words).partition("Findings")[0]
+        (titles,) = (line for line in in_pipe([*words, "-v"]).splitlines() if re.match(r"\W*status\b", line))
+        assert "nErrorCount" in titles
+
+
+@pytest.mark.parametrize("words", [*VERBS.values(), ["report", PLANT, "--md"], ["packets", PLANT, "-c", "1100"]])
+def test_numbers_in_a_file_or_pipe_have_no_blanks(words: list[str]) -> None:
+    assert not SEPARATED.findall(in_pipe(words))
+
+
+@terminals
+def test_people_see_thousands_separated() -> None:
+    assert "1 212 frames: 1 206 telegrams" in on_terminal(VERBS["report"], 80)
+    assert "1212 frames: 1206 telegrams" in in_pipe(VERBS["report"])
+    assert "1212 frames: 1206 telegrams" in on_terminal([*VERBS["report"], "--md"], 80)
+    assert on_terminal(["report", PLANT, "--json"], 80) == in_pipe(["report", PLANT, "--json"])
