@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments, words
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
+from nvscope.view.lines.short_names import short_names
 from nvscope.view.lines.shown import NO_WORDING, Wording
 from nvscope.view.lines.table import GAP, Cell, Line, Tone
 from nvscope.view.lines.text_width import shorten
@@ -184,7 +185,7 @@ class LineWriter:
             if surplus <= 0:
                 return fitted
             if self._form + 1 == len(_FORMS):
-                return _with_short_addresses(fitted, surplus)
+                return _with_short_addresses(fitted, surplus, self._names.values())
             self._form += 1
             self._widths = {name: self._widths[name] for name in (_BESIDE, _INSTEAD) if name in self._widths}
 
@@ -245,8 +246,11 @@ def _places(code: list[int], index: list[int], subindex: list[int], subindex_wor
     return [_Column("list", [f"{name} {number}/{sub}" for name, number, sub in triples], Tone.STRONG)]
 
 
-def _with_short_addresses(fitted: _Fitted, surplus: int) -> _Fitted:
-    """Take ``surplus`` columns away from the addresses, from the wider one first, as far as they can give them."""
+def _with_short_addresses(fitted: _Fitted, surplus: int, names: Collection[str]) -> _Fitted:
+    """Take ``surplus`` columns away from the addresses, from the wider one first, as far as they can give them.
+
+    What all ``names`` of nodes have in common goes first: whichever of them a piece has, they are cut alike.
+    """
     columns, widths = list(fitted.columns), list(fitted.widths)
     places = [place for place, column in enumerate(columns) if column.name in _ADDRESSES]
     for _ in range(surplus):
@@ -255,7 +259,8 @@ def _with_short_addresses(fitted: _Fitted, surplus: int) -> _Fitted:
             break
         widths[widest] -= 1
     for place in places:
-        texts = [shorten(text, widths[place]) for text in columns[place].texts]
+        forms = short_names(names, widths[place])
+        texts = [forms[text] if text in forms else shorten(text, widths[place]) for text in columns[place].texts]
         columns[place] = columns[place]._replace(texts=texts)
     return _Fitted(columns, widths, fitted.tails)
 

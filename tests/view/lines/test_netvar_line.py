@@ -98,6 +98,16 @@ def test_a_rare_fault_takes_the_place_of_figures_where_there_is_no_room_for_both
     assert all("#1" in line and "Length 13, payload 60" in line for line in lines)
 
 
+def test_names_of_nodes_lose_what_all_of_them_begin_with_in_every_piece_alike() -> None:
+    names = {"10.0.0.1": "Plant_Hall3_Press_Controller_Left", "10.0.0.2": "Plant_Hall3_Press_Controller_Right"}
+    frames = [data_frame(0, source, "255.255.255.255", telegram()) for source in names]
+    for width, shown in ((48, ["…Left", "…Right"]), (60, ["…Left", "…Right"]), (80, [*names.values()])):
+        for part in (slice(0, 2), slice(0, 1), slice(1, 2)):
+            lines = written(Text(width=width, names=names), Batches([batch_of(frames[part])])).splitlines()
+            assert [line.split()[2] for line in lines] == shown[part]
+            assert all(len(line) <= width for line in lines)
+
+
 def test_lines_stay_aligned_from_piece_to_piece() -> None:
     writer = LineWriter()
     frames = [data_frame(at, SENDER, "255.255.255.255", telegram(counter=count)) for at, count in ((0, 60000), (1, 1))]
