@@ -41,8 +41,8 @@ def _lines(report: content.Report, clock: content.Clock, details: bool) -> Itera
             yield f"- {step}"
     if report["lists"]:
         yield ""
-        measures, overview = tables.overview(report, details=details)
-        yield from _rows(measures, overview)
+        overview = tables.overview(report, details=details)
+        yield from _rows(overview.measures, overview.rows)
     for bus in buses.buses(report)[0]:
         yield from _bus(bus, clock)
     if "hops" in report:

@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from nvscope import units
+from nvscope.findings.kind import Severity
 from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, status, worst_by_list
 from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, Of
 from nvscope.tracker.jitter import Jitter
@@ -26,13 +27,37 @@ class Measure:
     cell: Callable[[Any], Cell]
 
 
-def overview(report: Report, *, details: bool = False) -> tuple[list[Measure], list[list[Cell]]]:
-    """Return columns and cells of the table of lists; each row is looked at once, and not kept.
+MOST_LISTS = 500
+"""So many lists are shown unless all are wanted, those of which something was found before the others."""
 
-    ``details`` adds what is of the diagnosis structure of a list, and no count of what was found.
+
+class Overview(NamedTuple):
+    """The table of lists: its columns, a row of cells for each list shown, and how many lists are not shown.
+
+    ``left_worst`` is the worst that was found of one of those, None where nothing was.
+    """
+
+    measures: list[Measure]
+    rows: list[list[Cell]]
+    left: int
+    left_worst: Severity | None
+
+
+def overview(report: Report, *, details: bool = False, most: int | None = None) -> Overview:
+    """Return the table of lists; each row is looked at once, and not kept.
+
+    ``details`` adds what is of the diagnosis structure of a list, and no count of what was found. Of more than ``most``
+    lists, those are shown of which the worst was found, in the order of all.
     """
     measures = [*_OVERVIEW[:-1], _ERRORS, *_OVERVIEW[-1:]] if details else _OVERVIEW
     by_list, names = worst_by_list(report["findings"]), node_names(report)
+    lists: Sequence[Row] = report["lists"]
+    left_worst = None
+    if most is not None and len(lists) > most:
+        found = [by_list.get(entry["key"]) for entry in lists]
+        order = sorted(range(len(lists)), key=lambda place: -(found[place] or 0))
+        left_worst = found[order[most]]
+        lists = [lists[place] for place in sorted(order[:most])]
     rows = [
         cells(
             measures,
@@ -46,12 +71,12 @@ def overview(report: Report, *, details: bool = False) -> tuple[list[Measure], l
                 },
             ),
         )
-        for entry in report["lists"]
+        for entry in lists
     ]
     places = [place for place in range(len(measures)) if any(row[place].text != NOTHING for row in rows)]
     if len(places) < len(measures):
         rows = [[row[place] for place in places] for row in rows]
-    return [measures[place] for place in places], rows
+    return Overview([measures[place] for place in places], rows, len(report["lists"]) - len(lists), left_worst)
 
 
 class _With(Mapping[str, Any]):

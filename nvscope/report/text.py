@@ -70,8 +70,10 @@ def _lines(
             yield from wrap([Cell(f"- {step}")], text_width, 0, 2)
     if report["lists"]:
         yield from _section("Lists", width)
-        measures, overview = tables.overview(report, details=details)
-        yield from aligned([measure.column for measure in measures], overview, room)
+        overview = tables.overview(report, details=details, most=None if details else tables.MOST_LISTS)
+        yield from aligned([measure.column for measure in overview.measures], overview.rows, room)
+        if overview.left:
+            yield from wrap([Cell(_more_lists(overview))], text_width)
     shown, left = buses.buses(report, None if details else buses.MOST_BUSES)
     for bus in shown:
         yield from _bus(bus, width, room, clock, details)
@@ -95,6 +97,12 @@ def _lines(
         code = report["findings"][0]["code"]
         closing = f"nvscope explain CODE, for example {code}, tells what a finding means and what to do."
         yield from wrap([Cell(closing, Tone.FAINT)], text_width)
+
+
+def _more_lists(overview: tables.Overview) -> str:
+    worst = overview.left_worst
+    found = "nothing was found of them" if worst is None else f"none with worse than {content.status(worst).text}"
+    return f"{units.count_of(overview.left, 'list')} more, {found}: -v shows all, --json and --md too."
 
 
 def _section(title: str, width: int) -> list[Line]:
