@@ -54,7 +54,7 @@ def _lines(report: content.Report, clock: content.Clock) -> Iterator[str]:
             yield markdown_safe(sentence)
     if report["findings"]:
         yield ""
-        yield f"### Findings: {content.tally(report['findings'])}"
+        yield f"### Findings: {content.tally(report['totals']['findings'])}"
         yield from _findings(report, clock)
     yield ""
     tool = report["tool"]

@@ -1,6 +1,6 @@
 """The tables of a report for people: which columns there are, and what stands in them for a list, a stream, a node.
 
-Takes parts of the report of schema ``nvscope.report/1``. As in ``content``, nothing here is escaped.
+Takes parts of the report of schema ``nvscope.report/2``. As in ``content``, nothing here is escaped.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from nvscope import units
-from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, status, worst_by_list
+from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, severity_of, status
 from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, Of
 from nvscope.tracker.jitter import Jitter
 from nvscope.view.documents.figures import lookup
@@ -31,14 +31,13 @@ class Measure:
 
 def overview(report: Report) -> tuple[list[Measure], list[list[Cell]]]:
     """Return columns and cells of the table of lists; each row is looked at once, and not kept."""
-    by_list, names = worst_by_list(report["findings"]), node_names(report)
+    names = node_names(report)
     rows = [
         cells(
             _OVERVIEW,
             _With(
                 entry,
                 {
-                    "worst": by_list.get(entry["key"]),
                     "from": _first_of(entry["senders"], names),
                     "to": _first_of(entry["readers"], names),
                     "timed": [_Timed.of(stream) for stream in entry["streams"]],
@@ -286,7 +285,7 @@ def _tone_of_median(stream: Row) -> Tone:
 
 
 _OVERVIEW = (
-    Measure(Column("status"), lambda row: status(row["worst"])),
+    Measure(Column("status"), lambda row: status(severity_of(row["status"]))),
     Measure(Column("list", shortest=16), lambda row: _text(units.list_key(row["key"]), Tone.STRONG), identifier=True),
     Measure(Column("name", importance=7, shortest=12), _name, identifier=True),
     Measure(Column("sender", shortest=16), lambda row: _text(row["from"]), identifier=True),

@@ -67,7 +67,7 @@ def _lines(report: content.Report, width: int, clock: content.Clock, details: bo
         for sentence in hops.remarks(report):
             yield from wrap([Cell(sentence, Tone.FAINT)], text_width)
     if report["findings"]:
-        yield from _section(f"Findings: {content.tally(report['findings'])}", width)
+        yield from _section(f"Findings: {content.tally(report['totals']['findings'])}", width)
         yield from _findings(report, text_width, clock, None if details else _MOST_FINDINGS)
     if details:
         for entry in report["lists"]:
