@@ -80,7 +80,7 @@ def report_document(
         "capture": {
             "sources": [
                 {"path": info.path, "format": info.format, "bytes": info.bytes, "frames": info.frames}
-                for info in sources
+                for info in sorted(sources, key=_begin)
             ],
             "frames": capture.frames,
             "telegrams": capture.telegrams,
@@ -103,6 +103,11 @@ def _keys(summary: Summary) -> dict[int, str]:
     """Return the keys of lists by number."""
     lists = {entry.number: str(entry.key) for entry in summary.lists}
     return lists | {entry.number: str(entry.key) for entry in summary.can.lists}
+
+
+def _begin(info: SourceInfo) -> tuple[bool, int, str]:
+    """Return by what sources are sorted, so that it does not matter in which order a person names them."""
+    return info.start_ns is None, info.start_ns or 0, info.path
 
 
 def _drops(sources: Sequence[SourceInfo]) -> dict[str, Any]:
