@@ -260,8 +260,13 @@ def _bus() -> Schema:
 
 
 def _load() -> Schema:
-    second = [time("when it began"), number("load; unit: percent", 0), number("with most stuff bits; percent", 0)]
-    row = {"type": "array", "prefixItems": second, "minItems": len(second), "items": False}
+    row = record(
+        {
+            "began_ns": time(),
+            "load": number("unit: percent", 0),
+            "worst": number("with as many stuff bits as there could be; unit: percent", 0),
+        }
+    )
     mean, peak, worst = (figures((one,), Of.BUS, "load") for one in LOADS)
     return record(
         {

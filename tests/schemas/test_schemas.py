@@ -130,8 +130,7 @@ def shortened(value: Any) -> Any:
     """Return a document with the first two of each of its lists."""
     if isinstance(value, Mapping):
         return {key: shortened(item) for key, item in value.items()}
-    # The row of a second is not a list of many.
-    return [shortened(item) for item in value[: 2 + (len(value) == 3)]] if isinstance(value, list) else value
+    return [shortened(item) for item in value[:2]] if isinstance(value, list) else value
 
 
 def places_in(value: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:

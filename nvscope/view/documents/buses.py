@@ -94,7 +94,10 @@ def _load(load: BusLoad | None, measured: Measured) -> dict[str, Any] | None:
         "peak_ns": time_text(load.peak_ns),
         **_WORST_LOAD.read(measured),
         "partial": load.partial,
-        "by_second": [[str(began_ns), rounded(part), rounded(worst)] for began_ns, part, worst in seconds],
+        "by_second": [
+            {"began_ns": str(began_ns), "load": rounded(part), "worst": rounded(worst)}
+            for began_ns, part, worst in seconds
+        ],
     }
 
 

@@ -65,10 +65,10 @@ def test_load_is_that_of_canbusload(seed: int) -> None:
     assert (load["peak_ns"], bus["peak_bits"]) == (str(peak * S), exact[peak])
     assert int(load["peak"]) == exact[peak] * 100 // rate
     assert int(load["worst"]) == worst[peak] * 100 // rate
-    assert [began_ns for began_ns, _, _ in load["by_second"]] == [str(second * S) for second in sorted(exact)]
-    for began_ns, part, most in load["by_second"]:
-        second = int(began_ns) // S
-        assert (int(part), int(most)) == (exact[second] * 100 // rate, worst[second] * 100 // rate)
+    assert [row["began_ns"] for row in load["by_second"]] == [str(second * S) for second in sorted(exact)]
+    for row in load["by_second"]:
+        second = int(row["began_ns"]) // S
+        assert (int(row["load"]), int(row["worst"])) == (exact[second] * 100 // rate, worst[second] * 100 // rate)
     seconds = max(1.0, (frames[-1][0] - frames[0][0]) / S)
     assert load["mean"] == pytest.approx(100 * sum(exact.values()) / rate / seconds, abs=0.001)
     by_word = defaultdict(int)
