@@ -131,7 +131,7 @@ class Captures:
 
     @cached_property
     def report(self) -> dict[str, Any]:
-        """The report as data (schema ``nvscope.report/1``), as ``nvscope report --json`` prints it.
+        """The report as data (schema ``nvscope.report/2``), as ``nvscope report --json`` prints it.
 
         It is without the values of variables, for which there are ``values`` and ``at``.
         """
@@ -160,10 +160,10 @@ class Captures:
 
     @cached_property
     def lists(self) -> pl.DataFrame:
-        """A row a list: key, who sends and reads it, and all its figures by their names; on CAN, a channel."""
+        """A row a list: key, status, who sends and reads it, and all its figures by their names; on CAN, a channel."""
         figures = (*DIAGNOSIS, *LIST_COUNTERS, *PACE)
         rows = _looked_up(self.report["lists"], figures, Of.LIST)
-        kinds: dict[str, _Kind] = {"key": str, "port": int, "channel": str, "id": int, "name": str}
+        kinds: dict[str, _Kind] = {"key": str, "port": int, "channel": str, "id": int, "name": str, "status": str}
         return _frame(rows, kinds | {"senders": [str], "readers": [str]} | _kinds(figures))
 
     @cached_property
@@ -199,6 +199,7 @@ class Captures:
         rows = [one | {"first": one["first_ns"], "last": one["last_ns"]} for one in self.report["findings"]]
         kinds: dict[str, _Kind] = dict.fromkeys(("code", "name", "severity", "list", "node"), str)
         kinds |= {"subindex": int, "count": int, "first": "time", "last": "time", "frames": [int]}
+        kinds["frames_cut"] = int
         return _frame(rows, kinds | {"message": str, "hint": str})
 
     def telegrams(self, *fields: str) -> pl.DataFrame:

@@ -93,6 +93,8 @@ class Shown:
 
 
 def document_of(state: TrackerState) -> dict[str, Any]:
-    """Return the report of a state as data, without sources."""
+    """Return the report of a state as data, without sources, and without until when they said they were watched."""
     summary = summarize(state)
-    return report_document(summary, judge(state, summary=summary), [])
+    document = report_document(summary, judge(state, summary=summary), [])
+    document["capture"]["until_ns"] = None
+    return document

@@ -237,7 +237,7 @@ class Inquiry:
         self, found: Analysis, *, names: bool = True, values: bool = False, drawn: bool = False,
         listed: Sequence[str] = (),
     ) -> dict[str, Any]:  # fmt: skip
-        """Return the report on an analysis as data (schema ``nvscope.report/1``).
+        """Return the report on an analysis as data (schema ``nvscope.report/2``).
 
         ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined;
         ``drawn``: as a document whose rows are made when they are asked for, one after the other; ``listed``: of lists
@@ -255,7 +255,8 @@ class Inquiry:
             summary, findings = self._of_lists(found, summary, findings, listed)
         document = report_document(
             summary, findings, found.infos, self.project.definition, rows,
-            node_names=self.project.node_names if names else {}, whole=found.summary, drawn=drawn,
+            node_names=self.project.node_names if names else {}, whole=found.summary, all_findings=found.findings,
+            drawn=drawn,
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}

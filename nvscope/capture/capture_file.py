@@ -90,6 +90,7 @@ class CaptureFile:
             self.position_bytes if self.size_bytes is None else self.size_bytes,
             progress.frames,
             progress.drops,
+            progress.drops_by,
             truncation=progress.truncation,
             comments=tuple(progress.comments),
             start_ns=progress.start_ns,

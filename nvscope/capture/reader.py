@@ -6,7 +6,7 @@ A new format is a reader here or in a module of its own, and a row in ``nvscope.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dissectors.batch import PacketBatch
@@ -33,6 +33,7 @@ class Progress:
 
     frames: int = 0
     drops: int = 0
+    drops_by: Mapping[str, int] = field(default_factory=dict)
     truncation: Truncation | None = None
     comments: list[tuple[int | None, str]] = field(default_factory=list)
     left_out: str = ""

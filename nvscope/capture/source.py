@@ -7,10 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from types import MappingProxyType, TracebackType
 from typing import Protocol, Self, runtime_checkable
 
 from dissectors.batch import PacketBatch
+
+
+class DropsPart(Enum):
+    """Where packets were lost while capturing: the keys of ``SourceInfo.drops_by``."""
+
+    label: str
+
+    def __new__(cls, name: str, label: str) -> DropsPart:
+        part = object.__new__(cls)
+        part._value_ = name
+        part.label = label
+        return part
+
+    INTERFACE = "interface", "in the interface, before the operating system had them (isb_ifdrop)"
+    KERNEL = "kernel", "in the operating system (isb_osdrop, the queue of a socket)"
+    QUEUE = "queue", "in a queue between the reading and what looks at it"
+    RING = "ring", "in the ring of a capture that was full"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +57,11 @@ class SourceInfo:
     """What is known of a source apart from its packets, at one moment.
 
     ``bytes`` is the size on disk (of a stream: the bytes read from it so far). ``drops`` counts the packets that the
-    capturing side says it lost, None where it cannot know; ``drops_by`` are its parts (``kernel``, ``queue``, ``ring``)
-    where there are any, each lost packet in one of them. ``clock_steps`` counts how often the clock was set while it
-    was watched. ``comments`` are those of a pcapng file, as (frame number within the file or None, text). ``start_ns``
-    and ``end_ns`` are the times of the first and the last packet that was passed on, None before the first.
+    capturing side says it lost, None where it cannot know; ``drops_by`` are its parts by the values of ``DropsPart``,
+    as far as they are told, each lost packet in one of them at most. ``clock_steps`` counts how often the clock was set
+    while it was watched. ``comments`` are those of a pcapng file, as (frame number within the file or None, text).
+    ``start_ns`` and ``end_ns`` are the times of the first and the last packet that was passed on, None before the
+    first.
     """
 
     path: str

@@ -35,7 +35,7 @@ from nvscope.errors import ExitCode, UsageError
 def report(
     sources: SourcesArgument = None,
     read: ReadOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON (nvscope.report/1).")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON (nvscope.report/2).")] = False,
     as_markdown: Annotated[bool, typer.Option("--md", help="Print the report as Markdown.")] = False,
     details: Annotated[
         bool,

@@ -16,7 +16,7 @@ def schema(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="A document: report, vars, or as it says itself, nvscope.report/1.", autocompletion=documents
+            help="A document: report, vars, or as it says itself, nvscope.report/2.", autocompletion=documents
         ),
     ] = None,
     colour: ColourOption = "auto",

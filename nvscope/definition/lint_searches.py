@@ -26,6 +26,7 @@ MOST_TELEGRAMS = 20
 """How many telegrams a receiver takes per task cycle, as one vendor states it."""
 
 _MOST_NAMESAKES = 100
+_MOST_VERSIONS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,13 +112,18 @@ def find_duplicates(subject: Subject) -> Iterator[Place]:
         if packed.list.list_id is not None and not packed.on_can:
             by_address.setdefault((packed.list.port, packed.list.list_id), []).append(packed.list)
     for (port, number), entries in by_address.items():
-        first = entries[0]
+        first, versions = entries[0], entries[:1]
         for other in entries[1:_MOST_NAMESAKES]:
-            # The sender's and the reader's file of one list say the same, and are meant to.
-            if other.name.upper() == first.name.upper() and list_difference(first, other).same_on_wire:
+            # The sender's and the reader's file of one list say the same, and are meant to: a version is told once.
+            if any(_is_the_same(other, version) for version in versions[:_MOST_VERSIONS]):
                 continue
+            versions.append(other)
             what = f"{other.name} has the identifier {number} on port {port}, which {first.name} has too"
             yield _of_list(other, f"{what} ({first.position})")
+
+
+def _is_the_same(one: ListDefinition, other: ListDefinition) -> bool:
+    return one.name.upper() == other.name.upper() and list_difference(one, other).same_on_wire
 
 
 def tell_identifier_missing(entry: ListDefinition) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from nvscope.definition.exp import is_export, read_exp
 from nvscope.definition.model import DEFAULT_PORT, Definition, Problem
@@ -27,7 +28,7 @@ class ReadFiles:
 
 
 def load_definitions(paths: Sequence[str], *, encoding: str | None = None, port: int = DEFAULT_PORT) -> Definition:
-    """Return the lists of all files, in the order of the files; types and constants of each are known to all.
+    """Return the lists of all files, sorted by their paths; types and constants of each are known to all.
 
     ``paths`` may be directories and patterns (``wanted_files``). What a file is, its content tells, not its name.
     ``encoding`` is that of files without byte order mark; without it it is recognised. ``port`` is that of lists whose
@@ -43,13 +44,15 @@ def definition_of(read: ReadFiles, port: int = DEFAULT_PORT) -> Definition:
 
 
 def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None = None) -> ReadFiles:
-    """Return what the files declare; a file that is there twice is read once.
+    """Return what the files declare, sorted by path; a file that is there twice is read once.
+
+    The order in which a person names files says nothing: with the same files everything is the same.
 
     Of those that were found and not named, what is no definition is passed over. Raises ConfigurationError where a file
     cannot be opened, or none can be read.
     """
     places: dict[str, DefinitionFile] = {}
-    for file in wanted:
+    for file in sorted(wanted, key=lambda file: Path(file.path)):
         places.setdefault(_place_of(file.path), file)
     read: dict[str, FileSyntax] = {}
     errors: list[DefinitionError] = []

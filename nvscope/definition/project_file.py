@@ -124,5 +124,5 @@ def _wanted_of_project(told: ProjectFile, path: Path | None, place: Place) -> li
             own = wanted_files([pattern], path.parent if path else None)
         except ConfigurationError as error:
             raise place.below("definitions").below(number).error(error.what, error.next_step) from None
-        found |= {file.path: file for file in own if file.path not in found}
+        found |= {file.path: file for file in own if file.named or file.path not in found}
     return list(found.values())

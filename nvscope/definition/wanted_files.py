@@ -51,7 +51,8 @@ def wanted_files(given: Sequence[str], base: Path | None = None) -> list[Definit
     found: dict[str, DefinitionFile] = {}
     for text in given:
         for file in _files_of(text, base):
-            found.setdefault(file.path, file)
+            if file.named or file.path not in found:
+                found[file.path] = file
     return list(found.values())
 
 

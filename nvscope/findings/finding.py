@@ -45,6 +45,11 @@ class Finding:
         """The code of its kind, as reports have it: ``NV201``."""
         return self.kind.code
 
+    @property
+    def frames_cut(self) -> int:
+        """How many more frames there are behind those that are named; 0 where none is."""
+        return max(self.count - len(self.frames), 0) if self.frames else 0
+
 
 @dataclass(frozen=True, slots=True)
 class Events:

@@ -1,6 +1,6 @@
 """What a report for people says of a CAN bus: a line, tables of identifiers and CANopen nodes, and of its errors.
 
-Takes the buses of the report of schema ``nvscope.report/1``. As in ``content``, nothing here is escaped.
+Takes the buses of the report of schema ``nvscope.report/2``. As in ``content``, nothing here is escaped.
 """
 
 from __future__ import annotations

@@ -1,19 +1,19 @@
 """What a report for people says, in sentences: one content, of which every face makes its own form.
 
-Takes the report of schema ``nvscope.report/1``. Nothing here is escaped: text from outside passes the escape of the
+Takes the report of schema ``nvscope.report/2``. Nothing here is escaped: text from outside passes the escape of the
 face (``view.escape``), before or after, and never reaches a reader without it.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from nvscope import units
 from nvscope.findings.capture import LIMIT_REACHED, UNSUPPORTED_LINK_TYPE
 from nvscope.findings.kind import Severity
+from nvscope.view.documents.verdicts import OK, SEVERITIES
 from nvscope.view.lines.table import Cell, Tone
 
 Report = Mapping[str, Any]
@@ -64,15 +64,16 @@ def status(severity: Severity | None) -> Cell:
     return Cell(f"{_SYMBOLS[severity]} {severity.word}", _TONES[severity])
 
 
-def worst(findings: Iterable[Row]) -> Severity | None:
-    """Return the worst severity of some findings."""
-    return max((Severity.of(finding["severity"]) for finding in findings), default=None)
+def severity_of(word: str) -> Severity | None:
+    """Return the severity that the status of a list is, None where it is ``ok``."""
+    return None if word == OK else Severity.of(word)
 
 
 def headline(report: Report) -> Cell:
     """Return what matters most about the whole capture in one line."""
-    lists, findings, capture = report["lists"], report["findings"], report["capture"]
-    tone = status(worst(findings)).tone
+    lists, totals, capture = report["lists"], report["totals"], report["capture"]
+    found = (word for word in SEVERITIES if totals["findings"][word] or totals["lists"][word])
+    tone = status(severity_of(next(found, OK))).tone
     if _lies_elsewhere(capture):
         return Cell("No frame of the capture lies in the time that was asked for", Tone.WARNING)
     if not capture["frames"]:
@@ -85,13 +86,7 @@ def headline(report: Report) -> Cell:
         return Cell("The filter chooses nothing that belongs to a list", Tone.WARNING)
     if not lists:
         return Cell("No list: no telegram belongs to a network variables list", Tone.WARNING)
-    by_list = worst_by_list(findings)
-    verdicts = Counter(by_list.get(entry["key"]) for entry in lists)
-    parts = [
-        (verdicts[severity], f"with {severity.word}s" if severity else "ok")
-        for severity in (Severity.ERROR, Severity.WARNING, Severity.NOTE, None)
-        if severity in verdicts
-    ]
+    parts = [(number, "ok" if word == OK else f"with {word}s") for word, number in totals["lists"].items() if number]
     text = units.count_of(len(lists), "list")
     if len(lists) == 1:
         text += f", {parts[0][1]}"
@@ -99,32 +94,14 @@ def headline(report: Report) -> Cell:
         text += f", all {parts[0][1]}"
     else:
         text += ": " + ", ".join(f"{units.count(number)} {verdict}" for number, verdict in parts)
-    known = {entry["key"] for entry in lists}
-    beside = [one for one in findings if one["list"] not in known and not one.get("lists")]
-    if beside:
-        text += f"; {tally(beside)} about something else"
+    if beside := tally(totals["findings_beside_lists"]):
+        text += f"; {beside} about something else"
     return Cell(text, tone)
 
 
-def tally(findings: Sequence[Row]) -> str:
-    """Return how many findings of each severity there are: ``2 errors, 1 note``."""
-    severities = Counter(Severity.of(finding["severity"]) for finding in findings)
-    return ", ".join(
-        units.count_of(severities[severity], severity.word)
-        for severity in sorted(Severity, reverse=True)
-        if severity in severities
-    )
-
-
-def worst_by_list(findings: Iterable[Row]) -> dict[str, Severity]:
-    """Return the worst severity of the findings of each list that has some, by its key."""
-    found: dict[str, Severity] = {}
-    for finding in findings:
-        concerned = finding.get("lists", ()) if finding["list"] is None else (finding["list"],)
-        for key in concerned:
-            severity = Severity.of(finding["severity"])
-            found[key] = max(found.get(key, severity), severity)
-    return found
+def tally(by_severity: Mapping[str, int]) -> str:
+    """Return how many findings of each severity there are: ``2 errors, 1 note``; "" where there are none."""
+    return ", ".join(units.count_of(number, severity) for severity, number in by_severity.items() if number)
 
 
 def node_names(report: Report) -> dict[str, str]:
@@ -260,7 +237,7 @@ def evidence(finding: Row, clock: Clock) -> str:
             parts.append(f"{first} to {last} ({clock.since_start(first_ns)} to {clock.since_start(last_ns)})")
     frames = finding["frames"]
     if frames:
-        more = finding["count"] - len(frames)
+        more = finding["frames_cut"]
         text = ("frame " if len(frames) == 1 else "frames ") + ", ".join(str(frame) for frame in frames)
         parts.append(f"{text} and {units.count(more)} more" if more > 0 else text)
     return "; ".join(parts)

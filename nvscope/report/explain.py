@@ -12,7 +12,7 @@ from nvscope.report.ansi import paint
 from nvscope.report.content import status
 from nvscope.report.explain_figure import figure_called, figure_lines
 from nvscope.tracker.figures import FIGURES, Figure
-from nvscope.version import __version__
+from nvscope.version import head
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
@@ -50,8 +50,7 @@ def document(name: str | None) -> dict[str, Any]:
         kind, figure = _found(name)
         kinds, figures = [kind] if kind else [], [figure] if figure else []
     return {
-        "schema": SCHEMA,
-        "tool": {"name": "nvscope", "version": __version__},
+        **head(SCHEMA),
         "findings": [
             {
                 "code": kind.code,

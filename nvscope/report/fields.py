@@ -6,6 +6,7 @@ from typing import Any
 
 from nvscope.report.ansi import paint
 from nvscope.units import count_of
+from nvscope.version import head
 from nvscope.view.escape import visible_document
 from nvscope.view.fields.frame import EITHER_OF, expression_names
 from nvscope.view.fields.vocabulary import Vocabulary
@@ -66,4 +67,4 @@ def document(fields: Vocabulary) -> dict[str, Any]:
         }
         for name, parts in EITHER_OF.items()
     ]
-    return {"schema": "nvscope.fields/1", "fields": own + either, "unlisted": fields.unlisted}
+    return {**head("nvscope.fields/1"), "fields": own + either, "unlisted": fields.unlisted}

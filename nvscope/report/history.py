@@ -14,7 +14,8 @@ from nvscope import units
 from nvscope.report.ansi import paint
 from nvscope.report.content import nanoseconds
 from nvscope.report.variables import VALUE_WIDTH, filter_lines
-from nvscope.view.documents.history import HISTORY_SCHEMA, TOOL
+from nvscope.version import head
+from nvscope.view.documents.history import HISTORY_SCHEMA
 from nvscope.view.escape import visible, visible_document
 from nvscope.view.lines.short_names import short_names
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, hidden, wrap
@@ -215,8 +216,7 @@ class Json:
         self._any = False
 
     def begin(self) -> str:
-        head = f'"schema": {_ascii(HISTORY_SCHEMA)}, "tool": {_ascii(TOOL)}'
-        return f'{{{head}, "changes": ['
+        return f'{_ascii(head(HISTORY_SCHEMA))[:-1]}, "changes": ['
 
     def line(self, row: Row) -> str:
         separator = ",\n" if self._any else "\n"

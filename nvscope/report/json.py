@@ -1,4 +1,4 @@
-"""The report for programs: JSON of schema ``nvscope.report/1``."""
+"""The report for programs: JSON of schema ``nvscope.report/2``."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def _lines(report: content.Report, clock: content.Clock, details: bool) -> Itera
             yield markdown_safe(sentence)
     if report["findings"]:
         yield ""
-        yield f"### Findings: {content.tally(report['findings'])}"
+        yield f"### Findings: {content.tally(report['totals']['findings'])}"
         yield from _findings(report, clock, details)
     yield ""
     tool = report["tool"]

@@ -1,6 +1,6 @@
 """The tables of a report for people: which columns there are, and what stands in them for a list, a stream, a node.
 
-Takes parts of the report of schema ``nvscope.report/1``. As in ``content``, nothing here is escaped.
+Takes parts of the report of schema ``nvscope.report/2``. As in ``content``, nothing here is escaped.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, status, worst_by_list
+from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, severity_of, status
 from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, Of
 from nvscope.tracker.jitter import Jitter
 from nvscope.view.documents.figures import lookup
@@ -50,11 +50,11 @@ def overview(report: Report, *, details: bool = False, most: int | None = None) 
     lists, those are shown of which the worst was found, in the order of all.
     """
     measures = [*_OVERVIEW[:-1], _ERRORS, *_OVERVIEW[-1:]] if details else _OVERVIEW
-    by_list, names = worst_by_list(report["findings"]), node_names(report)
+    names = node_names(report)
     lists: Sequence[Row] = report["lists"]
     left_worst = None
     if most is not None and len(lists) > most:
-        found = [by_list.get(entry["key"]) for entry in lists]
+        found = [severity_of(entry["status"]) for entry in lists]
         order = sorted(range(len(lists)), key=lambda place: -(found[place] or 0))
         left_worst = found[order[most]]
         lists = [lists[place] for place in sorted(order[:most])]
@@ -64,7 +64,6 @@ def overview(report: Report, *, details: bool = False, most: int | None = None) 
             _With(
                 entry,
                 {
-                    "worst": by_list.get(entry["key"]),
                     "from": _first_of(entry["senders"], names),
                     "to": _first_of(entry["readers"], names),
                     "timed": [_Timed.of(stream) for stream in entry["streams"]],
@@ -320,7 +319,7 @@ def _tone_of_median(stream: Row) -> Tone:
 
 
 _OVERVIEW = (
-    Measure(Column("status"), lambda row: status(row["worst"])),
+    Measure(Column("status"), lambda row: status(severity_of(row["status"]))),
     Measure(Column("list", shortest=16, identifier=True), lambda row: _text(units.list_key(row["key"]), Tone.STRONG)),
     Measure(Column("name", importance=7, shortest=12, identifier=True), _name),
     Measure(Column("sender", shortest=16, identifier=True), lambda row: _text(row["from"])),

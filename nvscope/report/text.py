@@ -87,7 +87,7 @@ def _lines(
         for sentence in hops.remarks(report):
             yield from wrap([Cell(sentence, Tone.FAINT)], text_width)
     if report["findings"]:
-        yield from _section(f"Findings: {content.tally(report['findings'])}", width)
+        yield from _section(f"Findings: {content.tally(report['totals']['findings'])}", width)
         yield from _findings(report, text_width, clock, details)
     if details:
         for entry in report["lists"]:

@@ -21,7 +21,7 @@ def schema_names() -> list[str]:
 def schema_text(name: str) -> str:
     """Return the schema of a document as JSON, ending with a line break.
 
-    The name may be the one that documents have themselves: ``nvscope.report/1``. UsageError, with names that come near,
+    The name may be the one that documents have themselves: ``nvscope.report/2``. UsageError, with names that come near,
     where there is none.
     """
     return _path_of(name).read_text(encoding="utf-8")
@@ -33,11 +33,12 @@ def schema_subject(name: str) -> str:
 
 
 def _path_of(name: str) -> Path:
-    known = {key: path for path in _FOLDER.glob(f"*{_SUFFIX}") for key in (path.stem, f"nvscope.{path.stem}/1")}
+    known = {path.stem: path for path in _FOLDER.glob(f"*{_SUFFIX}")}
     wanted = name.strip().lower()
-    if wanted not in known:
+    path = known.get(wanted.removeprefix("nvscope.").partition("/")[0])
+    if path is None or wanted not in (path.stem, json.loads(path.read_text(encoding="utf-8"))["title"]):
         raise UsageError(f"no document is called {name[:80]!r}", next_step=_near(wanted))
-    return known[wanted]
+    return path
 
 
 def _near(wanted: str) -> str:

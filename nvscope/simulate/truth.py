@@ -22,6 +22,7 @@ from nvscope.simulate.list_facts import ListFacts
 from nvscope.simulate.network_facts import NetworkFacts
 from nvscope.simulate.scenario_facts import ScenarioFacts
 from nvscope.simulate.template import Role, Template
+from nvscope.version import head
 
 SCHEMA = "nvscope.truth/1"
 _FIGURES = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
@@ -29,7 +30,7 @@ _STREAM_FIGURES = ("lost", "duplicates", "overtaken", "restarts")
 
 
 def make_truth(facts: ScenarioFacts) -> dict[str, Any]:
-    """Return the truth as values for JSON; keys are those of a report (``nvscope.report/1``) where they mean the same.
+    """Return the truth as values for JSON; keys are those of a report (``nvscope.report/2``) where they mean the same.
 
     ``exact`` is false for a wild scenario: its figures of loss are then what was put in, not what can be observed.
     Values are null where the rules leave an observer without a chance: figures of a sender whose way of counting cannot
@@ -43,7 +44,7 @@ def make_truth(facts: ScenarioFacts) -> dict[str, Any]:
     telegrams = 0 if network is None else int(network.seen.telegram.sum())
     can_frames = 0 if can is None else len(can)
     return {
-        "schema": SCHEMA,
+        **head(SCHEMA),
         "title": scenario.title,
         "seed": scenario.seed,
         "exact": not scenario.wild,

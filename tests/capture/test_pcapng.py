@@ -262,6 +262,7 @@ def test_drops_are_the_last_statistics_of_each_interface_or_the_sum_over_its_pac
     )
     source, _ = build.read(tmp_path / "a", raw, _SIZES, 0, 64)
     assert source.info.drops == 25 + (200 + 7) + 1000 + 3
+    assert source.info.drops_by == {"interface": 5 + 1000, "kernel": 20 + 3}
 
 
 def test_comments_are_kept_in_order_with_their_frames(tmp_path: Path) -> None:

@@ -82,8 +82,8 @@ def test_every_value_is_the_one_that_was_sent(tmp_path: Path, ending: str) -> No
     assert done.stderr.splitlines() == [
         f"nvscope: values.axis.{ending}: 199 telegrams",
         f"nvscope: values.batch.{ending}: 209 telegrams",
-        f"nvscope: values.recipe.{ending}: 156 telegrams",
         f"nvscope: values.counters.{ending}: 249 telegrams",
+        f"nvscope: values.recipe.{ending}: 156 telegrams",
         "nvscope: 49 data telegrams of lists without a definition left out.",
     ]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
@@ -137,6 +137,8 @@ def test_telegrams_are_written_as_packets_shows_them(tmp_path: Path) -> None:
         assert (tmp_path / f"t.{ending}").read_text() == shown
     assert nvscope("export", CAPTURE, "-w", "t.parquet", cwd=tmp_path).returncode == 0
     table, lines = pl.read_parquet(tmp_path / "t.parquet"), pl.read_ndjson(tmp_path / "t.ndjson")
+    numbers = [name for name, kind in table.schema.items() if kind.is_integer()]
+    assert pl.read_csv(tmp_path / "t.csv").select(numbers).rows() == table.select(numbers).rows()
     assert table.columns == lines.columns
     for name in table.columns:
         column = table[name]

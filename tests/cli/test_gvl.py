@@ -30,8 +30,8 @@ def files(tmp_path: Path) -> Path:
 def test_mistakes_are_printed_with_their_places(files: Path) -> None:
     done = nvscope("lint", "press.gvl", "hmi.gvl", cwd=files)
     assert done.returncode == 1
-    assert done.stdout.startswith("hmi.gvl:3:1: error: hmi has the identifier 7 on port 1202, which press has too\n")
-    assert "\nhmi.gvl:3:1: warning: hmi is cyclic with an interval of 0 [interval-zero]\n    The list" in done.stdout
+    assert done.stdout.startswith("hmi.gvl:3:1: warning: hmi is cyclic with an interval of 0 [interval-zero]\n    The")
+    assert "\npress.gvl:3:1: error: press has the identifier 7 on port 1202, which hmi has too\n" in done.stdout
     assert done.stdout.endswith("\n\nFound 1 error, 1 warning in 2 lists in 2 files.\n")
 
 

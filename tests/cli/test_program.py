@@ -44,8 +44,8 @@ def test_json_has_the_schema_and_is_the_same_every_time() -> None:
     )  # fmt: skip
     assert first.stdout == second.stdout
     report = json.loads(first.stdout)
-    assert report["schema"] == "nvscope.report/1"
-    assert list(report) == ["schema", "tool", "capture", "lists", "findings"]
+    assert report["schema"] == "nvscope.report/2"
+    assert list(report) == ["schema", "tool", "capture", "totals", "lists", "findings"]
     assert report["capture"]["sources"] == [
         {"path": str(PEERS), "format": "pcap", "bytes": PEERS.stat().st_size, "frames": 864}
     ]

@@ -10,6 +10,7 @@ import pytest
 from nvscope.cli.completion import documents
 from tests.program import run_text
 from tests.schemas.documents import SCHEMAS, path_of
+from tests.schemas.shapes import title_of
 
 
 def test_all_documents_are_listed_with_what_writes_them() -> None:
@@ -29,7 +30,7 @@ def test_a_schema_is_printed_by_any_of_its_names(name: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == path_of(name).read_text(encoding="utf-8")
     assert json.loads(done.stdout)["properties" if name != "lint" else "oneOf"]
-    for other in (f"nvscope.{name}/1", name.upper(), f" {name} "):
+    for other in (title_of(name), name.upper(), f" {name} "):
         assert run_text("schema", other).stdout == done.stdout
 
 
@@ -38,7 +39,7 @@ def test_a_schema_is_printed_by_any_of_its_names(name: str) -> None:
     [
         ("repot", "perhaps report\n"),
         ("nvscope.reports/1", "perhaps report\n"),
-        ("nvscope.report/2", "perhaps report\n"),
+        ("nvscope.report/1", "perhaps report\n"),
         ("reports.json", "perhaps report\n"),
         ("zzz", f"there are: {', '.join(sorted(SCHEMAS))}\n"),
         ("\x1b[31m", f"there are: {', '.join(sorted(SCHEMAS))}\n"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import permutations
 from pathlib import Path
 
 import pytest
@@ -281,7 +282,8 @@ def test_the_files_of_both_sides_are_no_duplicate_as_long_as_they_say_the_same(t
         (tmp_path / side / "press.gvl").write_text(gvl(text), encoding="utf-8")
     sides = [str(tmp_path / side / "press.gvl") for side in ("sender", "reader")]
     assert linted(*sides) == []
-    assert [each.rule.id for each in linted(*sides, str(tmp_path / "other" / "press.gvl"))] == ["duplicate-identifier"]
+    for files in permutations([*sides, str(tmp_path / "other" / "press.gvl")]):
+        assert [each.rule.id for each in linted(*files)] == ["duplicate-identifier"]
 
 
 def test_mistakes_are_in_the_order_of_the_files_and_lines(tmp_path: Path) -> None:

@@ -120,13 +120,13 @@ def test_it_is_found_upwards(tmp_path: Path) -> None:
     assert find_project(tmp_path) == above
 
 
-def test_files_stand_in_the_order_of_the_patterns_each_once(tmp_path: Path) -> None:
+def test_files_are_sorted_whatever_the_order_of_the_patterns_each_once(tmp_path: Path) -> None:
     for name in ("b.gvl", "a.gvl", ".hidden/c.gvl", "deep/er/d.gvl"):
         path = tmp_path / "plc" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(GVL.format(identifier=1, more=""))
     project = plant(tmp_path, 'definitions = ["plc/b.gvl", "plc/**/*.gvl"]')
-    assert [os.path.relpath(file, tmp_path / "plc") for file in project.files] == ["b.gvl", "a.gvl", "deep/er/d.gvl"]
+    assert [os.path.relpath(file, tmp_path / "plc") for file in project.files] == ["a.gvl", "b.gvl", "deep/er/d.gvl"]
     assert len(plant(tmp_path, 'definitions = "plc/**"').files) == 3
     assert len(plant(tmp_path, 'definitions = "plc/.hidden/*"').files) == 1
     assert plant(tmp_path, f"definitions = '{tmp_path}/plc/a*'").files == (str(tmp_path / "plc" / "a.gvl"),)

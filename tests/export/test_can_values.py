@@ -162,6 +162,8 @@ def test_fields_of_packets_have_every_value(seed: int) -> None:
                 assert ran.code == 0
                 rows = ran.records()
                 assert [row["frame.number"] for row in rows] == [one.frame for one in plant.sent]
+                name = list(rows[0])[1] if rows else name
+                assert name.removesuffix("_ns") == f"var.{entry.name}.{element.name}"
                 for row, one in zip(rows, plant.sent, strict=True):
                     there = one.list is not None and one.list.name == entry.name and element.name in one.values
                     if not there or beyond(one, element.name):

@@ -65,7 +65,7 @@ def test_each_telegram_is_decoded_by_the_definition_that_it_fits(tmp_path: Path)
         done = nvscope("export", capture, *short, *long, "--list", name, "-w", "o.parquet", cwd=tmp_path)
         assert (done.returncode, done.stderr) == (0, "")
     table = pl.read_parquet(tmp_path / "o.parquet")
-    assert table.select("n", "e", "e : LREAL", "b").rows() == [(1, 2, None, None), (3, None, 4.5, True)]
+    assert table.select("n", "e : DINT", "e", "b").rows() == [(1, 2, None, None), (3, None, 4.5, True)]
     nvscope("export", capture, *short, *long, "--form", "long", "-w", "l.parquet", cwd=tmp_path)
     below = pl.read_parquet(tmp_path / "l.parquet")
     assert below.select("list_name", "variable", "type").rows() == [
@@ -104,7 +104,7 @@ def test_times_have_one_form_and_what_it_cannot_hold_is_told(tmp_path: Path) -> 
     for kind in ("json", "ndjson"):
         shown = nvscope("packets", capture, *gvl, "-e", "var.v_lt", "-T", kind, cwd=tmp_path).stdout
         found = json.loads(shown) if kind == "json" else [json.loads(line) for line in shown.splitlines()]
-        assert [one["var.v_lt"] for one in found] == numbers["v_lt"].to_list()
+        assert [one["var.v_lt_ns"] for one in found] == numbers["v_lt"].to_list()
     chosen = nvscope("packets", capture, *gvl, "-Y", "var.v_lt > 1s", "-e", "frame.number", cwd=tmp_path).stdout
     assert chosen.split() == ["1", "3"]
 
@@ -147,6 +147,9 @@ def test_a_duration_has_one_unit_in_all_data(tmp_path: Path) -> None:
     assert [(row["unit"], row["value"]) for row in was] == [("ns", 1_500_000_000), (None, 7)]
     nvscope("export", capture, *gvl, "-w", "o.csv", cwd=tmp_path)
     assert pl.read_csv(tmp_path / "o.csv")["t_ns"].to_list() == [1_500_000_000, 1_750_000_000]
+    for kind, read in (("csv", pl.read_csv), ("ndjson", pl.read_ndjson)):
+        shown = nvscope("packets", capture, *gvl, "-e", "var.t", "-T", kind, cwd=tmp_path).stdout
+        assert read(shown.encode())["var.t_ns"].to_list() == [1_500_000_000, 1_750_000_000]
 
 
 def test_changes_of_reals_have_all_digits_that_count(tmp_path: Path) -> None:

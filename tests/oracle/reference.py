@@ -1,6 +1,6 @@
 """The report of the rules in ``rules``, applied to one frame after the other.
 
-``reference_report`` gives what ``nvscope report --json`` gives, without ``tool``, without ``capture.sources``
+``reference_report`` gives what ``nvscope report --json`` gives, without ``tool``, ``totals`` and ``capture.sources``
 and with the findings listed in ``SEVERITIES`` only. Written to be read beside the rules, not to be fast.
 
 Readings, where the rules leave a choice:
@@ -56,8 +56,10 @@ def reference_report(frames: Iterable[Frame], *, timeout_ns: int = 1_000_000_000
             "telegrams": tracker.telegrams,
             "other_frames": tracker.frames - tracker.telegrams,
             "drops": 0,
+            "drops_by": {},
             "start_ns": text(min(tracker.times, default=None)),
             "end_ns": text(max(tracker.times, default=None)),
+            "until_ns": None,
         },
         "lists": lists,
         "findings": [finding_report(finding) for finding in findings],
@@ -76,6 +78,7 @@ def finding_report(finding: Finding) -> dict[str, Any]:
         "first_ns": str(finding.moments[0].time),
         "last_ns": str(finding.moments[-1].time),
         "frames": [moment.frame for moment in finding.moments[:FRAMES_KEPT]],
+        "frames_cut": len(finding.moments[FRAMES_KEPT:]),
     }
 
 

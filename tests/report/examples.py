@@ -1,4 +1,4 @@
-"""Reports written by hand, of schema ``nvscope.report/1``: what the faces are tried on.
+"""Reports written by hand, of schema ``nvscope.report/2``: what the faces are tried on.
 
 The builders only fill in what a report must have; every figure that matters to an example is given where it is made.
 """
@@ -67,18 +67,32 @@ def finding(code: str, name: str, severity: str, message: str, hint: str, **part
     return {
         "code": code, "name": name, "severity": severity, "list": None, "node": None, "subindex": None, "count": 1,
         "first_ns": None, "last_ns": None, "frames": [], "message": message, "hint": hint, **parts,
+        "frames_cut": parts["count"] - len(parts["frames"]) if "frames" in parts and "count" in parts else 0,
     }  # fmt: skip
 
 
+SEVERITIES = ("error", "warning", "note")
+
+
 def report(capture: dict[str, Any], lists: list[dict[str, Any]], findings: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a report, in which lists have the status that the findings give them."""
+    named = {entry["key"] for entry in lists}
+    on = {key: {one["severity"] for one in findings if one["list"] == key} for key in named}
+    status = {key: next((word for word in SEVERITIES if word in own), "ok") for key, own in on.items()}
+    beside = [one for one in findings if one["list"] not in named]
     return {
-        "schema": "nvscope.report/1",
+        "schema": "nvscope.report/2",
         "tool": {"name": "nvscope", "version": "0.1.0"},
         "capture": {
-            "sources": [], "frames": 0, "telegrams": 0, "other_frames": 0, "drops": None, "start_ns": None,
-            "end_ns": None, **capture,
+            "sources": [], "frames": 0, "telegrams": 0, "other_frames": 0, "drops": None, "drops_by": None,
+            "start_ns": None, "end_ns": None, "until_ns": None, **capture,
         },
-        "lists": lists,
+        "totals": {
+            "lists": {word: sum(own == word for own in status.values()) for word in (*SEVERITIES, "ok")},
+            "findings": {word: sum(one["severity"] == word for one in findings) for word in SEVERITIES},
+            "findings_beside_lists": {word: sum(one["severity"] == word for one in beside) for word in SEVERITIES},
+        },
+        "lists": [entry | {"status": status[entry["key"]]} for entry in lists],
         "findings": findings,
     }  # fmt: skip
 

@@ -63,7 +63,18 @@ def test_colour_is_not_needed_to_tell_what_is_bad() -> None:
     assert [row[1] for row in rows[:4]] == ["error", "warning", "ok", "note"]
 
 
-OWN_WORDS = {"severity", "list", "start_ns", "end_ns", "first_ns", "last_ns", "tLastSend", "tLastReceive", "tLastError"}
+OWN_WORDS = {
+    "severity",
+    "status",
+    "list",
+    "start_ns",
+    "end_ns",
+    "first_ns",
+    "last_ns",
+    "tLastSend",
+    "tLastReceive",
+    "tLastError",
+}
 
 
 def poisoned(value: Any, poison: str, key: str = "") -> Any:

@@ -10,11 +10,10 @@ from nvscope.definition.lint import RULES, Severity
 from nvscope.expression.typed_columns import FieldType
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.tracker.figures import FIGURES, Joins, Of, Unit
-from tests.schemas.report import SEVERITIES
+from nvscope.view.documents.verdicts import SEVERITIES
 from tests.schemas.shapes import (
     PORT,
     SUBINDEX,
-    TOOL,
     Properties,
     Schema,
     document,
@@ -176,7 +175,7 @@ def explain() -> Schema:
     }
     return document(
         "explain", "`nvscope explain --json`: findings and figures, what they mean and what to do",
-        {"tool": TOOL, "findings": several(record(finding)), "figures": several(record(figure))},
+        {"findings": several(record(finding)), "figures": several(record(figure))},
     )  # fmt: skip
 
 

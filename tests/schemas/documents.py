@@ -59,8 +59,18 @@ def promised() -> dict[str, Told]:
     return dict(Told.read(line) for line in PROMISED.read_text(encoding="utf-8").splitlines())
 
 
+def binding(known: Mapping[str, Told], schemas: Mapping[str, Schema]) -> dict[str, Told]:
+    """Return what still binds of what was promised: a schema with another number begins anew."""
+    renewed = {
+        name for name, one in schemas.items()
+        if (said := known.get(f"{name}/schema")) is not None and one["title"] not in said.words
+    }  # fmt: skip
+    return {path: told for path, told in known.items() if path.partition("/")[0] not in renewed}
+
+
 def promised_with(known: Mapping[str, Told], schemas: Mapping[str, Schema]) -> str:
     """Return the text of what is promised, with all that is new: places, and words of known ones."""
     now = told_of(schemas)
-    joined = {**now, **{path: told.joined(now.get(path, told)) for path, told in known.items()}}
+    bound = binding(known, schemas)
+    joined = {**now, **{path: told.joined(now.get(path, told)) for path, told in bound.items()}}
     return "".join(f"{joined[path].line(path)}\n" for path in sorted(joined))

@@ -5,6 +5,7 @@ variable that goes over Ethernet and CAN, and lists and buses of which little is
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 
 from nvscope.capture.open import open_sink
@@ -61,6 +62,8 @@ def make_odd_plant(folder: Path) -> None:
     (folder / "can.log").write_text("".join(lines))
     (folder / "one.log").write_text(lines[0])
     (folder / "bus_off.log").write_text(_BUS_OFF)
+    (folder / "dropped.log").write_text(_DROPPED)
+    (folder / "alike.log").write_text("".join(_alike()))
 
 
 def _values(number: int) -> bytes:
@@ -75,11 +78,22 @@ def _write(path: Path, frames: list) -> None:  # type: ignore[type-arg]
     sink.close()
 
 
+def _alike() -> Iterator[str]:
+    """Yield the lines of a log whose identifiers have a finding alike."""
+    for number, size in enumerate((8, 8, 4)):
+        for identifier in range(0x301, 0x307):
+            yield f"(1700000000.{number}{identifier:05d}) can0 {identifier:X}#{'11' * size}\n"
+
+
 # Node 5 answers an SDO and has an emergency, and nothing tells its state; the controller leaves the bus for good.
 _BUS_OFF = """(1700000000.000000) can0 605#4000100000000000
 (1700000000.001000) can0 585#4300100000000000
 (1700000000.002000) can0 085#0010010000000000
 (1700000000.003000) can0 20000040#0000000000000000
+"""
+_DROPPED = """ (001.000000)  can0  123   [1]  11
+DROPCOUNT: dropped 7 CAN frames on 'can0' socket (total drops 7)
+ (002.000000)  can0  123   [1]  12
 """
 _EMPTY_SCENARIO = """title = "Nobody sends"
 duration = "1s"

@@ -46,6 +46,20 @@ def paths_of(schema: Schema) -> dict[str, Told]:
     return dict(_walk([schema], "", schema))
 
 
+def places_of(schema: Schema) -> Iterator[tuple[str, Schema]]:
+    """Yield what a schema says of each place, by path: each form of it by itself."""
+    yield from _places(schema, "", schema)
+
+
+def _places(node: Schema, path: str, root: Schema) -> Iterator[tuple[str, Schema]]:
+    for form in _forms(node, root):
+        yield path, form
+        for key, below in form.get("properties", {}).items():
+            yield from _places(below, _below(path, key), root)
+        for item in _items(form):
+            yield from _places(item, f"{path}[]", root)
+
+
 def type_of(value: Any) -> str:
     """Return the type of a value of a document, in the words of JSON Schema."""
     return "object" if isinstance(value, Mapping) else _TYPES[type(value)]
@@ -103,6 +117,5 @@ def _words(node: Schema) -> list[Any]:
 
 
 def _items(node: Schema) -> Iterator[Schema]:
-    yield from node.get("prefixItems", ())
     if isinstance(node.get("items"), dict):
         yield node["items"]

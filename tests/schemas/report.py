@@ -1,4 +1,4 @@
-"""The schema of reports: ``nvscope.report/1``."""
+"""The schema of reports: ``nvscope.report/2``."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from itertools import permutations
 from dissectors.can.canopen import ERROR_REGISTER, NODE_STATES
 from dissectors.can.error import CLASS_LABELS, CONTROLLER_BITS
 from nvscope.capture.formats import FORMATS
+from nvscope.capture.source import DropsPart
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.findings.kind import Severity
 from nvscope.list_key import Transport
 from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -29,13 +29,13 @@ from nvscope.tracker.figures import (
     Of,
 )
 from nvscope.view.documents.buses import MOST_SECONDS
+from nvscope.view.documents.verdicts import SEVERITIES, STATUSES
 from tests.schemas.figures import figures, known_to_none
 from tests.schemas.shapes import (
     CAN_KEY,
     LIST_KEY,
     PORT,
     SUBINDEX,
-    TOOL,
     UDP_KEY,
     Properties,
     Schema,
@@ -56,10 +56,10 @@ from tests.schemas.shapes import (
 )
 from tests.schemas.variables import VALUE, VALUE_OF_LIST
 
-SEVERITIES = [severity.word for severity in sorted(Severity, reverse=True)]
 SCOPES = [*SCOPE_NAMES.values(), SCOPE_UNUSED]
 _JUDGED = [kind for kind in CATALOGUE.values() if kind.judged]
 _OF_COMPARE = ("hops", "hops_of_other_types")
+_STATUS = word(STATUSES, "that of the worst finding on it")
 _NOT_OF_CAN = "null: no frame on CAN tells it"
 
 
@@ -69,8 +69,8 @@ def report() -> Schema:
     found = document(
         "report", about,
         {
-            "tool": TOOL,
             "capture": _capture(),
+            "totals": _totals(),
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
             "findings": several(shared("finding"), "the worst first"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
@@ -98,10 +98,29 @@ def _capture() -> Schema:
             "other_frames": whole("frames that are no telegrams"),
             "can_frames": whole("where there are any"),
             "drops": maybe(whole("packets that the capturing side says it lost; null where it cannot know")),
+            "drops_by": maybe(_drops_by()),
             "start_ns": maybe(time("of the first frame")),
             "end_ns": maybe(time("of the last frame")),
+            "until_ns": maybe(time("up to when the source was watched; null where only frames tell that time passes")),
         },
         optional=("can_frames",),
+    )
+
+
+def _drops_by() -> Schema:
+    told = "how many of them were lost where, as far as that is told; null where nobody can know it"
+    parts = {part.value: whole(part.label, 1) for part in DropsPart}
+    return record(parts, optional=parts) | {"description": told}
+
+
+def _totals() -> Schema:
+    findings = {word: whole() for word in SEVERITIES}
+    return record(
+        {
+            "lists": record({word: whole() for word in STATUSES}) | {"description": "how many have which status"},
+            "findings": record(findings) | {"description": "how many are how severe"},
+            "findings_beside_lists": record(findings) | {"description": "those of them on none of the lists"},
+        }
     )
 
 
@@ -113,6 +132,7 @@ def _list() -> Schema:
             "port": PORT,
             "id": whole("Index", 0, 0xFFFF),
             "name": maybe(text("that of its definition")),
+            "status": _STATUS,
             "senders": several(text()),
             "readers": several(text()),
             **figures((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST),
@@ -162,8 +182,9 @@ def _can_list() -> Schema:
             "transport": {"const": Transport.CAN.value},
             "channel": text(),
             "id": whole("COB-ID of its first frame", 0, 0x1FFF_FFFF),
-            "name": maybe(text("that of its definition")),
             "cob_id": text("the same as people read it", "^0x([0-9A-F]{3}|[0-9A-F]{8})$"),
+            "name": maybe(text("that of its definition")),
+            "status": _STATUS,
             "canopen": maybe(text("what CANopen plans the identifier for")),
             "senders": nothing_in("no frame on CAN names its sender"),
             "readers": nothing_in(),
@@ -212,6 +233,7 @@ def _finding() -> Schema:
             "first_ns": maybe(time()),
             "last_ns": maybe(time()),
             "frames": several(whole("", 1), "the first of its frames") | {"maxItems": FRAMES_KEPT},
+            "frames_cut": whole("how many more there are behind those that are named"),
             "message": text(),
             "hint": text(),
         },

@@ -10,29 +10,37 @@ Properties = Mapping[str, Schema]
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
+_NUMBERS = {"report": 2}
+"""The numbers of schemas behind their names, where they are not 1."""
+
 
 def document(name: str, about: str, properties: Properties, optional: Iterable[str] = ()) -> Schema:
     """Return the schema of a document, which says first of which schema it is."""
-    return headed(name, about, record({**_says(name), **properties}, optional))
+    return headed(name, about, record({**_head(name), **properties}, optional))
 
 
 def headed(name: str, about: str, schema: Schema) -> Schema:
     """Return a schema with its head; ``about`` is the line by which it is listed."""
     return {
         "$schema": DIALECT,
-        "$id": f"urn:nvscope:{name}:1",
-        "title": f"nvscope.{name}/1",
+        "$id": f"urn:nvscope:{name}:{_NUMBERS.get(name, 1)}",
+        "title": title_of(name),
         "description": about,
     } | schema
 
 
-def _says(name: str) -> Properties:
-    return {"schema": {"const": f"nvscope.{name}/1"}}
+def title_of(name: str) -> str:
+    """Return what documents of a schema say that they are."""
+    return f"nvscope.{name}/{_NUMBERS.get(name, 1)}"
+
+
+def _head(name: str) -> Properties:
+    return {"schema": {"const": title_of(name)}, "tool": TOOL}
 
 
 def either(name: str, about: str, *forms: Properties) -> Schema:
     """Return the schema of a document that has one of several forms."""
-    return headed(name, about, {"oneOf": [record({**_says(name), **form}) for form in forms]})
+    return headed(name, about, {"oneOf": [record({**_head(name), **form}) for form in forms]})
 
 
 def record(properties: Properties, optional: Iterable[str] = ()) -> Schema:

@@ -9,7 +9,6 @@ from tests.schemas.shapes import (
     LIST_KEY,
     PORT,
     SUBINDEX,
-    TOOL,
     Properties,
     Schema,
     document,
@@ -60,7 +59,6 @@ def last_values() -> Schema:
     found = document(
         "vars", "`nvscope vars --json`: the last value of every variable, its changes and its bounds",
         {
-            "tool": TOOL,
             "filter": FILTER,
             "variables": several(shared("variable")),
             "earlier": several(shared("variable"), "of telegrams with a layout that another one took the place of"),
@@ -74,7 +72,6 @@ def history() -> Schema:
     found = document(
         "history", "`nvscope vars --history NAME --json`: every change of a variable, and how often it changes",
         {
-            "tool": TOOL,
             "changes": several(shared("change")),
             "variables": several(shared("variable")),
             "filter": FILTER,
@@ -128,7 +125,6 @@ def at() -> Schema:
     return document(
         "at", "`nvscope vars --at TIME --json`: what every variable was at a time, and how old its telegram was",
         {
-            "tool": TOOL,
             "time_ns": time("what was asked for"),
             "capture": record({"start_ns": maybe(time()), "end_ns": maybe(time())}),
             "last_frame": maybe(whole("the last one up to that time", 1)),
@@ -178,7 +174,6 @@ def inference() -> Schema:
     return document(
         "infer", "`nvscope vars --infer --json`: layouts proposed for lists that nobody defined",
         {
-            "tool": TOOL,
             "lists": several(record(entry)),
             "frames": whole("of the capture"),
             "left_out": whole("telegrams of streams beyond those that are looked at"),

@@ -35,6 +35,7 @@ from nvscope.capture.can.line_fields import LineFault, classic_frame, data_bytes
 from nvscope.capture.can.text_log import LoggedFrame, TextLogReader
 from nvscope.capture.content import Content
 from nvscope.capture.reader import ReadingSizes
+from nvscope.capture.source import DropsPart
 
 _S_NS = 1_000_000_000
 _COLOUR = re.compile(r"\x1b\[[\d;]*m")
@@ -120,7 +121,8 @@ class ScreenReader(TextLogReader):
 
     def _read(self, line: str, number: int) -> LoggedFrame | None:
         found = super()._read(line, number)
-        self.progress.drops = self._screen.drops
+        if (drops := self._screen.drops) != self.progress.drops:
+            self.progress.drops, self.progress.drops_by = drops, {DropsPart.KERNEL.value: drops}
         return found
 
     def _tell(self) -> None:

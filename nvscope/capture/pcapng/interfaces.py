@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ _DEFAULT_RESOLUTION = 6
 class Interface:
     """One interface of a section. ``longest`` are the captured bytes of a packet that are believed.
 
+    ``statistics_drops`` are those of the last statistics, by where they were lost, None before any.
+
     ``channel`` is the number of its name among those of the file; interfaces of one name are one channel.
     """
 
@@ -26,7 +29,7 @@ class Interface:
     channel: int = 0
     resolution: int = _DEFAULT_RESOLUTION
     offset_s: int = 0
-    statistics_drops: int | None = None
+    statistics_drops: Mapping[str, int] | None = None
     packet_drops: int = 0
 
     @property
@@ -35,7 +38,7 @@ class Interface:
 
     @property
     def drops(self) -> int:
-        return self.packet_drops if self.statistics_drops is None else self.statistics_drops
+        return self.packet_drops if self.statistics_drops is None else sum(self.statistics_drops.values())
 
 
 def nanoseconds(units: U64, resolution: int) -> I64:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -39,6 +40,7 @@ from nvscope.capture.pcapng.interfaces import Interface, InterfaceTable
 from nvscope.capture.pcapng.packet_blocks import PacketBlocks
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.record_reader import RecordReader, Taken
+from nvscope.capture.source import DropsPart
 from nvscope.errors import UnreadableInput
 
 MAX_INTERFACES = 65_536
@@ -51,6 +53,7 @@ _DIRECTION_BITS = 3
 _MAX_BLOCK_OPTIONS = 1024
 # One count of a field of 64 bits is not believed beyond this, so that sums stay int64.
 _MOST_DROPS = 1 << 40
+_DROPS_PARTS = {OPTION_INTERFACE_DROPS: DropsPart.INTERFACE, OPTION_SYSTEM_DROPS: DropsPart.KERNEL}
 
 
 @dataclass(slots=True)
@@ -97,6 +100,7 @@ class PcapngReader(RecordReader):
         self._names: dict[str, int] = {}
         self._unsaid: list[str] = []
         self._closed_drops = 0
+        self._closed_drops_by: Counter[str] = Counter()
         self._last_ts_ns = 0
         self._comment_bytes = 0
 
@@ -124,8 +128,16 @@ class PcapngReader(RecordReader):
                 fault, incomplete = stretch.fault, False
                 after = int(usable[begin + len(stretch.at)])
                 break
-        self.progress.drops = self._closed_drops + sum(interface.drops for interface in self._interfaces)
+        self.progress.drops, self.progress.drops_by = self._drops()
         return Taken(join(parts), after, fault, incomplete)
+
+    def _drops(self) -> tuple[int, Counter[str]]:
+        """Return how many packets were lost up to here, and where as far as statistics tell."""
+        total, parts = self._closed_drops, self._closed_drops_by.copy()
+        for interface in self._interfaces:
+            total += interface.drops
+            parts.update(interface.statistics_drops or {})
+        return total, parts
 
     def _up_to_other_order(self, view: View, found: I64, sections: I64) -> tuple[I64, int, str, bool]:
         """Like ``_judge_last``, but end before a section in the other byte order, and take that order from there on."""
@@ -186,7 +198,7 @@ class PcapngReader(RecordReader):
                 if major != 1:
                     stretch.cut(index, f"a section of pcapng version {major}.{minor}, expected 1.x")
                     break
-                self._closed_drops += sum(interface.drops for interface in self._interfaces)
+                self._closed_drops, self._closed_drops_by = self._drops()
                 self._interfaces = []
                 stretch.comments += self._comments(index, body[16:])
             elif kind == INTERFACE:
@@ -291,13 +303,12 @@ class PcapngReader(RecordReader):
             at = stretch.view.origin + int(stretch.at[index])
             if number >= len(self._interfaces) or self._interfaces[number].position > at:
                 continue
-            counts = [
-                min(struct.unpack(order + "Q", value)[0], _MOST_DROPS)
-                for code, value in self._options(body[12:])
-                if code in (OPTION_INTERFACE_DROPS, OPTION_SYSTEM_DROPS) and len(value) == 8
-            ]
+            counts: Counter[str] = Counter()
+            for code, value in self._options(body[12:]):
+                if code in _DROPS_PARTS and len(value) == 8:
+                    counts[_DROPS_PARTS[code].value] += min(struct.unpack(order + "Q", value)[0], _MOST_DROPS)
             if counts:
-                self._interfaces[number].statistics_drops = sum(counts)
+                self._interfaces[number].statistics_drops = counts
 
     def _read_packet_options(self, stretch: _Stretch, packets: PacketBlocks, frames: int) -> U8 | None:
         """Collect comments and drop counts, one option of every packet at a time; return directions, if any is told."""

@@ -1,6 +1,8 @@
 """Telegrams as records for programs: separated fields, CSV, a JSON array, and JSON objects one a line.
 
-All of them are written piece by piece, in constant memory. Each is a ``Face``.
+All of them are written piece by piece, in constant memory. Each is a ``Face``. Separated fields are as tshark writes
+them; in CSV and JSON every number is decimal, and times but dates are whole nanoseconds, with ``_ns`` behind the name
+of their field: under its own name, which Wireshark has too, it would be taken for seconds.
 """
 
 from __future__ import annotations
@@ -90,13 +92,27 @@ class Csv:
         self._fields = fields
 
     def begin(self) -> str:
-        return ",".join(_csv_cell(field.name) for field in self._fields) + "\n"
+        return ",".join(map(_csv_cell, _names(self._fields))) + "\n"
 
     def render(self, rows: FrameRows) -> Iterator[str]:
-        yield _lines([cells.texts(field, rows, _csv_cell) for field in self._fields], ",")
+        yield _lines([cells.texts(field, rows, _csv_cell, raw=True) for field in self._fields], ",")
 
     def end(self) -> str:
         return ""
+
+
+def _names(fields: Sequence[TelegramField]) -> list[str]:
+    """Return what fields are called beside numbers that say no unit; no two different ones alike."""
+    known = {field.name for field in fields}
+    names = []
+    for field in fields:
+        name = field.name
+        if field.in_nanoseconds:
+            name += "_ns"
+            while name in known:
+                name = f"var.{name}"  # as the columns of exported values
+        names.append(name)
+    return names
 
 
 def _csv_cell(text: str) -> str:
@@ -115,7 +131,7 @@ class JsonLines:
 
     def __init__(self, fields: Sequence[TelegramField]) -> None:
         self._fields = list({field.name: field for field in fields}.values())
-        self._pattern = "{" + ",".join(f"{_json_name(field.name)}:%s" for field in self._fields) + "}"
+        self._pattern = "{" + ",".join(f"{_json_name(name)}:%s" for name in _names(self._fields)) + "}"
 
     def begin(self) -> str:
         return ""

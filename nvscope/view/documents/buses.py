@@ -1,4 +1,4 @@
-"""CAN buses as data: what ``nvscope.report/1`` says of each channel."""
+"""CAN buses as data: what ``nvscope.report/2`` says of each channel."""
 
 from __future__ import annotations
 

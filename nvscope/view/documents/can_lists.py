@@ -1,4 +1,4 @@
-"""Lists and buses of CAN as data: what ``nvscope.report/1`` says of them.
+"""Lists and buses of CAN as data: what ``nvscope.report/2`` says of them.
 
 A frame names neither sender nor reader, and carries no counter: what cannot be known is None.
 """
@@ -26,6 +26,7 @@ from nvscope.view.documents.figures import (
     TELEGRAMS_OF_STREAM,
 )
 from nvscope.view.documents.measured_row import MeasuredRow, of_measured, with_values
+from nvscope.view.documents.verdicts import Verdicts
 
 
 def canopen_label(
@@ -73,14 +74,15 @@ class CanListRow(MeasuredRow):
     ``canopen`` is of which nodes there is evidence, by channel.
     """
 
-    __slots__ = ("canopen", "entry", "measures", "name", "values_of")
+    __slots__ = ("canopen", "entry", "judged", "measures", "name", "values_of")
 
     def __init__(
         self, entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures,
-        values: Mapping[ListKey, list[dict[str, Any]]] | None, canopen: Mapping[str, Evidence],
+        values: Mapping[ListKey, list[dict[str, Any]]] | None, canopen: Mapping[str, Evidence], judged: Verdicts,
     ) -> None:  # fmt: skip
         super().__init__()
         self.entry, self.measures, self.values_of, self.canopen = entry, measures, values, canopen
+        self.judged = judged
         self.name = told_of(names, entry.key) if names else None
 
     def measure(self) -> Measured:
@@ -98,8 +100,9 @@ class CanListRow(MeasuredRow):
         "transport": lambda row: row.entry.key.transport.value,
         "channel": lambda row: row.entry.key.port,
         "id": lambda row: row.entry.key.identifier & ~EXTENDED,
-        "name": lambda row: row.name or None,
         "cob_id": lambda row: cob_id(row.entry.key.identifier & ~EXTENDED, row.entry.extended),
+        "name": lambda row: row.name or None,
+        "status": lambda row: row.judged.status(str(row.entry.key)),
         "canopen": lambda row: row.label(),
         "senders": lambda _: [],
         "readers": lambda _: [],

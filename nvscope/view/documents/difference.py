@@ -8,6 +8,7 @@ from nvscope.definition.byte_map import Run, Stretch
 from nvscope.definition.difference import Difference, ListDifference, TelegramDifference
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout
+from nvscope.version import head
 
 
 def difference_document(difference: Difference) -> dict[str, Any]:
@@ -16,7 +17,7 @@ def difference_document(difference: Difference) -> dict[str, Any]:
     Bytes count from the first behind the header. ``accepted`` is null where nobody knows the length of a telegram.
     """
     return {
-        "schema": "nvscope.diff/1",
+        **head("nvscope.diff/1"),
         "same_on_wire": difference.same_on_wire,
         "lists": [_list(entry) for entry in difference.lists],
         "only_a": [_side(entry) for entry in difference.only_a],

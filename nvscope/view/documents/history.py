@@ -16,12 +16,11 @@ from nvscope.definition.variables import type_text
 from nvscope.list_key import ListKey
 from nvscope.tracker.variables.history import Entry, History
 from nvscope.tracker.variables.moment import LastTelegram, Moment
-from nvscope.version import __version__
+from nvscope.version import head
 from nvscope.view.documents.variables import exact_text, filter_told, json_value, unit_of, value_text
 
 HISTORY_SCHEMA = "nvscope.history/1"
 AT_SCHEMA = "nvscope.at/1"
-TOOL = {"name": "nvscope", "version": __version__}
 
 _Place = tuple[ListKey, int, str]
 """List, SubIndex and sender."""
@@ -128,8 +127,7 @@ def at_document(
                 for place, (offset, element) in enumerate(layout.spans())
             ]
     return {
-        "schema": AT_SCHEMA,
-        "tool": TOOL,
+        **head(AT_SCHEMA),
         "time_ns": str(time_ns),
         "capture": {
             "start_ns": None if moment.start_ns is None else str(moment.start_ns),

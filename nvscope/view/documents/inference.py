@@ -17,7 +17,7 @@ from nvscope.definition.infer import Layout, Proposal, infer, least_first_bytes
 from nvscope.errors import UsageError
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.variables.samples import Sample, Samples
-from nvscope.version import __version__
+from nvscope.version import head
 
 SCHEMA = "nvscope.infer/1"
 _MOST_TOLD = 8
@@ -109,8 +109,7 @@ def drafts(found: Sequence[ListProposal]) -> list[Draft]:
 def inference_document(found: Sequence[ListProposal], samples: Samples) -> dict[str, Any]:
     """Return proposals as data; ``on_can`` counts COB-IDs, of which nothing tells how many variables they carry."""
     return {
-        "schema": SCHEMA,
-        "tool": {"name": "nvscope", "version": __version__},
+        **head(SCHEMA),
         "lists": [_list(entry) for entry in found],
         "frames": samples.read.frames,
         "left_out": samples.left_out,

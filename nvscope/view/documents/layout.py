@@ -8,6 +8,7 @@ from typing import Any
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack, placed
 from nvscope.definition.variables import Element, type_text
+from nvscope.version import head
 
 
 def layout_document(definition: Definition) -> dict[str, Any]:
@@ -18,7 +19,7 @@ def layout_document(definition: Definition) -> dict[str, Any]:
     no header: its telegrams have a ``cob_id``, and ``length`` is the DLC. ``assumed`` says that nobody has described
     how such a list is packed; an element longer than a frame has no place in it, nor has what follows.
     """
-    return {"schema": "nvscope.layout/1", "lists": [_list(entry) for entry in definition.lists]}
+    return {**head("nvscope.layout/1"), "lists": [_list(entry) for entry in definition.lists]}
 
 
 def _list(entry: ListDefinition) -> dict[str, Any]:

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from nvscope.definition.lint import RULES, Mistake, Rule
+from nvscope.version import head
+
+_SCHEMA = "nvscope.lint/1"
 
 
 def lint_document(files: Sequence[str], lists: int, mistakes: Sequence[Mistake]) -> dict[str, Any]:
@@ -15,7 +18,7 @@ def lint_document(files: Sequence[str], lists: int, mistakes: Sequence[Mistake])
     """
     broken = {mistake.rule.id for mistake in mistakes}
     return {
-        "schema": "nvscope.lint/1",
+        **head(_SCHEMA),
         "files": list(files),
         "lists": lists,
         "mistakes": [_mistake(mistake) for mistake in mistakes],
@@ -25,7 +28,7 @@ def lint_document(files: Sequence[str], lists: int, mistakes: Sequence[Mistake])
 
 def rules_document() -> dict[str, Any]:
     """Return all rules, in the schema of mistakes."""
-    return {"schema": "nvscope.lint/1", "rules": [_rule(rule) for rule in RULES]}
+    return {**head(_SCHEMA), "rules": [_rule(rule) for rule in RULES]}
 
 
 def _mistake(mistake: Mistake) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The report as data: schema ``nvscope.report/1``, which every face shows and ``--json`` prints.
+"""The report as data: schema ``nvscope.report/2``, which every face shows and ``--json`` prints.
 
 Absolute times are decimal strings of nanoseconds, since JavaScript cannot hold them as numbers; durations are integers;
 what is absent is None. The same state gives the same document.
@@ -6,7 +6,8 @@ what is absent is None. The same state gives the same document.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -19,7 +20,7 @@ from nvscope.tracker.measured import Measured
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.subjects import Measures
 from nvscope.tracker.summary import ListSummary, Summary
-from nvscope.version import __version__
+from nvscope.version import head
 from nvscope.view.documents.buses import can_buses
 from nvscope.view.documents.can_lists import CanListRow, ValuedCanListRow
 from nvscope.view.documents.drawn import Drawn, DrawnRow, Reads, plain
@@ -33,11 +34,12 @@ from nvscope.view.documents.figures import (
     time_text,
 )
 from nvscope.view.documents.measured_row import MeasuredRow, of_measured, with_values
+from nvscope.view.documents.verdicts import Verdicts, key_of, verdicts
 
 if TYPE_CHECKING:
     from nvscope.definition.model import Definition
 
-SCHEMA = "nvscope.report/1"
+SCHEMA = "nvscope.report/2"
 
 
 def report_document(
@@ -49,45 +51,47 @@ def report_document(
     *,
     node_names: Mapping[str, str] = MappingProxyType({}),
     whole: Summary | None = None,
+    all_findings: Sequence[Finding] | None = None,
     drawn: bool = False,
 ) -> dict[str, Any]:
     """Return the document of what was summarized and judged, and where it was read from.
 
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by the key
     of their list, each list has its own. ``node_names`` are by the text of the address. ``whole`` is what the summary
-    shows a part of: figures are those of all its streams. ``drawn``: lists and findings are made when they are asked
+    shows a part of: figures are those of all its streams; ``all_findings`` are those that ``findings`` were chosen
+    from: they decide on the status of lists. ``drawn``: lists and findings are made when they are asked
     for (``nvscope.view.documents.drawn``), so that never all of them are there.
     """
     names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
-    keys = {entry.number: str(entry.key) for entry in summary.lists}
-    keys |= {entry.number: str(entry.key) for entry in summary.can.lists}
-
+    keys, shown = _keys(whole or summary), _keys(summary)
+    judged = verdicts(findings, findings if all_findings is None else all_findings, keys, frozenset(shown.values()))
     capture, measures = summary.capture, Measures(whole or summary)
     canopen = {bus.channel: bus.canopen for bus in summary.can.buses}
-    context = _ListContext(summary, measures, names, node_names)
+    context = _ListContext(summary, measures, names, node_names, judged)
     list_row, can_row = (_ListRow, CanListRow) if values is None else (_ValuedListRow, ValuedCanListRow)
 
     def row_of(entry: ListSummary | CanListSummary) -> Mapping[str, Any]:
         if isinstance(entry, ListSummary):
             return list_row(context, entry, values)
-        return can_row(entry, names, measures, values, canopen)
+        return can_row(entry, names, measures, values, canopen, judged)
 
     document = {
-        "schema": SCHEMA,
-        "tool": {"name": "nvscope", "version": __version__},
+        **head(SCHEMA),
         "capture": {
             "sources": [
                 {"path": info.path, "format": info.format, "bytes": info.bytes, "frames": info.frames}
-                for info in sources
+                for info in sorted(sources, key=_begin)
             ],
             "frames": capture.frames,
             "telegrams": capture.telegrams,
             "other_frames": capture.frames - capture.telegrams,
             **({"can_frames": capture.can_frames} if capture.can_frames else {}),
-            "drops": _sum(info.drops for info in sources),
+            **_drops(sources),
             "start_ns": time_text(capture.start_ns),
             "end_ns": time_text(capture.end_ns),
+            "until_ns": time_text(capture.until_ns),
         },
+        "totals": judged.totals,
         "lists": Drawn((*summary.can.lists, *summary.lists), row_of),
         "findings": Drawn(findings, lambda finding: _finding_row(finding, keys, summary)),
     }
@@ -95,10 +99,27 @@ def report_document(
     return document if drawn else dict(plain(document))
 
 
-def _sum(counts: Iterable[int | None]) -> int | None:
-    """Return the sum of counts, None where one of them is not known."""
-    known = list(counts)
-    return None if None in known else sum(count for count in known if count is not None)
+def _keys(summary: Summary) -> dict[int, str]:
+    """Return the keys of lists by number."""
+    lists = {entry.number: str(entry.key) for entry in summary.lists}
+    return lists | {entry.number: str(entry.key) for entry in summary.can.lists}
+
+
+def _begin(info: SourceInfo) -> tuple[bool, int, str]:
+    """Return by what sources are sorted, so that it does not matter in which order a person names them."""
+    return info.start_ns is None, info.start_ns or 0, info.path
+
+
+def _drops(sources: Sequence[SourceInfo]) -> dict[str, Any]:
+    """Return how many packets were lost while capturing, and where as far as that is told; None if one cannot know."""
+    parts: Counter[str] = Counter()
+    drops = 0
+    for info in sources:
+        if info.drops is None:
+            return {"drops": None, "drops_by": None}
+        drops += info.drops
+        parts.update(info.drops_by)
+    return {"drops": drops, "drops_by": {name: parts[name] for name in sorted(parts) if parts[name]}}
 
 
 class _ListContext(NamedTuple):
@@ -108,6 +129,7 @@ class _ListContext(NamedTuple):
     measures: Measures
     names: Mapping[ListKey, str]
     node_names: Mapping[str, str]
+    judged: Verdicts
 
 
 class _StreamRow(MeasuredRow):
@@ -186,6 +208,7 @@ class _ListRow(MeasuredRow):
         "port": lambda row: row.entry.key.port,
         "id": lambda row: row.entry.key.identifier,
         "name": lambda row: row.context.names.get(row.entry.key) or None,
+        "status": lambda row: row.context.judged.status(str(row.entry.key)),
         "senders": lambda row: row.addresses(row.entry.senders),
         "readers": lambda row: row.addresses(row.entry.readers),
         **of_measured(COUNTED_OF_LIST),
@@ -215,13 +238,14 @@ class _FindingRow(DrawnRow):
         "code": lambda row: row.finding.kind.code,
         "name": lambda row: row.finding.kind.name,
         "severity": lambda row: row.finding.kind.severity.word,
-        "list": lambda row: _key_of(row.finding, row.list_keys),
+        "list": lambda row: key_of(row.finding, row.list_keys),
         "node": lambda row: None if row.finding.node is None else row.summary.addresses[row.finding.node],
         "subindex": lambda row: row.finding.subindex,
         "count": lambda row: row.finding.count,
         "first_ns": lambda row: time_text(row.finding.first_ns),
         "last_ns": lambda row: time_text(row.finding.last_ns),
         "frames": lambda row: list(row.finding.frames),
+        "frames_cut": lambda row: row.finding.frames_cut,
         "message": lambda row: row.finding.message,
         "hint": lambda row: row.finding.hint or row.finding.kind.next_steps[0],
     }
@@ -264,14 +288,8 @@ class _FoldedFindingRow(_FindingRow):
     )
 
 
-def _key_of(finding: Finding, keys: Mapping[int, str]) -> str | None:
-    if finding.list_number is not None:
-        return keys[finding.list_number]
-    return None if finding.key is None else str(finding.key)
-
-
 def _channel_of(finding: Finding, keys: Mapping[int, str]) -> str:
     """Return the channel that a finding is about, "" of one on any channel or on none."""
-    transport, _, place = (_key_of(finding, keys) or "").partition("/")
+    transport, _, place = (key_of(finding, keys) or "").partition("/")
     channel = finding.channel or (place.rpartition("/")[0] if transport == Transport.CAN else "")
     return "" if channel == "*" else channel

@@ -15,7 +15,7 @@ from nvscope.list_key import ListKey
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import StreamValues, Values
 from nvscope.units import clock_time, date, iec_ltime, iec_time
-from nvscope.version import __version__
+from nvscope.version import head
 
 _S_NS = 1_000_000_000
 
@@ -42,8 +42,7 @@ def variables_document(
         stream for stream in _streams(state, values) if keys is None or values.layouts.key_of(stream.list) in keys
     ]
     return {
-        "schema": "nvscope.vars/1",
-        "tool": {"name": "nvscope", "version": __version__},
+        **head("nvscope.vars/1"),
         "filter": filter_told(expression, state.capture.chosen, state.capture.telegrams + state.buses.frames),
         "variables": [row for stream in streams for row in _listed(stream, stream.sequence[-1])],
         "earlier": [row for stream in streams for known in stream.sequence[:-1] for row in _listed(stream, known)],

@@ -48,6 +48,11 @@ class TelegramField:
     refused: str = ""
     instead: str = ""
 
+    @property
+    def in_nanoseconds(self) -> bool:
+        """Whether it is a number of nanoseconds to programs: a time that people do not write as a date."""
+        return self.type is FieldType.DURATION or (self.type is FieldType.TIME and not self.calendar)
+
     def column(self, rows: FrameRows) -> Column:
         """Return the column of some rows; where the field does not exist, it holds anything."""
         if not self.of:

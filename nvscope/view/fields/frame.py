@@ -95,20 +95,20 @@ CARRIER_FIELDS = (
         lambda rows: rows.ts_ns, calendar=True,
     ),
     TelegramField(
-        "frame.time_epoch", _TIME, "Epoch time", "seconds since 1970-01-01 UTC; in JSON nanoseconds as a string",
+        "frame.time_epoch", _TIME, "Epoch time", "seconds since 1970-01-01 UTC; in CSV and JSON ns, as ..._ns",
         lambda rows: rows.ts_ns,
     ),
     TelegramField(
-        "frame.time_relative", _DURATION, "Time since the first frame", "seconds; in JSON nanoseconds",
+        "frame.time_relative", _DURATION, "Time since the first frame", "seconds; in CSV and JSON ns, as ..._ns",
         lambda rows: rows.since_start_ns,
     ),
     TelegramField(
-        "frame.time_delta", _DURATION, "Time since the previous frame", "seconds; in JSON nanoseconds",
+        "frame.time_delta", _DURATION, "Time since the previous frame", "seconds; in CSV and JSON ns, as ..._ns",
         lambda rows: rows.since_frame_ns,
     ),
     TelegramField(
         "frame.time_delta_displayed", _DURATION, "Time since the previous telegram shown",
-        "seconds; in JSON nanoseconds", lambda rows: rows.since_shown_ns,
+        "seconds; in CSV and JSON ns, as ..._ns", lambda rows: rows.since_shown_ns,
     ),
     TelegramField(
         "frame.len", _UNSIGNED, "Frame length", "bytes on the wire",

@@ -20,11 +20,14 @@ _BITS = ("0", "1")
 _JSON_BITS = ("false", "true")
 
 
-def texts(field: TelegramField, rows: FrameRows, shown: Callable[[str], str] = visible) -> list[str]:
+def texts(
+    field: TelegramField, rows: FrameRows, shown: Callable[[str], str] = visible, *, raw: bool = False
+) -> list[str]:
     """Return a field as Wireshark writes it; empty where it does not exist.
 
     Numbers decimal or with 0x, times in seconds, bytes as hexadecimal digits, bits as 0 and 1; of real numbers that are
-    no numbers, NaN, inf and -inf. ``shown`` makes what a text may hold safe for where it is written.
+    no numbers, NaN, inf and -inf. ``shown`` makes what a text may hold safe for where it is written. ``raw``: numbers
+    are those of JSON, decimal (programs take one with 0x for a text), and times but dates in nanoseconds.
     """
     column = field.column(rows)
     if isinstance(column, AddressColumn):
@@ -35,7 +38,7 @@ def texts(field: TelegramField, rows: FrameRows, shown: Callable[[str], str] = v
         safe = [shown(text) for text in column.texts]
         cells = [safe[code] for code in column.code.tolist()]
     else:
-        cells = _number_texts(field, column)
+        cells = _number_texts(field, column, raw=raw)
     return _where_known(cells, field.exists(rows), "")
 
 
@@ -81,12 +84,12 @@ def hexadecimal(column: BytesColumn, separator: str = "") -> list[str]:
     return [data[start:stop].hex() for start, stop in spans]
 
 
-def _number_texts(field: TelegramField, column: Numbers) -> list[str]:
+def _number_texts(field: TelegramField, column: Numbers, *, raw: bool) -> list[str]:
     if field.type is FieldType.BOOL:
         return [_BITS[bit] for bit in column.tolist()]
-    if field.type is FieldType.DURATION or (field.type is FieldType.TIME and not field.calendar):
+    if field.in_nanoseconds and not raw:
         return moments.seconds(column)
-    if field.type is FieldType.TIME:
+    if field.type is FieldType.TIME and field.calendar:
         return moments.iso(column)
     if field.type is FieldType.REAL:
         # As short as tells them from their neighbours of the same width.
@@ -94,7 +97,7 @@ def _number_texts(field: TelegramField, column: Numbers) -> list[str]:
         for row in np.flatnonzero(np.isnan(column)).tolist():
             cells[row] = "NaN"
         return cells
-    if not field.hex_digits:
+    if raw or not field.hex_digits:
         return list(map(str, column.tolist()))
     pattern = f"0x%0{field.hex_digits}x"
     return [pattern % number for number in column.tolist()]

@@ -69,7 +69,9 @@ def test_eleven_captured_bytes_are_no_telegram() -> None:
         "telegrams": 0,
         "other_frames": 1,
         "drops": 0,
+        "drops_by": {},
         "start_ns": None,
         "end_ns": None,
+        "until_ns": None,
     }
     assert report["lists"] == []

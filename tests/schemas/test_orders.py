@@ -1,0 +1,68 @@
+"""The same files give the same bytes: in whatever order a person names them, and whatever order sets have."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+from shutil import copyfile
+
+import pytest
+
+from nvscope.errors import ExitCode
+from tests.program import COMMAND
+from tests.schemas.corpus import ROOT
+
+CAPTURES = ("captures/peers/peers.pcap", "captures/can/press.log", "captures/telegrams.pcap")
+DEFINITIONS = (
+    "captures/peers/axis.gvl", "captures/peers/axis_types.st", "captures/can/press.gvl",
+    "tests/definition/samples/plant.exp", "rival.gvl",
+)  # fmt: skip
+NONE: tuple[str, ...] = ()
+LINTED = 1
+
+COMMANDS = {
+    "report --json": (CAPTURES, DEFINITIONS),
+    "report --compare --json": (CAPTURES, DEFINITIONS),
+    "report -v": (CAPTURES, DEFINITIONS),
+    "report --md": (CAPTURES, DEFINITIONS),
+    "vars --json": (CAPTURES, DEFINITIONS),
+    "vars --at 2s --json": (CAPTURES, DEFINITIONS),
+    "vars --history * --all --json": (CAPTURES, DEFINITIONS),
+    "vars --infer --json": (CAPTURES, NONE),
+    "packets -T ndjson": (CAPTURES, DEFINITIONS),
+    "packets -T csv": (CAPTURES, DEFINITIONS),
+    "export -w -.ndjson --form long": (CAPTURES, DEFINITIONS),
+    "keys --fields --json": (NONE, DEFINITIONS),
+    "gvl layout --json": (NONE, DEFINITIONS),
+    "gvl lint --json": (NONE, DEFINITIONS),
+}
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with all files; two of them define one list, and neither as the other does."""
+    folder = tmp_path_factory.mktemp("plant")
+    for name in (*CAPTURES, *DEFINITIONS[:-1]):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        copyfile(ROOT / name, folder / name)
+    axis = (folder / DEFINITIONS[0]).read_text(encoding="utf-8")
+    (folder / DEFINITIONS[-1]).write_text(axis.replace("bStart", "bBegin"), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_order_of_files_and_of_sets_changes_no_byte(command: str, plant: Path) -> None:
+    verb, *words = command.split()
+    written = []
+    for seed, step in (("1", 1), ("2", -1)):
+        captures, definitions = (files[::step] for files in COMMANDS[command])
+        named = definitions if verb == "gvl" else [word for file in definitions for word in ("--gvl", file)]
+        # A process of its own: those of one server have one order of sets.
+        done = subprocess.run(
+            [*COMMAND, verb, *words, *captures, *named], cwd=plant, capture_output=True, check=False, timeout=60,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+        )  # fmt: skip
+        assert done.returncode in {ExitCode.GOOD, LINTED}, done.stderr.decode()
+        written.append(done.stdout)
+    assert written[0] == written[1] != b""
