@@ -37,6 +37,8 @@ class DisplayFilter:
         """It chooses all telegrams of a variety or none."""
         self.judged = [field.name for field in named if field.judged]
         """What it names that is known only when the whole capture was read."""
+        self.of_others = [field.name for field in named if field.of_others]
+        """What it names that only frames have in which no protocol is found that is looked for."""
         self.findings = any(field.name.startswith("finding.") for field in named)
         """It asks for findings."""
         self._seen: set[int] = set()
@@ -99,9 +101,11 @@ class PacketChoice:
                 self._ask(told, np.flatnonzero(self._undecided[told.variety]), chosen)
             for part in told.parts.values():
                 self._ask(told, part.row, chosen)
+            if told.others is not None:
+                self._ask(told, told.others.frames.row, chosen)
         else:
             chosen = np.zeros(len(told), np.bool_)
-            self._ask(told, told.recognised, chosen)
+            self._ask(told, told.wanted, chosen)
         return chosen
 
     def _ask(self, told: Told, packet: I64, chosen: Bool) -> None:
