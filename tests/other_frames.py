@@ -34,7 +34,7 @@ def kinds() -> list[tuple[str, Any]]:
     near, far = "fe80::1", "fe80::9"
     data = UDP(sport=1202, dport=1202) / NetVar(index=7, items=1) / b"\x2a\x00"
     sent, sent_v6 = IP(src=here, dst=there) / data, IPv6(src=near, dst=far) / data
-    to = Ether(src=A, dst=B)
+    to, own = Ether(src=A, dst=B), ICMPv6NDOptSrcLLAddr(lladdr=A)
     fragments = fragment(IP(src=here, dst=there, id=9) / ICMP(type=8) / (b"z" * 2000), fragsize=1400)
     return [
         ("arp request", Ether(src=A, dst=ALL) / ARP(op=1, hwsrc=A, psrc=here, hwdst=_NOBODY, pdst=there)),
@@ -49,7 +49,7 @@ def kinds() -> list[tuple[str, Any]]:
         ("time exceeded", to / IP(src=router, dst=here) / ICMP(type=11, code=0) / bytes(sent)[:28]),
         ("redirect", to / IP(src=router, dst=here) / ICMP(type=5, code=1, gw="10.0.0.3") / bytes(sent)[:28]),
         ("unknown icmp", to / IP(src=router, dst=here) / ICMP(type=77, code=9)),
-        ("solicitation", to / IPv6(src=near, dst="ff02::1:ff00:9") / ICMPv6ND_NS(tgt=far) / ICMPv6NDOptSrcLLAddr(lladdr=A)),
+        ("solicitation", to / IPv6(src=near, dst="ff02::1:ff00:9") / ICMPv6ND_NS(tgt=far) / own),
         ("advertisement", to / IPv6(src=far, dst=near) / ICMPv6ND_NA(tgt=far) / ICMPv6NDOptDstLLAddr(lladdr=B)),
         ("unreachable v6", to / IPv6(src=far, dst=near) / ICMPv6DestUnreach(code=4) / bytes(sent_v6)),
         ("echo v6", to / IPv6(src=near, dst=far) / ICMPv6EchoRequest(id=3, seq=4)),

@@ -110,10 +110,9 @@ def packets(
     A line has frame number, time, sender and receiver, list and SubIndex, service, items, Length, Counter, flags, and
     what is wrong; of a CAN frame it is as candump writes it, with what it means. -Y chooses among them. With
     --all-frames every frame has a line; a filter such as -Y 'icmp.type == 3' or -Y arp finds its frames without being
-    told so. --from-time and
-    --to-time cut the capture: frame numbers and times since the start are those of what is left, as in a report with
-    the same times; a time without a zone is local, with -t u or ud UTC. Exits with 3 where a capture could not be read
-    to its end.
+    told so. --from-time and --to-time cut the capture: frame numbers and times since the start are those of what is
+    left, as in a report with the same times; a time without a zone is local, with -t u or ud UTC. Exits with 3 where a
+    capture could not be read to its end.
     """
     files_named = named_files(sources, read, gvl)
     paths, gvl = files_named.captures, files_named.definitions
@@ -187,7 +186,8 @@ def packets(
         echo("nvscope: 0 frames, no telegram of network variables; `nvscope report` tells what to check.", err=True)
     elif not telegrams.shown:
         read_count = units.count_of(telegrams.telegrams, "frame" if all_frames else "telegram")
-        left = 0 if count is not None else telegrams.frames - telegrams.telegrams
+        of_any = count is None and chosen_by and chosen_by.of_carriers
+        left = telegrams.frames - telegrams.telegrams if of_any else 0
         more = f" --all-frames looks at {units.count_of(left, 'other frame')} too." if left else ""
         echo(f"nvscope: {read_count} read, the filter chooses none of them.{more}", err=True)
     elif chosen_by and chosen_by.findings:

@@ -13,9 +13,11 @@ from nvscope.engine.told import Told
 from nvscope.expression.expression import compile_expression
 from nvscope.expression.typed_columns import Column
 from nvscope.view.fields.field import TelegramField, blank
-from nvscope.view.fields.frame import FIELDS, expression_names
+from nvscope.view.fields.frame import CARRIER_FIELDS, FIELDS, expression_names
 from nvscope.view.fields.verdicts import Verdicts
 from nvscope.view.rows.frames import NETVAR, FrameRows
+
+_OF_CARRIERS = frozenset(field.name for field in CARRIER_FIELDS)
 
 
 class DisplayFilter:
@@ -39,6 +41,8 @@ class DisplayFilter:
         """What it names that is known only when the whole capture was read."""
         self.of_others = [field.name for field in named if field.of_others]
         """What it names that only frames have in which no protocol is found that is looked for."""
+        self.of_carriers = all(field.name in _OF_CARRIERS for field in named)
+        """What it names frames have whether a protocol is found in them or not."""
         self.findings = any(field.name.startswith("finding.") for field in named)
         """It asks for findings."""
         self._seen: set[int] = set()

@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from dissectors.headers import IPV4_HIGH, IPV4_LOW
+from dissectors.headers import TCP as TCP_LAYOUT
 from dissectors.headers import UDP as LAYOUT
 from dissectors.transport import IpEnds
 from nvscope.errors import UsageError
@@ -29,7 +30,7 @@ from nvscope.view.fields.ethernet import ETHERNET_FIELDS
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.netvar import NETVAR_FIELDS
 from nvscope.view.fields.other_frames import DEFAULT_OTHER, OTHER_FIELDS
-from nvscope.view.rows.frames import IP, UDP, FrameRows
+from nvscope.view.rows.frames import IP, TCP, UDP, FrameRows
 
 
 def _payload(rows: FrameRows) -> BytesColumn:
@@ -86,6 +87,14 @@ _UDP_FIELDS = (
     ),
 )  # fmt: skip
 
+
+def _tcp_port(name: str, column: str) -> TelegramField:
+    return TelegramField(
+        f"tcp.{name}", _UNSIGNED, f"{TCP_LAYOUT[column].label} of TCP", TCP_LAYOUT[column].help,
+        lambda segments: getattr(segments, column), of=TCP, of_others=True,
+    )  # fmt: skip
+
+
 CARRIER_FIELDS = (
     TelegramField(
         "frame.number", _UNSIGNED, "Frame number", "place among all frames of the capture, from 1",
@@ -122,6 +131,8 @@ CARRIER_FIELDS = (
     *ETHERNET_FIELDS,
     *_IP_FIELDS,
     *_UDP_FIELDS,
+    _tcp_port("srcport", "source_port"),
+    _tcp_port("dstport", "destination_port"),
 )  # fmt: skip
 """The fields of all frames, and of what carries protocols."""
 
@@ -152,6 +163,8 @@ DEFAULT_ALL_FIELDS = (
     FIELDS["eth.dst"],
     FIELDS["eth.type"],
     *DEFAULT_FIELDS[2:],
+    FIELDS["tcp.srcport"],
+    FIELDS["tcp.dstport"],
     *DEFAULT_OTHER,
 )
 """What is written of other captures where all frames are wanted, and nobody says which fields are."""

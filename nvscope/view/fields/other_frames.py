@@ -1,4 +1,4 @@
-"""The fields of frames in which no protocol is found that is looked for: ARP, ICMP, ports of TCP. Names as Wireshark's.
+"""The fields of frames in which no protocol is found that is looked for: ARP, ICMP. Names as Wireshark's.
 
 In an ICMP error, they are of the message itself: what it quotes has no fields.
 """
@@ -11,12 +11,11 @@ import numpy as np
 
 from dissectors.arp import ArpBatch, ipv4_at
 from dissectors.batch import I64, Bool
-from dissectors.headers import IPV4_HIGH, IPV4_LOW, TCP
+from dissectors.headers import IPV4_HIGH, IPV4_LOW
 from dissectors.icmp import IcmpBatch
 from nvscope.expression.typed_columns import AddressColumn, BytesColumn, FieldType
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import ARP, ICMP, ICMPV6, FrameRows
-from nvscope.view.rows.frames import TCP as OVER_TCP
 
 _HARDWARE_BYTES = 6
 _UNSIGNED = FieldType.UNSIGNED
@@ -106,19 +105,12 @@ def _arp_address(name: str, label: str, text: str, at: _At) -> TelegramField:
     )
 
 
-def _tcp_port(name: str, column: str) -> TelegramField:
-    return TelegramField(
-        f"tcp.{name}", _UNSIGNED, f"{TCP[column].label} of TCP", TCP[column].help,
-        lambda segments: getattr(segments, column), of=OVER_TCP, of_others=True,
-    )  # fmt: skip
-
-
 OTHER_FIELDS = (
-    _tcp_port("srcport", "source_port"),
-    _tcp_port("dstport", "destination_port"),
     _protocol(ARP, "ARP"),
     _arp_number("hw.type", "hardware_type", "ARP hardware type", "1 Ethernet"),
     _arp_number("proto.type", "protocol", "ARP protocol", "EtherType of the addresses: 0x0800 IPv4", hex_digits=4),
+    _arp_number("hw.size", "hardware_bytes", "ARP hardware address length", "in bytes: 6 of Ethernet"),
+    _arp_number("proto.size", "protocol_bytes", "ARP protocol address length", "in bytes: 4 of IPv4"),
     _arp_number("opcode", "operation", "ARP operation", "1 request, 2 reply"),
     _arp_hardware("src", "ARP sender hardware address", "of who says this", lambda arp: arp.sender_at),
     _arp_address("src", "ARP sender address", "IPv4 address of who says this", lambda arp: arp.sender_ip_at),
@@ -133,7 +125,7 @@ OTHER_FIELDS = (
 )
 """Fields that frames have in which nothing else is found; who names one wants to look at all frames."""
 
-DEFAULT_OTHER = tuple(
-    field for field in OTHER_FIELDS if field.name not in (ARP, ICMP, ICMPV6, "arp.hw.type", "arp.proto.type")
-)
+_SELDOM = frozenset({ARP, ICMP, ICMPV6, "arp.hw.type", "arp.proto.type", "arp.hw.size", "arp.proto.size"})
+
+DEFAULT_OTHER = tuple(field for field in OTHER_FIELDS if field.name not in _SELDOM)
 """What is written of them where nobody says which fields are wanted."""

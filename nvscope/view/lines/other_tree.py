@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from ipaddress import IPv4Address
 
+import numpy as np
+
+from dissectors.batch import I64, U8
 from dissectors.headers import ARP, TCP, TYPE_IPV4, UDP
 from dissectors.icmp import ICMP, ICMPV6
 from dissectors.other_frames import FrameKind, OtherBatch
@@ -36,21 +39,21 @@ class OtherTree:
         own = found.positions(len(rows))
         packet_at = rows.packets.offset[rows.row[own]]
         self._start, self._stop = self._frames.at - packet_at, self._frames.end - packet_at
+        self._transport_bytes = _transport_bytes(self._frames, rows.packets.data)
         self._words = words_of(rows.part(own))
         self._dumps = dumps
 
     def spans(self, place: int) -> Spans:
-        start, stop = int(self._start[place]), int(self._stop[place])
+        start, stop = int(self._start[place] + self._transport_bytes[place]), int(self._stop[place])
         layout = _LAYOUTS.get(self._kind(place))
         return Spans(start, min(start + (layout.size_bytes if layout else 0), stop), stop)
 
     def layers(self, place: int, packet: bytes, link: int) -> Sequence[Layer]:
-        start, stop = int(self._start[place]), int(self._stop[place])
-        kind, fault = self._kind(place), bool(self._frames.fault[place])
+        start, kind, fault = int(self._start[place]), self._kind(place), bool(self._frames.fault[place])
         if kind is FrameKind.UDP and not fault:
             return layers_of_datagram(packet, link, start + UDP.size_bytes)
         if kind is FrameKind.TCP and not fault:
-            return layers_of_segment(packet, link, start, min(start + self._transport_bytes(place, packet), stop))
+            return layers_of_segment(packet, link, start, start + int(self._transport_bytes[place]))
         if kind in _IN_IP and not (kind is FrameKind.IP and fault):
             return layers_up_to(packet, link, start)
         return link_layers(packet, link, start)
@@ -66,7 +69,7 @@ class OtherTree:
         if layout is not None:
             tell = {"sender": _ipv4, "target": _ipv4} if layout is ARP else {}
             yield from table_entries(layout, packet, start, stop, tell)
-        begin = start + (layout.size_bytes if layout else self._transport_bytes(place, packet))
+        begin = start + (layout.size_bytes if layout else int(self._transport_bytes[place]))
         if begin < stop:
             facts = [Cell(f"  {count_of(stop - begin, 'byte')}")]
             yield from bytes_entries("Data", facts, packet[begin:stop], begin, dumps=self._dumps)
@@ -75,12 +78,15 @@ class OtherTree:
     def _kind(self, place: int) -> FrameKind:
         return FrameKind(int(self._frames.kind[place]))
 
-    def _transport_bytes(self, place: int, packet: bytes) -> int:
-        """Return how long the header of UDP or TCP is, 0 where there is none, or one that is broken."""
-        kind, start = self._kind(place), int(self._start[place])
-        if self._frames.fault[place] or kind not in (FrameKind.UDP, FrameKind.TCP):
-            return 0
-        return UDP.size_bytes if kind is FrameKind.UDP else (packet[start + _OFFSET_AT] >> 4) * 4
+
+def _transport_bytes(frames: OtherBatch, data: U8) -> I64:
+    """Return how much of the headers of UDP and TCP was captured; 0 where there is none, or one that is broken."""
+    size = np.zeros(len(frames), np.int64)
+    size[(frames.kind == FrameKind.UDP) & ~frames.fault] = UDP.size_bytes
+    tcp = np.flatnonzero((frames.kind == FrameKind.TCP) & ~frames.fault)
+    size[tcp] = (data[frames.at[tcp] + _OFFSET_AT] >> 4).astype(np.int64) * 4
+    captured: I64 = np.minimum(size, frames.end - frames.at)
+    return captured
 
 
 def _is_usual(message: bytes) -> bool:
