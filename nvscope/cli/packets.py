@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from nvscope.capture.source import Source
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
+    from nvscope.tracker.can.canopen_since import CanOpenSince
     from nvscope.view.fields.field import TelegramField
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
@@ -143,9 +144,12 @@ def packets(
         named = [output_field(name, inquiry.fields, all_frames=True) for name in fields]
     chosen_by = inquiry.filter(wanted, all_frames=True) if inquiry and wanted is not None else None
     all_frames |= any(field.of_others for field in named) or bool(chosen_by and chosen_by.of_others)
+    from nvscope.tracker.can.canopen_since import CanOpenSince
+
+    canopen = CanOpenSince(pdos.cob_ids if pdos else ())
     make = _face(
         output, trees, dumps, named, settings or (), moment, colour_wanted(colour),
-        {} if no_names else plant.node_names, inquiry, pdos, all_frames=all_frames,
+        {} if no_names else plant.node_names, inquiry, pdos, canopen, all_frames=all_frames,
     )  # fmt: skip
 
     from nvscope import units
@@ -165,7 +169,7 @@ def packets(
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
         out.write(face.begin())
-        for rows in read_packets(source, reading, telegrams, progress):
+        for rows in read_packets(source, reading, telegrams, progress, [canopen]):
             for text in face.render(rows):
                 out.write(text)
             out.flush()
@@ -211,6 +215,7 @@ def _face(
     node_names: Mapping[str, str],
     inquiry: Inquiry | None,
     pdos: Pdos | None,
+    canopen: CanOpenSince,
     *,
     all_frames: bool,
 ) -> Callable[[Source], Face]:
@@ -232,7 +237,7 @@ def _face(
         layouts = inquiry.layouts if trees and inquiry else None
         text = Text(
             trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour, layouts=layouts,
-            names=node_names, pdos=pdos,
+            names=node_names, pdos=pdos, canopen=canopen,
         )  # fmt: skip
         return lambda _: text
 

@@ -21,6 +21,7 @@ from nvscope.view.rows.frames import FrameRows
 if TYPE_CHECKING:
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
+    from nvscope.tracker.can.canopen_since import CanOpenSince
 
 
 class Text:
@@ -28,8 +29,8 @@ class Text:
 
     With ``trees`` a tree takes the place of the line. With ``dumps`` the captured bytes follow. ``width`` limits lines
     and trees, not dumps; None for no limit. ``layouts`` name the variables in trees, ``names`` the nodes in lines, by
-    the text of their address, ``pdos`` the lists on CAN; ``protocols`` are those that rows may be of. With and without
-    ``colour`` the text is the same.
+    the text of their address, ``pdos`` the lists on CAN, ``canopen`` what is CANopen's; ``protocols`` are those that
+    rows may be of. With and without ``colour`` the text is the same.
     """
 
     def __init__(
@@ -43,6 +44,7 @@ class Text:
         layouts: Layouts | None = None,
         names: Mapping[str, str] = MappingProxyType({}),
         pdos: Pdos | None = None,
+        canopen: CanOpenSince | None = None,
         protocols: Sequence[Protocol] = PROTOCOLS,
     ) -> None:
         self._trees = trees
@@ -50,7 +52,7 @@ class Text:
         self._width = width
         self._number_width = 0
         self._colour = colour
-        self._wording = Wording(names, layouts, pdos)
+        self._wording = Wording(names, layouts, pdos, canopen)
         self._make_trees = {protocol.name: protocol.tree() for protocol in protocols}
         self._lines = {protocol.name: protocol.lines()(moment, width, self._wording) for protocol in protocols}
 
