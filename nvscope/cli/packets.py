@@ -190,7 +190,7 @@ def packets(
         echo("nvscope: 0 frames, no telegram of network variables; `nvscope report` tells what to check.", err=True)
     elif not telegrams.shown:
         read_count = units.count_of(telegrams.telegrams, "frame" if all_frames else "telegram")
-        of_any = count is None and chosen_by and chosen_by.of_carriers
+        of_any = count is None and chosen_by and chosen_by.of_any_frame
         left = telegrams.frames - telegrams.telegrams if of_any else 0
         more = f" --all-frames looks at {units.count_of(left, 'other frame')} too." if left else ""
         echo(f"nvscope: {read_count} read, the filter chooses none of them.{more}", err=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import or_
 
 import numpy as np
 
@@ -41,9 +42,10 @@ class DisplayFilter:
         """What it names that is known only when the whole capture was read."""
         self.of_others = [field.name for field in named if field.of_others]
         """What it names that only frames have in which no protocol is found that is looked for."""
-        self.of_carriers = all(field.name in _OF_CARRIERS for field in named)
+        of_finding = [field.name.startswith("finding.") for field in named]
+        self.of_any_frame = all(map(or_, of_finding, (field.name in _OF_CARRIERS for field in named)))
         """What it names frames have whether a protocol is found in them or not."""
-        self.findings = any(field.name.startswith("finding.") for field in named)
+        self.findings = any(of_finding)
         """It asks for findings."""
         self._seen: set[int] = set()
         self._chosen: set[int] = set()

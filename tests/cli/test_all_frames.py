@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nvscope.expression.typed_columns import FieldType
 from nvscope.view.fields.other_frames import OTHER_FIELDS
 from tests.laws import examples
 from tests.oracle.frame import ETHERNET, Frame
@@ -22,6 +23,7 @@ from tests.program import run_text
 
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
 
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
 FIELDS = (
     "frame.number", "eth.src", "eth.dst", "vlan.id", "arp.hw.type", "arp.proto.type", "arp.hw.size", "arp.proto.size",
     "arp.opcode", "arp.src.hw_mac", "arp.src.proto_ipv4", "arp.dst.hw_mac", "arp.dst.proto_ipv4", "icmp.type",
@@ -143,6 +145,16 @@ def test_naming_a_field_of_such_frames_shows_them(capture: Path, name: str) -> N
     assert f"\n{name} " in f"\n{run_text('keys', '--fields').stdout}"
 
 
+def test_json_values_have_the_types_of_their_fields(capture: Path) -> None:
+    done = run_text("packets", capture, "-T", "json", *asked(tuple(field.name for field in OTHER_FIELDS)))
+    rows = json.loads(done.stdout)
+    types = {FieldType.UNSIGNED: int, FieldType.ADDRESS: str, FieldType.BYTES: str, FieldType.BOOL: bool}
+    for field in OTHER_FIELDS:
+        there = [row[field.name] for row in rows if row[field.name] is not None]
+        assert there
+        assert {type(value) for value in there} == {types[field.type]}, field.name
+
+
 def test_a_field_of_all_frames_alone_does_not_show_them(capture: Path) -> None:
     assert len(shown(capture, "-e", "frame.number", "-e", "eth.src")) == 1
     assert len(shown(capture, "-e", "frame.number", "-e", "eth.src", "--all-frames")) == len(NAMES)
@@ -177,6 +189,17 @@ def test_where_frames_could_be_meant_it_is_told(capture: Path, choice: str, more
     assert done.stderr.splitlines()[0] == f"nvscope: {more}"
     if "--all-frames" in more:
         assert len(shown(capture, "-Y", choice, "--all-frames")) == 1
+
+
+def test_a_finding_that_no_telegram_shows_leads_to_its_frames(tmp_path: Path) -> None:
+    done = run_text("simulate", SCENARIOS / "unreachable.toml", "-w", tmp_path / "a.pcap")
+    assert done.returncode == 0
+    words = ("packets", tmp_path / "a.pcap", "-Y", 'finding.code == "NV305"')
+    done = run_text(*words)
+    assert (done.stdout, "--all-frames looks at 5 other frames too." in done.stderr) == ("", True)
+    told = run_text(*words, "--all-frames").stdout.splitlines()
+    assert told
+    assert all("ICMP" in line and "unreachable" in line for line in told)
 
 
 def test_a_count_counts_frames(capture: Path) -> None:
