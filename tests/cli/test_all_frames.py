@@ -90,6 +90,15 @@ def test_every_frame_has_a_line_in_its_order(capture: Path) -> None:
         "fragment 0": "ICMP, a fragment, not put together",
     }.items():
         assert words in " ".join(told[name].split()), name
+    assert not [name for name, line in told.items() if "cut short" in line]
+
+
+def test_what_is_cut_says_so(tmp_path: Path) -> None:
+    """In front of the end of a header: of Ethernet, ARP, IP, ICMP, UDP and TCP."""
+    for name, size in (("arp reply", 13), ("arp reply", 40), ("echo", 30), ("echo", 34), ("udp", 40), ("tcp", 50)):
+        data = bytes(dict(kinds())[name])
+        write_pcap([Frame(START_S * 10**9, ETHERNET, data[:size], len(data))], tmp_path / "a.pcap")
+        assert "cut short" in run_text("packets", tmp_path / "a.pcap", "--all-frames").stdout, (name, size)
 
 
 def test_without_being_asked_telegrams_only(capture: Path) -> None:
