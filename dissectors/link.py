@@ -105,8 +105,8 @@ def peel(batch: PacketBatch, rows: I64 | None = None, claims: Claims = NO_CLAIMS
     for link in links:
         mine = everything if len(links) == 1 else everything[kinds == link]
         for is_ipv4, network in network_layers(batch, link, mine):
-            transport, fragment_count = (_ipv4 if is_ipv4 else _ipv6)(batch.data, network)
-            fragments += fragment_count
+            transport, in_fragments = ip_packets(batch.data, network, is_ipv4=is_ipv4)
+            fragments += len(in_fragments)
             _peel_transport(batch.data, transport, claims, found)
         if link not in _LINK_READERS:
             unsupported = np.zeros(len(batch), np.bool_) if unsupported is None else unsupported
@@ -229,7 +229,15 @@ def _with_room(network: Place, size_bytes: int) -> Place:
     return network if room.all() else network.take(room)
 
 
-def _ipv4(data: U8, network: Place) -> tuple[IpPackets, int]:
+def ip_packets(data: U8, network: Place, *, is_ipv4: bool) -> tuple[IpPackets, I64]:
+    """Return the whole IP packets of rows at the start of an IP header, and the rows of those that are fragments.
+
+    Rows whose header was not captured whole, or contradicts itself, are in neither.
+    """
+    return (_ipv4 if is_ipv4 else _ipv6)(data, network)
+
+
+def _ipv4(data: U8, network: Place) -> tuple[IpPackets, I64]:
     network = _with_room(network, IPV4.size_bytes)
     head = IPV4.gather(data, network.at)
     version_ihl = head["version_ihl"]
@@ -237,7 +245,7 @@ def _ipv4(data: U8, network: Place) -> tuple[IpPackets, int]:
     header_bytes = (version_ihl & 15).astype(np.int64) * 4
     total = head["total_length"].astype(np.int64)
     good = (version_ihl >= 0x45) & (version_ihl <= 0x4F)
-    fragments = int(np.count_nonzero(fragment & good))
+    fragments = network.row[fragment & good]
     good &= ~fragment
     good &= (total >= header_bytes) | (total == 0)
     if not good.all():
@@ -251,7 +259,7 @@ def _ipv4(data: U8, network: Place) -> tuple[IpPackets, int]:
     return IpPackets(inside, stop, head["protocol"], high, source, high, destination, True), fragments
 
 
-def _ipv6(data: U8, network: Place) -> tuple[IpPackets, int]:
+def _ipv6(data: U8, network: Place) -> tuple[IpPackets, I64]:
     network = _with_room(network, IPV6.size_bytes)
     head = IPV6.gather(data, network.at)
     version_good = (head["version"] >> 4) == 6
@@ -263,7 +271,7 @@ def _ipv6(data: U8, network: Place) -> tuple[IpPackets, int]:
     end = np.minimum(network.end, stop)
     protocol = head["next"].copy()
     alive = np.ones(len(protocol), np.bool_)
-    fragments = 0
+    in_fragment = np.zeros(len(protocol), np.bool_)
     for _ in range(MAX_EXTENSIONS):
         extended = np.isin(protocol, (HOP_BY_HOP, ROUTING, FRAGMENT, AUTHENTICATION, DESTINATION_OPTIONS)) & alive
         alive &= ~extended | (at + 8 <= end)
@@ -274,7 +282,7 @@ def _ipv6(data: U8, network: Place) -> tuple[IpPackets, int]:
         kind = protocol[rows]
         # A fragment header whose offset and more-fragments bit are 0 holds the whole datagram (RFC 6946).
         fragment = (kind == FRAGMENT) & ((extension["fragment"] & 0xFFF9) != 0)
-        fragments += int(np.count_nonzero(fragment))
+        in_fragment[rows[fragment]] = True
         alive[rows[fragment]] = False
         units = extension["length"].astype(np.int64)
         size = np.where(kind == FRAGMENT, 8, np.where(kind == AUTHENTICATION, (units + 2) * 4, (units + 1) * 8))
@@ -283,7 +291,8 @@ def _ipv6(data: U8, network: Place) -> tuple[IpPackets, int]:
     inside = Place(network.row, at, end, network.group)
     source_hi, source_lo = head["source_hi"].astype(np.uint64), head["source_lo"].astype(np.uint64)
     to_hi, to_lo = head["destination_hi"].astype(np.uint64), head["destination_lo"].astype(np.uint64)
-    return IpPackets(inside, stop, protocol, source_hi, source_lo, to_hi, to_lo, False).take(alive), fragments
+    whole = IpPackets(inside, stop, protocol, source_hi, source_lo, to_hi, to_lo, False)
+    return whole.take(alive), network.row[in_fragment]
 
 
 def _peel_transport(data: U8, ip: IpPackets, claims: Claims, found: _Found) -> None:
@@ -303,7 +312,7 @@ def _peel_transport(data: U8, ip: IpPackets, claims: Claims, found: _Found) -> N
         return
     message = messages.place
     quote = Place(message.row, message.at + ICMP_HEADER_BYTES, message.end, message.group)
-    inner, _ = (_ipv4 if ip.is_ipv4 else _ipv6)(data, quote)
+    inner, _ = ip_packets(data, quote, is_ipv4=ip.is_ipv4)
     quoted = datagrams(data, inner.take(inner.protocol == PROTOCOL_UDP))
     own = np.searchsorted(message.row, quoted.row)
     found.quoted.append(

@@ -118,8 +118,11 @@ class Inquiry:
         """The frames of the lists that are defined on CAN, None where there are none."""
         return pdos_of(self.project.definition)
 
-    def reading(self, chosen: DisplayFilter | None = None) -> Reading:
-        """Return how the captures are read, with a filter or without."""
+    def reading(self, chosen: DisplayFilter | None = None, *, all_frames: bool = False) -> Reading:
+        """Return how the captures are read, with a filter or without.
+
+        ``all_frames``: frames in which nothing is found are wanted too.
+        """
         choose = None
         if chosen is not None:
             from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
@@ -128,7 +131,7 @@ class Inquiry:
         timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
         return reading_of(
             self.ports, self.pdos, choose=choose, timeout_ns=timeout_ns, protocols=self.protocols,
-            max_streams=self.project.limits.max_streams,
+            max_streams=self.project.limits.max_streams, all_frames=all_frames,
         )  # fmt: skip
 
     @property
@@ -195,15 +198,20 @@ class Inquiry:
         """What expressions may name; what is judged cannot be read with these."""
         return self._fields(None)
 
-    def filter(self, expression: str) -> DisplayFilter:
+    def filter(self, expression: str, *, all_frames: bool = False) -> DisplayFilter:
         """Return a display filter that is ready to be asked of the telegrams of these captures.
 
-        Where it asks for what is known in the end only, the captures are read for it. UsageError, with the place, where
-        the expression cannot be understood, or where captures cannot be read twice.
+        Where it asks for what is known in the end only, the captures are read for it. ``all_frames``: it may ask for
+        what only frames have that are no telegrams. UsageError, with the place, where the expression cannot be
+        understood, or where captures cannot be read twice.
         """
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
 
         chosen = DisplayFilter(expression, self.fields)
+        if chosen.of_others and not all_frames:
+            from nvscope.view.fields.frame import of_others  # noqa: PLC0415
+
+            raise of_others(chosen.of_others)
         if not chosen.judged:
             return chosen
         if once := self._read_once:
@@ -278,9 +286,12 @@ class Inquiry:
         wanted = {key for name in listed for key in keys_named(seen, name)}
         return of_lists(summary, findings, wanted)
 
-    def default_fields(self, source: Source) -> Sequence[TelegramField]:
-        """Return what is written of each frame where nobody says, by what the captures begin with."""
-        from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS  # noqa: PLC0415
+    def default_fields(self, source: Source, *, all_frames: bool = False) -> Sequence[TelegramField]:
+        """Return what is written of each frame where nobody says, by what the captures begin with.
+
+        ``all_frames``: also of those that are no telegrams.
+        """
+        from nvscope.view.fields.frame import DEFAULT_ALL_FIELDS, DEFAULT_CAN_FIELDS, DEFAULT_FIELDS  # noqa: PLC0415
 
         on_can = others = False
         further: set[str] = set()
@@ -289,7 +300,8 @@ class Inquiry:
             on_can |= frames > 0
             others |= frames < len(first)
             further |= self._further_protocols(first)
-        fields = [*(DEFAULT_FIELDS if others or not on_can else ()), *(DEFAULT_CAN_FIELDS if on_can else ())]
+        usual = DEFAULT_ALL_FIELDS if all_frames else DEFAULT_FIELDS
+        fields = [*(usual if others or not on_can else ()), *(DEFAULT_CAN_FIELDS if on_can else ())]
         fields += (field for one in self.protocols if one.name in further for field in one.fields())
         # Fields cannot be compared, their names can.
         return tuple({field.name: field for field in fields}.values())

@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 
 def reading_of(
     ports: PortRules | None, pdos: Pdos | None, *, choose: Choose | None = None, timeout_ns: int = TIMEOUT_NS,
-    protocols: Iterable[Protocol] = PROTOCOLS, max_streams: int = MAX_STREAMS,
+    protocols: Iterable[Protocol] = PROTOCOLS, max_streams: int = MAX_STREAMS, all_frames: bool = False,
 ) -> Reading:  # fmt: skip
-    """Return a reading; ``pdos`` are the frames of the lists that are defined on CAN, None where there are none."""
+    """Return a reading; ``pdos`` are the frames of the lists that are defined on CAN, None where there are none.
+
+    ``all_frames``: frames in which nothing is found are wanted too.
+    """
     rules = PdoRules() if pdos is None else pdos.rules()
-    return Reading(ports, rules, choose, timeout_ns, dissectors_of(protocols), max_streams)
+    return Reading(ports, rules, choose, timeout_ns, dissectors_of(protocols), max_streams, all_frames)

@@ -48,7 +48,7 @@ def snapshot(
     """
     definition = project.definition
     pdos = pdos or pdos_of(definition)
-    cob_ids = {key.identifier for key in pdos.by_cob_id} if pdos else set()
+    cob_ids = pdos.cob_ids if pdos else frozenset[int]()
     summary = summarize(
         state, intervals_ns=definition.nominal_intervals_ns(), readers=project.readers, buses=project.buses,
         cob_ids=cob_ids,

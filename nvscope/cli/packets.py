@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from nvscope.capture.source import Source
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
+    from nvscope.tracker.can.canopen_since import CanOpenSince
     from nvscope.view.fields.field import TelegramField
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
@@ -76,9 +77,23 @@ def packets(
         ),
     ] = None,
     wanted: FilterOption = None,
+    all_frames: Annotated[
+        bool,
+        typer.Option(
+            "--all-frames",
+            help="Show frames of all kinds, ARP, ICMP, TCP and others too; so without it where -Y or -e names a field "
+            "that only these have, such as icmp.type.",
+        ),
+    ] = False,
     count: Annotated[
         int | None,
-        typer.Option("-c", "--count", min=1, metavar="N", help="Stop after reading N telegrams, shown or not."),
+        typer.Option(
+            "-c",
+            "--count",
+            min=1,
+            metavar="N",
+            help="Stop after reading N telegrams (with --all-frames: frames), shown or not.",
+        ),
     ] = None,
     moment: Annotated[Moment, typer.Option("-t", "--time", help=_MOMENT_HELP)] = "r",
     gvl: GvlOption = None,
@@ -94,10 +109,11 @@ def packets(
     """Show the telegrams of a capture one by one: as lines, trees, bytes, or as records for programs.
 
     A line has frame number, time, sender and receiver, list and SubIndex, service, items, Length, Counter, flags, and
-    what is wrong; of a CAN frame it is as candump writes it, with what it means. -Y chooses among them. --from-time and
-    --to-time cut the capture: frame numbers and times since the start are those of what is left, as in a report with
-    the same times; a time without a zone is local, with -t u or ud UTC. Exits with 3 where a capture could not be read
-    to its end.
+    what is wrong; of a CAN frame it is as candump writes it, with what it means. -Y chooses among them. With
+    --all-frames every frame has a line; a filter such as -Y 'icmp.type == 3' or -Y arp finds its frames without being
+    told so. --from-time and --to-time cut the capture: frame numbers and times since the start are those of what is
+    left, as in a report with the same times; a time without a zone is local, with -t u or ud UTC. Exits with 3 where a
+    capture could not be read to its end.
     """
     files_named = named_files(sources, read, gvl)
     paths, gvl = files_named.captures, files_named.definitions
@@ -121,11 +137,20 @@ def packets(
         from nvscope.cli.progress import watching
 
         inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
+    named = []
+    if inquiry and fields:
+        from nvscope.view.fields.frame import output_field
+
+        named = [output_field(name, inquiry.fields, all_frames=True) for name in fields]
+    chosen_by = inquiry.filter(wanted, all_frames=True) if inquiry and wanted is not None else None
+    all_frames |= any(field.of_others for field in named) or bool(chosen_by and chosen_by.of_others)
+    from nvscope.tracker.can.canopen_since import CanOpenSince
+
+    canopen = CanOpenSince(pdos.cob_ids if pdos else ())
     make = _face(
-        output, trees, dumps, fields or (), settings or (), moment, colour_wanted(colour),
-        {} if no_names else plant.node_names, inquiry, pdos,
+        output, trees, dumps, named, settings or (), moment, colour_wanted(colour),
+        {} if no_names else plant.node_names, inquiry, pdos, canopen, all_frames=all_frames,
     )  # fmt: skip
-    chosen_by = inquiry.filter(wanted) if inquiry and wanted is not None else None
 
     from nvscope import units
     from nvscope.analysis.packets import packets as read_packets
@@ -136,12 +161,15 @@ def packets(
 
     source = inquiry.open() if inquiry else open_source(paths, renamed=plant.channels)
     face = make(source)
-    reading = inquiry.reading(chosen_by) if inquiry else reading_of(ports, pdos)
+    if inquiry:
+        reading = inquiry.reading(chosen_by, all_frames=all_frames)
+    else:
+        reading = reading_of(ports, pdos, all_frames=all_frames)
     telegrams = PacketRows(limit=count)
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
         out.write(face.begin())
-        for rows in read_packets(source, reading, telegrams, progress):
+        for rows in read_packets(source, reading, telegrams, progress, [canopen]):
             for text in face.render(rows):
                 out.write(text)
             out.flush()
@@ -151,12 +179,21 @@ def packets(
         tell_of_channels(channel_map, source.channels)
     if between and not telegrams.frames:
         echo(NOTHING_BETWEEN, err=True)
-    elif not telegrams.telegrams:
+    elif not telegrams.telegrams and telegrams.frames:
         frames = units.count_of(telegrams.frames, "frame")
-        echo(f"nvscope: {frames}, no telegram of network variables; `nvscope report` tells what to check.", err=True)
+        echo(
+            f"nvscope: {frames}, no telegram of network variables; `nvscope report` tells what to check, --all-frames "
+            "shows the frames.",
+            err=True,
+        )
+    elif not telegrams.telegrams:
+        echo("nvscope: 0 frames, no telegram of network variables; `nvscope report` tells what to check.", err=True)
     elif not telegrams.shown:
-        read_count = units.count_of(telegrams.telegrams, "telegram")
-        echo(f"nvscope: {read_count} read, the filter chooses none of them.", err=True)
+        read_count = units.count_of(telegrams.telegrams, "frame" if all_frames else "telegram")
+        of_any = count is None and chosen_by and chosen_by.of_any_frame
+        left = telegrams.frames - telegrams.telegrams if of_any else 0
+        more = f" --all-frames looks at {units.count_of(left, 'other frame')} too." if left else ""
+        echo(f"nvscope: {read_count} read, the filter chooses none of them.{more}", err=True)
     elif chosen_by and chosen_by.findings:
         echo("nvscope: a finding is shown by the telegrams of its first ten events, not by all.", err=True)
     if telegrams.fragments:
@@ -171,16 +208,19 @@ def _face(
     output: Format | None,
     trees: bool,
     dumps: bool,
-    names: Sequence[str],
+    named: Sequence[TelegramField],
     settings: Sequence[str],
     moment: Moment,
     colour: bool,
     node_names: Mapping[str, str],
     inquiry: Inquiry | None,
     pdos: Pdos | None,
+    canopen: CanOpenSince,
+    *,
+    all_frames: bool,
 ) -> Callable[[Source], Face]:
     """Return what makes the form that was asked for; UsageError where options contradict each other."""
-    chosen_format = output or ("fields" if names else "text")
+    chosen_format = output or ("fields" if named else "text")
     if chosen_format != "text" and (trees or dumps):
         raise UsageError(
             f"-V and -x are for text, not for -T {chosen_format}", next_step="take udp.payload for all bytes"
@@ -190,32 +230,30 @@ def _face(
     if settings and chosen_format != "fields":
         raise UsageError("-E is for -T fields", next_step="add -T fields -e FIELD, or leave -E out")
     if chosen_format == "text":
-        if names:
+        if named:
             raise UsageError("-e is not for -T text", next_step="write -T fields, json, ndjson or csv")
         from nvscope.report.packets.text import Text
 
         layouts = inquiry.layouts if trees and inquiry else None
         text = Text(
             trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour, layouts=layouts,
-            names=node_names, pdos=pdos,
+            names=node_names, pdos=pdos, canopen=canopen,
         )  # fmt: skip
         return lambda _: text
 
     from nvscope.report.packets.records import Csv, JsonArray, JsonLines, SeparatedFields, separation
-    from nvscope.view.fields.frame import output_field
 
-    found = [output_field(name, inquiry.fields) for name in names] if inquiry else []
     if chosen_format == "fields":
-        if not names:
+        if not named:
             raise UsageError(
                 "-T fields needs to know which fields", next_step="for example -e frame.number -e nv.counter"
             )
-        separated = SeparatedFields(found, separation(settings))
+        separated = SeparatedFields(named, separation(settings))
         return lambda _: separated
     assert inquiry
     made: dict[str, Callable[[Sequence[TelegramField]], Face]] = {"csv": Csv, "json": JsonArray, "ndjson": JsonLines}
     record = made[chosen_format]
-    return lambda source: record(found or inquiry.default_fields(source))
+    return lambda source: record(named or inquiry.default_fields(source, all_frames=all_frames))
 
 
 def _line_width() -> int | None:

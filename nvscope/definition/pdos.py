@@ -50,6 +50,11 @@ class Pdos:
                 if pdo.layout and first.list.list_id == entry.list_id:
                     self._by_size.setdefault((key, pdo.layout.layout.size_bytes), pdo)
 
+    @property
+    def cob_ids(self) -> frozenset[int]:
+        """The COB-IDs of all lists, on whatever channel."""
+        return frozenset(key.identifier for key in self.by_cob_id)
+
     def pdo_of(self, key: ListKey) -> Pdo | None:
         """Return what a COB-ID of a channel carries, None where nobody says."""
         return told_of(self.by_cob_id, key)

@@ -22,7 +22,8 @@ class Reading:
     frames belong to. ``choose`` is the filter, None without one: it changes what is shown, and no figure.
     ``timeout_ns`` is how long an answer may take. ``dissectors`` read the protocols that have ports of their own, the
     first one first where several could. ``max_streams`` is how many streams, and other kinds of telegrams by sender,
-    receiver, list and SubIndex, are told apart; so many identifiers of CAN.
+    receiver, list and SubIndex, are told apart; so many identifiers of CAN. ``all_frames``: frames in which nothing is
+    found are wanted too (``Told.others``).
     """
 
     ports: PortRules | None = None
@@ -31,3 +32,4 @@ class Reading:
     timeout_ns: int = TIMEOUT_NS
     dissectors: tuple[Dissector, ...] = ()
     max_streams: int = MAX_STREAMS
+    all_frames: bool = False

@@ -56,7 +56,7 @@ class Recogniser:
             pdos=self._reading.pdos, choose=self._reading.choose,
             laid=None if self._keys is None else self._lay_out(batch, self._keys), until_ns=until_ns,
             dissectors=self._reading.dissectors, timeout_ns=self._reading.timeout_ns,
-            max_streams=self._reading.max_streams,
+            max_streams=self._reading.max_streams, all_frames=self._reading.all_frames,
         )  # fmt: skip
         if len(batch):
             self._frames += len(batch)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from nvscope.engine.keys import Begun, Keys, Rejected
 from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.rows import DataRows, StreamMemory
+
+if TYPE_CHECKING:  # without being asked for all frames, nothing of them is imported
+    from dissectors.other_frames import OtherFrames
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,7 @@ class Told:
     first one: its own). ``until_ns`` says that time has passed up to then, behind the packets; None where only they
     tell. ``pdos`` know which lists CAN frames belong to, and what channels are called; ``dissectors`` read the
     protocols that have ports of their own; ``timeout_ns`` is how long an answer may take, ``max_streams`` how many
-    streams and identifiers are told apart.
+    streams and identifiers are told apart; ``all_frames`` says whether frames in which nothing is found are wanted.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
 
@@ -65,7 +69,7 @@ class Told:
     def __init__(
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
         timeout_ns: int, choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
-        dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS,
+        dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS, all_frames: bool = False,
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -76,6 +80,7 @@ class Told:
         self.dissectors = dissectors
         self.timeout_ns = timeout_ns
         self.max_streams = max_streams
+        self.all_frames = all_frames
         self._choose = choose
         self._laid = laid
         self._listeners: Listeners = ()
@@ -90,6 +95,7 @@ class Told:
             batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
             choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
             dissectors=self.dissectors, timeout_ns=self.timeout_ns, max_streams=self.max_streams,
+            all_frames=self.all_frames,
         )  # fmt: skip
         return told.heard_by(self._listeners)
 
@@ -175,6 +181,22 @@ class Told:
         for part in self.parts.values():
             own[part.row] = True
         return np.flatnonzero(own)
+
+    @cached_property
+    def others(self) -> OtherFrames | None:
+        """The frames in which nothing was found; None where they are not wanted."""
+        if not self.all_frames:
+            return None
+        from dissectors.other_frames import read_other_frames  # noqa: PLC0415
+
+        rest = np.ones(len(self), np.bool_)
+        rest[self.recognised] = False
+        return read_other_frames(self.packets, np.flatnonzero(rest))
+
+    @property
+    def wanted(self) -> I64:
+        """The packets that are wanted one by one, rising: those recognised, or all."""
+        return np.arange(len(self)) if self.all_frames else self.recognised
 
     @property
     def laid(self) -> Laid:

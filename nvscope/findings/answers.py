@@ -107,7 +107,8 @@ SEND_REJECTED = FindingKind(
         "administratively prohibited: a firewall",
     ),
     next_steps=(
-        "Read the ICMP code in the frame: it says which of these it is, and its source says who noticed.",
+        "Read the ICMP code (`nvscope packets -Y 'icmp.type == 3 || icmpv6.type == 1'`): it says which of these it is, "
+        "and its source says who noticed.",
         "Start the reader, or correct the address or port in the sender's list.",
     ),
     from_event=EventKind.SEND_REJECTED,

@@ -28,7 +28,8 @@ SEVERAL_SENDERS = FindingKind(
         "a redundant pair of controllers, where it may be intended",
     ),
     next_steps=(
-        "Find each sender by its address; give one of the lists another identifier, or stop one sender.",
+        "Find each sender by its address, and the hardware (`nvscope packets -e ip.src -e eth.src -e nv.index`).",
+        "Give one of the lists another identifier, or stop one sender.",
         "If both shall send, let them use two lists and choose in the reader's program.",
     ),
 )

@@ -42,7 +42,8 @@ LENGTH_MISMATCH = FindingKind(
         "padding, or a second telegram, behind the first one in the same datagram",
     ),
     next_steps=(
-        "Compare Length and payload length: a difference of 20 is the header, one that varies is a STRING.",
+        "Compare Length and that of UDP, which has 8 bytes more than its payload (`nvscope packets -e nv.length -e "
+        "udp.length`): a difference of 20 is the header, one that varies is a STRING.",
         "Correct the sender; no setting of the readers helps.",
     ),
     from_event=EventKind.LENGTH_MISMATCH,
@@ -95,7 +96,8 @@ BIG_ENDIAN_HEADER = FindingKind(
         "when its list is not packed",
     ),
     next_steps=(
-        "Look at Index and SubIndex: if they too make sense only when swapped, the sender is big-endian.",
+        "Look at Index and SubIndex (`nvscope packets -e nv.index -e nv.subindex`): if they too make sense only when "
+        "swapped, the sender is big-endian.",
         "Correct the sender: all fields are little-endian.",
     ),
     from_event=EventKind.LENGTH_BYTE_SWAPPED,
@@ -121,7 +123,10 @@ TRUNCATED_BY_CAPTURE = FindingKind(
         "was kept; values behind the cut cannot be shown."
     ),
     causes=("a snap length (`-s`) in tcpdump, dumpcap, a switch or a probe", "a probe that cuts payloads on purpose"),
-    next_steps=("Record again without a snap length (`-s 0`); telegrams seldom have more than 276 bytes of payload.",),
+    next_steps=(
+        "Record again without a snap length (`-s 0` of dumpcap and tcpdump); telegrams seldom have more than 276 bytes "
+        "of payload.",
+    ),
     from_event=EventKind.TRUNCATED,
 )
 

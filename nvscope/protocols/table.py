@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from nvscope.protocols.can import CAN
 from nvscope.protocols.netvar import NETVAR
+from nvscope.protocols.other_frames import OTHER_FRAMES
 from nvscope.protocols.protocol import Protocol
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
     from nvscope.view.fields.field import TelegramField
 
-PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN)
+PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN, OTHER_FRAMES)
 """In the order in which fields are listed; of frames that several could read, the first one's."""
 
 

@@ -181,7 +181,8 @@ def advice(report: Report) -> tuple[str, ...]:
         return (
             "Telegrams of the Parameter Manager (services 1 to 4, 20 to 28, 100) belong to no list: "
             "`nvscope packets` shows them.",
-            "Were the frames cut so short that the list identifier was lost? Record without a snap length (`-s 0`).",
+            "Were the frames cut so short that the list identifier was lost? Record without a snap length (`-s 0` of "
+            "dumpcap and tcpdump).",
         )
     return (
         "Does the sender run, and the task its list belongs to? A list sent on change or on an event says nothing "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import or_
 
 import numpy as np
 
@@ -13,9 +14,11 @@ from nvscope.engine.told import Told
 from nvscope.expression.expression import compile_expression
 from nvscope.expression.typed_columns import Column
 from nvscope.view.fields.field import TelegramField, blank
-from nvscope.view.fields.frame import FIELDS, expression_names
+from nvscope.view.fields.frame import CARRIER_FIELDS, FIELDS, expression_names
 from nvscope.view.fields.verdicts import Verdicts
 from nvscope.view.rows.frames import NETVAR, FrameRows
+
+_OF_CARRIERS = frozenset(field.name for field in CARRIER_FIELDS)
 
 
 class DisplayFilter:
@@ -37,7 +40,12 @@ class DisplayFilter:
         """It chooses all telegrams of a variety or none."""
         self.judged = [field.name for field in named if field.judged]
         """What it names that is known only when the whole capture was read."""
-        self.findings = any(field.name.startswith("finding.") for field in named)
+        self.of_others = [field.name for field in named if field.of_others]
+        """What it names that only frames have in which no protocol is found that is looked for."""
+        of_finding = [field.name.startswith("finding.") for field in named]
+        self.of_any_frame = all(map(or_, of_finding, (field.name in _OF_CARRIERS for field in named)))
+        """What it names frames have whether a protocol is found in them or not."""
+        self.findings = any(of_finding)
         """It asks for findings."""
         self._seen: set[int] = set()
         self._chosen: set[int] = set()
@@ -99,9 +107,11 @@ class PacketChoice:
                 self._ask(told, np.flatnonzero(self._undecided[told.variety]), chosen)
             for part in told.parts.values():
                 self._ask(told, part.row, chosen)
+            if told.others is not None:
+                self._ask(told, told.others.frames.row, chosen)
         else:
             chosen = np.zeros(len(told), np.bool_)
-            self._ask(told, told.recognised, chosen)
+            self._ask(told, told.wanted, chosen)
         return chosen
 
     def _ask(self, told: Told, packet: I64, chosen: Bool) -> None:

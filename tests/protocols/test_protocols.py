@@ -18,6 +18,7 @@ from nvscope.engine.events import NOWHERE, EventBatch
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.findings.catalogue import CATALOGUE
+from nvscope.protocols.other_frames import OTHER_FRAMES
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS, accumulators_of, dissectors_of, fields_of
 from nvscope.report.packets.text import Text
@@ -40,16 +41,20 @@ from tests.protocols.traffic import mixed
 EVERY = (*PROTOCOLS, BEACON, PROBE)
 EACH = pytest.mark.parametrize("protocol", EVERY, ids=lambda protocol: protocol.name)
 SEEDS = st.integers(0, 10_000)
+WITHIN = {OTHER_FRAMES.name: {"arp", "icmp", "icmpv6"}}
+"""What is found within the frames of a protocol that is none itself."""
 
 
-def reading(protocols: Sequence[Protocol] = EVERY) -> Reading:
-    return Reading(dissectors=dissectors_of(protocols))
+def reading(protocols: Sequence[Protocol] = EVERY, *, all_frames: bool = False) -> Reading:
+    return Reading(dissectors=dissectors_of(protocols), all_frames=all_frames)
 
 
-def rows_of(frames: Sequence[Frame], packets: int, protocols: Sequence[Protocol] = EVERY) -> Iterator[FrameRows]:
+def rows_of(
+    frames: Sequence[Frame], packets: int, protocols: Sequence[Protocol] = EVERY, *, all_frames: bool = False
+) -> Iterator[FrameRows]:  # fmt: skip
     """Yield the rows of frames that come so many at a time."""
     rows = PacketRows()
-    for _ in run(Batches(cut(batch_of(frames), packets)), reading(protocols), [rows]):
+    for _ in run(Batches(cut(batch_of(frames), packets)), reading(protocols, all_frames=all_frames), [rows]):
         yield from rows.pieces()
 
 
@@ -66,9 +71,10 @@ def test_names_are_its_own(protocol: Protocol) -> None:
     own = [field.name for field in protocol.fields()]
     every = [field.name for field in fields_of(EVERY)]
     assert len(every) == len(set(every))
-    assert any(name.startswith(f"{protocol.name}.") for name in own)
+    parts = WITHIN.get(protocol.name, {protocol.name})
+    assert {name.partition(".")[0] for name in own if "." in name} >= parts
     # What is read from a part is read from its own.
-    assert {field.of for field in protocol.fields()} <= {"", protocol.name}
+    assert {field.of for field in protocol.fields()} <= {"", *parts}
 
 
 @EACH
@@ -86,7 +92,7 @@ def test_its_findings_are_rows_of_the_catalogue(protocol: Protocol) -> None:
 @given(seed=SEEDS)
 def test_its_frames_are_rows_with_fields_lines_and_trees(protocol: Protocol, seed: int) -> None:
     frames = mixed(seed)
-    for rows in rows_of(frames, 50):
+    for rows in rows_of(frames, 50, all_frames=protocol is OTHER_FRAMES):
         assert len(rows.protocol) == len(rows)
         for name, at, own in rows.by_protocol():
             if name != protocol.name:
@@ -115,7 +121,8 @@ def test_its_frames_are_rows_with_fields_lines_and_trees(protocol: Protocol, see
 
 @EACH
 def test_it_occurs_in_the_traffic_of_these_tests(protocol: Protocol) -> None:
-    found = [rows for seed in range(4) for rows in rows_of(mixed(seed), 1000) if protocol.name in rows.protocols]
+    every = (rows for seed in range(4) for rows in rows_of(mixed(seed), 1000, all_frames=protocol is OTHER_FRAMES))
+    found = [rows for rows in every if protocol.name in rows.protocols]
     assert sum(int((rows.protocol == rows.protocols.index(protocol.name)).sum()) for rows in found) > 30
 
 

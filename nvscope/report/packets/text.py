@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS
 from nvscope.report.ansi import paint
+from nvscope.view.lines.fit import cut
 from nvscope.view.lines.hexdump import dump
 from nvscope.view.lines.moments import Moment
 from nvscope.view.lines.netvar_line import LineWriter
 from nvscope.view.lines.shown import Spans, Wording
-from nvscope.view.lines.table import Line, Tone
+from nvscope.view.lines.table import Cell, Line, Tone
 from nvscope.view.lines.tree import Trees
 from nvscope.view.rows.frames import FrameRows
 
 if TYPE_CHECKING:
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
+    from nvscope.tracker.can.canopen_since import CanOpenSince
 
 
 class Text:
@@ -27,8 +29,8 @@ class Text:
 
     With ``trees`` a tree takes the place of the line. With ``dumps`` the captured bytes follow. ``width`` limits lines
     and trees, not dumps; None for no limit. ``layouts`` name the variables in trees, ``names`` the nodes in lines, by
-    the text of their address, ``pdos`` the lists on CAN; ``protocols`` are those that rows may be of. With and without
-    ``colour`` the text is the same.
+    the text of their address, ``pdos`` the lists on CAN, ``canopen`` what is CANopen's; ``protocols`` are those that
+    rows may be of. With and without ``colour`` the text is the same.
     """
 
     def __init__(
@@ -42,13 +44,15 @@ class Text:
         layouts: Layouts | None = None,
         names: Mapping[str, str] = MappingProxyType({}),
         pdos: Pdos | None = None,
+        canopen: CanOpenSince | None = None,
         protocols: Sequence[Protocol] = PROTOCOLS,
     ) -> None:
         self._trees = trees
         self._dumps = dumps
         self._width = width
+        self._number_width = 0
         self._colour = colour
-        self._wording = Wording(names, layouts, pdos)
+        self._wording = Wording(names, layouts, pdos, canopen)
         self._make_trees = {protocol.name: protocol.tree() for protocol in protocols}
         self._lines = {protocol.name: protocol.lines()(moment, width, self._wording) for protocol in protocols}
 
@@ -72,8 +76,15 @@ class Text:
     def _lines_of(self, rows: FrameRows) -> Iterator[Line]:
         """Yield the lines of the frames of each protocol in turn, as they were captured."""
         made = {name: self._lines[name].lines(own) for name, _, own in rows.by_protocol()}
+        if len(made) == 1:
+            yield from next(iter(made.values()))
+            return
+        # Each line begins with the frame's number, which is as wide in all of them.
+        self._number_width = max(self._number_width, len(str(int(rows.frame_number.max(initial=0)))))
         for row in range(len(rows)):
-            yield next(made[rows.name_of(row)])
+            number, *others = next(made[rows.name_of(row)])
+            line = [Cell(f"{number.text.lstrip(' '):>{self._number_width}}", number.tone), *others]
+            yield line if self._width is None else cut(line, self._width)
 
     def _one_by_one(self, rows: FrameRows) -> Iterator[str]:
         trees = Trees(rows, self._make_trees, self._wording, self._width, dumps=not self._dumps)

@@ -30,6 +30,8 @@ _ASKED, _ANSWERED = (_SERVICES[name] for name in ("SDO request", "SDO answer"))
 _OTHER, _IS_NMT, _IS_EMCY, _IS_HEARTBEAT, _IS_ASKED, _IS_ANSWERED = range(6)
 _BYTES = {_IS_NMT: 2, _IS_EMCY: 8, _IS_HEARTBEAT: 1, _IS_ASKED: 8, _IS_ANSWERED: 8}
 _NO_STATE = -1
+NEVER = int(np.iinfo(np.int64).max)
+"""In place of a frame number that there is not yet."""
 _STATE_BITS = 0x7F
 _AFTER_COMMAND = {1: 5, 2: 4, 128: 127, 129: 0, 130: 0}
 """The state that a node has after an NMT command, by the command's code."""
@@ -51,8 +53,8 @@ _KIND = _kinds()
 class _NodeColumns(KeyedColumns):
     """One row a channel and node; node 0 has the commands to all. Frame numbers are 0, states -1 where there are none.
 
-    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest. ``asked`` and ``answered``
-    count SDOs.
+    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest. The last four are the frames
+    in which a heartbeat, a command, an SDO request and an answer came first, ``NEVER`` where none did.
     """
 
     heartbeats: I64
@@ -68,8 +70,10 @@ class _NodeColumns(KeyedColumns):
     command: I64
     command_ns: I64
     command_frame: I64
-    asked: I64
-    answered: I64
+    beats_from: I64
+    told_from: I64
+    asked_from: I64
+    answered_from: I64
     COLUMNS: ClassVar = {
         "heartbeats": (np.int64(0), 1),
         "boot_ups": (np.int64(0), 1),
@@ -84,8 +88,10 @@ class _NodeColumns(KeyedColumns):
         "command": (np.int64(0), 1),
         "command_ns": (np.int64(0), 1),
         "command_frame": (np.int64(0), 1),
-        "asked": (np.int64(0), 1),
-        "answered": (np.int64(0), 1),
+        "beats_from": (np.int64(NEVER), 1),
+        "told_from": (np.int64(NEVER), 1),
+        "asked_from": (np.int64(NEVER), 1),
+        "answered_from": (np.int64(NEVER), 1),
     }
 
 
@@ -197,6 +203,7 @@ class CanOpen:
         columns.state[run] = state[last]
         columns.last_ns[run] = time_ns[last]
         columns.heartbeats[run] += stop - start
+        np.minimum.at(columns.beats_from, number, batch.row[row] + told.first_frame)
         np.add.at(columns.boot_ups, number[state == 0], 1)
         np.add.at(columns.changes, number[changed & (before != _NO_STATE)], 1)
         if told.is_heard:
@@ -229,28 +236,40 @@ class CanOpen:
         columns.command[run] = command[last]
         columns.command_ns[run] = batch.ts_ns[row[last]]
         columns.command_frame[run] = batch.row[row[last]] + told.first_frame
+        np.minimum.at(columns.told_from, number, batch.row[row] + told.first_frame)
         if told.is_heard:
             self._tell(told, EventKind.NODE_COMMAND, batch, row, number, command.astype(np.int64))
 
-    def _observe_requests(self, _: Told, batch: CanBatch, row: I64) -> None:
+    def _observe_requests(self, told: Told, batch: CanBatch, row: I64) -> None:
         number = self._numbers(batch.channel[row], _node_of(batch, row, _ASKED))
-        np.add.at(self.columns.asked, number, 1)
+        np.minimum.at(self.columns.asked_from, number, batch.row[row] + told.first_frame)
 
-    def _observe_answers(self, _: Told, batch: CanBatch, row: I64) -> None:
+    def _observe_answers(self, told: Told, batch: CanBatch, row: I64) -> None:
         number = self._numbers(batch.channel[row], _node_of(batch, row, _ANSWERED))
-        np.add.at(self.columns.answered, number, 1)
+        np.minimum.at(self.columns.answered_from, number, batch.row[row] + told.first_frame)
+
+    def since(self, lists: Collection[int] = ()) -> I64:
+        """Return of each of ``nodes`` the frame from which on there is evidence of it, ``NEVER`` where there is none.
+
+        The COB-IDs of ``lists`` are not CANopen's.
+        """
+        count, columns = len(self.nodes), self.columns
+        node, taken = self.nodes.low.astype(np.int64), np.array(sorted(lists), np.int64)
+
+        def first(frame: I64, service: Service) -> I64:
+            cob_id = node + (service.first - 1) if service.by_node else np.full(count, service.first)
+            return np.where(np.isin(cob_id, taken), NEVER, frame[:count])
+
+        talks = np.maximum(first(columns.asked_from, _ASKED), first(columns.answered_from, _ANSWERED))
+        told = np.minimum(first(columns.beats_from, _HEARTBEAT), first(columns.told_from, _NMT))
+        return np.minimum(talks, told)
 
     def evidence(self, lists: Collection[int] = ()) -> dict[int, Evidence]:
         """Return by channel of which nodes there is evidence; the COB-IDs of ``lists`` are not CANopen's."""
         found: dict[int, set[int]] = defaultdict(set)
-        columns = self.columns
-        for row, (channel, node) in enumerate(zip(self.nodes.high.tolist(), self.nodes.low.tolist(), strict=True)):
-            beats = columns.heartbeats[row] and _cob_id(_HEARTBEAT, node) not in lists
-            told = columns.commands[row] and _NMT.first not in lists
-            both = columns.asked[row] and columns.answered[row]
-            talks = both and not {_cob_id(_ASKED, node), _cob_id(_ANSWERED, node)} & set(lists)
-            if beats or told or talks:
-                found[channel].add(node)
+        evident = np.flatnonzero(self.since(lists) < NEVER)
+        for channel, node in zip(self.nodes.high[evident].tolist(), self.nodes.low[evident].tolist(), strict=True):
+            found[channel].add(node)
         return {channel: Evidence(frozenset(nodes)) for channel, nodes in found.items()}
 
     def by_channel(self, lists: Collection[int] = ()) -> dict[int, list[CanOpenNode]]:

@@ -108,11 +108,12 @@ CAN_FIELDS = (
                 _fault, lambda frames: frames.fault != Fault.NONE, texts=tuple(filter(None, _FAULTS)),
             ),
             TelegramField(
-                "canopen.function", _TEXT, "Function", "what CANopen uses the identifier for, such as heartbeat",
+                "canopen.function", _TEXT, "Function",
+                "what CANopen's plan has the identifier for, such as heartbeat, whether there is CANopen or not",
                 _function, lambda frames: _function_number(frames) != 0, texts=tuple(filter(None, FUNCTION_NAMES)),
             ),
             TelegramField(
-                "canopen.node", _UNSIGNED, "Node", "node-ID in the identifier, by CANopen", _node,
+                "canopen.node", _UNSIGNED, "Node", "node-ID in the identifier, by CANopen's plan", _node,
                 lambda frames: _node(frames) != 0,
             ),
         )

@@ -13,6 +13,7 @@ from nvscope.view.rows.frames import FrameRows
 
 _ADDRESS_BYTES = 6
 _TYPE_AT = ETHERNET.size_bytes - 2
+_LEAST_TYPE = 0x600  # below it is a length (IEEE 802.3)
 _VLAN_ID = 0x0FFF
 
 
@@ -31,6 +32,18 @@ def _words(rows: FrameRows, own: I64, at: int) -> Numbers:
     """Return the words of two bytes at a place in some of the frames, which have as many."""
     where = rows.packets.offset[rows.row[own]] + at
     return gather_bytes(rows.packets.data, where, 2).view(">u2").reshape(-1).astype(np.int64)
+
+
+def _type(rows: FrameRows) -> Numbers:
+    numbers = np.zeros(len(rows), np.int64)
+    own = np.flatnonzero(_on_ethernet(rows))
+    numbers[own] = _words(rows, own, _TYPE_AT)
+    return numbers
+
+
+def _has_type(rows: FrameRows) -> Bool:
+    told: Bool = _type(rows) >= _LEAST_TYPE
+    return told
 
 
 def _tagged(rows: FrameRows) -> Bool:
@@ -55,6 +68,10 @@ ETHERNET_FIELDS = (
     TelegramField(
         "eth.dst", FieldType.BYTES, "Destination hardware address", "of whom it is for on this network",
         lambda rows: _address(rows, 0), _on_ethernet, separator=":",
+    ),
+    TelegramField(
+        "eth.type", FieldType.UNSIGNED, "EtherType", "of what is inside, 0x8100 of a VLAN tag", _type, _has_type,
+        hex_digits=4,
     ),
     TelegramField(
         "vlan.id", FieldType.UNSIGNED, "VLAN", "number in the outermost tag", _vlan, _tagged,

@@ -25,6 +25,7 @@ class TelegramField:
     the column holds anything. Who has rows asks for ``column`` and ``exists``, which are of all rows.
 
     ``hex_digits`` other than 0: people write the number in hexadecimal. ``calendar``: they write the time as a date.
+    ``of_others``: only frames have it in which no protocol is found that is looked for.
     ``constant``: it is the same in all frames of a variety (``dissectors.varieties``). ``judged``: it is known when the
     whole capture was read. ``values`` are names of its numbers, ``texts`` the only ones it holds, empty where it
     may hold any. ``separator`` stands between bytes. ``refused`` says why the name can be neither filtered
@@ -45,6 +46,7 @@ class TelegramField:
     values: Mapping[str, int] = dataclass_field(default_factory=dict)
     texts: tuple[str, ...] = ()
     separator: str = ""
+    of_others: bool = False
     refused: str = ""
     instead: str = ""
 

@@ -5,12 +5,13 @@ One table for everything that names fields. Names are Wireshark's where it has t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
 from dissectors.headers import IPV4_HIGH, IPV4_LOW
+from dissectors.headers import TCP as TCP_LAYOUT
 from dissectors.headers import UDP as LAYOUT
 from dissectors.transport import IpEnds
 from nvscope.errors import UsageError
@@ -28,7 +29,8 @@ from nvscope.view.fields.can import CAN_FIELDS
 from nvscope.view.fields.ethernet import ETHERNET_FIELDS
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.netvar import NETVAR_FIELDS
-from nvscope.view.rows.frames import IP, UDP, FrameRows
+from nvscope.view.fields.other_frames import DEFAULT_OTHER, OTHER_FIELDS
+from nvscope.view.rows.frames import IP, TCP, UDP, FrameRows
 
 
 def _payload(rows: FrameRows) -> BytesColumn:
@@ -85,6 +87,14 @@ _UDP_FIELDS = (
     ),
 )  # fmt: skip
 
+
+def _tcp_port(name: str, column: str) -> TelegramField:
+    return TelegramField(
+        f"tcp.{name}", _UNSIGNED, f"{TCP_LAYOUT[column].label} of TCP", TCP_LAYOUT[column].help,
+        lambda segments: getattr(segments, column), of=TCP, of_others=True,
+    )  # fmt: skip
+
+
 CARRIER_FIELDS = (
     TelegramField(
         "frame.number", _UNSIGNED, "Frame number", "place among all frames of the capture, from 1",
@@ -121,10 +131,14 @@ CARRIER_FIELDS = (
     *ETHERNET_FIELDS,
     *_IP_FIELDS,
     *_UDP_FIELDS,
+    _tcp_port("srcport", "source_port"),
+    _tcp_port("dstport", "destination_port"),
 )  # fmt: skip
 """The fields of all frames, and of what carries protocols."""
 
-FIELDS = MappingProxyType({field.name: field for field in (*CARRIER_FIELDS, *NETVAR_FIELDS, *CAN_FIELDS)})
+FIELDS = MappingProxyType(
+    {field.name: field for field in (*CARRIER_FIELDS, *NETVAR_FIELDS, *CAN_FIELDS, *OTHER_FIELDS)}
+)
 """All fields by name, in the order in which they are listed."""
 
 DEFAULT_CAN_FIELDS = (FIELDS["frame.number"], FIELDS["frame.time"], *CAN_FIELDS)
@@ -141,13 +155,33 @@ DEFAULT_FIELDS = (
 )
 """What is written of other captures where nobody says which fields are wanted."""
 
-EITHER_OF = MappingProxyType({"ip.addr": ("ip.src", "ip.dst"), "udp.port": ("udp.srcport", "udp.dstport")})
+DEFAULT_ALL_FIELDS = (
+    FIELDS["frame.number"],
+    FIELDS["frame.time"],
+    FIELDS["frame.len"],
+    FIELDS["eth.src"],
+    FIELDS["eth.dst"],
+    FIELDS["eth.type"],
+    *DEFAULT_FIELDS[2:],
+    FIELDS["tcp.srcport"],
+    FIELDS["tcp.dstport"],
+    *DEFAULT_OTHER,
+)
+"""What is written of other captures where all frames are wanted, and nobody says which fields are."""
+
+EITHER_OF = MappingProxyType(
+    {
+        "eth.addr": ("eth.src", "eth.dst"), "ip.addr": ("ip.src", "ip.dst"), "udp.port": ("udp.srcport", "udp.dstport"),
+        "tcp.port": ("tcp.srcport", "tcp.dstport"),
+    }
+)  # fmt: skip
 """Names that expressions know beside the fields: each stands for the fields of both sides."""
 
 PROTOCOL_TESTS = MappingProxyType(
     {
-        "frame": "frame.number", "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "udp.dstport",
-        "nv": "nv.id", "can": "can.id", "canfd": "can.fd", "canopen": "canopen.function",
+        "frame": "frame.number", "eth": "eth.dst", "vlan": "vlan.id", "ip": "ip.version == 4",
+        "ipv6": "ip.version == 6", "udp": "udp.dstport", "tcp": "tcp.dstport", "nv": "nv.id", "can": "can.id",
+        "canfd": "can.fd", "canopen": "canopen.function",
     }
 )  # fmt: skip
 """Names of protocols, each with the expression that chooses the telegrams that have it; as in Wireshark, ``ip`` is
@@ -193,8 +227,13 @@ def expression_names(fields: Mapping[str, TelegramField]) -> Words[Named]:
     return _Names(words_of(fields))
 
 
-def output_field(name: str, fields: Mapping[str, TelegramField] = FIELDS) -> TelegramField:
-    """Return the field of a name, in any case, that -e may name; UsageError, with the nearest names, where none is."""
+def output_field(
+    name: str, fields: Mapping[str, TelegramField] = FIELDS, *, all_frames: bool = False
+) -> TelegramField:  # fmt: skip
+    """Return the field of a name, in any case, that -e may name; UsageError, with the nearest names, where none is.
+
+    ``all_frames``: it may be one that only frames have in which no protocol is found that is looked for.
+    """
     wanted = "".join(name.split())
     spelled = words_of(fields).spelled(wanted)
     if spelled is None:
@@ -204,9 +243,19 @@ def output_field(name: str, fields: Mapping[str, TelegramField] = FIELDS) -> Tel
     field = fields[spelled]
     if field.refused:
         raise UsageError(f"{field.name}: {visible(field.refused)!s}", next_step=visible(field.instead))
+    if field.of_others and not all_frames:
+        raise of_others([field.name])
     if field.judged:
         raise UsageError(
             f"{field.name} is for -Y only: it is known when the whole capture was read",
             next_step="`nvscope report --json` tells it",
         )
     return field
+
+
+def of_others(names: Sequence[str]) -> UsageError:
+    """Return that fields of frames that are no telegrams were asked for where only telegrams are looked at."""
+    return UsageError(
+        f"{', '.join(names)}: no telegram has it",
+        next_step="`nvscope packets` shows frames of all kinds, and filters them",
+    )

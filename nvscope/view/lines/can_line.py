@@ -26,13 +26,13 @@ class CanLineWriter:
     """Makes the lines of the CAN frames of pieces that follow each other; columns never get narrower.
 
     No line is wider than ``width`` (None: as wide as it takes); what a frame means goes before its last bytes.
-    ``wording`` names the lists.
+    ``wording`` names the lists, and what is CANopen's.
     """
 
     def __init__(self, moment: Moment = "r", width: int | None = None, wording: Wording = NO_WORDING) -> None:
         self._moment: Moment = moment
         self._width = width
-        self._meanings = Meanings(wording.pdos)
+        self._meanings = Meanings(wording)
         self._widths = [0] * 5
 
     def lines(self, rows: FrameRows) -> Iterator[Line]:
@@ -55,8 +55,9 @@ class CanLineWriter:
         self._widths = [
             max(width, max(map(len, column), default=0)) for width, column in zip(self._widths, columns, strict=True)
         ]
+        numbers = rows.frame_number.tolist()
         for row, (number, time, channel, identifier, length) in enumerate(zip(*columns, strict=True)):
-            meaning = self._meanings.of(channels[int(frames.channel[row])], frames, row)
+            meaning = self._meanings.of(channels[int(frames.channel[row])], frames, row, numbers[row])
             data = "" if frames.remote[row] else frames.payload(row).hex(" ").upper()
             flags = flags_of(frames, row)
             line = [

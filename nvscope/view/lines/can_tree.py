@@ -31,7 +31,7 @@ from nvscope.view.rows.frames import CAN, FrameRows
 
 
 class CanTree:
-    """The part of a tree that is about a CAN frame, as a ``Tree``; ``wording`` has the defined lists."""
+    """The part of a tree that is about a CAN frame, as a ``Tree``; ``wording`` has the defined lists, and CANopen."""
 
     def __init__(self, rows: FrameRows, wording: Wording, *, dumps: bool = True) -> None:
         found = rows.parts[CAN]
@@ -42,7 +42,8 @@ class CanTree:
         self._channel = rows.channel
         self._pdos = wording.pdos
         self._dumps = dumps
-        self._meanings = Meanings(wording.pdos)
+        self._meanings = Meanings(wording)
+        self._number = rows.frame_number[found.positions(len(rows))]
 
     def spans(self, place: int) -> Spans:
         at = int(self._frames.at[place] - self._packet_at[place])
@@ -67,7 +68,7 @@ class CanTree:
         kind += f", {way}" if way else ""
         told = f"  {identifier} on {channel}{kind}" + (f", {bits} bits on the wire" if bits else "")
         yield Entry([Cell("CAN", Tone.STRONG), Cell(told)])
-        meaning = self._meanings.of(name, frame, 0)
+        meaning = self._meanings.of(name, frame, 0, int(self._number[place]))
         if meaning.text:
             sign = {Tone.ERROR: "✗ ", Tone.WARNING: "! "}.get(meaning.tone, "")
             yield Entry([Cell(f"{'':{INDENT}}{sign}{meaning.text}", meaning.tone)])

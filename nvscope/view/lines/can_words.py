@@ -1,9 +1,8 @@
-"""What CAN frames are in words: the list they carry, their function in CANopen, or what an error frame tells."""
+"""What CAN frames are in words: the list they carry, or what an error frame tells; with evidence, CANopen's."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from dissectors.can.canopen import describe
 from dissectors.can.error import describe_error
@@ -12,10 +11,8 @@ from nvscope.findings.can import DLC_MISMATCH
 from nvscope.list_key import ListKey
 from nvscope.units import count_of
 from nvscope.view.escape import visible
+from nvscope.view.lines.shown import NO_WORDING, Wording
 from nvscope.view.lines.table import Tone
-
-if TYPE_CHECKING:
-    from nvscope.definition.pdos import Pdos
 
 FAULT_WORDS = {
     Fault.SHORT: "shorter than a CAN frame",
@@ -49,14 +46,15 @@ def flags_of(frames: CanBatch, row: int) -> str:
 
 
 class Meanings:
-    """Tells what frames mean; equal ones are asked of the definitions once. ``pdos`` are the defined lists."""
+    """Tells what frames mean, by the defined lists, and what there is of CANopen; each COB-ID is asked for once."""
 
-    def __init__(self, pdos: Pdos | None = None) -> None:
-        self._pdos = pdos
+    def __init__(self, wording: Wording = NO_WORDING) -> None:
+        self._pdos = wording.pdos
+        self._canopen = wording.canopen
         self._lists: dict[ListKey, str] = {}
 
-    def of(self, channel: str, frames: CanBatch, row: int) -> Meaning:
-        """Return what one of some frames means, on a channel of this name."""
+    def of(self, channel: str, frames: CanBatch, row: int, frame_number: int) -> Meaning:
+        """Return what one of some frames means, on a channel of this name; ``frame_number`` is its place."""
         fault = int(frames.fault[row])
         if fault:
             return Meaning(FAULT_WORDS[Fault(fault)], Tone.WARNING)
@@ -70,6 +68,8 @@ class Meanings:
         if listed:
             size = "" if frames.remote[row] else self._wrong_size(key, int(frames.length[row]))
             return Meaning(f"{listed}{size}", Tone.WARNING if size else Tone.STRONG)
+        if self._canopen is None or not self._canopen.of_frame(int(frames.channel[row]), identifier, frame_number):
+            return Meaning("")
         return Meaning(describe(identifier, data, bool(frames.remote[row])), Tone.FAINT)
 
     def _wrong_size(self, key: ListKey, size_bytes: int) -> str:

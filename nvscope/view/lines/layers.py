@@ -36,7 +36,7 @@ class Layer:
 def layers_of_datagram(packet: bytes, link: int, payload_at: int) -> list[Layer]:
     """Return the headers of a UDP datagram whose payload begins at ``payload_at`` of the packet, without gaps."""
     udp_at = payload_at - UDP.size_bytes
-    return [*_up_to_transport(packet, link, udp_at), Layer(UDP, udp_at, payload_at)]
+    return [*layers_up_to(packet, link, udp_at), Layer(UDP, udp_at, payload_at)]
 
 
 def layers_of_segment(packet: bytes, link: int, tcp_at: int, payload_at: int) -> list[Layer]:
@@ -45,14 +45,14 @@ def layers_of_segment(packet: bytes, link: int, tcp_at: int, payload_at: int) ->
     The header was captured whole, its options perhaps not.
     """
     options_at = tcp_at + TCP.size_bytes
-    found = [*_up_to_transport(packet, link, tcp_at), Layer(TCP, tcp_at, options_at)]
+    found = [*layers_up_to(packet, link, tcp_at), Layer(TCP, tcp_at, options_at)]
     if options_at < payload_at:
         found.append(Layer(None, options_at, payload_at))
     return found
 
 
-def _up_to_transport(packet: bytes, link: int, transport_at: int) -> list[Layer]:
-    """Return the headers of a packet in front of its transport header."""
+def layers_up_to(packet: bytes, link: int, transport_at: int) -> list[Layer]:
+    """Return the headers of an IP packet in front of its transport header."""
     found = link_layers(packet, link, transport_at)
     at = found[-1].stop if found else 0
     if at < transport_at:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 
 from dissectors.layout import Layout
 from nvscope import units
@@ -34,22 +35,34 @@ class MessageTree(TransportTree):
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
         start, data, stop = self.spans(place)
         yield Entry([Cell(self._layout.title, Tone.STRONG)])
-        for entry in self._layout:
-            begin = start + self._layout.offset_of(entry.name)
-            content = packet[begin : min(begin + entry.size_bytes, stop)]
-            head = [place_cell(begin, content), label_cell(entry.label)]
-            if len(content) < entry.size_bytes:
-                yield Entry([*head, Cell("missing, or not captured", Tone.WARNING)])
-                continue
-            if entry.dtype.startswith("V"):
-                yield Entry([*head, Cell(content.hex(":"))], entry.help)
-                continue
-            number = int.from_bytes(content, "big" if entry.dtype.startswith(">") else "little")
-            named = f"  {entry.values[number]}" if number in entry.values else ""
-            yield Entry([*head, Cell(f"{number_text(entry, number)}{named}")], "" if named else entry.help)
-            if entry.bits:
-                yield from bit_entries(entry, number)
+        yield from table_entries(self._layout, packet, start, stop)
         if data < stop:
             facts = [Cell(f"  {units.count_of(stop - data, 'byte')}")]
             yield from bytes_entries("Data", facts, packet[data:stop], data, dumps=self._dumps)
         yield from trailer_entries(packet, stop, dumps=self._dumps)
+
+
+def table_entries(
+    layout: Layout, packet: bytes, start: int, stop: int,
+    tell: Mapping[str, Callable[[int], str]] = MappingProxyType({}),
+) -> Iterator[Entry]:  # fmt: skip
+    """Yield a line for each field of a table that begins at ``start`` of a packet, and was captured up to ``stop``.
+
+    ``tell`` writes the numbers of some fields, by name.
+    """
+    for entry in layout:
+        begin = start + layout.offset_of(entry.name)
+        content = packet[begin : max(begin, min(begin + entry.size_bytes, stop))]
+        head = [place_cell(begin, content), label_cell(entry.label)]
+        if len(content) < entry.size_bytes:
+            yield Entry([*head, Cell("missing, or not captured", Tone.WARNING)])
+            continue
+        if entry.dtype.startswith("V"):
+            yield Entry([*head, Cell(content.hex(":"))], entry.help)
+            continue
+        number = int.from_bytes(content, "big" if entry.dtype.startswith(">") else "little")
+        named = f"  {entry.values[number]}" if number in entry.values else ""
+        text = tell[entry.name](number) if entry.name in tell else number_text(entry, number)
+        yield Entry([*head, Cell(f"{text}{named}")], "" if named else entry.help)
+        if entry.bits:
+            yield from bit_entries(entry, number)

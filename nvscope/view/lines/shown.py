@@ -15,15 +15,20 @@ from nvscope.view.rows.frames import FrameRows
 if TYPE_CHECKING:  # without definitions, nothing of them is imported
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
+    from nvscope.tracker.can.canopen_since import CanOpenSince
 
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """What people call things: ``names`` of nodes by the text of their address, defined lists on UDP and on CAN."""
+    """What people call things: ``names`` of nodes by the text of their address, defined lists on UDP and on CAN.
+
+    ``canopen`` tells which CAN frames are CANopen's by what the capture has shown so far; without it, none are.
+    """
 
     names: Mapping[str, str] = field(default_factory=dict)
     layouts: Layouts | None = None
     pdos: Pdos | None = None
+    canopen: CanOpenSince | None = None
 
 
 NO_WORDING = Wording()

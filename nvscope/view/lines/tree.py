@@ -15,7 +15,8 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import I64
-from dissectors.headers import PROTOCOL_TCP, PROTOCOL_UDP, TCP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
+from dissectors.headers import TCP, TYPE_ARP, TYPE_IPV4, TYPE_IPV6, VLAN_TYPES
+from dissectors.icmp import IP_PROTOCOLS
 from dissectors.layout import Field, Layout
 from nvscope import units
 from nvscope.expression.typed_columns import FieldType
@@ -37,8 +38,7 @@ _JOINED = {
 }
 """Fields that are one to people: the field that follows, and what both together are called."""
 
-_ETHERTYPES = {TYPE_IPV4: "IPv4", TYPE_IPV6: "IPv6", **dict.fromkeys(VLAN_TYPES, "VLAN tag")}
-_TRANSPORTS = {PROTOCOL_TCP: "TCP", PROTOCOL_UDP: "UDP"}
+_ETHERTYPES = {TYPE_IPV4: "IPv4", TYPE_ARP: "ARP", TYPE_IPV6: "IPv6", **dict.fromkeys(VLAN_TYPES, "VLAN tag")}
 _DIRECTIONS = {0: "to this host", 1: "broadcast", 2: "multicast", 3: "to another host", 4: "sent by this host"}
 _DONT_FRAGMENT = 0x4000
 
@@ -48,9 +48,9 @@ _MEANINGS: Mapping[tuple[str, str], Callable[[int], str]] = {
     ("vlan", "tci"): lambda number: f"VLAN {number & 0xFFF}, priority {number >> 13}",
     ("ip", "version_ihl"): lambda number: f"version {number >> 4}, {(number & 15) * 4} bytes",
     ("ip", "fragment"): lambda number: "do not fragment" if number & _DONT_FRAGMENT else "may be fragmented",
-    ("ip", "protocol"): lambda number: _TRANSPORTS.get(number, ""),
+    ("ip", "protocol"): lambda number: IP_PROTOCOLS.get(number, ""),
     ("ipv6", "version"): lambda number: f"version {number >> 4}",
-    ("ipv6", "next"): lambda number: _TRANSPORTS.get(number, ""),
+    ("ipv6", "next"): lambda number: IP_PROTOCOLS.get(number, ""),
     ("udp", "checksum"): lambda number: "not verified" if number else "none",
     ("tcp", "offset"): lambda number: f"{(number >> 4) * 4} bytes",
     ("tcp", "flags"): lambda number: ", ".join(bit.name for bit in TCP["flags"].bits if number >> bit.position & 1),

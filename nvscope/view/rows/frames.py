@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,15 +13,21 @@ from dissectors.can.frame import CanBatch
 from dissectors.carried import Carried, Carrier
 from dissectors.netvar import TelegramBatch
 from dissectors.sorted_telegrams import SortedTelegrams
-from dissectors.transport import DatagramBatch, IpEnds
+from dissectors.transport import DatagramBatch, IpEnds, SegmentBatch
 from nvscope.capture.spans import stretches
 from nvscope.engine.told import Told
+
+if TYPE_CHECKING:  # without being asked for all frames, nothing of them is imported
+    from dissectors.other_frames import OtherFrames
 
 NETVAR, CAN = "nv", "can"
 """Network variables on UDP, and CAN frames, among the protocols of frames."""
 
 IP, UDP, TCP = "ip", "udp", "tcp"
 """What protocols are carried over: parts of frames too, but no frame is of these alone."""
+
+OTHER, ARP, ICMP, ICMPV6 = "other", "arp", "icmp", "icmpv6"
+"""The protocol of frames in which no other is found, which are rows where all frames are wanted; what is in them."""
 
 _CARRIERS = (IP, UDP, TCP)
 _PIECE_FRAMES = 8192
@@ -89,7 +95,8 @@ class FrameRows:
         """Return some packets of a batch, rising, in each of which something was found."""
         carried = told.varieties.carried.of_packets(told.variety[packet], told.packets.offset[packet])
         parts = _Parts(packet)
-        if told.can is None and not told.parts:
+        others = told.others
+        if told.can is None and not told.parts and others is None:
             parts.add_telegrams(SortedTelegrams(told.batch, packet), None)
         else:
             on_udp = np.flatnonzero(carried.carrier == Carrier.UDP)
@@ -98,6 +105,8 @@ class FrameRows:
                 parts.add(CAN, told.can)
             for name, part in told.parts.items():
                 parts.add(name, part)
+            if others is not None:
+                parts.add_others(others)
             parts.add_carriers(told)
         return FrameRows(
             told.packets, packet, tuple(parts.found), parts.protocol(), parts.found | parts.carriers, carried,
@@ -247,14 +256,26 @@ class _Parts:
     def add_carriers(self, told: Told) -> None:
         """Add over what the parts came that are no telegrams."""
         own = [self.carriers[UDP].part] if UDP in self.carriers else []
-        datagrams, segments = (self._of_packets(part) for part in (told.batch.datagrams, told.batch.segments))
-        if datagrams:
-            self._carry(UDP, DatagramBatch.joined([*own, datagrams.part]))
-        if segments:
-            self._carry(TCP, segments.part)
-        if datagrams or segments:
-            over = [self.carriers[name].part for name in (UDP, TCP) if name in self.carriers]
-            self._carry(IP, IpEnds.joined(over))
+        others = told.others
+        udp, tcp = [*own, *self._known(told.batch.datagrams, others)], self._known(told.batch.segments, others)
+        ends: list[IpEnds] = [*udp, *tcp]
+        if others is not None:
+            udp += self._known(others.udp)
+            tcp += self._known(others.tcp)
+            ends += self._known(others.ends)
+        if len(udp) > len(own):
+            self._carry(UDP, DatagramBatch.joined(udp))
+        if tcp:
+            self._carry(TCP, SegmentBatch.joined(tcp))
+        if len(ends) > len(own):
+            self._carry(IP, IpEnds.joined(ends))
+
+    def add_others(self, others: OtherFrames) -> None:
+        """Add the frames in which nothing else was found, and what is in them."""
+        self.add(OTHER, others.frames)
+        for name, part in ((ARP, others.arp), (ICMP, others.icmp), (ICMPV6, others.icmpv6)):
+            if found := self._of_packets(part):
+                self.carriers[name] = found
 
     def protocol(self) -> U8:
         """Return which of what was found each packet is of."""
@@ -263,6 +284,13 @@ class _Parts:
             if found.at is not None:
                 number[found.at] = place
         return number
+
+    def _known(self, part: Any, others: OtherFrames | None = None) -> list[Any]:
+        """Return what of a part lies in the packets, none of it in frames that were read otherwise; [] without any."""
+        if others is not None and len(part):
+            part = part.take(~np.isin(part.row, others.frames.row))
+        found = self._of_packets(part)
+        return [found.part] if found else []
 
     def _carry(self, name: str, part: Any) -> None:
         at = np.searchsorted(self.packet, part.row)
@@ -280,12 +308,13 @@ class _Parts:
 
 
 class PacketRows:
-    """The telegrams, CAN frames and what else is found of batches as ``FrameRows``.
+    """The telegrams, CAN frames and what else is found of batches, or all their frames, as ``FrameRows``.
 
     After ``limit`` frames there are no more (``full``), whether the filter chose them or not; those that it does not
     choose are left out, and count as not shown. Pieces are small in frames and in bytes, so that text made of one of
-    them stays small too. ``frames``, ``telegrams`` (frames in which something was found) and ``fragments`` (IP
-    fragments, which are not put together) count what has been read so far, ``shown`` what was chosen.
+    them stays small too. ``frames``, ``telegrams`` (frames in which something was found, or all where all are wanted)
+    and ``fragments`` (IP fragments, which are not put together) count what has been read so far, ``shown`` what was
+    chosen.
     """
 
     by_stream: ClassVar[bool] = False
@@ -308,7 +337,7 @@ class PacketRows:
         """Take a batch, which follows those observed so far."""
         self.fragments += told.batch.fragments
         self.frames += len(told)
-        own = told.recognised
+        own = told.wanted
         if self._limit is not None:
             own = own[: self._limit - self.telegrams]
         self.telegrams += len(own)
