@@ -27,6 +27,7 @@ from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project
 from nvscope.definition.project_file import read_project
 from nvscope.errors import UsageError
+from nvscope.extras import require
 from nvscope.tracker.figures import (
     BIT_RATES,
     BUS_COUNTERS,
@@ -69,8 +70,10 @@ def open_captures(
     ``definitions`` are files that the PLC project exports, with those of the types they use; they take the place of
     those that a project file names. ``project`` is that file; True looks for ``nvscope.toml`` upwards from the working
     directory. ``where`` is a display filter. Names that no file declares are a warning. UsageError where the filter
-    cannot be understood, UnreadableInput where a file cannot be opened or is no capture.
+    cannot be understood or polars and pyarrow are not installed, UnreadableInput where a file cannot be opened or is
+    no capture.
     """
+    require("data frames need", "polars", "pyarrow")
     paths = _paths("captures", captures)
     files = None if definitions is None else _paths("definitions", definitions)
     found = find_project(Path.cwd()) if project is True else Path(project) if project else None

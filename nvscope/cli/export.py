@@ -27,6 +27,7 @@ from nvscope.cli.sources import (
 )
 from nvscope.cli.terminal import echo
 from nvscope.errors import ExitCode, UsageError
+from nvscope.extras import require
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
@@ -149,6 +150,7 @@ def export(
     from nvscope.whole_files import WholeFiles
 
     format_of(write)
+    require("export needs", "polars", "pyarrow")
     between = asked_range(from_time, to_time, utc=utc)
     plant = with_channels(project_of(project, gvl), channel_map)
     inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)

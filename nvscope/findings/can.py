@@ -13,7 +13,7 @@ from nvscope.units import cob_id, count, count_of, duration, percent
 if TYPE_CHECKING:
     from nvscope.definition.pdos import Pdo
     from nvscope.findings.facts import Facts
-    from nvscope.tracker.can.summary import CanListSummary
+    from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 
 DLC_MISMATCH = FindingKind(
     "NV603",
@@ -69,12 +69,12 @@ def _lengths(facts: Facts) -> Iterator[Finding]:
     unfitting = facts.state.values.unfitting if facts.state.values else None
     for entry, stream in facts.pdo_streams():
         key = entry.key._replace(identifier=stream.cob_id)
-        pdo, sizes = None if stream.extended else facts.pdos.pdo_of(key), facts.lengths_of_stream[stream.stream]
+        pdo = None if stream.extended else facts.pdos.pdo_of(key)
         if unfitting is not None and pdo is not None and pdo.layout is not None:
             if not unfitting.count[stream.stream]:
                 continue
             events = events_of(unfitting, stream.stream)
-            wrong = [size for size in sizes if facts.pdos.fitting(key, size) is None]
+            wrong = [size for size in _sizes(facts, entry, stream) if facts.pdos.fitting(key, size) is None]
             message = (
                 f"{count_of(events.count, 'frame')} of {count(stream.telegrams)} "
                 f"{'has' if events.count == 1 else 'have'} {_bytes(wrong)}, not the {pdo.layout.layout.size_bytes} "
@@ -83,8 +83,8 @@ def _lengths(facts: Facts) -> Iterator[Finding]:
         elif (entry.number, stream.subindex) in changes:
             events = changes[entry.number, stream.subindex]
             message = (
-                f"The length of the frames changed {count_of(events.count, 'time')}: they have {_bytes(sizes)}, the "
-                f"last one {stream.length}."
+                f"The length of the frames changed {count_of(events.count, 'time')}: they have "
+                f"{_bytes(_sizes(facts, entry, stream))}, the last one {stream.length}."
             )
         else:
             continue
@@ -92,6 +92,13 @@ def _lengths(facts: Facts) -> Iterator[Finding]:
             DLC_MISMATCH, message, events.count, events.first_ns, events.last_ns, events.frames,
             entry.number, None, stream.subindex,
         )  # fmt: skip
+
+
+def _sizes(facts: Facts, entry: CanListSummary, stream: CanStreamSummary) -> list[int]:
+    """Return how many bytes of data the frames of a COB-ID had, rising."""
+    state = facts.state
+    channel = int(state.keys.lists.words[1][entry.number])
+    return state.buses.load.identifiers.lengths_of(channel, stream.cob_id, extended=stream.extended)
 
 
 def _bytes(sizes: Sequence[int]) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from nvscope.capture.formats import CAN_LOGS
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
-from nvscope.engine.keys import LENGTH_SHIFT, NOBODY_KEY, FrameKind
+from nvscope.engine.keys import NOBODY_KEY
 from nvscope.findings.finding import Events, all_events
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.torn_cycles import CycleSizes
@@ -89,16 +89,6 @@ class Facts:
         for entry, stream in self.streams():
             places[entry.number, stream.subindex].append(stream)
         return places
-
-    @cached_property
-    def lengths_of_stream(self) -> dict[int, list[int]]:
-        """How many bytes of data the frames of each stream on CAN had, rising."""
-        varieties, lengths = self.state.keys.varieties, defaultdict(set)
-        own = np.flatnonzero(varieties.column("kind") == FrameKind.PDO)
-        size = (varieties.signature[own] >> LENGTH_SHIFT).astype(np.int64) & 0xFFFF
-        for stream, length in zip(varieties.stream[own].tolist(), size.tolist(), strict=True):
-            lengths[stream].add(length)
-        return {stream: sorted(found) for stream, found in lengths.items()}
 
     @cached_property
     def lost_of_node(self) -> list[int]:

@@ -5,7 +5,6 @@ A file that ends that process is damaged, and told so; so is one for which it ta
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import signal
 import subprocess
@@ -41,6 +40,7 @@ from nvscope.capture.reader import Reader, ReadingSizes
 from nvscope.capture.source import Truncation
 from nvscope.capture.time_span import TIME_LIMIT_NS
 from nvscope.errors import UnreadableInput
+from nvscope.extras import require
 
 _LARGEST_BLOCK_BYTES = 64 << 20
 _MAX_DLC = 15
@@ -57,12 +57,7 @@ class MdfReader(Reader):
 
     def __init__(self, content: Content, sizes: ReadingSizes) -> None:
         super().__init__(content, sizes)
-        if importlib.util.find_spec("asammdf") is None:
-            raise UnreadableInput(
-                "an MDF 4 log, for which the package asammdf is missing",
-                where=content.path,
-                next_step='install it: pip install "nvscope[mf4]"',
-            )
+        require("reading an MDF 4 log needs", "asammdf", path=content.path)
         self._path = content.disk_path
         self._pieces = iter(()) if self._path else content.pieces()
         self._names = ChannelNames(self.channels)

@@ -9,7 +9,7 @@ import numpy as np
 from dissectors.batch import I64, U64, Bool
 from dissectors.can.bits import WireBits
 from dissectors.can.frame import CanBatch, Fault
-from dissectors.can.pdo import words
+from dissectors.can.pdo import EXTENDED, words
 from dissectors.keys import KeyTable
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import add_sums, runs_of, stable_order
@@ -19,8 +19,15 @@ _STANDARD = 1 << 11
 _DENSE_CHANNELS = 64
 
 
+_LONG = 63
+"""So many bytes of data or more share a bit: up to CAN FD only 64 of them."""
+
+
 class IdentifierColumns(KeyedColumns):
-    """One row an identifier of a channel: its frames with and without data, and their exact bits at both bit rates."""
+    """One row an identifier of a channel: its frames with and without data, and their exact bits at both bit rates.
+
+    ``lengths`` are those of its data: bit n for n bytes, bit 63 for more, the most of which are ``longest``.
+    """
 
     frames: I64
     bits: I64
@@ -28,9 +35,12 @@ class IdentifierColumns(KeyedColumns):
     first_ns: I64
     last_ns: I64
     first_frame: I64
+    lengths: U64
+    longest: I64
     COLUMNS: ClassVar = {
-        name: (np.int64(0), 1) for name in ("frames", "bits", "fast_bits", "first_ns", "last_ns", "first_frame")
-    }
+        name: (np.int64(0), 1)
+        for name in ("frames", "bits", "fast_bits", "first_ns", "last_ns", "first_frame", "longest")
+    } | {"lengths": (np.uint64(0), 1)}
 
 
 class CanIdentifiers:
@@ -80,7 +90,17 @@ class CanIdentifiers:
         if bits.fast.any():
             add_sums(columns.fast_bits, number, bits.fast, rows)
         columns.last_ns[number] = frames.ts_ns  # of equal numbers, the last one stays
+        _add_lengths(columns, number, frames)
         return beyond
+
+    def lengths_of(self, channel: int, identifier: int, *, extended: bool) -> list[int]:
+        """Return how many bytes of data the frames of an identifier had, rising; of those above 62 only the most."""
+        word = identifier | (EXTENDED if extended else 0)
+        (row,) = self.keys.find(np.array([channel], np.uint64), np.array([word], np.uint64)).tolist()
+        if row < 0:
+            return []
+        seen, longest = int(self.columns.lengths[row]), int(self.columns.longest[row])
+        return [longest if length == _LONG else length for length in range(_LONG + 1) if seen >> length & 1]
 
     def take(self, part: CanIdentifiers) -> None:
         """Take over the identifiers of other channels."""
@@ -125,3 +145,15 @@ class CanIdentifiers:
         kept = missing[room[seen]]
         number[kept] = self.keys.find(channel[kept], word[kept])
         return number
+
+
+def _add_lengths(columns: IdentifierColumns, number: I64, frames: CanBatch) -> None:
+    """Take the lengths of frames with data, the rows of whose identifiers are ``number``."""
+    length = frames.length.astype(np.int64)
+    bit = np.uint64(1) << np.minimum(length, _LONG).astype(np.uint64)
+    # Nearly all frames are as long as those before.
+    fresh = np.flatnonzero((bit & ~columns.lengths[number] != 0) & ~frames.remote | (length > _LONG))
+    if len(fresh):
+        fresh = fresh[~frames.remote[fresh]]
+        np.bitwise_or.at(columns.lengths, number[fresh], bit[fresh])
+        np.maximum.at(columns.longest, number[fresh], length[fresh])

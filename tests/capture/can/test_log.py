@@ -9,7 +9,6 @@ import sqlite3
 import subprocess
 import sys
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -243,15 +242,6 @@ def test_an_sqlite_file_that_is_no_log(tmp_path: Path) -> None:
     with pytest.raises(UnreadableInput, match="without a table 'messages'") as caught:
         open_source([str(path)])
     assert "DataLogger" in caught.value.next_step
-
-
-def test_mdf_without_its_package_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = written(tmp_path / "a.mf4", some_frames(7, 3))
-    hidden: Callable[[str], None] = lambda _: None  # noqa: E731
-    monkeypatch.setattr("importlib.util.find_spec", hidden)
-    with pytest.raises(UnreadableInput, match="asammdf is missing") as caught:
-        open_source([str(path)])
-    assert "pip install" in caught.value.next_step
 
 
 def test_a_container_that_expands_greatly_is_bounded(tmp_path: Path) -> None:

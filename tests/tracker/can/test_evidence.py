@@ -107,6 +107,19 @@ def test_a_length_that_changes_is_told_with_both() -> None:
     assert one["message"] == "The length of the frames changed 5 times: they have 6 or 8 bytes, the last one 6."
 
 
+def test_lengths_are_those_of_the_whole_capture_however_many_identifiers_come_between(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Kinds of frames are forgotten when there are too many of them; what was seen of an identifier is not."""
+    frames = frames_of((0x300, bytes(8)), (0x301, bytes(2)), (0x300, bytes(6)), (0x301, bytes(2)))[:3]
+    frames += [(frames[-1][0] + place * MS, 0, 0x8000_0000 | place, b"") for place in range(1, 40)]
+    whole = report(frames, 1)["findings"]
+    monkeypatch.setattr("dissectors.sorter.MOST_VARIETIES", 5)
+    assert report(frames, 1)["findings"] == whole
+    (one,) = [finding for finding in whole if finding["code"] == "NV603"]
+    assert one["message"] == "The length of the frames changed 1 time: they have 6 or 8 bytes, the last one 6."
+
+
 def loaded(bit_rate: int) -> dict[str, Any]:
     frames = [(START_NS + number * MS, 0, 0x300, bytes(8)) for number in range(3000)]
     state = TrackerState()

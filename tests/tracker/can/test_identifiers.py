@@ -33,19 +33,24 @@ def test_identifiers_are_those_counted_frame_by_frame_whatever_the_cut(seed: int
     columns = seen.columns
     found = {
         key: (int(columns.frames[row]), int(columns.bits[row]), int(columns.first_ns[row]), int(columns.last_ns[row]),
-              int(columns.first_frame[row]))
+              int(columns.first_frame[row]), seen.lengths_of(key[0], key[1] & ~EXTENDED, extended=key[1] >= EXTENDED))
         for row, key in enumerate(zip(seen.keys.high.tolist(), seen.keys.low.tolist(), strict=True))
     }  # fmt: skip
     assert found == counted(frames)
 
 
-def counted(frames: list[Frame]) -> dict[tuple[int, int], tuple[int, int, int, int, int]]:
+Counted = tuple[int, int, int, int, int, list[int]]
+
+
+def counted(frames: list[Frame]) -> dict[tuple[int, int], Counted]:
     bits = wire_bits(dissect_can(batch(frames)), Stuffing.EXACT).nominal.tolist()
-    told: dict[tuple[int, int], tuple[int, int, int, int, int]] = {}
-    for number, (time_ns, channel, word, _) in enumerate(frames, 1):
+    told: dict[tuple[int, int], Counted] = {}
+    for number, (time_ns, channel, word, data) in enumerate(frames, 1):
         if word & 0x2000_0000:
             continue
         key = channel, (word & 0x1FFF_FFFF) | (EXTENDED if word >> 31 else 0)
-        sent, size, first_ns, _, frame = told.get(key, (0, 0, time_ns, 0, number))
-        told[key] = sent + 1, size + bits[number - 1], first_ns, time_ns, frame
+        sent, size, first_ns, _, frame, lengths = told.get(key, (0, 0, time_ns, 0, number, []))
+        if not word & 0x4000_0000:
+            lengths = sorted({*lengths, len(data)})
+        told[key] = sent + 1, size + bits[number - 1], first_ns, time_ns, frame, lengths
     return told
