@@ -15,7 +15,7 @@ from nvscope.report.ansi import paint
 from nvscope.report.content import nanoseconds
 from nvscope.report.variables import VALUE_WIDTH, filter_lines
 from nvscope.view.documents.history import HISTORY_SCHEMA, TOOL
-from nvscope.view.escape import visible, visible_document
+from nvscope.view.escape import json_ascii, visible, visible_document
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, display_width, shorten, wrap
 
 MIN_WIDTH = 40
@@ -216,7 +216,7 @@ class Json:
 
 
 def _ascii(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=True, allow_nan=False).replace("\x7f", "\\u007f")
+    return json_ascii(json.dumps(value, ensure_ascii=True, allow_nan=False))
 
 
 _NEVER = {

@@ -36,7 +36,7 @@ def _path_of(name: str) -> Path:
     known = {key: path for path in _FOLDER.glob(f"*{_SUFFIX}") for key in (path.stem, f"nvscope.{path.stem}/1")}
     wanted = name.strip().lower()
     if wanted not in known:
-        raise UsageError(f"no document is called {name[:80]!r}", next_step=_near(wanted))
+        raise UsageError(f"no document is called '{name[:80]}'", next_step=_near(wanted))
     return known[wanted]
 
 

@@ -5,13 +5,12 @@ All of them are written piece by piece, in constant memory. Each is a ``Face``.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from nvscope.errors import UsageError
-from nvscope.view.escape import csv_safe, visible
+from nvscope.view.escape import csv_safe, json_text
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.lines import cells
 from nvscope.view.rows.frames import FrameRows
@@ -56,7 +55,7 @@ def separation(settings: Sequence[str]) -> Separation:
             separator = _NAMED_SEPARATORS.get(value, value)
         else:
             raise UsageError(
-                f"-E {visible(setting)}: not a setting of separated fields",
+                f"-E {setting}: not a setting of separated fields",
                 next_step="header=y|n, separator=/t|/s|CHARACTER (/t tab, /s space), quote=d|s|n",
             )
     return Separation(header, separator, quote)
@@ -135,7 +134,7 @@ class JsonLines:
 
 def _json_name(name: str) -> str:
     """Return a name as JSON, for a pattern in which a percent sign stands for a value."""
-    return json.dumps(name).replace("%", "%%")
+    return json_text(name).replace("%", "%%")
 
 
 class JsonArray:
