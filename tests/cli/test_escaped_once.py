@@ -19,6 +19,8 @@ from xml.sax.saxutils import escape
 
 import pytest
 
+from nvscope import open as nvscope_open
+from nvscope.errors import NvscopeError
 from tests.capture import build
 from tests.cli.test_export import nvscope
 from tests.export.given import defined, numbered, written
@@ -195,6 +197,21 @@ def test_what_is_escaped_is_there(plant: Path, words: tuple[str, ...]) -> None:
     narrow = SHOWN.replace("\\u202e", "").replace("\\u200b", "")
     shown = done.stdout + done.stderr
     assert SHOWN in shown or narrow.removesuffix("q") in shown or SHOWN.replace("\\\\", "\\") in shown, shown
+
+
+def test_warnings_and_errors_of_notebooks_are_escaped_once(plant: Path) -> None:
+    cut = plant / f"cut{EVIL}.pcap"
+    cut.write_bytes((plant / CAPTURE).read_bytes()[:-7])
+    with pytest.warns(UserWarning, match="q") as warned:
+        len(nvscope_open(cut, definitions=[plant / "broken.gvl", plant / GVL]).lists)
+    with pytest.raises(NvscopeError) as refused:
+        nvscope_open(plant / f"no{EVIL}.pcap")
+    told = [str(one.message) for one in warned]
+    assert len(told) > 1
+    for text in (*told, str(refused.value)):
+        assert "q\\x1b]q" in text
+        assert not raw_in(text), ascii(text)
+    assert not [wrong for text in told if (wrong := wrongly_escaped(text, is_markdown=False))]
 
 
 @pytest.mark.parametrize("words", JSONS, ids=named)
