@@ -14,7 +14,15 @@ _RANDOM = np.frombuffer(os.urandom(8 * 16), np.uint64) | np.uint64(1)
 _MIX = np.uint64(0xC2B2AE3D27D4EB4F)
 _FIRST_ROOM = 256
 _LEAST_BITS = 11
-_LEAST_SLOTS_PER_KEY = 8  # so that few keys have to go on to another slot
+_MANY = 1 << 14
+
+
+def _least_slots(keys: int) -> int:
+    """Return the slots that so many keys need at least: many for each, so that few have to go on to another one.
+
+    Where there are so many keys that no cache holds their slots anyway, memory matters more.
+    """
+    return keys * (8 if keys <= _MANY else 2)
 
 
 class KeyTable:
@@ -120,8 +128,9 @@ class KeyTable:
             self._words = grown
         for known, word in zip(self._words, words, strict=True):
             known[start : self._count] = word[first]
-        if self._count * _LEAST_SLOTS_PER_KEY > len(self._slots):
-            self._bits = max(self._bits, (self._count * 2 * _LEAST_SLOTS_PER_KEY - 1).bit_length())
+        least = _least_slots(self._count)
+        if least > len(self._slots):
+            self._bits = (2 * least - 1).bit_length()
             self._slots = np.full(1 << self._bits, _EMPTY, np.int64)
             start = 0
         self._place(np.arange(start, self._count))

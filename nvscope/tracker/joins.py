@@ -69,6 +69,7 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     },
     "buses.load.identifiers.columns": {
         "frames": SUM, "bits": SUM, "fast_bits": SUM, "first_ns": LAST, "last_ns": LAST, "first_frame": LAST,
+        "lengths": LAST, "longest": LAST,
     },
     "buses.errors.columns": {
         "off": LAST, "off_since_ns": LAST, "bus_offs": SUM, "restarts": SUM, "returns": SUM, "off_ns": SUM,
