@@ -164,7 +164,7 @@ def wrongly_escaped(text: str, *, is_markdown: bool) -> list[str]:
     if is_markdown:
         plain = re.sub(r"``.*?``|`[^`\n]*`", "", text)  # code needs no escape
         return re.findall(r"(?<!\\)(?:\\\\)*<b>", plain) + re.findall(r"q\\{5,}.{0,4}", text)
-    once = r"\\\\(?=q|…|$)|\\(?=n|x(?:0a|1b|85|9b)|u20|…|$)"
+    once = r"\\\\(?=q|…|$)|\\(?=n|x(?:0a|1b|85|9b)|u20|$)"
     return [found[0] for found in re.finditer(rf"q(?!{once})\\.{{0,5}}", text, re.MULTILINE)]
 
 

@@ -68,12 +68,29 @@ def _character_width(character: str) -> int:
     return 2 if unicodedata.east_asian_width(character) in "WF" else 1
 
 
+_ESCAPE = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|.)")
+
+
 def shorten(text: str, width: int) -> str:
-    """Return ``text``, with an ellipsis in place of its middle where it is wider than ``width`` (at least 1)."""
+    """Return ``text``, with an ellipsis in place of its middle where it is wider than ``width`` (at least 1).
+
+    Of escapes (``nvscope.view.escape``) nothing or all is left: a part of one would tell something else.
+    """
     if display_width(text) <= width:
         return text
     head_width = width // 2
-    return f"{_cut(text, head_width)}…{_cut(text[::-1], width - 1 - head_width)[::-1]}"
+    stop = len(_cut(text, head_width))
+    start = len(text) - len(_cut(text[::-1], width - 1 - head_width))
+    return f"{text[: beside_escape(text, stop)]}…{text[beside_escape(text, start, behind=True) :]}"
+
+
+def beside_escape(text: str, place: int, *, behind: bool = False) -> int:
+    """Return ``place``, or, where that is inside an escape, the place in front of it, or ``behind`` it."""
+    if "\\" in text:
+        for begin, end in (escape.span() for escape in _ESCAPE.finditer(text)):
+            if begin < place < end:
+                return end if behind else begin
+    return place
 
 
 def _cut(text: str, width: int) -> str:
