@@ -36,22 +36,22 @@ def parse_duration(text: str) -> int:
     rest = rest[1:] if rest[:1] in {"-", "+"} else rest
     total, previous_unit_ns, closed = Fraction(0), _LARGEST_NS, False
     if not rest or len(rest) > 100:
-        raise ValueError(f"{text[:60]!r} is no duration such as 50ms, 2.5s or T#1m30s")
+        raise ValueError(f"'{text[:60]}' is no duration such as 50ms, 2.5s or T#1m30s")
     while rest:
         part = _PART.match(rest)
         if part is None or closed:
-            raise ValueError(f"{text[:60]!r} is no duration such as 50ms, 2.5s or T#1m30s")
+            raise ValueError(f"'{text[:60]}' is no duration such as 50ms, 2.5s or T#1m30s")
         whole, decimals, unit = part.groups()
         unit_ns = UNITS_NS[unit.lower()]
         if unit_ns >= previous_unit_ns:
-            raise ValueError(f"{text!r}: units of a duration go from large to small")
+            raise ValueError(f"'{text}': units of a duration go from large to small")
         previous_unit_ns, closed = unit_ns, decimals is not None
         total += Fraction(whole.replace("_", "") + (decimals or "")) * unit_ns
         rest = rest[part.end() :]
     if total.denominator != 1:
-        raise ValueError(f"{text!r} is no whole number of nanoseconds")
+        raise ValueError(f"'{text}' is no whole number of nanoseconds")
     if total > _LARGEST_NS:
-        raise ValueError(f"{text!r} is longer than 366 days")
+        raise ValueError(f"'{text}' is longer than 366 days")
     return -int(total) if negative else int(total)
 
 

@@ -33,6 +33,9 @@ class ExitCode(IntEnum):
 class NvscopeError(Exception):
     """Base of all errors of nvscope.
 
+    The texts may hold what stands in files and arguments, in quotes perhaps, and as it is: who shows them escapes them.
+    ``str`` of an error has the worst of it escaped, since that goes wherever exceptions go.
+
     ``what`` happened, ``where`` (file, offset, line; may be empty), and what to do ``next_step`` (may be empty).
     ``excerpt`` are lines of what is wrong with a mark beneath, safe to be shown as they are (may be empty).
     """
@@ -48,7 +51,13 @@ class NvscopeError(Exception):
 
     def __str__(self) -> str:
         head = f"{self.where}: {self.what}" if self.where else self.what
-        return "\n  ".join([head, *self.excerpt, *filter(None, [self.next_step])])
+        return "\n  ".join(map(_printable, [head, *self.excerpt, *filter(None, [self.next_step])]))
+
+
+def _printable(text: str) -> str:
+    if text.isprintable():
+        return text
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
 
 
 class UsageError(NvscopeError):

@@ -46,6 +46,7 @@ from nvscope.tracker.figures import (
 )
 from nvscope.units import list_key
 from nvscope.view.documents.figures import lookup
+from nvscope.view.escape import visible
 
 if TYPE_CHECKING:
     import polars as pl
@@ -156,7 +157,7 @@ class Captures:
             if info.truncation and info.path not in self._warned:
                 self._warned.add(info.path)
                 told = f"{info.path}, offset {info.truncation.offset}: {info.truncation.message}"
-                warnings.warn(told, stacklevel=3)
+                warnings.warn(visible(told), stacklevel=3)
 
     @cached_property
     def lists(self) -> pl.DataFrame:
@@ -210,6 +211,7 @@ class Captures:
         from nvscope.analysis.packets import packets  # noqa: PLC0415
         from nvscope.export.frames import Collected  # noqa: PLC0415
         from nvscope.export.telegrams import TelegramTable  # noqa: PLC0415
+        from nvscope.export.unwritten import beyond_time  # noqa: PLC0415
         from nvscope.view.fields.frame import output_field  # noqa: PLC0415
         from nvscope.view.rows.frames import PacketRows  # noqa: PLC0415
 
@@ -224,6 +226,8 @@ class Captures:
             table.add(rows)
         table.finish()
         self._warn_of_cuts(source.infos)
+        if table.beyond_time:
+            warnings.warn(beyond_time(table.beyond_time, "values(form='long')"), stacklevel=2)
         return collected.frame()
 
     def values(self, name: str | int | None = None, *, form: Literal["wide", "long"] = "wide") -> pl.DataFrame:

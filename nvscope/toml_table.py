@@ -92,13 +92,13 @@ def read_table(cls: type[T], table: Any, place: Place) -> T:
     fields = {_toml_name(entry): entry for entry in _keys(cls)}
     for name in table:
         if name not in fields:
-            raise place.below(name).error(f"unknown key {name!r}", nearest(name, fields))
+            raise place.below(name).error(f"unknown key '{name}'", nearest(name, fields))
     values: dict[str, Any] = {}
     for name, entry in fields.items():
         if name in table:
             values[entry.name] = entry.metadata["kind"].read(table[name], place.below(name))
         elif entry.default is MISSING:
-            raise place.error(f"the key {name!r} is missing", f"{name}: {entry.metadata['help']}")
+            raise place.error(f"the key '{name}' is missing", f"{name}: {entry.metadata['help']}")
     return cls(**values)
 
 
@@ -161,7 +161,7 @@ def nearest(name: str, known: Mapping[str, Any] | list[str] | tuple[str, ...]) -
     if not words:
         return ""
     best = max(words, key=lambda word: difflib.SequenceMatcher(None, name.lower(), word.lower()).ratio())
-    return f"The nearest known one is {best!r}; known are: {', '.join(words)}."
+    return f"The nearest known one is '{best}'; known are: {', '.join(words)}."
 
 
 def document_table(cls: type, title: str, heading: str = "##") -> str:
@@ -210,7 +210,7 @@ def _shown(default: Any, kind: ValueKind) -> str:
 
 def _described(value: Any) -> str:
     names = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "an array"}
-    shown = "" if isinstance(value, Mapping | list) else f" ({str(value)[:40]!r})"
+    shown = "" if isinstance(value, Mapping | list) else f" ('{str(value)[:40]}')"
     return f"{names.get(type(value), 'a table' if isinstance(value, Mapping) else 'a date or time')}{shown}"
 
 
@@ -298,7 +298,7 @@ def choice(*words: str) -> ValueKind:
     def read(value: Any, place: Place) -> str:
         text = _text(value, place)
         if text not in words:
-            raise place.error(f"{text[:60]!r} is none of the choices", nearest(text, words))
+            raise place.error(f"'{text[:60]}' is none of the choices", nearest(text, words))
         return text
 
     return ValueKind(" or ".join(f'"{word}"' for word in words), read)

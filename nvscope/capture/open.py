@@ -76,7 +76,7 @@ def open_sink(path: str, channels: Sequence[str] | None = None) -> Sink:
     if known is None:
         network, logs = suffixes_that(lambda one: not one.only_can), suffixes_that(lambda one: one.only_can)
         raise UsageError(
-            f"no capture format has the suffix {Path(path).suffix.lower()!r}",
+            f"no capture format has the suffix '{Path(path).suffix.lower()}'",
             where=path,
             next_step=f"name the file {network}, or, for CAN, {logs}",
         )

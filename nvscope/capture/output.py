@@ -76,7 +76,7 @@ class FileSink:
     def attach(self, attachment: Attachment) -> None:
         """Refuse an attachment, since the format has no place for one."""
         raise UsageError(
-            f"a {self.format_name} file cannot hold {attachment.name!r}, nor any other attachment", where=self._path
+            f"a {self.format_name} file cannot hold '{attachment.name}', nor any other attachment", where=self._path
         )
 
     def flush(self) -> None:

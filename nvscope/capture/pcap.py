@@ -26,6 +26,7 @@ from nvscope.errors import UnreadableInput, UsageError
 
 FILE_HEADER_BYTES = 24
 RECORD_HEADER_BYTES = 16
+_SECOND_NS = 1_000_000_000
 _LAST_NS = (1 << 32) * 1_000_000_000 - 1
 _MAGIC_MICROSECONDS = 0xA1B2C3D4
 _MAGIC_NANOSECONDS = 0xA1B23C4D
@@ -110,6 +111,11 @@ class PcapReader(RecordReader):
         headers = self._records.headers(view.data, found)
         ts_ns = np.multiply(headers[:, 0], 1_000_000_000, dtype=np.int64)
         ts_ns += np.multiply(headers[:, 1], self._unit_ns, dtype=np.int64)
+        if len(found) and int(headers[:, 1].max()) * self._unit_ns >= _SECOND_NS:
+            rows = np.flatnonzero(headers[:, 1] >= _SECOND_NS // self._unit_ns)
+            unit = "ns" if self._unit_ns == 1 else "µs"
+            what = f"a time of {int(headers[rows[0], 1])} {unit} after a whole second"
+            self._doubt_times(rows, view.origin + int(found[rows[0]]), self.progress.frames, what)
         packets = PacketBatch(
             view.data,
             found + RECORD_HEADER_BYTES,

@@ -46,6 +46,9 @@ class RecordReader(WindowReader):
     def __init__(self, content: Content, sizes: ReadingSizes) -> None:
         super().__init__(content, sizes)
         self._record_bytes = 0.0
+        self._doubtful_times = 0
+        self._first_doubtful = 0
+        self._first_doubt = ""
 
     @abstractmethod
     def _take(self, view: View, found: I64) -> Taken:
@@ -89,6 +92,20 @@ class RecordReader(WindowReader):
                 self._stop_at(self.position, f"cut short: the last record has only {view.end - here} bytes left of it")
             elif here >= view.end:
                 self.finished = True
+                if self.progress.left_out:
+                    self.progress.truncation = Truncation(self._first_doubtful, self.progress.left_out)
+
+    def _doubt_times(self, rows: I64, position: int, frames: int, what: str) -> None:
+        """Tell of packets whose times cannot be right: some of a batch that has ``frames`` in front of it.
+
+        ``position`` is where the first of them lies in the file, ``what`` says what is wrong with its time.
+        """
+        if not self._doubtful_times:
+            self._first_doubtful = position
+            self._first_doubt = f"frame {frames + int(rows[0]) + 1} has {what}"
+        self._doubtful_times += len(rows)
+        more = "" if self._doubtful_times == 1 else f"; {self._doubtful_times} such frames"
+        self.progress.left_out = self._first_doubt + more
 
     def _judge_last(self, view: View, found: I64) -> tuple[I64, int, str, bool]:
         """Return the whole records, where the last of them ends, what is wrong there, and whether it is a cut."""
@@ -106,5 +123,7 @@ class RecordReader(WindowReader):
         return found, after, "", False
 
     def _stop_at(self, position: int, message: str) -> None:
+        if self.progress.left_out:
+            message += f"; before that, {self.progress.left_out}"
         self.progress.truncation = Truncation(position, message)
         self.finished = True

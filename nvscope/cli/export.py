@@ -188,7 +188,7 @@ def export(
                 from nvscope.view.rows.frames import PacketRows
 
                 telegrams = PacketRows()
-                _write_telegrams(packets(source, reading, telegrams, progress), columns, write, files)
+                beyond = _write_telegrams(packets(source, reading, telegrams, progress), columns, write, files)
                 fragments = telegrams.fragments
         files.publish()
     except BaseException:
@@ -201,7 +201,7 @@ def export(
         if not listed:
             tell_of_lists(inquiry)
     else:
-        _tell_of_telegrams(telegrams, write)
+        _tell_of_telegrams(telegrams, beyond, write)
     if between and not (told.frames if lists else telegrams.frames):
         echo(NOTHING_BETWEEN, err=True)
     if fragments:
@@ -237,9 +237,11 @@ def _fields(names: Sequence[str], inquiry: Inquiry) -> Sequence[TelegramField]:
 
 def _write_telegrams(
     pieces: Iterable[FrameRows], fields: Sequence[TelegramField], path: str, files: WholeFiles
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
+    """Write fields of telegrams, and return how many times in them no column of times holds."""
     from nvscope.export.files import format_of
     from nvscope.report.packets.records import Csv, JsonLines
+    from nvscope.view.fields.field import times_beyond
 
     file = files.open(path)
     if format_of(path) == "parquet":
@@ -251,13 +253,16 @@ def _write_telegrams(
         for rows in pieces:
             table.add(rows)
         table.finish()
-        return
+        return table.beyond_time
     face = Csv(fields) if format_of(path) == "csv" else JsonLines(fields)
+    beyond = 0
     file.file.write(face.begin().encode())
     for rows in pieces:
         for text in face.render(rows):
             file.file.write(text.encode())
+        beyond += times_beyond(fields, rows)
     file.file.write(face.end().encode())
+    return beyond
 
 
 def _tell_of_values(
@@ -289,10 +294,13 @@ def _tell_of_values(
         tell(f"{count_of(telegrams.undefined, 'data telegram')} of lists without a definition left out.")
 
 
-def _tell_of_telegrams(telegrams: PacketRows, path: str) -> None:
+def _tell_of_telegrams(telegrams: PacketRows, beyond: int, path: str) -> None:
+    from nvscope.export.unwritten import beyond_time
     from nvscope.units import count_of
     from nvscope.view.escape import visible
 
+    if beyond:
+        echo(f"nvscope: {visible(path)}: {beyond_time(beyond)}", err=True)
     if telegrams.shown:
         return
     if telegrams.telegrams:

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import io
 import os
+import re
 import signal
 import sys
 from typing import Any, NoReturn, cast
@@ -27,6 +28,7 @@ _CommandLineError = cast(
 
 
 _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f]")
 _SIGNALLED = 128
 _KEPT: list[Any] = []
 _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
@@ -56,7 +58,7 @@ def main() -> NoReturn:
         _show(error)
         sys.exit(error.exit_code)
     except _CommandLineError as error:
-        error.show()  # type: ignore[attr-defined]
+        _show_usage(error)
         sys.exit(ExitCode.USAGE)
     except (typer.Abort, KeyboardInterrupt):
         sys.exit(ExitCode.INTERRUPTED)
@@ -158,6 +160,20 @@ def _end_in_order() -> None:
 def _drop_output() -> None:
     """Let what is left of the output go nowhere; Python would complain once more when it flushes at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _show_usage(error: Exception) -> None:
+    """Show what the command line lacks; Typer escapes some of what a terminal would obey, and not all."""
+    from nvscope.view.escape import visible
+
+    told = io.StringIO()
+    error.show(file=told)  # type: ignore[attr-defined]
+    parts = {part for word in sys.argv[1:] for part in (word, *word.split("=", 1))}
+    # As Typer writes them, which leaves backslashes alone: what is typed as one would look like an escape.
+    escapes = {_CONTROLS.sub(lambda one: f"\\x{ord(one[0]):02x}", part): visible(part) for part in parts}
+    known = "|".join(re.escape(part) for part in sorted(filter(None, escapes), key=len, reverse=True))
+    text = re.sub(rf"(?<!\\)(?:{known})(?!\\)", lambda one: escapes[one[0]], told.getvalue())
+    print("".join(one if one.isprintable() or one == "\n" else visible(one) for one in text), end="", file=sys.stderr)
 
 
 def _show(error: NvscopeError) -> None:

@@ -157,8 +157,12 @@ def packets(
     from nvscope.analysis.reading import reading_of
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
+    from nvscope.view.fields.field import times_beyond
+    from nvscope.view.fields.frame import output_field
     from nvscope.view.rows.frames import PacketRows
 
+    named = [output_field(name, inquiry.fields) for name in fields or ()] if inquiry else []
+    beyond = 0
     source = inquiry.open() if inquiry else open_source(paths, renamed=plant.channels)
     face = make(source)
     if inquiry:
@@ -173,6 +177,7 @@ def packets(
             for text in face.render(rows):
                 out.write(text)
             out.flush()
+            beyond += times_beyond(named, rows)
         out.write(face.end())
         out.flush()
     if count is None:
@@ -198,6 +203,10 @@ def packets(
         echo("nvscope: a finding is shown by the telegrams of its first ten events, not by all.", err=True)
     if telegrams.fragments:
         echo(f"nvscope: {units.count_of(telegrams.fragments, 'IP fragment')}, not put together.", err=True)
+    if beyond:
+        from nvscope.export.unwritten import beyond_time
+
+        echo(f"nvscope: {beyond_time(beyond, '`nvscope export --form long`')}", err=True)
     if inquiry and plant.files:
         tell_of_lists(inquiry)
     if tell_of_losses(source.infos):

@@ -63,6 +63,7 @@ def simulate(
     from nvscope.simulate.can.definition import can_definitions
     from nvscope.simulate.simulator import open_capture
     from nvscope.simulate.simulator import simulate as run
+    from nvscope.view.escape import json_ascii, visible
     from nvscope.whole_files import Existing, WholeFiles
 
     texts = can_definitions(plan)
@@ -83,7 +84,7 @@ def simulate(
                 told = run(plan, sink)
             finally:
                 sink.close()
-        text = json.dumps(told, indent=2) + "\n"
+        text = json_ascii(json.dumps(told, indent=2)) + "\n"
         if told_file is None:
             echo(text, nl=False)
         else:
@@ -98,7 +99,7 @@ def simulate(
         files.discard()
     if told_to is not None:
         frames = told["capture"]["frames"]
-        echo(f"{write}: {frames} frames; the truth about them: {told_to}", err=True)
+        echo(f"{visible(write)}: {frames} frames; the truth about them: {visible(told_to)}", err=True)
 
 
 @contextmanager
@@ -124,7 +125,7 @@ def _definition_files(plan: Scenario, directory: str, definitions: dict[str, str
     """Return the files of definitions; a list is called as its file is."""
     for name in definitions:
         if Path(name).name != name or name.startswith("."):
-            raise plan.error("can_list", f"{name!r} is no name that a file can have", "Give the list another name.")
+            raise plan.error("can_list", f"'{name}' is no name that a file can have", "Give the list another name.")
     folder = Path(directory)
     if folder.exists() and not folder.is_dir():
         raise UsageError("definitions need a directory", where=directory, next_step="name another one with --gvl")

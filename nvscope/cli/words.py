@@ -33,14 +33,14 @@ def in_order(words: Sequence[str], verbs: Iterable[str]) -> list[str]:
         return [USUAL_VERB, *words] if place is None else [words[place], *words[:place], *words[place + 1 :]]
     if _is_source(words[0]):
         return [USUAL_VERB, *words]
-    raise UsageError(f"no verb and no file is called {words[0][:80]!r}", next_step=_near(words[0], known))
+    raise UsageError(f"no verb and no file is called '{words[0][:80]}'", next_step=_near(words[0], known))
 
 
 def _help(words: Sequence[str], verbs: set[str]) -> list[str]:
     if not words:
         return ["--help"]
     if words[0] not in verbs:
-        raise UsageError(f"no verb is called {words[0][:80]!r}", next_step=_near(words[0], verbs))
+        raise UsageError(f"no verb is called '{words[0][:80]}'", next_step=_near(words[0], verbs))
     return [*words, "--help"]
 
 

@@ -26,11 +26,11 @@ def parse_bit_rate(text: str) -> int:
     """Return bits per second of ``250000``, ``250k`` or ``1M``; ValueError where the text is no bit rate of CAN."""
     match = _RATE.fullmatch(text.strip())
     if match is None:
-        raise ValueError(f"{text[:40]!r} is no bit rate")
+        raise ValueError(f"'{text[:40]}' is no bit rate")
     fraction = match[2] or ""
     rate: int = int(match[1] + fraction) * _FACTORS[match[3].lower()] // 10 ** len(fraction)
     if not _LEAST_BITS_PER_S <= rate <= _MOST_BITS_PER_S:
-        raise ValueError(f"{text[:40]!r} is no bit rate of CAN: {_LEAST_BITS_PER_S} to {_MOST_BITS_PER_S} bit/s")
+        raise ValueError(f"'{text[:40]}' is no bit rate of CAN: {_LEAST_BITS_PER_S} to {_MOST_BITS_PER_S} bit/s")
     return rate
 
 

@@ -149,7 +149,7 @@ def parse_expression(text: str, source: Source, offset: int) -> Expression:
         parsed: Any = _parser().parse(text, start="argument")
     except (UnexpectedToken, NoToken, TooDeepError):
         next_step = "Write a number, or an expression of constants."
-        raise source.error(f"{text[:60]!r} is no value", offset, next_step) from None
+        raise source.error(f"'{text[:60]}' is no value", offset, next_step) from None
     return _moved(parsed, offset)
 
 
@@ -203,7 +203,7 @@ def _no_token(character: str, offset: int, source: Source) -> ConfigurationError
         # Of all pragmas only those with conditions are left.
         what = "what is declared here depends on a condition that only the compiler knows"
         return source.error(what, offset, "Keep only the branch that the controller compiles, without the pragmas.")
-    return source.error(f"found {character!r}, which no declaration holds", offset, "Remove it.")
+    return source.error(f"found '{character}', which no declaration holds", offset, "Remove it.")
 
 
 def _readable(error: UnexpectedToken, source: Source, text: str) -> ConfigurationError:

@@ -64,14 +64,14 @@ def _protocol_settings(holder: Element) -> dict[str, Any]:
             try:
                 known["address"] = str(ipaddress.ip_address(value))
             except ValueError:
-                raise element.error(f"{value[:60]!r} is no IP address", "Write one such as 255.255.255.255.") from None
+                raise element.error(f"'{value[:60]}' is no IP address", "Write one such as 255.255.255.255.") from None
     return known
 
 
 def _flag(element: Element) -> bool:
     word = element.text.lower()
     if word not in {"true", "false", "1", "0"}:
-        raise element.error(f"{element.tag}: {element.text[:60]!r} is neither True nor False", "Write True or False.")
+        raise element.error(f"{element.tag}: '{element.text[:60]}' is neither True nor False", "Write True or False.")
     return word in {"true", "1"}
 
 
@@ -87,6 +87,6 @@ def _duration(element: Element) -> int:
 
 def _integer(element: Element, text: str, most: int) -> int:
     if not (text.isascii() and text.isdecimal() and len(text) <= 10 and int(text) <= most):
-        what = f"{element.attributes.get('Name', element.tag)[:60]}: {text[:60]!r} is no number from 0 to {most}"
+        what = f"{element.attributes.get('Name', element.tag)[:60]}: '{text[:60]}' is no number from 0 to {most}"
         raise element.error(what, "Correct the number.")
     return int(text)

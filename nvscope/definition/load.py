@@ -15,6 +15,10 @@ from nvscope.definition.source import DefinitionError, NoDefinition, Source, rea
 from nvscope.definition.syntax import FileSyntax
 from nvscope.definition.wanted_files import DefinitionFile, wanted_files
 from nvscope.errors import ConfigurationError
+from nvscope.units import count
+
+MAX_ALL_CHARACTERS = 32_000_000
+"""Characters of all definition files together: what is made of 1 MB of declarations takes up to 30 MB of memory."""
 
 _MOST_GIVEN = 3
 
@@ -48,8 +52,9 @@ def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None =
 
     The order in which a person names files says nothing: with the same files everything is the same.
 
-    Of those that were found and not named, what is no definition is passed over. Raises ConfigurationError where a file
-    cannot be opened, or none can be read.
+    Of those that were found and not named, what is no definition is passed over. What would be more than
+    ``MAX_ALL_CHARACTERS`` together is left out. Raises ConfigurationError where a file cannot be opened, or none can be
+    read.
     """
     places: dict[str, DefinitionFile] = {}
     for file in sorted(wanted, key=lambda file: Path(file.path)):
@@ -57,9 +62,13 @@ def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None =
     read: dict[str, FileSyntax] = {}
     errors: list[DefinitionError] = []
     passed: list[DefinitionError] = []
+    characters = 0
     for file in places.values():
         try:
-            read[file.path] = _read(read_source(file.path, encoding))
+            source = read_source(file.path, encoding)
+            _check_amount(source, characters + len(source.text))
+            read[file.path] = _read(source)
+            characters += len(source.text)
         except NoDefinition as error:
             (errors if file.named else passed).append(error)
         except DefinitionError as error:
@@ -69,6 +78,15 @@ def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None =
     if wanted and not read:
         raise _nothing_in(wanted, passed)
     return ReadFiles(read, tuple(error.problem for error in errors))
+
+
+def _check_amount(source: Source, characters: int) -> None:
+    if characters > MAX_ALL_CHARACTERS:
+        what = f"the definition files have {count(characters)} characters together up to here"
+        next_step = (
+            f"They may have {count(MAX_ALL_CHARACTERS)}: name only the files that declare lists and their types."
+        )
+        raise source.error(what, 0, next_step)
 
 
 def _nothing_in(wanted: Sequence[DefinitionFile], passed: Sequence[DefinitionError]) -> ConfigurationError:

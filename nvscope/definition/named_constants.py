@@ -118,7 +118,7 @@ class NamedConstants:
         values = {self._constant(constant, name, source) for constant in found}
         if len(values) > 1:
             places = " and ".join(str(found[i].source.position(found[i].name.offset)) for i in (0, 1))
-            what = f"the constant {name.text[:60]!r} has several values"
+            what = f"the constant '{name.text[:60]}' has several values"
             raise source.error(what, name.offset, f"Write the name of its list before it: {places}.")
         return values.pop()
 
@@ -128,7 +128,7 @@ class NamedConstants:
             return known
         if any(constant is other for other in self._open):
             next_step = "Give one of the constants in the circle a number."
-            raise source.error(f"the constant {name.text[:60]!r} depends on itself", name.offset, next_step)
+            raise source.error(f"the constant '{name.text[:60]}' depends on itself", name.offset, next_step)
         steps, start = 0, constant
         while start.expression is None and start.before is not None:
             steps, start = steps + 1, start.before

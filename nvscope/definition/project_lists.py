@@ -81,7 +81,7 @@ def _settings(value: Any, place: Place) -> tuple[tuple[int, ListSettings], ...]:
         match = _IDENTIFIER.fullmatch(text)
         number = -1 if match is None else int(match[2]) if match[2] else int(match[1], 16)
         if not 0 <= number <= _U16_MAX:
-            what = f"{text[:60]!r} is no identifier of a list"
+            what = f"'{text[:60]}' is no identifier of a list"
             raise place.below(text).error(what, f"Write a number up to {_U16_MAX}: [lists.7], [lists.0x181].")
         if number in found:
             raise place.below(text).error(

@@ -23,7 +23,7 @@ def _read_list(value: Any, place: Place) -> ReadList:
     match = _LIST_KEY.fullmatch(value)
     port, index = (int(match[1]), int(match[2])) if match else (0, 0)
     if match is None or not 0 < port <= _U16_MAX or index > _U16_MAX:
-        what = f"{value[:60]!r} is no list"
+        what = f"'{value[:60]}' is no list"
         raise place.error(what, 'Write its identifier, such as 7, or port and identifier: "udp/1300/7".')
     return port, index
 
@@ -49,7 +49,7 @@ def _nodes(value: Any, place: Place) -> tuple[tuple[str, Node], ...]:
         here = place.below(f'"{text[:60]}"')
         address = canonical_address(text)
         if address is None:
-            what = f"{text[:60]!r} is no IP address"
+            what = f"'{text[:60]}' is no IP address"
             raise here.error(what, 'Write one in quotes: "192.168.1.10" = { name = "press" }.')
         if address in nodes:
             raise here.error(f"the node {address} is there twice", "Leave one of the entries out.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import chain
 
 from nvscope.definition.declared_types import DeclaredTypes
@@ -17,6 +18,34 @@ from nvscope.units import count
 
 MAX_NAME_CHARACTERS = 20_000_000
 """Characters that the names of all elements of a list have together: ten times what a large list has."""
+
+MAX_ALL_ELEMENTS = 1_000_000
+MAX_ALL_NAME_CHARACTERS = 100_000_000
+"""What all lists have together, which bounds the memory that their layouts take, to some 400 MB."""
+
+
+@dataclass(slots=True)
+class _Amount:
+    """How many elements all lists have so far, and characters their names; a list counts once for each connection."""
+
+    elements: int = 0
+    characters: int = 0
+
+    def add(self, elements: int, characters: int, entry: ListSyntax, name: Name) -> None:
+        """Count some more; raises DefinitionError where these are too many, and counts nothing then."""
+        if self.elements + elements > MAX_ALL_ELEMENTS:
+            what, most = f"all lists together have {count(self.elements + elements)} elements", MAX_ALL_ELEMENTS
+        elif self.characters + characters > MAX_ALL_NAME_CHARACTERS:
+            what, most = (
+                f"the names of all lists' elements have {count(self.characters + characters)} characters",
+                MAX_ALL_NAME_CHARACTERS,
+            )
+        else:
+            self.elements += elements
+            self.characters += characters
+            return
+        next_step = f"They may have {count(most)}: name the files of fewer lists at a time."
+        raise entry.source.error(f"{what} up to here", name.offset, next_step)
 
 
 def resolve(files: Sequence[FileSyntax], port: int = DEFAULT_PORT, left_out: Sequence[Problem] = ()) -> Definition:
@@ -37,7 +66,8 @@ def resolve(files: Sequence[FileSyntax], port: int = DEFAULT_PORT, left_out: Seq
     types.resolve_reached(
         (declaration.type, entry.source.file) for entry in entries for declaration in _declarations(entry)
     )
-    lists = chain.from_iterable(_list_definitions(entry, types, port) for entry in entries)
+    amount = _Amount()
+    lists = chain.from_iterable(_list_definitions(entry, types, port, amount) for entry in entries)
     return Definition(tuple(lists), tuple(problems))
 
 
@@ -51,10 +81,10 @@ def _declared_types(files: Sequence[FileSyntax], left_out: list[Problem]) -> Dec
     return declared
 
 
-def _list_definitions(entry: ListSyntax, types: ResolvedTypes, port: int) -> Iterator[ListDefinition]:
+def _list_definitions(entry: ListSyntax, types: ResolvedTypes, port: int, amount: _Amount) -> Iterator[ListDefinition]:
     """Yield a list for each of its connections; lists without variables hold constants and are never sent."""
     flaws: set[Flaw] = set()
-    variables = tuple(_variables(entry, types, flaws))
+    variables = tuple(_variables(entry, types, flaws, amount))
     position = entry.source.position(entry.offset)
     if variables or any(entry.settings):
         for settings in entry.settings:
@@ -67,7 +97,7 @@ def _declarations(entry: ListSyntax) -> Iterator[Declaration]:
     return (declaration for block in entry.blocks if not block.constant for declaration in block.declarations)
 
 
-def _variables(entry: ListSyntax, types: ResolvedTypes, flaws: set[Flaw]) -> Iterator[Variable]:
+def _variables(entry: ListSyntax, types: ResolvedTypes, flaws: set[Flaw], amount: _Amount) -> Iterator[Variable]:
     """Yield the variables of a list, and add its flaws; the first that cannot be ends it, with an unknown size."""
     seen: dict[str, Name] = {}
     parts = characters = 0
@@ -77,11 +107,13 @@ def _variables(entry: ListSyntax, types: ResolvedTypes, flaws: set[Flaw]) -> Ite
             position = entry.source.position(name.offset)
             sized = types.type_of(declaration.type, name.text, entry.source, scope)
             flaws |= sized.flaws
+            own_characters = sized.characters + sized.parts * len(name.text)
             parts += sized.parts
-            characters += sized.characters + sized.parts * len(name.text)
+            characters += own_characters
             try:
                 check_new(name, seen, entry.source)
                 _check_amount(entry, name, parts, characters)
+                amount.add(sized.parts * len(entry.settings), own_characters * len(entry.settings), entry, name)
             except DefinitionError as error:
                 flaws.add(error.problem)
                 yield Variable(name.text, unknown_raw(type_text(declaration.type)), position)

@@ -139,7 +139,7 @@ def _nothing_named(rest: str, wanted: str, names: Mapping[str, str], found: Sele
     near = get_close_matches(wanted, whole, _MOST_NEAR, 0.5)
     told = ", ".join(whole[text] for text in near)
     return UsageError(
-        f"no variable is named {rest.strip()[:80]!r}",
+        f"no variable is named '{rest.strip()[:80]}'",
         next_step=f"near it: {told}" if told else "`nvscope gvl layout` shows all names of the definition files",
     )
 
@@ -170,7 +170,7 @@ def keys_named(lists: Sequence[tuple[ListKey, str]], given: str) -> set[ListKey]
         next_step = f"there are {', '.join(named[:_MOST_LISTS]) or 'none'}{more}"
         if channel := _channel_of(given.strip(), lists):
             next_step += f"; frames of one channel are chosen by -Y 'can.channel == \"{channel}\"'"
-        raise UsageError(f"no list is named {given[:80]!r}", next_step=next_step)
+        raise UsageError(f"no list is named '{given[:80]}'", next_step=next_step)
     return found
 
 

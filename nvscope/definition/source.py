@@ -142,7 +142,7 @@ def decode(data: bytes, path: str, encoding: str | None = None) -> str:
 
 def _decode_as(data: bytes, path: str, encoding: str) -> str:
     if not _is_text_encoding(encoding):
-        what = f"no encoding is called {encoding[:60]!r}"
+        what = f"no encoding is called '{encoding[:60]}'"
         raise ConfigurationError(what, where=path, next_step="Encodings are called utf-8, cp1252, cp1251, …")
     try:
         return data.decode(encoding)

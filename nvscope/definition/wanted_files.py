@@ -92,14 +92,14 @@ def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
             matched = [file for file in matched if is_worth_reading(file)] or matched
     except (ValueError, OSError) as error:
         raise ConfigurationError(
-            f"{text[:200]!r} cannot be followed: {error}", next_step="Check the path of the definition files."
+            f"'{text[:200]}' cannot be followed: {error}", next_step="Check the path of the definition files."
         ) from None
     if not matched:
         try:
             where = f"Patterns are relative to {(base or Path()).resolve()}; correct the pattern."
         except OSError:
             where = "The working directory is gone; name the path from the root."
-        raise ConfigurationError(f"no file matches {text[:200]!r}", next_step=where)
+        raise ConfigurationError(f"no file matches '{text[:200]}'", next_step=where)
     return [DefinitionFile(file, text) for file in matched]
 
 
@@ -129,7 +129,7 @@ def _sorted(paths: Iterator[Path], text: str) -> list[str]:
         found = [path for path in found if is_worth_reading(path)]
     if len(seen) > _MAX_SEEN or len(found) > MAX_DEFINITION_FILES:
         raise ConfigurationError(
-            f"{text[:200]!r} stands for more than {count(MAX_DEFINITION_FILES)} files",
+            f"'{text[:200]}' stands for more than {count(MAX_DEFINITION_FILES)} files",
             next_step="Name the directories that hold the definitions.",
         )
     return found

@@ -32,6 +32,6 @@ def read_xml_format(source: Source) -> FileSyntax:
     read = _FORMATS.get(root.tag)
     if read is None:
         next_step = "Known are GVL (.gvl), TcPlcObject (.TcGVL, .TcDUT) and project (PLCopen XML)."
-        what = f"no format of definitions has the root element {root.tag[:60]!r}"
+        what = f"no format of definitions has the root element '{root.tag[:60]}'"
         raise NoDefinition(what, source.position(root.start), next_step)
     return read(root)

@@ -6,7 +6,6 @@ import os
 from typing import Any, Protocol
 
 from nvscope.errors import UsageError
-from nvscope.view.escape import visible
 from nvscope.whole_files import WholeFile, is_stdout
 
 _ENDINGS = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet"}
@@ -31,7 +30,7 @@ def format_of(path: str) -> str:
     if is_stdout(path) and _ENDINGS.get(ending) == "parquet":
         raise UsageError("Parquet cannot be written to stdout", next_step="name a file, or take -w -.csv or -.ndjson")
     if ending not in _ENDINGS:
-        what = f"no export format ends in {visible(ending)}" if ending else "the name says no format"
+        what = f"no export format ends in {ending}" if ending else "the name says no format"
         raise UsageError(what, where=path, next_step=f"name the file {', '.join(_ENDINGS)}")
     return _ENDINGS[ending]
 

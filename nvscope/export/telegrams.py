@@ -13,7 +13,7 @@ from dissectors.batch import Bool
 from nvscope.export.arrays import LABEL, MOMENT, arrow_type, labels
 from nvscope.export.files import TableFile
 from nvscope.expression.typed_columns import AddressColumn, BytesColumn, FieldType, TextColumn
-from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.field import TelegramField, times_beyond
 from nvscope.view.rows.frames import FrameRows
 
 GROUP_ROWS = 1 << 17
@@ -21,13 +21,16 @@ GROUP_BYTES = 32 << 20
 
 
 class TelegramTable:
-    """Writes fields of telegrams, a column each; pieces are collected until they are a row group."""
+    """Writes fields of telegrams, a column each; pieces are collected until they are a row group.
+
+    ``beyond_time`` counts the times that no column of times holds: they are null.
+    """
 
     def __init__(self, fields: Sequence[TelegramField]) -> None:
         self._fields = list({field.name: field for field in fields}.values())
         self.schema = pa.schema([pa.field(field.name, _type(field)) for field in self._fields])
         self._pieces: list[Any] = []
-        self._rows = self._bytes = 0
+        self._rows = self._bytes = self.beyond_time = 0
         self._file: TableFile | None = None
 
     def open(self, file: TableFile) -> None:
@@ -40,6 +43,7 @@ class TelegramTable:
         table = pa.table(arrays, schema=self.schema)
         self._pieces.append(table)
         self._rows += len(table)
+        self.beyond_time += times_beyond(self._fields, rows)
         self._bytes += table.nbytes
         if self._rows >= GROUP_ROWS or self._bytes >= GROUP_BYTES:
             self._flush()

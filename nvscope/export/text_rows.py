@@ -1,8 +1,8 @@
 """Tables as CSV and NDJSON.
 
 Absolute times are ISO 8601, bytes hexadecimal digits, durations numbers of nanoseconds, as the names of their columns
-say: ``tRun_ns``. In CSV texts are written so that no spreadsheet takes one for a formula; in NDJSON what is no number
-(NaN, infinity) is null. What was not sent is an empty cell, or null.
+say: ``tRun_ns``. In CSV texts are written so that no spreadsheet takes one for a formula; NDJSON is
+printable ASCII, and what is no number (NaN, infinity) is null in it. What was not sent is an empty cell, or null.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import polars as pl
 import pyarrow as pa
 
-from nvscope.view.escape import csv_safe
+from nvscope.view.escape import csv_safe, json_ascii
 
 _PIECE_ROWS = 8192  # text of it is some megabytes
 
@@ -67,7 +67,7 @@ class NdjsonFile(_TextFile):
         return _shown(column, field)
 
     def _put(self, frame: pl.DataFrame) -> None:
-        self._file.write(frame.write_ndjson().encode())
+        self._file.write(json_ascii(frame.write_ndjson()).encode())
 
 
 def _shown(column: Any, field: Any) -> pl.Series:

@@ -51,10 +51,10 @@ def left_out(telegrams: DefinedTelegrams) -> list[str]:
     return told
 
 
-def beyond_time(number: int) -> str:
-    """Return the sentence on times of 64 bits that no column of times holds."""
+def beyond_time(number: int, instead: str = "the long form") -> str:
+    """Return the sentence on times of 64 bits that no column of times holds; ``instead`` says what holds them."""
     what = count_of(number, "time of 64 bits is", "times of 64 bits are")
-    return f"{what} beyond 292 years or the year 2262, and null; the long form has the nanoseconds."
+    return f"{what} beyond 292 years or the year 2262, and null; {instead} has the nanoseconds."
 
 
 def _counted(reasons: Mapping[LeftOut, int], code: str = f"{DEFINITION_MISMATCH.code}, {DLC_MISMATCH.code}") -> str:

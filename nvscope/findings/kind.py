@@ -31,7 +31,7 @@ class Severity(IntEnum):
         try:
             return cls[word.upper()]
         except KeyError:
-            raise ValueError(f"no severity is called {word!r}") from None
+            raise ValueError(f"no severity is called '{word}'") from None
 
 
 @dataclass(frozen=True, slots=True)

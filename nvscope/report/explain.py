@@ -13,7 +13,6 @@ from nvscope.report.content import status
 from nvscope.report.explain_figure import figure_called, figure_lines
 from nvscope.tracker.figures import FIGURES, Figure
 from nvscope.version import head
-from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 SCHEMA = "nvscope.explain/1"
@@ -79,7 +78,7 @@ def document(name: str | None) -> dict[str, Any]:
 def _found(name: str) -> tuple[FindingKind | None, Figure | None]:
     kind, figure = _kind(name), figure_called(name.strip().lower())
     if kind is None and figure is None:
-        raise UsageError(f"no finding or figure is called {visible(name)!s}", next_step=_nearest(name.strip().lower()))
+        raise UsageError(f"no finding or figure is called {name}", next_step=_nearest(name.strip().lower()))
     return kind, figure
 
 

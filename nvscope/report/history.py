@@ -16,7 +16,7 @@ from nvscope.report.content import nanoseconds
 from nvscope.report.variables import VALUE_WIDTH, filter_lines
 from nvscope.version import head
 from nvscope.view.documents.history import HISTORY_SCHEMA
-from nvscope.view.escape import visible, visible_document
+from nvscope.view.escape import json_ascii, visible, visible_document
 from nvscope.view.lines.short_names import short_names
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, hidden, wrap
 from nvscope.view.lines.text_width import display_width, shorten
@@ -229,7 +229,7 @@ class Json:
 
 
 def _ascii(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=True, allow_nan=False).replace("\x7f", "\\u007f")
+    return json_ascii(json.dumps(value, ensure_ascii=True, allow_nan=False))
 
 
 _NEVER = {

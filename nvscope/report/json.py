@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from json.encoder import encode_basestring_ascii  # what ``json.dumps`` has for texts
 from typing import TYPE_CHECKING, Any
+
+from nvscope.view.escape import json_text
 
 if TYPE_CHECKING:  # what tables for people need takes longer to import than a small report to write
     from nvscope.report.content import Report
@@ -44,7 +45,7 @@ def _parts(value: Any, margin: int = 0, depth: int = _DEPTH) -> Iterator[str]:
     if depth and isinstance(value, Mapping) and value and (not margin or _is_long(value)):
         opening = "{"
         for key, item in value.items():
-            yield f"{opening}\n{inner}{_text(key)}: "
+            yield f"{opening}\n{inner}{json_text(key)}: "
             yield from _parts(item, margin + _INDENT, depth - 1)
             opening = ","
         yield f"\n{' ' * margin}}}"
@@ -63,11 +64,6 @@ def _is_long(row: Mapping[str, Any]) -> bool:
     return any(len(item) > _LONG for item in row.values() if isinstance(item, Sequence))
 
 
-def _text(value: str) -> str:
-    text: str = encode_basestring_ascii(value)
-    return text.replace("\x7f", "\\u007f") if "\x7f" in text else text
-
-
 def _number(value: float) -> str:
     if value - value != 0:
         raise ValueError(f"Out of range float values are not JSON compliant: {value!r}")
@@ -75,7 +71,7 @@ def _number(value: float) -> str:
 
 
 _SCALARS: Mapping[type, Callable[[Any], str]] = {
-    str: _text,
+    str: json_text,
     int: int.__repr__,
     float: _number,
     bool: lambda value: "true" if value else "false",
@@ -109,5 +105,5 @@ def _template(keys: tuple[str, ...], margin: int) -> str:
     if not keys:
         return "{}"
     space = "\n" + " " * (margin + _INDENT)
-    rows = [f"{_text(key).replace('%', '%%')}: %s" for key in keys]
+    rows = [f"{json_text(key).replace('%', '%%')}: %s" for key in keys]
     return f"{{{space}{f',{space}'.join(rows)}\n{' ' * margin}}}"

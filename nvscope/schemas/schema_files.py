@@ -37,7 +37,7 @@ def _path_of(name: str) -> Path:
     wanted = name.strip().lower()
     path = known.get(wanted.removeprefix("nvscope.").partition("/")[0])
     if path is None or wanted not in (path.stem, json.loads(path.read_text(encoding="utf-8"))["title"]):
-        raise UsageError(f"no document is called {name[:80]!r}", next_step=_near(wanted))
+        raise UsageError(f"no document is called '{name[:80]}'", next_step=_near(wanted))
     return path
 
 

@@ -49,7 +49,7 @@ def check_scenario(scenario: Scenario, place: Place) -> None:
         below = place.below("second_sender").below(position)
         owner = scenario.list[scenario.list_numbers[sender.list]]
         if sender.node in owner.sender:
-            raise below.below("node").error(f"{sender.node!r} sends this list already")
+            raise below.below("node").error(f"'{sender.node}' sends this list already")
         if sender.interval_ns == 0:
             raise below.below("interval").error("the interval must be more than 0")
         for name, given in (("bytes", sender.data_bytes), ("items", sender.items)):
@@ -76,19 +76,19 @@ def _check_nodes(scenario: Scenario, place: Place) -> None:
         try:
             address = ipaddress.ip_address(node.address)
         except ValueError:
-            raise below.below("address").error(f"{node.address[:60]!r} is no IP address") from None
+            raise below.below("address").error(f"'{node.address[:60]}' is no IP address") from None
         if address.is_multicast or address.is_unspecified or node.address == "255.255.255.255":
             raise below.below("address").error("a node's address is that of one host")
         if address.version == 6 and address.scope_id:
             raise below.below("address").error("an address without a scope is expected")
         if node.name in names or node.name == "broadcast" or not node.name:
-            raise below.below("name").error(f"the name {node.name!r} is taken or empty")
+            raise below.below("name").error(f"the name '{node.name}' is taken or empty")
         if str(address) in addresses:
             raise below.below("address").error(f"{node.address} belongs to another node already")
         names.add(node.name)
         addresses.add(str(address))
         if node.mac and (len(node.mac.split(":")) != 6 or not _is_hex(node.mac.replace(":", ""), 12)):
-            raise below.below("mac").error(f"{node.mac[:60]!r} is no hardware address such as 02:00:00:00:00:01")
+            raise below.below("mac").error(f"'{node.mac[:60]}' is no hardware address such as 02:00:00:00:00:01")
         if node.first_value > node.last_value:
             raise below.below("first_value").error("the first value is above last_value")
         if node.carry_into_flags and node.last_value != U16_MAX:
@@ -106,7 +106,7 @@ def _check_told_apart(scenario: Scenario, place: Place) -> None:
         first = named.setdefault(entry.name, position)
         same = [sent.setdefault((entry.port, entry.index, sender), position) for sender in entry.sender]
         if first != position:
-            raise below.below("name").error(f"list[{first}] is called {entry.name!r} already")
+            raise below.below("name").error(f"list[{first}] is called '{entry.name}' already")
         if (other := min(same, default=position)) != position:
             raise below.below("index").error(f"list[{other}] has the same index, port and sender")
 
@@ -133,7 +133,7 @@ def _check_list(scenario: Scenario, entry: ListPlan, place: Place) -> None:
             ipaddress.ip_address(entry.destination)
         except ValueError:
             raise place.below("destination").error(
-                f"{entry.destination[:60]!r} is neither an address nor a node",
+                f"'{entry.destination[:60]}' is neither an address nor a node",
                 nearest(entry.destination, scenario.node_numbers),
             ) from None
 
@@ -154,12 +154,12 @@ def _check_names(scenario: Scenario, place: Place) -> None:
             if attribute == "list" and isinstance(entry, ON_CAN):
                 names = scenario.can_numbers if isinstance(entry, WrongDlc) else names | scenario.can_numbers
             if attribute == "list" and name in scenario.can_numbers and name not in names:
-                raise below.below(attribute).error(f"{name!r} is sent over CAN, where there is no such thing")
+                raise below.below(attribute).error(f"'{name}' is sent over CAN, where there is no such thing")
             if not isinstance(name, str):
                 continue
             if name and name not in names:
                 kind = "list" if attribute == "list" else "node"
-                raise below.below(attribute).error(f"there is no {kind} {name!r}", nearest(name, names))
+                raise below.below(attribute).error(f"there is no {kind} '{name}'", nearest(name, names))
     versions = {node.name: ipaddress.ip_address(node.address).version for node in scenario.node}
     for position, plan in enumerate(scenario.list):
         below = place.below("list").below(position)
@@ -191,7 +191,7 @@ def _check_selection(scenario: Scenario, fault: Selection, place: Place) -> None
         raise place.below("subindex").error(f"the list has {len(owner.shapes)} telegrams, 0 to {len(owner.shapes) - 1}")
     senders = {*owner.sender, *(entry.node for entry in scenario.second_sender if entry.list == owner.name)}
     if fault.node and fault.node not in senders:
-        raise place.below("node").error(f"{fault.node!r} does not send this list", nearest(fault.node, sorted(senders)))
+        raise place.below("node").error(f"'{fault.node}' does not send this list", nearest(fault.node, sorted(senders)))
     if isinstance(fault, Late) and fault.by_ns >= owner.interval_ns:
         raise place.below("by").error("a sending cannot be late by an interval or more", "Use [[pause]] for that.")
     if isinstance(fault, WrongChecksum) and not owner.checksum:

@@ -221,7 +221,7 @@ def _scopes(scenario: Scenario, writers: tuple[Writer, ...]) -> list[str]:
         if scope == "list" and not scenario.wild:
             raise scenario.error(
                 f"node[{number}].counter",
-                f"{node.name!r} counts per list, and sends several lists, one of them with several telegrams: no "
+                f"'{node.name}' counts per list, and sends several lists, one of them with several telegrams: no "
                 "observer can tell what it counts",
                 "Give it one list, or lists of one telegram, or set wild = true.",
             )

@@ -160,6 +160,6 @@ def _since_epoch_ns(moment: datetime) -> int:
 
 def _error(option: str, text: str, frames: bool) -> UsageError:
     return UsageError(
-        f"{option} {text[:60]!r}: not a time of the capture",
+        f"{option} '{text[:60]}': not a time of the capture",
         next_step=f"write {_TIMES_OR_FRAMES if frames else _TIMES}",
     )

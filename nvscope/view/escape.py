@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
+from json.encoder import encode_basestring_ascii  # what ``json.dumps`` has for texts
 from typing import Any, overload
 
 _SHORT = {"\\": "\\\\", "\t": "\\t", "\n": "\\n", "\r": "\\r"}
@@ -53,6 +54,22 @@ def _escaped(character: str) -> str:
     if code < 0x100:
         return f"\\x{code:02x}"
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+def json_text(text: str) -> str:
+    """Return ``text`` as a JSON string of printable ASCII: what else there is in it is written as JSON escapes."""
+    quoted: str = encode_basestring_ascii(text)
+    return quoted.replace("\x7f", "\\u007f") if "\x7f" in quoted else quoted
+
+
+_UNPRINTED = re.compile("[^ -~\n]")
+
+
+def json_ascii(document: str) -> str:
+    """Return JSON texts, in lines perhaps, in printable ASCII: what else there is can only stand in their strings."""
+    if document.isascii() and "\x7f" not in document:
+        return document
+    return _UNPRINTED.sub(lambda found: json_text(found[0])[1:-1], document)
 
 
 def html_safe(text: str) -> str:

@@ -21,11 +21,15 @@ class Packet(NamedTuple):
 
 @dataclass
 class Content:
-    """What a file holds. ``cut`` is where reading ends early, None where it does not."""
+    """What a file holds.
+
+    ``cut`` is where reading ends early, or else the first packet of ``doubtful`` time; None where there is neither.
+    """
 
     packets: list[Packet] = field(default_factory=list)
     cut: int | None = None
     damaged: bool = False
+    doubtful: list[int] = field(default_factory=list)
     drops: int = 0
     comments: list[tuple[int | None, str]] = field(default_factory=list)
     readable: bool = True
@@ -60,17 +64,21 @@ def read_pcap(raw: bytes) -> Content:
             content.cut = at
             break
         data = raw[at + 16 : at + 16 + captured]
+        if fraction * unit >= 10**9:
+            content.doubtful.append(at)
         content.packets.append(Packet(seconds * 10**9 + fraction * unit, original, link & 0xFFFF, data))
         at += 16 + captured
+    if content.cut is None and content.doubtful:
+        content.cut = content.doubtful[0]
     return content
 
 
-def to_ns(units: int, resolution: int, offset_s: int) -> int:
+def to_ns(units: int, resolution: int, offset_s: int) -> int | None:
+    """None for a time that is out of range."""
     exponent = resolution & 0x7F
     base = 2 if resolution & 0x80 else 10
-    ns: int = min(units * 10**9 // base**exponent, TIME_LIMIT)
-    offset_ns = min(max(offset_s * 10**9, -TIME_LIMIT), TIME_LIMIT)
-    return min(max(ns + offset_ns, -TIME_LIMIT), TIME_LIMIT)
+    ns: int = units * 10**9 // base**exponent + offset_s * 10**9
+    return ns if abs(ns) <= TIME_LIMIT else None
 
 
 def _options(order: str, body: bytes) -> list[tuple[int, bytes]]:
@@ -185,7 +193,10 @@ def read_pcapng(raw: bytes) -> Content:
                 if start + captured > len(body) or captured > max(MAX_PACKET, min(interface["snap"], MAX_SNAP)):
                     raise _DamageError
                 if kind != 3:
-                    last_ns = to_ns((high << 32) | low, interface["resolution"], interface["offset"])
+                    told_ns = to_ns((high << 32) | low, interface["resolution"], interface["offset"])
+                    if told_ns is None:
+                        content.doubtful.append(at)
+                    last_ns = last_ns if told_ns is None else told_ns
                     for code, value in _options(order, body[start + (captured + 3) // 4 * 4 :]):
                         if code == 1:
                             content.comments.append((len(content.packets) + 1, value.decode("utf8", "replace")))
@@ -196,5 +207,7 @@ def read_pcapng(raw: bytes) -> Content:
             at += length
     except _DamageError:
         content.cut, content.damaged = at, True
+    if content.cut is None and content.doubtful:
+        content.cut = content.doubtful[0]
     content.drops = sum(each.get("statistics", each["packets"]) for each in drops)
     return content

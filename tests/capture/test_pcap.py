@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import struct
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from nvscope.capture.reader import ReadingSizes
 from nvscope.errors import UnreadableInput
 from tests.capture import build
+from tests.capture.build import BASE_S
 from tests.capture.reference import Packet, read_pcap
 from tests.laws import some
 
@@ -160,3 +162,19 @@ def test_another_version_is_not_read(tmp_path: Path) -> None:
     raw[4] = 3
     with pytest.raises(UnreadableInput, match=r"version 3\.4, expected 2"):
         build.read(tmp_path / "a.pcap", bytes(raw), ReadingSizes(), 0, 64)
+
+
+@pytest.mark.parametrize(("nanoseconds", "unit", "second"), [(True, "ns", 10**9), (False, "µs", 10**6)])
+def test_parts_of_a_second_that_are_more_than_one_are_told(
+    tmp_path: Path, nanoseconds: bool, unit: str, second: int
+) -> None:
+    packets = [Packet(BASE_S * 10**9 + row, 1, 1, bytes([row])) for row in range(4)]
+    raw = bytearray(build.pcap(packets, nanoseconds=nanoseconds))
+    for row, fraction in ((1, second), (3, 0xFFFFFFFF), (0, second - 1)):
+        struct.pack_into("<I", raw, 24 + 17 * row + 4, fraction)
+    source, found = build.read(tmp_path / "a.pcap", bytes(raw), ReadingSizes(), 0, 64)
+    assert [packet.data for packet in found] == [bytes([row]) for row in range(4)]
+    told = source.info.truncation
+    assert told is not None
+    assert told.offset == 24 + 17
+    assert told.message == f"frame 2 has a time of {second} {unit} after a whole second; 2 such frames"

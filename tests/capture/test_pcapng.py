@@ -6,18 +6,16 @@ import random
 import struct
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from nvscope.capture.capture_file import CaptureFile
-from nvscope.capture.pcapng.interfaces import nanoseconds
 from nvscope.capture.pcapng.reader import MAX_COMMENTS, MAX_INTERFACES
 from nvscope.capture.reader import ReadingSizes
 from nvscope.errors import UnreadableInput
 from tests.capture import build
-from tests.capture.reference import Content, Packet, read_pcapng, to_ns
+from tests.capture.reference import Content, Packet, read_pcapng
 from tests.laws import some
 
 _shared = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
@@ -180,32 +178,6 @@ def test_a_file_cut_anywhere_gives_the_packets_before_the_cut(tmp_path: Path) ->
         if truncation:
             assert truncation.offset == max(end for end in ends if end <= cut)
             assert truncation.message.startswith("cut short")
-
-
-@given(units=st.integers(0, 2**64 - 1), resolution=st.integers(0, 255))
-def test_every_resolution_is_exact(units: int, resolution: int) -> None:
-    found = nanoseconds(np.array([units, 0], np.uint64), resolution)
-    assert found.tolist() == [to_ns(units, resolution, 0), 0]
-
-
-@pytest.mark.parametrize(
-    ("resolution", "offset_s", "units", "ts_ns"),
-    [
-        (6, 0, 1_700_000_000_123_456, 1_700_000_000_123_456_000),
-        (9, 0, 1_700_000_000_123_456_789, 1_700_000_000_123_456_789),
-        (3, 0, 1_700_000_000_123, 1_700_000_000_123_000_000),
-        (0, -5, 1_700_000_000, 1_699_999_995_000_000_000),
-        (12, 0, 1_700_000_123_456_789_012, 1_700_000_123_456_789),
-        (0x80 | 10, 0, 1024 * 1_700_000_000 + 512, 1_700_000_000_500_000_000),
-        (0x80 | 32, 0, (1_700_000_000 << 32) + (1 << 30), 1_700_000_000_250_000_000),
-        (6, 1_700_000_000, 1, 1_700_000_000_000_001_000),
-    ],
-)
-def test_clocks_of_interfaces(tmp_path: Path, resolution: int, offset_s: int, units: int, ts_ns: int) -> None:
-    options = build.option("<", 9, bytes((resolution,))) + build.option("<", 14, struct.pack("<q", offset_s))
-    raw = build.section("<") + build.interface("<", options=options) + build.enhanced("<", units, b"x")
-    _, found = build.read(tmp_path / "a", raw, _SIZES, 0, 64)
-    assert [packet.ts_ns for packet in found] == [ts_ns]
 
 
 def test_a_simple_packet_has_the_time_of_the_packet_before(tmp_path: Path) -> None:

@@ -214,7 +214,7 @@ def test_identifiers_are_written_in_several_ways(key: str, tmp_path: Path) -> No
         ("definitions = 'no/*.gvl'", ": definitions[0]", "no file matches 'no/*.gvl'", "are relative to"),
         ("definitions = ['']", ": definitions[0]", "is empty", ""),
         ("definitions = 'a/b**'", ": definitions[0]", "cannot be followed: Invalid pattern", ""),
-        ('definitions = "a\\u0000"', ": definitions[0]", "no file matches 'a\\x00'", ""),
+        ('definitions = "a\\u0000"', ": definitions[0]", "no file matches 'a\x00'", ""),
         ("[nodes]\npress = {}", ': nodes."press"', "'press' is no IP address", '"192.168.1.10" ='),
         ('[nodes]\n"fe80::1%eth0" = {}', ': nodes."fe80::1%eth0"', "is no IP address", ""),
         ('[nodes]\n"1.2.3.4" = { nme = "x" }', ': nodes."1.2.3.4".nme', "unknown key 'nme'", "is 'name'"),

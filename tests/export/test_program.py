@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from nvscope import open as open_captures
 from tests.cli.test_export import AXIS, CAPTURES, READERS, nvscope
 from tests.export.given import defined, numbered, written
 
@@ -90,6 +91,17 @@ def test_times_have_one_form_and_what_it_cannot_hold_is_told(tmp_path: Path) -> 
     numbers = table.select(pl.all().cast(pl.Int64))
     assert numbers["v_lt"].to_list() == numbers["v_ld"].to_list() == [86_400 * 10**9, None, 2**63 - 1]
     assert numbers["v_t"].to_list() == [1_500_000_000] * 3
+    named = [word for name in ("lt", "od", "lod", "lm") for word in ("-e", f"var.v_{name}")]
+    for ending in ("parquet", "csv", "ndjson"):
+        done = nvscope("export", capture, *gvl, *named, "-w", f"t.{ending}", cwd=tmp_path)
+        assert done.stderr.startswith(f"nvscope: t.{ending}: 3 times of 64 bits are beyond 292 years"), done.stderr
+    for form in ("fields", "csv", "json", "ndjson"):
+        done = nvscope("packets", capture, *gvl, *named, "-T", form, cwd=tmp_path)
+        assert done.stderr.startswith("nvscope: 3 times of 64 bits are beyond 292 years"), done.stderr
+    assert nvscope("packets", capture, *gvl, *named, "-Y", "frame.number == 1", cwd=tmp_path).stderr == ""
+    opened = open_captures(tmp_path / capture, definitions=tmp_path / gvl[1])
+    with pytest.warns(UserWarning, match=r"^3 times of 64 bits are beyond .* values\(form='long'\)"):
+        opened.telegrams(*(word for word in named if word != "-e"))
     for ending in ("csv", "ndjson"):
         nvscope("export", capture, *gvl, "-w", f"o.{ending}", cwd=tmp_path)
     for read in (pl.read_csv(tmp_path / "o.csv"), pl.read_ndjson(tmp_path / "o.ndjson")):

@@ -109,7 +109,7 @@ def examine(raw: bytes, folder: Path, rng: random.Random) -> Examined:
             return Examined()
         if expected is not None:
             _check_content(source.info, batches, expected)
-        _check_other_sizes(path, rng, source.info, batches)
+        check_other_sizes(path, rng, source.info, batches)
         if expected is not None and rng.random() < 0.2:
             compression = rng.choice(list(COMPRESSIONS.values()))
             path.write_bytes(compression(raw))
@@ -117,7 +117,7 @@ def examine(raw: bytes, folder: Path, rng: random.Random) -> Examined:
             found = list(_bounded(again, len(raw)))
             _check_content(again.info, found, expected)
             path.write_bytes(raw)
-        return _check_report(path, rng, batches)
+        return check_report(path, rng, batches)
 
 
 def content_of(raw: bytes) -> Content:
@@ -164,7 +164,7 @@ def _rows(batches: Sequence[PacketBatch]) -> Iterator[tuple[int, int, int, bytes
             yield ts_ns, original, link, batch.packet(row)
 
 
-def _check_other_sizes(path: Path, rng: random.Random, info: SourceInfo, batches: Sequence[PacketBatch]) -> None:
+def check_other_sizes(path: Path, rng: random.Random, info: SourceInfo, batches: Sequence[PacketBatch]) -> None:
     """Read the file in another cut of the work: the same packets, the same to tell about it."""
     source = CaptureFile(
         str(path),
@@ -184,7 +184,7 @@ def _told(info: SourceInfo) -> tuple[object, ...]:
     return info.format, info.bytes, info.frames, info.drops, info.comments, offset
 
 
-def _check_report(path: Path, rng: random.Random, batches: Sequence[PacketBatch]) -> Examined:
+def check_report(path: Path, rng: random.Random, batches: Sequence[PacketBatch]) -> Examined:
     source = CaptureFile(str(path))
     state = tracked(source)
     summary = summarize(state)

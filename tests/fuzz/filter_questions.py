@@ -34,7 +34,8 @@ def ask_filtered(asked: Asked, whole: Any) -> None:
     assert report.document()["filter"]["telegrams"] == len(chosen.records())
     rest = asked.on_capture("packets", "-T", "ndjson", "-Y", f"!({expression})").records()
     everything = asked.on_capture("packets", "-T", "ndjson", defined=False).records()
-    assert len(everything) == whole["capture"]["telegrams"], len(everything)
+    capture = whole["capture"]
+    assert len(everything) == capture["telegrams"] + capture.get("can_frames", 0), len(everything)
     frames = sorted(row["frame.number"] for row in [*chosen.records(), *rest])
     if "finding." in expression:
         # A telegram may show a finding that is chosen, and one that is not.

@@ -82,7 +82,8 @@ def _ask_notebook(asked: Asked, report: Any, rows: Sequence[Mapping[str, Any]] |
     assert opened.lists.height == len(report["lists"])
     assert opened.findings.height == len(report["findings"])
     assert opened.streams.height == sum(len(entry["streams"]) for entry in report["lists"])
-    assert opened.telegrams().height == report["capture"]["telegrams"]
+    capture = report["capture"]
+    assert opened.telegrams().height == capture["telegrams"] + capture.get("can_frames", 0)
     variables = Counter((row["list"], row["sender"], row["subindex"]) for row in rows or ())
     wanted = sum(count * variables[key] for key, count in telegrams_of(rows or ()).items())
     try:

@@ -3,6 +3,8 @@
 Every input is drawn from the seed and its number alone. One that fails is kept as a file, beside it what happened, and
 once more as small as it could be made; ``--replay FILE`` examines it again.
 
+``--what logs`` draws CAN logs of every format.
+
 ``--what plants`` draws captures with definition files and asks every verb about them. One that fails is kept as a
 folder, its files as small as they could be made; ``--replay FOLDER`` asks again.
 """
@@ -21,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from tests.fuzz.asked import Plant
-from tests.fuzz.examination import examine
+from tests.fuzz.examination import Examined, examine
+from tests.fuzz.logs import examine_log, fuzz_log
 from tests.fuzz.mutations import COMPRESSIONS, mutated, shortened
 from tests.fuzz.originals import SCENARIOS, random_traffic, sample_captures, scenario_traffic
 from tests.fuzz.plants import fuzz_plant
@@ -79,7 +82,14 @@ class Subject:
 
 
 def _examine_capture(raw: bytes, folder: Path, rng: random.Random) -> Mapping[str, int]:
-    examined = examine(raw, folder, rng)
+    return _figures(examine(raw, folder, rng))
+
+
+def _examine_log(raw: bytes, folder: Path, rng: random.Random) -> Mapping[str, int]:
+    return _figures(examine_log(raw, folder, rng))
+
+
+def _figures(examined: Examined) -> Mapping[str, int]:
     return {
         "read": examined.readable, "cut": examined.cut, "frames": examined.frames, "telegrams": examined.telegrams,
         "findings": examined.findings,
@@ -136,6 +146,7 @@ def _read_plant(folder: Path) -> Plant:
 _CAPTURE_NAME = "capture"
 SUBJECTS = {
     "captures": Subject(fuzz_input, _examine_capture, _keep_capture, Path.read_bytes),
+    "logs": Subject(fuzz_log, _examine_log, _keep_capture, Path.read_bytes),
     "plants": Subject(fuzz_plant, _ask_plant, _keep_plant, _read_plant),
 }
 

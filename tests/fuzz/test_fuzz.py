@@ -22,6 +22,7 @@ from nvscope.errors import UnreadableInput
 from tests.fuzz.anatomy import anatomy_of
 from tests.fuzz.examination import NAME, Examined, assert_printable, content_of, ends, examine
 from tests.fuzz.floods import CAPTURE_FLOODS, TELEGRAM_FLOODS, huge_lengths, large_content
+from tests.fuzz.logs import examine_log, fuzz_log
 from tests.fuzz.mutations import AIMED, BLIND, COMPRESSIONS, mutated, shortened
 from tests.fuzz.originals import random_traffic, sample_captures
 from tests.fuzz.run import fuzz_input
@@ -49,6 +50,17 @@ def test_mutated_captures_are_refused_or_accounted_for(tmp_path: Path, name: str
     # A fuzzer that only makes files that are refused at once tests nothing.
     assert sum(examined.telegrams > 0 for examined in reached) > len(reached) // 2
     assert any(examined.cut for examined in reached)
+
+
+def test_damaged_logs_are_refused_or_accounted_for(tmp_path: Path) -> None:
+    reached: dict[str, list[Examined]] = {}
+    for number in some(range(FILES_OF_A_CAPTURE)):
+        suffix, raw = fuzz_log(1000, number)
+        reached.setdefault(suffix, []).append(examine_log(raw, tmp_path, random.Random(number)))
+    # A fuzzer that only makes files that are refused at once tests nothing.
+    every = [examined for found in reached.values() for examined in found]
+    assert sum(examined.frames > 0 for examined in every) > len(every) // 2
+    assert any(examined.cut for examined in every)
 
 
 @pytest.mark.parametrize("suffix", COMPRESSIONS)

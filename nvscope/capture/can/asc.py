@@ -85,7 +85,7 @@ class AscLines:
             return self._fast(ts_ns, rest)
         if not first.isdecimal():
             if first[0].isdecimal():
-                raise LineFault(f"no channel in {first[:40]!r}")
+                raise LineFault(f"no channel in '{first[:40]}'")
             return None
         return self._classic(ts_ns, _channel(first), rest)
 
@@ -159,7 +159,7 @@ class AscLines:
         if way == _REQUESTED:
             return None
         if way not in _DIRECTIONS:
-            raise LineFault(f"no direction in {told[1][:40]!r}")
+            raise LineFault(f"no direction in '{told[1][:40]}'")
         if rest[0].lower().startswith("errorframe"):
             frame = _error(ts_ns, _error_of(" ".join(rest)))
         else:

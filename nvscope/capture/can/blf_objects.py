@@ -319,6 +319,9 @@ def frames_of(data: U8, at: I64, start_ns: int) -> BlfFrames:
         if found.is_frame is not None:
             is_frame[some[~found.is_frame]] = False
     unit_ns = np.where(head["flags"] == _TEN_MICROSECONDS, np.uint64(10_000), np.uint64(1))
+    if abs(start_ns) > TIME_LIMIT_NS:
+        leave_out(np.arange(len(mine)), "a time before 1823 or after 2116")
+        start_ns = 0
     room_ns = np.uint64(TIME_LIMIT_NS - start_ns)
     leave_out(np.flatnonzero(head["time"] > room_ns // unit_ns), "a time after 2116")
     rows.ts_ns[:] = (head["time"] * unit_ns).astype(np.int64) + start_ns

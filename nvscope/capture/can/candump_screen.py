@@ -100,7 +100,7 @@ class ScreenLines:
         if _DATE.fullmatch(time):
             told_ns = log_dates.numbered_ns(time)
             if told_ns is None:
-                raise LineFault(f"no time in {time[:40]!r}")
+                raise LineFault(f"no time in '{time[:40]}'")
             return told_ns
         told_ns = scaled_ns(time, _S_NS)
         if self._differences and _is_short(time):

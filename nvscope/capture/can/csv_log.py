@@ -28,11 +28,11 @@ class CsvLines:
             raise LineFault(f"{len(told)} columns, expected {_COLUMNS}")
         seconds, identifier, extended, remote, error, dlc, data = told
         if not _NUMBER.fullmatch(seconds):
-            raise LineFault(f"no time in {seconds[:40]!r}")
+            raise LineFault(f"no time in '{seconds[:40]}'")
         if any(flag not in _FLAGS for flag in (extended, remote, error)):
             raise LineFault("a flag that is neither 0 nor 1")
         if identifier[:2] not in ("0x", "0X"):
-            raise LineFault(f"no identifier in {identifier[:40]!r}")
+            raise LineFault(f"no identifier in '{identifier[:40]}'")
         try:
             content = binascii.a2b_base64(data, strict_mode=True) if data else b""
         except ValueError as fault:

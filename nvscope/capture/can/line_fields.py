@@ -31,7 +31,7 @@ class LineFault(Exception):
 def number(text: str, base: int, what: str) -> int:
     """Return a number of digits alone, or say that there is none."""
     if not _DIGITS[base].fullmatch(text):
-        raise LineFault(f"no {what} in {text[:40]!r}")
+        raise LineFault(f"no {what} in '{text[:40]}'")
     return int(text, base)
 
 
@@ -39,7 +39,7 @@ def scaled_ns(text: str, unit_ns: int, what: str = "time") -> int:
     """Return a decimal number of units as nanoseconds, exactly; what is finer is cut off."""
     match = _DECIMAL.fullmatch(text)
     if not match:
-        raise LineFault(f"no {what} in {text[:40]!r}")
+        raise LineFault(f"no {what} in '{text[:40]}'")
     fraction = (match[3] or "").ljust(18, "0")
     whole = int(match[2]) * unit_ns + int(fraction) * unit_ns // 10**18
     return -whole if match[1] else whole

@@ -96,7 +96,7 @@ class MdfReader(Reader):
         """Return the frames of some records; those that cannot be are left out."""
         error, remote = told["kind"] == _ERROR, told["kind"] == _REMOTE
         wide = (told["extended"] == 0) & (told["identifier"] > STANDARD_IDENTIFIER) & ~error
-        late = np.abs(told["ts_ns"]) > TIME_LIMIT_NS
+        late = (told["ts_ns"] > TIME_LIMIT_NS) | (told["ts_ns"] < -TIME_LIMIT_NS)
         beyond = (told["dlc"] > _MAX_DLC) & ~error
         for wrong, what in (
             (wide, "an identifier of more than 11 bits"),

@@ -25,7 +25,7 @@ RECORD = np.dtype(
     ]
 )  # fmt: skip
 """A frame: ``kind`` is a place in ``KINDS``; of an error ``dlc`` is its type. ``channel``, and ``direction`` (0 for
-received, 1 for sent), are -1 where the file has none."""
+received, 1 for sent), are -1 where the file has none. A time that no int64 holds is the least of them."""
 
 KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")
 HEAD = struct.Struct("=cI")
@@ -37,6 +37,8 @@ _CHUNK_RECORDS = 16_384
 _BUS_EVENT = 2  # FLAG_CG_BUS_EVENT
 _SOURCE_BUS, _BUS_TYPE_CAN = 2, 2
 _FINE_SECONDS = 4_000_000
+_MOST_SECONDS = (1 << 62) / 1e9
+_NO_TIME_NS = -(1 << 63)
 _LEAST_MEMORY_BYTES = 4 << 30
 
 
@@ -78,8 +80,13 @@ class _Group:
 
         # Further from the start, a float of seconds holds no more than microseconds.
         fine = np.abs(seconds) < _FINE_SECONDS
+        known = np.abs(seconds) <= _MOST_SECONDS
+        seconds = np.where(known, seconds, 0.0)
         since_ns = np.rint(np.where(fine, seconds * 1e9, np.rint(seconds * 1e6) * 1e3)).astype(np.int64)
-        records["ts_ns"] = self._start_ns + since_ns
+        if abs(self._start_ns) > 1 << 62:
+            known[:] = False
+        records["ts_ns"] = _NO_TIME_NS
+        records["ts_ns"][known] = self._start_ns + since_ns[known] if known.any() else 0
         records["kind"] = self._kind
         identifier, extended = column("ID"), column("IDE")
         if identifier is not None:

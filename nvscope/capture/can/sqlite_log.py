@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import sqlite3
-import struct
-from collections.abc import Iterator
-from contextlib import closing
-from urllib.parse import quote
+from collections.abc import Generator, Iterator
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.can.frame import CanFrame, CanRows, FrameBatches
 from nvscope.capture.can.line_fields import LineFault
 from nvscope.capture.can.on_disk import on_disk
 from nvscope.capture.can.recorded_message import RecordedMessage
+from nvscope.capture.can.sqlite_file import MAX_VALUE_BYTES, Database, bytes_missing, opened, state, unread_beside
 from nvscope.capture.content import Content
 from nvscope.capture.formats import NoCapture
 from nvscope.capture.reader import Reader, ReadingSizes
@@ -21,7 +18,10 @@ from nvscope.capture.source import Truncation
 from nvscope.errors import UnreadableInput
 
 _CHUNK_FRAMES = 4096
-_QUERY = "SELECT rowid, ts, arbitration_id, extended, remote, error, dlc, data FROM messages ORDER BY rowid"
+_COLUMNS = "rowid, ts, arbitration_id, extended, remote, error, dlc, data"
+_QUERY = f"SELECT {_COLUMNS} FROM messages NOT INDEXED WHERE rowid >= ? ORDER BY rowid"
+_FOLLOWING = "SELECT rowid FROM messages NOT INDEXED WHERE rowid >= ? ORDER BY rowid LIMIT 1"
+_FIRST_ROW = -(1 << 63)
 
 # What is wrong with a file is not always told in UTF-8.
 _DATABASE_FAULTS = (sqlite3.Error, UnicodeError, OverflowError)
@@ -47,7 +47,7 @@ class SqliteReader(Reader):
                     where=content.path,
                     next_step="a recording of a CODESYS DataLogger cannot be read yet",
                 ) from None
-        self._place = ""
+        self._next = _FIRST_ROW
         self._wrong = 0
         self._first_fault = ""
 
@@ -88,19 +88,62 @@ class SqliteReader(Reader):
         yield from batches.add(CanRows.of(frames, [0] * len(frames)))
 
     def _frames(self, path: str) -> Iterator[CanFrame]:
-        place = ""
+        if self._path and (unread := unread_beside(path)):
+            self._fault(unread)
+        self._next = _FIRST_ROW
+        before = state(path)
         try:
-            with closing(_connect(path)) as database:
-                for row, *told in database.execute(_QUERY):
-                    place = f"row {row}"
+            with opened(path) as database:
+                while True:
                     try:
-                        frame = _message(told).frame()
-                    except (LineFault, TypeError, ValueError) as fault:
-                        self._fault(f"{place}: {fault}")
-                        continue
-                    yield frame
+                        yield from self._rows(database.execute(_QUERY, self._next))
+                        break
+                    except sqlite3.DataError:  # a value that is too long
+                        if not (yield from self._rows_one_by_one(database)):
+                            break
         except _DATABASE_FAULTS as error:
-            self._fault(f"{f'after {place}: ' if place else ''}damaged: {error}; nothing after it can be read")
+            after = f"after row {self._next - 1}: " if self._next > _FIRST_ROW else ""
+            self._fault(f"{after}damaged: {error}; nothing after it can be read")
+        if state(path) != before:
+            self._fault("changed while it was read: read it again when it is no longer recorded")
+
+    def _rows_one_by_one(self, database: Database) -> Generator[CanFrame, None, bool]:
+        """Yield the rows up to one with a value that is too long, and leave that out; False at the end of all.
+
+        A cursor is a row ahead: what it fails at is the row after that which it was asked for.
+        """
+        while True:
+            following = [row for (row,) in database.execute(_FOLLOWING, self._next)]
+            if not following:
+                return False
+            before = self._next
+            try:
+                yield from self._rows(database.execute(f"{_QUERY} LIMIT 1", self._next))
+                if self._next == before:
+                    return False
+            except sqlite3.DataError:
+                self._fault(f"row {following[0]}: a value of more than {MAX_VALUE_BYTES} bytes")
+                return self._is_next(following[0])
+
+    def _rows(self, rows: Iterator[tuple[object, ...]]) -> Iterator[CanFrame]:
+        for row, *told in rows:
+            if not self._is_next(row):
+                return
+            try:
+                frame = _message(told).frame()
+            except (LineFault, TypeError, ValueError) as fault:
+                self._fault(f"row {row}: {fault}")
+                continue
+            yield frame
+
+    def _is_next(self, row: object) -> bool:
+        """Note that a row was met; say so where it is one that was met before."""
+        if not isinstance(row, int) or row < self._next:
+            # Pages that lie several times in the tree of a table give rows without an end.
+            self._fault(f"after row {self._next - 1}: damaged: row {row} follows; nothing after it can be read")
+            return False
+        self._next = row + 1
+        return True
 
     def _fault(self, what: str) -> None:
         if not self._wrong:
@@ -114,36 +157,26 @@ def _message(told: list[object]) -> RecordedMessage:
         raise LineFault("no time")
     if not isinstance(identifier, int) or not isinstance(dlc, int) or identifier < 0:
         raise LineFault("no identifier or no length")
-    content = data if isinstance(data, bytes) else b""
-    return RecordedMessage(float(ts), identifier, bool(extended), bool(remote), bool(error), dlc, content)
+    if not isinstance(data, bytes | None):
+        raise LineFault("data that are no bytes")
+    return RecordedMessage(float(ts), identifier, bool(extended), bool(remote), bool(error), dlc, data or b"")
 
 
 def _check(path: str, where: str) -> None:
-    """Raise _NoMessages or UnreadableInput for an SQLite file that is no log, or no whole one.
-
-    SQLite reads zeros for what is missing of the last page, and would show them as messages.
-    """
-    with open(path, "rb") as file:
-        head = file.read(32)
-    page_bytes, pages = struct.unpack(">16xH10xL", head.ljust(32, b"\0"))
-    expected = (page_bytes if page_bytes > 1 else 1 << 16) * pages
-    if os.path.getsize(path) < expected:
+    """Raise _NoMessages or UnreadableInput for an SQLite file that is no log, or no whole one."""
+    missing = bytes_missing(path)
+    if missing:
         raise UnreadableInput(
-            f"an SQLite file that is cut short: {os.path.getsize(path)} of {expected} bytes",
+            f"an SQLite file that is cut short: {missing[0]} of {missing[1]} bytes",
             where=where,
             next_step="copy the file again",
         )
     try:
-        with closing(_connect(path)) as database:
-            found = database.execute("SELECT 1 FROM sqlite_master WHERE name = 'messages'").fetchone()
+        with opened(path) as database:
+            found = database.has_table("messages")
     except _DATABASE_FAULTS as error:
         raise UnreadableInput(
             f"an SQLite file that cannot be read: {type(error).__name__}: {error}", where=where
         ) from error
     if not found:
         raise _NoMessages
-
-
-def _connect(path: str) -> sqlite3.Connection:
-    # Read-only: opening a log must not change it.
-    return sqlite3.connect(f"file:{quote(os.path.abspath(path))}?mode=ro", uri=True)

@@ -92,7 +92,7 @@ class TrcLines:
         if self._major == 1:
             count = count.removesuffix(")")
         if not count.isdecimal():
-            raise LineFault(f"no number of a message in {count[:40]!r}")
+            raise LineFault(f"no number of a message in '{count[:40]}'")
         ts_ns = scaled_ns(fields.of("O", "time"), _MS_NS) + self._started_ns()
         way = _DIRECTIONS.get(told.get("d", ""), Direction.UNKNOWN)
         frame = self._frame_2(ts_ns, fields, way) if self._major > 1 else self._frame_1(ts_ns, fields, way)
@@ -138,7 +138,7 @@ class TrcLines:
         if kind == "Warng" or (self._minor == 0 and identifier == _WARNING_ID):
             return None
         if kind not in ("", "Rx", "Tx", "Error"):
-            raise LineFault(f"no type of a message in {kind[:40]!r}")
+            raise LineFault(f"no type of a message in '{kind[:40]}'")
         dlc = number(fields.of("L", "length"), 10, "length")
         first, *rest = fields.data or [""]
         if kind == "Error" or first == _ERROR:
@@ -156,7 +156,7 @@ class TrcLines:
         if kind == _ERROR_2:
             return _error(ts_ns, error_frame.UNTOLD)._replace(direction=way)
         if kind not in _FAST and kind not in (_DATA, _REMOTE_2):
-            raise LineFault(f"no type of a message in {kind[:40]!r}")
+            raise LineFault(f"no type of a message in '{kind[:40]}'")
         word = _word(fields.of("I", "identifier"))
         if "l" in fields.told:
             length = number(fields.told["l"], 10, "length")

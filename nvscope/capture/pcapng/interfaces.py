@@ -7,11 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, U16, U64
+from dissectors.batch import I64, U16, U64, Bool
 from nvscope.capture.record_reader import MAX_PACKET_BYTES, MAX_SNAP_BYTES
 from nvscope.capture.time_span import TIME_LIMIT_NS
 
 _DEFAULT_RESOLUTION = 6
+_MAX_DECIMAL_EXPONENT = 19  # of those of 10 that 64 bits hold
+
+_LIMIT_SECONDS = TIME_LIMIT_NS // 1_000_000_000
+# Seconds and offsets beyond these are none, and stay so in their sum, which is an int64.
+_MAX_SECONDS, _MAX_OFFSET_SECONDS = 1 << 62, 1 << 61
 
 
 @dataclass(slots=True)
@@ -41,20 +46,21 @@ class Interface:
         return self.packet_drops if self.statistics_drops is None else sum(self.statistics_drops.values())
 
 
-def nanoseconds(units: U64, resolution: int) -> I64:
-    """Return times in units of an interface's resolution option as ns, rounded down, at most ``TIME_LIMIT_NS``.
+def seconds_of(units: U64, resolution: int) -> tuple[U64, U64]:
+    """Return times in units of an interface's resolution option as whole seconds and ns, rounded down.
 
     ``resolution`` is the option's byte: the negative exponent of 10 or, with the highest bit set, of 2.
     """
     exponent = resolution & 0x7F
     if not resolution & 0x80:
-        if exponent <= 9:
-            factor = 10 ** (9 - exponent)
-            units = np.minimum(units, np.uint64(TIME_LIMIT_NS // factor + 1)) * np.uint64(factor)
+        if exponent <= _MAX_DECIMAL_EXPONENT:
+            seconds, rest = np.divmod(units, np.uint64(10**exponent))
         else:
-            divisor = 10 ** (exponent - 9)
-            units = units // np.uint64(divisor) if divisor < 1 << 64 else np.zeros_like(units)
-        return np.minimum(units, np.uint64(TIME_LIMIT_NS)).astype(np.int64)
+            seconds, rest = np.zeros_like(units), units
+        if exponent <= 9:
+            return seconds, rest * np.uint64(10 ** (9 - exponent))
+        divisor = 10 ** (exponent - 9)
+        return seconds, rest // np.uint64(divisor) if divisor < 1 << 64 else np.zeros_like(units)
     billion = np.uint64(1_000_000_000)
     if exponent < 64:
         seconds = units >> np.uint64(exponent)
@@ -65,14 +71,23 @@ def nanoseconds(units: U64, resolution: int) -> I64:
     high = (fraction >> np.uint64(32)) * billion
     low = (fraction & np.uint64(0xFFFFFFFF)) * billion
     if exponent <= 32:
-        part = low >> np.uint64(exponent)
-    elif exponent < 96:
-        part = (high + (low >> np.uint64(32))) >> np.uint64(exponent - 32)
-    else:
-        part = np.zeros_like(units)
-    seconds = np.minimum(seconds, np.uint64(TIME_LIMIT_NS // 1_000_000_000 + 1))
-    ts_ns: I64 = np.minimum(seconds * billion + part, np.uint64(TIME_LIMIT_NS)).astype(np.int64)
-    return ts_ns
+        return seconds, low >> np.uint64(exponent)
+    if exponent < 96:
+        return seconds, (high + (low >> np.uint64(32))) >> np.uint64(exponent - 32)
+    return seconds, np.zeros_like(units)
+
+
+def nanoseconds(units: U64, resolution: int, offset_s: int | I64 = 0) -> tuple[I64, Bool]:
+    """Return times in units of a resolution option, from ``offset_s`` on, as ns, and which of them there are.
+
+    Those that are not within ``TIME_LIMIT_NS`` are 0.
+    """
+    seconds, rest = seconds_of(units, resolution)
+    whole = np.minimum(seconds, np.uint64(_MAX_SECONDS)).astype(np.int64) + offset_s
+    known = np.abs(whole) <= _LIMIT_SECONDS
+    ts_ns: I64 = np.where(known, whole, 0) * 1_000_000_000 + rest.astype(np.int64)
+    known &= np.abs(ts_ns) <= TIME_LIMIT_NS
+    return np.where(known, ts_ns, 0), known
 
 
 class InterfaceTable:
@@ -92,20 +107,27 @@ class InterfaceTable:
 
         self.resolution = np.array([each.resolution for each in interfaces], np.int64)
         self.resolutions = sorted({each.resolution for each in interfaces})
-        offsets = [min(max(each.offset_s * 1_000_000_000, -TIME_LIMIT_NS), TIME_LIMIT_NS) for each in interfaces]
-        self.offset_ns = np.array(offsets, np.int64) if any(offsets) else None
+        offsets = [min(max(each.offset_s, -_MAX_OFFSET_SECONDS), _MAX_OFFSET_SECONDS) for each in interfaces]
+        self.offset_s = np.array(offsets, np.int64) if any(offsets) else None
 
-    def ts_ns(self, units: U64, interface: I64) -> I64:
-        """Return the times of packets, each in its interface's resolution and offset."""
+    def ts_ns(self, units: U64, interface: I64) -> tuple[I64, Bool | None]:
+        """Return the times of packets, each in the clock of its interface, and which are known, None for all.
+
+        Times that are not within ``TIME_LIMIT_NS`` are not known, and 0.
+        """
         if len(self.resolutions) == 1:
-            ts_ns = nanoseconds(units, self.resolutions[0])
+            resolution = self.resolutions[0]
+            if self.offset_s is None and resolution <= 9:
+                factor = 10 ** (9 - resolution)
+                if int(units.max(initial=0)) <= TIME_LIMIT_NS // factor:
+                    return (units * np.uint64(factor)).astype(np.int64), None
+            offset_s = 0 if self.offset_s is None else self.offset_s[interface]
+            ts_ns, known = nanoseconds(units, resolution, offset_s)
         else:
-            ts_ns = np.zeros(len(units), np.int64)
+            ts_ns, known = np.zeros(len(units), np.int64), np.ones(len(units), np.bool_)
             of_row = self.resolution[interface]
             for resolution in np.unique(of_row).tolist():
                 rows = of_row == resolution
-                ts_ns[rows] = nanoseconds(units[rows], resolution)
-        if self.offset_ns is not None:
-            ts_ns += self.offset_ns[interface]
-            np.clip(ts_ns, -TIME_LIMIT_NS, TIME_LIMIT_NS, out=ts_ns)
-        return ts_ns
+                offset_s = 0 if self.offset_s is None else self.offset_s[interface[rows]]
+                ts_ns[rows], known[rows] = nanoseconds(units[rows], resolution, offset_s)
+        return ts_ns, None if known.all() else known

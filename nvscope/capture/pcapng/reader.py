@@ -49,6 +49,7 @@ MAX_NAME_BYTES = 256
 MAX_COMMENTS = 10_000
 MAX_COMMENT_BYTES = 4 << 20
 _MAX_PACKET_OPTIONS = 64
+_NO_TIME = "a time before 1823 or after 2116, in place of which stands that of the frame in front, or 1970"
 _DIRECTION_BITS = 3
 _MAX_BLOCK_OPTIONS = 1024
 # One count of a field of 64 bits is not believed beyond this, so that sums stay int64.
@@ -186,7 +187,7 @@ class PcapngReader(RecordReader):
         self._keep_comments(stretch)
         if len(packets.at):
             self._blocks.packet_type = int(stretch.words[packets.index[-1], 0])
-        return replace(self._batch(stretch, packets, table), direction=direction)
+        return replace(self._batch(stretch, packets, table, frames), direction=direction)
 
     def _define_interfaces(self, stretch: _Stretch, special: I64) -> bool:
         defined = False
@@ -267,17 +268,23 @@ class PcapngReader(RecordReader):
         stretch.cut(int(packets.index[first]), fault)
         return packets[:first]
 
-    def _batch(self, stretch: _Stretch, packets: PacketBlocks, table: InterfaceTable) -> PacketBatch:
+    def _batch(self, stretch: _Stretch, packets: PacketBlocks, table: InterfaceTable, frames: int) -> PacketBatch:
         count = len(packets.at)
         offset = packets.at + 28
         if packets.simple is not None:
             offset -= np.where(packets.simple, 16, 0)
-        ts_ns = table.ts_ns(packets.units, packets.interface)
+        ts_ns, known = table.ts_ns(packets.units, packets.interface)
         if packets.simple is not None:
-            # A simple packet has no time of its own: that of the packet before it in the file.
-            timed = np.where(packets.simple, -1, np.arange(count))
+            known = ~packets.simple if known is None else known & ~packets.simple
+        if known is not None:
+            # What has no time of its own, or none that can be, has that of the packet before it in the file.
+            timed = np.where(known, np.arange(count), -1)
             before = np.maximum.accumulate(timed)
             ts_ns = np.where(before >= 0, ts_ns[before], self._last_ts_ns)
+            wrong = np.flatnonzero(~known if packets.simple is None else ~known & ~packets.simple)
+            if len(wrong):
+                at = stretch.view.origin + int(packets.at[wrong[0]])
+                self._doubt_times(wrong, at, frames, _NO_TIME)
         if count:
             self._last_ts_ns = int(ts_ns[-1])
         link = table.only_link

@@ -7,13 +7,12 @@ of their field: under its own name, which Wireshark has too, it would be taken f
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from nvscope.errors import UsageError
-from nvscope.view.escape import csv_safe, visible
+from nvscope.view.escape import csv_safe, json_text
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.lines import cells
 from nvscope.view.rows.frames import FrameRows
@@ -58,7 +57,7 @@ def separation(settings: Sequence[str]) -> Separation:
             separator = _NAMED_SEPARATORS.get(value, value)
         else:
             raise UsageError(
-                f"-E {visible(setting)}: not a setting of separated fields",
+                f"-E {setting}: not a setting of separated fields",
                 next_step="header=y|n, separator=/t|/s|CHARACTER (/t tab, /s space), quote=d|s|n",
             )
     return Separation(header, separator, quote)
@@ -151,7 +150,7 @@ class JsonLines:
 
 def _json_name(name: str) -> str:
     """Return a name as JSON, for a pattern in which a percent sign stands for a value."""
-    return json.dumps(name).replace("%", "%%")
+    return json_text(name).replace("%", "%%")
 
 
 class JsonArray:

@@ -18,14 +18,14 @@ def check_can(scenario: Scenario, place: Place) -> None:
     """Raise ConfigurationError where tables about CAN contradict themselves or each other."""
     for channel in scenario.channels:
         if not channel or channel.split() != [channel] or len(channel) > 64:
-            raise place.error(f"the channel {channel[:64]!r} has no name of one word", "Call it can0 or the like.")
+            raise place.error(f"the channel '{channel[:64]}' has no name of one word", "Call it can0 or the like.")
         if sum(bus.channel == channel for bus in scenario.bus) > 1:
-            raise place.below("bus").error(f"{channel!r} is described twice")
+            raise place.below("bus").error(f"'{channel}' is described twice")
         if scenario.bus and channel not in {bus.channel for bus in scenario.bus}:
             buses = [bus.channel for bus in scenario.bus]
-            raise place.error(f"there is no bus {channel!r}, though others are described", nearest(channel, buses))
+            raise place.error(f"there is no bus '{channel}', though others are described", nearest(channel, buses))
         if scenario.has_network and channel == ETHERNET:
-            raise place.error(f"{channel!r} is the name of the network", "Call the bus can0 or the like.")
+            raise place.error(f"'{channel}' is the name of the network", "Call the bus can0 or the like.")
     if scenario.has_network and scenario.channels and scenario.clock_step:
         raise place.below("clock_step").error("a clock that is set needs a scenario of Ethernet or of CAN alone")
     for position, entry in enumerate(scenario.can_list):
@@ -55,20 +55,20 @@ def _check_list(scenario: Scenario, position: int, entry: CanList, place: Place)
         raise place.below("jitter").error("the jitter is more than half the interval")
     if entry.sender and entry.sender not in scenario.node_numbers:
         names = scenario.node_numbers
-        raise place.below("sender").error(f"there is no node {entry.sender!r}", nearest(entry.sender, names))
+        raise place.below("sender").error(f"there is no node '{entry.sender}'", nearest(entry.sender, names))
     if entry.name in scenario.list_numbers:
-        raise place.below("name").error(f"a list on UDP is called {entry.name!r} already")
+        raise place.below("name").error(f"a list on UDP is called '{entry.name}' already")
     for before, other in enumerate(scenario.can_list[:position]):
         if other.name == entry.name:
-            raise place.below("name").error(f"can_list[{before}] is called {entry.name!r} already")
+            raise place.below("name").error(f"can_list[{before}] is called '{entry.name}' already")
         if other.extended != entry.extended or not _overlap(entry, other):
             continue
         if other.channel == entry.channel and not scenario.wild:
-            raise place.below("cob_id").error(f"{other.name!r} has identifiers of it on {entry.channel} already")
+            raise place.below("cob_id").error(f"'{other.name}' has identifiers of it on {entry.channel} already")
         same = (other.cob_id, other.data_bytes, other.packed, other.interval_ns)
         if (entry.cob_id, entry.data_bytes, entry.packed, entry.interval_ns) != same or other.defined != entry.defined:
             raise place.below("cob_id").error(
-                f"{other.name!r} has identifiers of it on another bus: a definition does not tell buses apart",
+                f"'{other.name}' has identifiers of it on another bus: a definition does not tell buses apart",
                 "Give both the same cob_id, bytes and interval, or other identifiers.",
             )
 
@@ -117,7 +117,7 @@ def _check_identifiers(scenario: Scenario, place: Place) -> None:
                         place.below("can_traffic")
                         .below(position)
                         .error(
-                            f"0x{identifier:X} is an identifier of the list {entry.name!r}",
+                            f"0x{identifier:X} is an identifier of the list '{entry.name}'",
                             "Give the list another cob_id, or set wild = true.",
                         )
                     )

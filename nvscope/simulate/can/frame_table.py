@@ -379,7 +379,7 @@ def _check_sendings(scenario: Scenario, frames: CanFrames) -> None:
         plan = scenario.can_list[int(entry[place])]
         raise scenario.error(
             f"can_list[{int(entry[place])}]",
-            f"sendings {int(sending[place]) + 1} and {int(sending[place + 1]) + 1} of {plan.name!r} run into each "
+            f"sendings {int(sending[place]) + 1} and {int(sending[place + 1]) + 1} of '{plan.name}' run into each "
             "other: no observer can tell them apart",
             "Leave more time between them, or set wild = true.",
         )

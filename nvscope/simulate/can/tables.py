@@ -26,7 +26,7 @@ def _bit_rate(value: Any, place: Place) -> int:
     match = _RATE.fullmatch(value.strip()) if isinstance(value, str) else _RATE.fullmatch(str(value))
     rate = float(match[1]) * _FACTORS[match[2]] if match and not isinstance(value, bool) else 0
     if not 1_000 <= rate <= _HIGHEST_BIT_RATE or rate != int(rate):
-        raise place.error(f"{str(value)[:40]!r} is no bit rate", 'Write one from "1k" to "8M", such as "250k".')
+        raise place.error(f"'{str(value)[:40]}' is no bit rate", 'Write one from "1k" to "8M", such as "250k".')
     return int(rate)
 
 
@@ -35,7 +35,7 @@ def _hexadecimal(value: Any, place: Place) -> str:
     try:
         data = bytes.fromhex(text)
     except ValueError:
-        raise place.error(f"{text[:60]!r} is no bytes in hexadecimal", 'Write them as "81 10 00".') from None
+        raise place.error(f"'{text[:60]}' is no bytes in hexadecimal", 'Write them as "81 10 00".') from None
     if len(data) > MAX_FD_DATA_BYTES:
         raise place.error(f"{len(data)} bytes, more than {MAX_FD_DATA_BYTES}")
     return data.hex()

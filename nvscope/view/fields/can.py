@@ -12,7 +12,6 @@ from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.canopen import FUNCTION_NAMES, function_of, node_of
 from dissectors.can.frame import CanBatch, Fault
 from nvscope.expression.typed_columns import BytesColumn, FieldType, Numbers, TextColumn
-from nvscope.view.escape import visible
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import CAN, FrameRows
 
@@ -25,7 +24,7 @@ def _channel(rows: FrameRows) -> TextColumn:
     if found := rows.parts.get(CAN):
         number, own = np.unique(found.part.channel, return_inverse=True)
         code[found.positions(len(rows))] = own
-        texts = tuple(str(visible(rows.channel(one))) for one in number.tolist())
+        texts = tuple(rows.channel(one) for one in number.tolist())
     return TextColumn(code, texts)
 
 

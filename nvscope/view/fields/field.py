@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from typing import Any
@@ -29,7 +29,7 @@ class TelegramField:
     ``constant``: it is the same in all frames of a variety (``dissectors.varieties``). ``judged``: it is known when the
     whole capture was read. ``values`` are names of its numbers, ``texts`` the only ones it holds, empty where it
     may hold any. ``separator`` stands between bytes. ``refused`` says why the name can be neither filtered
-    by nor written out, ``instead`` which can.
+    by nor written out, ``instead`` which can. ``beyond`` counts in rows the values that the column cannot hold.
     """
 
     name: str
@@ -49,6 +49,7 @@ class TelegramField:
     of_others: bool = False
     refused: str = ""
     instead: str = ""
+    beyond: Callable[[FrameRows], int] | None = None
 
     @property
     def in_nanoseconds(self) -> bool:
@@ -78,6 +79,11 @@ class TelegramField:
         everywhere = np.zeros(len(rows), np.bool_)
         everywhere[found.at] = True if own is None else own
         return everywhere
+
+
+def times_beyond(fields: Iterable[TelegramField], rows: FrameRows) -> int:
+    """Return how many times of some rows are more than a column of times holds, and so do not exist in these fields."""
+    return sum(field.beyond(rows) for field in fields if field.beyond is not None)
 
 
 def presence(name: str, title: str) -> TelegramField:

@@ -24,7 +24,6 @@ from nvscope.expression.typed_columns import (
     Numbers,
 )
 from nvscope.expression.words import TableWords, Words, words_of
-from nvscope.view.escape import visible
 from nvscope.view.fields.can import CAN_FIELDS
 from nvscope.view.fields.ethernet import ETHERNET_FIELDS
 from nvscope.view.fields.field import TelegramField
@@ -213,8 +212,8 @@ class _Names(Words[Named]):
             field.type,
             values=field.values,
             texts=field.texts,
-            refused=visible(field.refused),
-            instead=visible(field.instead),
+            refused=field.refused,
+            instead=field.instead,
         )
 
     def __iter__(self) -> Iterator[str]:
@@ -239,10 +238,10 @@ def output_field(
     if spelled is None:
         if parts := EITHER_OF.get(wanted.lower()):
             raise UsageError(f"{name.strip()} is for -Y only", next_step=f"write -e {' -e '.join(parts)}")
-        raise UsageError(f"no field is called {visible(name)!s}", next_step=nearest(name, fields))
+        raise UsageError(f"no field is called {name}", next_step=nearest(name, fields))
     field = fields[spelled]
     if field.refused:
-        raise UsageError(f"{field.name}: {visible(field.refused)!s}", next_step=visible(field.instead))
+        raise UsageError(f"{field.name}: {field.refused}", next_step=field.instead)
     if field.of_others and not all_frames:
         raise of_others([field.name])
     if field.judged:

@@ -126,12 +126,18 @@ class _Place:
     def rows_of(self, rows: FrameRows) -> I64:
         """Return the positions of the telegrams in which it is, with a value that its column can hold."""
         which = self._telegrams_of(rows)
-        if not self._may_not_fit:
-            return which
-        return which[fits_time(_raw(self.bytes_of(rows, which), self.element.type.size_bytes).view("<u8"))]
+        return which[self._fit(rows, which)] if self.may_not_fit else which
+
+    def beyond(self, rows: FrameRows) -> int:
+        """Return in how many telegrams it has a value that its column cannot hold."""
+        which = self._telegrams_of(rows)
+        return int(np.count_nonzero(~self._fit(rows, which)))
+
+    def _fit(self, rows: FrameRows, which: I64) -> Bool:
+        return fits_time(_raw(self.bytes_of(rows, which), self.element.type.size_bytes).view("<u8"))
 
     @property
-    def _may_not_fit(self) -> bool:
+    def may_not_fit(self) -> bool:
         scalar = scalar_of(self.element.type)
         return scalar is not None and bool(scalar.unit_ns) and scalar.size_bytes == _TIME_BYTES
 
@@ -210,10 +216,11 @@ def _field(name: str, places: list[_Place]) -> TelegramField:
     values = named[0].values if len({tuple(one.values.items()) for one in named}) == 1 else {}
     lists = ", ".join(dict.fromkeys(place.list_name for place in places))
     seconds = "; a number is seconds" if kind is FieldType.DURATION else ""
+    large = [place for place in places if place.may_not_fit]
     return TelegramField(
         name, kind, first.element.name, f"{first.element.type.name} of list {lists}{seconds}",
         lambda rows: _read(kind, places, rows), lambda rows: _known(places, rows), calendar=kind is FieldType.TIME,
-        values=values,
+        values=values, beyond=(lambda rows: sum(place.beyond(rows) for place in large)) if large else None,
     )  # fmt: skip
 
 

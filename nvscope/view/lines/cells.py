@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable
 from math import isfinite
 
@@ -11,7 +10,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import Bool
 from nvscope.expression.typed_columns import AddressColumn, BytesColumn, FieldType, Numbers, TextColumn
-from nvscope.view.escape import visible
+from nvscope.view.escape import json_text, visible
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.lines import moments
 from nvscope.view.rows.frames import FrameRows
@@ -55,7 +54,7 @@ def json_texts(field: TelegramField, rows: FrameRows) -> list[str]:
     elif isinstance(column, BytesColumn):
         cells = _quoted(hexadecimal(column, field.separator))
     elif isinstance(column, TextColumn):
-        quoted = [json.dumps(text) for text in column.texts]
+        quoted = [json_text(text) for text in column.texts]
         cells = [quoted[code] for code in column.code.tolist()]
     elif field.type is FieldType.BOOL:
         cells = [_JSON_BITS[bit] for bit in column.tolist()]

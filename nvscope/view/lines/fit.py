@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope.view.lines.table import Cell
+from nvscope.view.lines.text_width import beside_escape
 
 
 def cut(line: Sequence[Cell], width: int) -> list[Cell]:
@@ -17,7 +18,7 @@ def cut(line: Sequence[Cell], width: int) -> list[Cell]:
     kept: list[Cell] = []
     for cell in line:
         if len(cell.text) >= width:
-            kept.append(Cell(f"{cell.text[: width - 1]}…" if width else "", cell.tone))
+            kept.append(Cell(f"{cell.text[: beside_escape(cell.text, width - 1)]}…" if width else "", cell.tone))
             break
         kept.append(cell)
         width -= len(cell.text)

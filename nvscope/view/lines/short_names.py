@@ -9,7 +9,7 @@ import unicodedata
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain, count
 
-from nvscope.view.lines.text_width import display_width, head, shorten, tail
+from nvscope.view.lines.text_width import beside_escape, display_width, head, shorten, tail
 
 _ELLIPSIS = "…"
 _LEAST_GAIN = 2
@@ -96,6 +96,8 @@ def _is_border(name: str, at: int, *, whole_words: bool) -> bool:
     """Tell whether a word or a number begins or ends there; ``whole_words`` have the number behind them."""
     if at in (0, len(name)):
         return True
+    if beside_escape(name, at) != at:
+        return False
     last, following = name[at - 1], name[at]
     if following.isdigit():
         return not last.isdigit() and not (whole_words and last.isalpha())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from functools import lru_cache
 
@@ -20,6 +21,9 @@ def _character_width(character: str) -> int:
     return 2 if unicodedata.east_asian_width(character) in "WF" else 1
 
 
+_ESCAPE = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|.)")
+
+
 def shorten(text: str, width: int) -> str:
     """Return ``text``, with an ellipsis in place of its middle where it is wider than ``width`` (at least 1)."""
     if display_width(text) <= width:
@@ -29,15 +33,32 @@ def shorten(text: str, width: int) -> str:
 
 
 def head(text: str, width: int) -> str:
-    """Return as much of the start of a text as ``width`` columns hold."""
+    """Return as much of the start of a text as ``width`` columns hold.
+
+    Of escapes (``nvscope.view.escape``) nothing or all is left: a part of one would tell something else.
+    """
+    return text[: beside_escape(text, _held(text, width))]
+
+
+def tail(text: str, width: int) -> str:
+    """Return as much of the end of a text as ``width`` columns hold, without a part of an escape."""
+    return text[beside_escape(text, len(text) - _held(text[::-1], width), behind=True) :]
+
+
+def beside_escape(text: str, place: int, *, behind: bool = False) -> int:
+    """Return ``place``, or, where that is inside an escape, the place in front of it, or ``behind`` it."""
+    if "\\" in text:
+        for begin, end in (escape.span() for escape in _ESCAPE.finditer(text)):
+            if begin < place < end:
+                return end if behind else begin
+    return place
+
+
+def _held(text: str, width: int) -> int:
+    """Return how many characters at the start of a text ``width`` columns hold."""
     taken = 0
     for position, character in enumerate(text):
         taken += _character_width(character)
         if taken > width:
-            return text[:position]
-    return text
-
-
-def tail(text: str, width: int) -> str:
-    """Return as much of the end of a text as ``width`` columns hold."""
-    return head(text[::-1], width)[::-1]
+            return position
+    return len(text)

@@ -297,3 +297,14 @@ def test_an_object_too_short_for_its_head_is_none_even_if_another_seems_to_follo
     source, found = read(tmp_path / "a.blf", file_head() + container(GOOD + short))
     assert len(found) == 1
     assert "an object of 12 bytes" in str(source.infos[0].truncation)
+
+
+@pytest.mark.parametrize("year", [1601, 1822, 2117, 9999])
+def test_a_measurement_that_began_when_nobody_measured(tmp_path: Path, year: int) -> None:
+    head = file_head()
+    raw = head.replace(struct.pack("<H", 2015), struct.pack("<H", year)) + container(GOOD + GOOD)
+    source, found = read(tmp_path / "a.blf", raw)
+    assert not found
+    truncation = source.infos[0].truncation
+    assert truncation is not None
+    assert "a time before 1823 or after 2116" in truncation.message

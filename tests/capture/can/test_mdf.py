@@ -115,10 +115,11 @@ def test_frames(child: Path) -> None:
 
 
 def test_frames_that_cannot_be_are_left_out(child: Path) -> None:
-    content = record(identifier=0x800) + record(ts_ns=1 << 62) + record(dlc=16) + record(ts_ns=7, identifier=1)
+    late = record(ts_ns=1 << 62) + record(ts_ns=-(1 << 63))
+    content = record(identifier=0x800) + late + record(dlc=16) + record(ts_ns=7, identifier=1)
     source = says(child, block(FRAMES, content) + block(DONE))
     assert [frame.ts_ns for frame in frames_of(source)] == [7]
-    assert "3 such frames are left out" in str(source.infos[0].truncation)
+    assert "4 such frames are left out" in str(source.infos[0].truncation)
 
 
 def test_who_stops_leaves_no_process_behind(child: Path) -> None:
@@ -165,3 +166,16 @@ def test_groups_are_merged_by_time() -> None:
     merged = np.concatenate(list(mdf_child._merged(groups)))  # type: ignore[arg-type]
     assert merged["ts_ns"].tolist() == [1, 2, 3, 4, 5, 6, 7, 9, 8, 10]
     assert merged["kind"].tolist() == [0, 1, 1, 1, 0, 0, 0, 0, 0, 1]
+
+
+@pytest.mark.parametrize("start_ns", [0, 1 << 61, -(1 << 61), 1 << 63, -(1 << 80)])
+def test_times_that_no_integer_holds_are_none(start_ns: int) -> None:
+    seconds = [0.0, 1.5, 1e10, -1e10, 1e300, float("inf"), float("nan")]
+    group = object.__new__(mdf_child._Group)
+    group._start_ns, group._kind = start_ns, 0
+    samples = np.zeros(len(seconds), [("CAN_DataFrame.ID", "u4")])
+    with np.errstate(all="raise"):
+        found = group._of(samples, np.array(seconds))["ts_ns"].tolist()
+    none = -(1 << 63)
+    first = [start_ns, start_ns + 1_500_000_000] if abs(start_ns) < 1 << 62 else [none] * 2
+    assert found == [*first, *[none] * 5]

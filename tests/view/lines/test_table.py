@@ -1,10 +1,14 @@
 from __future__ import annotations
 
+import re
+from itertools import accumulate
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.view.escape import visible
+from nvscope.view.lines.fit import cut
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, wrap
 from nvscope.view.lines.text_width import display_width, shorten
 
@@ -30,6 +34,17 @@ def test_shortened_text_fits_and_keeps_both_ends(text: str, width: int) -> None:
         head, _, tail = short.partition("…")
         assert text.startswith(head)
         assert text.endswith(tail)
+        parts = re.findall(r"\\(?:x..|u.{4}|U.{8}|.)|[^\\]", text)
+        assert head in accumulate(parts, initial="")
+        assert tail in accumulate(reversed(parts), lambda behind, part: part + behind, initial="")
+
+
+@given(TEXT, st.integers(1, 50))
+def test_lines_are_cut_between_escapes(text: str, width: int) -> None:
+    (short,) = plain([cut([Cell(text)], width)])
+    assert len(short) <= width
+    parts = re.findall(r"\\(?:x..|u.{4}|U.{8}|.)|[^\\]", text)
+    assert short == text or short.removesuffix("…") in accumulate(parts, initial="")
 
 
 def test_columns_are_aligned_left_and_right() -> None:
