@@ -120,13 +120,14 @@ def diff(
     types: Annotated[list[str] | None, _types_option("--types", "of both sides")] = None,
     a_types: Annotated[list[str] | None, _types_option("--a-types", "of A alone")] = None,
     b_types: Annotated[list[str] | None, _types_option("--b-types", "of B alone")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON (nvscope.diff/1).")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON (nvscope.diff/2).")] = False,
     wide: WideOption = False,
     colour: ColourOption = "auto",
 ) -> None:
     """Compare two definitions, and show where A's values land in B.
 
-    Exits with 0 where both are the same on the wire, whatever their variables are called, and with 1 where not.
+    Exits with 0 where both are the same on the wire, whatever their variables are called, and with 1 where not, or
+    where nobody knows, since an element has no known size.
     """
     from nvscope.definition.difference import difference
     from nvscope.definition.load import load_definitions

@@ -127,24 +127,32 @@ def _placed(layout: TelegramLayout | None) -> list[_Placed]:
     found: list[_Placed] = []
     end = 0
     for element in layout.elements if layout else ():
-        if not element.type.size_bytes:
-            break
         found.append(_Placed(end, end + element.type.size_bytes, element))
         end = found[-1].end
     return found
 
 
-def runs_of(a: TelegramLayout | None, b: TelegramLayout | None, names: tuple[Names, Names]) -> Iterator[Run]:
+def runs_of(
+    a: TelegramLayout | None, b: TelegramLayout | None, names: tuple[Names, Names], *, whole_a: bool = True,
+    whole_b: bool = True,
+) -> Iterator[Run]:  # fmt: skip
     """Yield what B reads, and which elements of A lie there; ``names`` are those of the whole lists (``names_of``).
 
-    Elements behind the first whose size nobody knows have no place, and are left out.
+    Of a side that is not ``whole``, nobody knows what lies behind its elements: what the other has there is left out.
     """
+    unknown = set[Relation]()
+    if not whole_a:
+        unknown.add(Relation.MISSING)
+    if not whole_b:
+        unknown.add(Relation.SURPLUS)
     ours, theirs = _placed(a), _placed(b)
     end = theirs[-1].end if theirs else 0
     joined: tuple[Hashable, Relation, _Row] | None = None
     for row in _rows(ours, theirs):
         own, other = ours[row.a], theirs[row.b]
         relation = _relation(own, other, names)
+        if relation in unknown:
+            continue
         kinds = tuple((_root(placed.element.name), placed.element.type.name) for placed in (*own, *other))
         key = relation, () if relation is Relation.SAME else kinds
         if joined is not None and joined[0] == key:

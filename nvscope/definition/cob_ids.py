@@ -87,7 +87,7 @@ def _one_list(one: ListDefinition, other: ListDefinition) -> bool:
     # Not before there are two files of one list: it takes as long to import as all else here.
     from nvscope.definition.difference import list_difference  # noqa: PLC0415
 
-    return list_difference(one, other).same_on_wire
+    return list_difference(one, other).may_be_same
 
 
 def canopen_uses(taken: CobIds) -> str:

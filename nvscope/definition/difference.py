@@ -7,14 +7,14 @@ Items and Length happen to agree, a reader takes what it gets, and values land i
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
 
-from nvscope.definition.byte_map import Relation, Run, meaning_of, names_of, runs_of
+from nvscope.definition.byte_map import Names, Relation, Run, meaning_of, names_of, runs_of
+from nvscope.definition.known_telegrams import KnownTelegram, known_telegrams
 from nvscope.definition.model import Definition, ListDefinition
-from nvscope.definition.packing import TelegramLayout, pack
 from nvscope.definition.variables import Array, Element, Enumeration, Structure, Type, Union, Variable, elements
 
 SETTINGS = (
@@ -25,39 +25,48 @@ SETTINGS = (
 
 # The others change when something is sent, or where to, or show in the byte map.
 _SEEN_IN_HEADERS = frozenset({"list_id", "protocol", "port", "checksum", "acknowledge"})
+_SEEN_ON_CAN = frozenset({"list_id", "protocol"})
+_SAME = frozenset({Relation.SAME, Relation.RENAMED})
 
 
 @dataclass(frozen=True)
 class TelegramDifference:
-    """One SubIndex on both sides; None where a side does not have it.
+    """One SubIndex on both sides, on CAN one COB-ID; None where a side does not have it.
 
-    ``runs`` end before the first element whose size nobody knows.
+    ``runs`` end before the first element that has no place.
     """
 
     subindex: int
-    a: TelegramLayout | None
-    b: TelegramLayout | None
+    a: KnownTelegram | None
+    b: KnownTelegram | None
     runs: tuple[Run, ...]
 
     @property
+    def unknown(self) -> bool:
+        """Whether a side has an element from which on nobody knows what lies where."""
+        return any(side is not None and side.unknown is not None for side in (self.a, self.b))
+
+    @property
     def accepted(self) -> bool | None:
-        """Whether Items and Length are as a reader of B wants them; None where nobody knows the Length."""
+        """Whether Items and Length, on CAN the DLC, are as a reader of B wants them; None where nobody knows."""
         if self.a is None or self.b is None:
-            return False
-        if self.a.unknown or self.b.unknown:
-            return None
-        return (self.a.items, self.a.length) == (self.b.items, self.b.length)
+            return None if self._only_unknown else False
+        return None if self.unknown else self.a.shape == self.b.shape
 
     @cached_property
-    def same(self) -> bool:
-        """Whether every byte means the same to both sides."""
-        return (
-            self.a is not None
-            and self.b is not None
-            and [meaning_of(element.type) for element in self.a.elements]
-            == [meaning_of(element.type) for element in self.b.elements]
-            and all(run.relation in {Relation.SAME, Relation.RENAMED} for run in self.runs)
-        )
+    def same(self) -> bool | None:
+        """Whether every byte means the same to both sides; None where nobody knows, and what is known is the same."""
+        if not all(run.relation in _SAME for run in self.runs) or self.accepted is False:
+            return False
+        if self.unknown or self.a is None or self.b is None:
+            return None
+        a, b = ([meaning_of(element.type) for element in side.layout.elements] for side in (self.a, self.b))
+        return a == b
+
+    @property
+    def _only_unknown(self) -> bool:
+        """Whether the one side that has it has no element that is known: it may send nothing."""
+        return any(side.unknown is not None and not side.layout.elements for side in (self.a, self.b) if side)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +94,11 @@ class VariableDifference:
 
 @dataclass(frozen=True)
 class ListDifference:
-    """A list that both sides have."""
+    """A list that both sides have.
+
+    ``telegrams`` are compared up to the first SubIndex behind which nobody knows what a side has; there are none where
+    one side is on CAN and the other is not.
+    """
 
     a: ListDefinition
     b: ListDefinition
@@ -94,16 +107,29 @@ class ListDifference:
     telegrams: tuple[TelegramDifference, ...]
 
     @property
-    def same_on_wire(self) -> bool:
-        """Whether a reader of B gets from A's telegrams what A means: by port, identifier, Flags and every byte."""
-        return all(telegram.same for telegram in self.telegrams) and not any(
-            setting.name in _SEEN_IN_HEADERS and None not in (setting.a, setting.b) for setting in self.settings
-        )
+    def same_on_wire(self) -> bool | None:
+        """Whether a reader of B gets from A's telegrams what A means: by port, identifier, Flags and every byte.
+
+        None where nobody knows it, and nothing that is known differs.
+        """
+        seen = _SEEN_ON_CAN if self.a.on_can and self.b.on_can else _SEEN_IN_HEADERS
+        if any(setting.name in seen and None not in (setting.a, setting.b) for setting in self.settings):
+            return False
+        return _all(telegram.same for telegram in self.telegrams)
+
+    @property
+    def may_be_same(self) -> bool:
+        """Whether the two can be the sender's and the reader's file of one list.
+
+        Nothing is known to differ, and where an element has no known size, both declare the same variables.
+        """
+        return self.same_on_wire is True or (self.same_on_wire is None and not self.variables)
 
     @property
     def empty(self) -> bool:
-        """Whether nothing at all differs, not even a name."""
-        return self.same_on_wire and self.a.name == self.b.name and not self.settings and not self.variables
+        """Whether nothing at all differs, not even a name; False where that is not known."""
+        same = self.same_on_wire is True and self.a.name == self.b.name
+        return same and not self.settings and not self.variables
 
 
 @dataclass(frozen=True)
@@ -115,9 +141,15 @@ class Difference:
     only_b: tuple[ListDefinition, ...]
 
     @property
-    def same_on_wire(self) -> bool:
-        """Whether both sides have the same lists, and all of them are the same on the wire."""
-        return not self.only_a and not self.only_b and all(entry.same_on_wire for entry in self.lists)
+    def same_on_wire(self) -> bool | None:
+        """Whether both sides have the same lists, and all of them are the same on the wire; None where nobody knows."""
+        return False if self.only_a or self.only_b else _all(entry.same_on_wire for entry in self.lists)
+
+
+def _all(answers: Iterable[bool | None]) -> bool | None:
+    """Return False where one answer is, else None where one is not known."""
+    found = set(answers)
+    return False if False in found else None if None in found else True
 
 
 def difference(a: Definition, b: Definition) -> Difference:
@@ -151,13 +183,28 @@ def list_difference(a: ListDefinition, b: ListDefinition) -> ListDifference:
         SettingDifference(name, getattr(a, name), getattr(b, name))
         for name in SETTINGS
         if _folded(getattr(a, name)) != _folded(getattr(b, name))
+        # Nobody can choose the port of a list on CAN.
+        and not (name == "port" and (a.on_can or b.on_can))
     )
-    names = names_of(a), names_of(b)
-    telegrams = tuple(
-        TelegramDifference(subindex, ours, theirs, tuple(runs_of(ours, theirs, names)))
-        for subindex, (ours, theirs) in enumerate(zip_longest(pack(a), pack(b)))
-    )
+    telegrams = () if a.on_can != b.on_can else tuple(_telegrams(a, b))
     return ListDifference(a, b, settings, tuple(_variables(a, b)), telegrams)
+
+
+def _telegrams(a: ListDefinition, b: ListDefinition) -> Iterator[TelegramDifference]:
+    names = names_of(a), names_of(b)
+    sides = known_telegrams(a), known_telegrams(b)
+    # Behind the last telegram that is known of a list, nobody knows what it has.
+    ends = [len(side.telegrams) for side in sides if not side.whole]
+    for subindex, (ours, theirs) in enumerate(zip_longest(*(side.telegrams for side in sides))):
+        if ends and subindex >= min(ends):
+            return
+        yield TelegramDifference(subindex, ours, theirs, tuple(_runs(ours, theirs, names)))
+
+
+def _runs(a: KnownTelegram | None, b: KnownTelegram | None, names: tuple[Names, Names]) -> Iterator[Run]:
+    whole_a, whole_b = (side is None or side.unknown is None for side in (a, b))
+    layout_a, layout_b = (side.layout if side else None for side in (a, b))
+    return runs_of(layout_a, layout_b, names, whole_a=whole_a, whole_b=whole_b)
 
 
 def type_text(kind: Type) -> str:
@@ -169,7 +216,8 @@ def type_text(kind: Type) -> str:
 
 
 def _address_of(entry: ListDefinition) -> Hashable:
-    return None if entry.list_id is None else (entry.protocol.upper(), entry.port, entry.list_id)
+    port = None if entry.on_can else entry.port
+    return None if entry.list_id is None else (entry.protocol.upper(), port, entry.list_id)
 
 
 def _name_of(entry: ListDefinition) -> Hashable:

@@ -123,7 +123,7 @@ def find_duplicates(subject: Subject) -> Iterator[Place]:
 
 
 def _is_the_same(one: ListDefinition, other: ListDefinition) -> bool:
-    return one.name.upper() == other.name.upper() and list_difference(one, other).same_on_wire
+    return one.name.upper() == other.name.upper() and list_difference(one, other).may_be_same
 
 
 def tell_identifier_missing(entry: ListDefinition) -> str | None:

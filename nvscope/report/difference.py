@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from nvscope.report.ansi import paint
-from nvscope.units import count, count_of, duration, ranges
+from nvscope.report.list_words import identifier_of, list_and_port
+from nvscope.units import cob_id, count, count_of, duration, ranges
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
@@ -37,11 +38,18 @@ _SETTINGS = {
     "min_gap_ns": "minimum gap",
 }
 
+_UNKNOWN = "not known to be the same"
+_VERDICTS = {
+    True: Cell("same on the wire", Tone.GOOD),
+    False: Cell("different", Tone.ERROR),
+    None: Cell(_UNKNOWN, Tone.WARNING),
+}
+
 Row = Mapping[str, Any]
 
 
 def render(document: Row, *, colour: bool = False, width: int = 80, wide: bool = False) -> str:
-    """Return a comparison (schema ``nvscope.diff/1``) as text of at most ``width`` columns."""
+    """Return a comparison (schema ``nvscope.diff/2``) as text of at most ``width`` columns."""
     return paint(_lines(visible_document(document), max(width, MIN_WIDTH), wide), colour=colour)
 
 
@@ -55,14 +63,18 @@ def _lines(document: Row, width: int, wide: bool) -> Iterator[Line]:
             yield from wrap([Cell(_title(entry), Tone.STRONG), Cell(text, Tone.WARNING)], width, 0, 2)
         if entries:
             yield []
-    if document["same_on_wire"]:
+    same = document["same_on_wire"]
+    if same:
         yield from wrap([Cell("Same on the wire", Tone.GOOD), Cell(f": {_lists(document)}.")], width)
-    else:
-        bad = sum(not entry["same_on_wire"] for entry in document["lists"])
-        alone = len(document["only_a"]) + len(document["only_b"])
-        parts = [f"{bad} of {_lists(document)}"] * bool(bad)
-        parts += [f"{count_of(alone, 'list')} on one side only"] * bool(alone)
-        yield from wrap([Cell("Different on the wire", Tone.ERROR), Cell(f": {', '.join(parts)}.")], width)
+        return
+    bad, unknown = (sum(entry["same_on_wire"] is answer for entry in document["lists"]) for answer in (False, None))
+    alone = len(document["only_a"]) + len(document["only_b"])
+    parts = [f"{bad} of {_lists(document)}"] * bool(bad)
+    parts += [f"{count_of(alone, 'list')} on one side only"] * bool(alone)
+    told = f"{unknown} of {_lists(document)}" if same is None else f"{count_of(unknown, 'list')} {_UNKNOWN}"
+    parts += [told] * bool(unknown)
+    head = Cell("Different on the wire", Tone.ERROR) if same is False else Cell(_UNKNOWN.capitalize(), Tone.WARNING)
+    yield from wrap([head, Cell(f": {', '.join(parts)}.")], width)
 
 
 def _lists(document: Row) -> str:
@@ -70,12 +82,11 @@ def _lists(document: Row) -> str:
 
 
 def _title(entry: Row) -> str:
-    identifier = "list without identifier" if entry["id"] is None else f"list {entry['id']}"
-    return f"{entry['name']} ({identifier} on {entry['protocol']} port {entry['port']})"
+    return f"{entry['name']} ({list_and_port(entry)})"
 
 
 def _list_lines(entry: Row, width: int, wide: bool) -> Iterator[Line]:
-    verdict = Cell("same on the wire", Tone.GOOD) if entry["same_on_wire"] else Cell("different", Tone.ERROR)
+    verdict = _VERDICTS[entry["same_on_wire"]]
     identical = Cell(", nothing differs." if entry["identical"] else ".")
     yield from wrap([Cell(_title(entry["a"]), Tone.STRONG), Cell(": "), verdict, identical], width, 0, 2)
     for side in ("A", "B"):
@@ -83,10 +94,11 @@ def _list_lines(entry: Row, width: int, wide: bool) -> Iterator[Line]:
         yield from wrap([Cell(f"{side}: {own['name']} in {own['file']}, line {own['line']}", Tone.FAINT)], width, 2, 5)
     for setting in entry["settings"]:
         name = _SETTINGS.get(setting["setting"], setting["setting"])
-        values = [_setting(setting["setting"], setting[side]) for side in ("a", "b")]
+        values = [_setting(setting["setting"], setting[side], entry[side]) for side in ("a", "b")]
         yield from wrap([Cell(f"{name}: A {values[0]}, B {values[1]}")], width, 2, 4)
     if _OF_ADDRESS & {setting["setting"] for setting in entry["settings"] if None not in (setting["a"], setting["b"])}:
-        text = "A reader of B gets none of A's telegrams; what follows is how it would read them."
+        text = "A reader of B gets none of A's telegrams"
+        text += "; what follows is how it would read them." if entry["telegrams"] else "."
         yield from wrap([Cell(text, Tone.ERROR)], width, 2, 4)
     changes = entry["variables"]
     for change in changes[:_MOST_CHANGES]:
@@ -94,12 +106,15 @@ def _list_lines(entry: Row, width: int, wide: bool) -> Iterator[Line]:
     if len(changes) > _MOST_CHANGES:
         yield [Cell(f"  and {count_of(len(changes) - _MOST_CHANGES, 'more variable')}", Tone.FAINT)]
     if not entry["identical"]:
-        yield from _telegram_lines(entry["telegrams"], width, wide)
+        on_can = entry["a"]["port"] is None
+        yield from _telegram_lines(entry["telegrams"], width, wide, on_can=on_can)
 
 
-def _setting(name: str, value: Any) -> str:
+def _setting(name: str, value: Any, side: Row) -> str:
     if value is None:
         return "not said"
+    if name == "list_id":
+        return identifier_of(side)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return duration(value) if name.endswith("_ns") else str(value)
@@ -118,48 +133,63 @@ def _change(change: Row) -> str:
     return f"{name}: {a or 'nothing more'} in A, {b or 'nothing more'} in B"
 
 
-def _telegram_lines(telegrams: list[Row], width: int, wide: bool) -> Iterator[Line]:
+def _telegram_lines(telegrams: list[Row], width: int, wide: bool, *, on_can: bool) -> Iterator[Line]:
     """Yield the telegrams; those that are the same as one line."""
-    same = [telegram["subindex"] for telegram in telegrams if _plain(telegram)]
+    same = [telegram for telegram in telegrams if _plain(telegram)]
     if same:
-        yield from wrap(
-            [Cell(f"SubIndex {', '.join(ranges(same))}: every byte is the same on both sides.")], width, 2, 4
-        )
+        text = f"{_places(same, on_can=on_can)}: every byte is the same on both sides."
+        yield from wrap([Cell(text)], width, 2, 4)
     for telegram in telegrams:
         if not _plain(telegram):
             yield []
-            yield from wrap([Cell(f"SubIndex {telegram['subindex']}: ", Tone.STRONG), *_verdict(telegram)], width, 2, 4)
+            place = Cell(f"{_places([telegram], on_can=on_can)}: ", Tone.STRONG)
+            yield from wrap([place, *_verdict(telegram, on_can=on_can)], width, 2, 4)
             yield from _map_lines(telegram, width, wide)
 
 
+def _places(telegrams: list[Row], *, on_can: bool) -> str:
+    """Return which telegrams these are: by their COB-IDs on CAN, where these are known, else by their SubIndexes."""
+    cob_ids = [telegram["cob_id"] for telegram in telegrams if telegram["cob_id"] is not None]
+    if cob_ids:
+        return f"COB-ID {', '.join(ranges(cob_ids, cob_id))}"
+    subindexes = ", ".join(ranges([telegram["subindex"] for telegram in telegrams]))
+    return f"Frame {subindexes}, counted from 0" if on_can else f"SubIndex {subindexes}"
+
+
 def _plain(telegram: Row) -> bool:
-    return telegram["same"] and all(run["relation"] == "same" for run in telegram["bytes"])
+    return telegram["same"] is True and all(run["relation"] == "same" for run in telegram["bytes"])
 
 
-def _verdict(telegram: Row) -> list[Cell]:
+def _verdict(telegram: Row, *, on_can: bool) -> list[Cell]:
     a, b = telegram["a"], telegram["b"]
+    shape = _dlc if on_can else _shape
+    for side, own in (("A", a), ("B", b)):
+        if own is not None and own["unknown"]:
+            what = "lies in frames" if on_can else "has"
+            text = f"nobody knows how {'' if on_can else 'many bytes '}{own['unknown']} {what} in {side}."
+            return [Cell(text, Tone.WARNING), Cell(" From it on, nothing can be compared.")]
     if b is None:
-        return [Cell("B does not have it", Tone.ERROR), Cell(f"; A sends {_shape(a)}. A reader of B drops it.")]
+        return [Cell("B does not have it", Tone.ERROR), Cell(f"; A sends {shape(a)}. A reader of B drops it.")]
     if a is None:
         return [
             Cell("A does not send it", Tone.ERROR),
-            Cell(f"; B waits for {_shape(b)}, and its values never change."),
+            Cell(f"; B waits for {shape(b)}, and its values never change."),
         ]
-    for side, own in (("A", a), ("B", b)):
-        if own["unknown"]:
-            text = f"nobody knows how many bytes {own['unknown']} has in {side}."
-            return [Cell(text, Tone.WARNING), Cell(" What lies behind it cannot be compared.")]
     if not telegram["accepted"]:
-        text = f": A sends {_shape(a)}, B expects {_shape(b)}."
+        text = f": A sends {shape(a)}, B expects {shape(b)}."
         return [Cell("not accepted", Tone.ERROR), Cell(text)]
     if telegram["same"]:
-        return [Cell("accepted", Tone.GOOD), Cell(f" ({_shape(a)}), every value is right; only names differ.")]
-    return [Cell("accepted, and misread", Tone.ERROR), Cell(f": both have {_shape(a)}, but not the same variables.")]
+        return [Cell("accepted", Tone.GOOD), Cell(f" ({shape(a)}), every value is right; only names differ.")]
+    return [Cell("accepted, and misread", Tone.ERROR), Cell(f": both have {shape(a)}, but not the same variables.")]
 
 
 def _shape(side: Row) -> str:
-    length = "?" if side["length"] is None else side["length"]
-    return f"Items {side['items']}, Length {length}"
+    items, length = ("?" if side[key] is None else side[key] for key in ("items", "length"))
+    return f"Items {items}, Length {length}"
+
+
+def _dlc(side: Row) -> str:
+    return f"DLC {'?' if side['length'] is None else side['length']}"
 
 
 def _map_lines(telegram: Row, width: int, wide: bool) -> Iterator[Line]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from nvscope import units
 from nvscope.report.ansi import paint
+from nvscope.report.list_words import list_and_port
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
@@ -60,9 +61,7 @@ def _lines(lists: list[Mapping[str, Any]], width: int, wide: bool) -> Iterator[L
 
 
 def _summary(entry: Mapping[str, Any]) -> str:
-    identifier = "list without identifier" if entry["id"] is None else f"list {entry['id']}"
-    port = "" if entry["port"] is None else f" port {entry['port']}"
-    parts = [f"{identifier} on {entry['protocol']}{port}"]
+    parts = [list_and_port(entry)]
     parts.append("packed" if entry["pack"] else "a telegram a variable")
     if entry["interval_ns"] is not None:
         parts.append(f"every {units.duration(entry['interval_ns'])}")

@@ -104,10 +104,11 @@ def _lines(document: Mapping[str, Any], width: int, wide: bool, utc: bool, names
 
 
 def _telegrams(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return how many telegrams the values of a list come from, of all its SubIndexes together."""
+    """Return how many telegrams the values of a list come from, of all its SubIndexes, on CAN COB-IDs, together."""
     telegrams = {row["subindex"]: row["telegrams"] for row in rows}
     told = units.count_of(sum(telegrams.values()), "telegram")
-    return told if len(telegrams) == 1 else f"{told} in {len(telegrams)} SubIndexes"
+    parts = "COB-IDs" if rows[0]["list"].startswith("can/") else "SubIndexes"
+    return told if len(telegrams) == 1 else f"{told} in {len(telegrams)} {parts}"
 
 
 def _cells(row: Mapping[str, Any], utc: bool) -> list[Cell]:

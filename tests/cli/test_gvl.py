@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.definition.test_lint import gvl
+from tests.definition.test_lint import can, gvl
 from tests.program import run_text
 
 SENDER = gvl("\tbRun : BOOL;\n\tnState : INT;\n\trForce : REAL;\n\taPos : ARRAY [0..9] OF REAL;\n\tnCount : UDINT;")
@@ -87,7 +87,7 @@ def test_what_differs_ends_with_1_and_shows_where_values_land(files: Path) -> No
         ["47–50", "nCount", ":", "UDINT", "nothing"],
     ]
     document = json.loads(nvscope("diff", "press.gvl", "hmi.gvl", "--json", cwd=files).stdout)
-    assert (document["schema"], document["same_on_wire"]) == ("nvscope.diff/1", False)
+    assert (document["schema"], document["same_on_wire"]) == ("nvscope.diff/2", False)
     assert document["lists"][0]["telegrams"][0]["bytes"][1]["b"]["first"] == "aPos[0]"
 
 
@@ -109,6 +109,36 @@ def test_telegrams_that_never_reach_the_reader(files: Path) -> None:
     assert done.returncode == 1
     assert "  list identifier: A 7, B 8\n  A reader of B gets none of A's telegrams; what follows is" in done.stdout
     assert "none of A's telegrams" not in nvscope("diff", "press.gvl", "hmi.gvl", cwd=files, columns=120).stdout
+
+
+def test_an_element_without_a_place_leaves_the_answer_open(files: Path) -> None:
+    (files / "open.gvl").write_text(gvl("a : BYTE; p : POINTER TO BOOL; z : DINT;"), encoding="utf-8")
+    done = nvscope("diff", "open.gvl", "open.gvl", cwd=files, columns=120)
+    assert done.returncode == 1
+    assert "SubIndex 0: nobody knows how many bytes p has in A. From it on, nothing can be compared." in done.stdout
+    assert done.stdout.endswith("\nNot known to be the same: 1 of 1 list that both sides have.\n")
+    document = json.loads(nvscope("diff", "open.gvl", "open.gvl", "--json", cwd=files).stdout)
+    (entry,) = document["lists"]
+    assert (document["same_on_wire"], entry["same_on_wire"], entry["identical"]) == (None, None, False)
+    (telegram,) = entry["telegrams"]
+    assert (telegram["accepted"], telegram["same"]) == (None, None)
+    assert telegram["a"] == {"items": None, "length": None, "unknown": "p"}
+
+
+def test_lists_on_can_are_compared_by_cob_id_and_dlc(files: Path) -> None:
+    for name, text in (("a.gvl", "a : DWORD; b : DWORD; c : INT;"), ("b.gvl", "a : LWORD; c : INT;")):
+        (files / name).write_text(can(text, ListIdentifier="272"), encoding="utf-8")
+    done = nvscope("diff", "a.gvl", "b.gvl", cwd=files, columns=120)
+    assert done.returncode == 1
+    assert done.stdout.startswith("a (list 0x110 on CAN): different.\n")
+    assert "  COB-ID 0x111: every byte is the same on both sides.\n" in done.stdout
+    assert "  COB-ID 0x110: accepted, and misread: both have DLC 8, but not the same variables.\n" in done.stdout
+    assert not {"Items", "Length", "port", "SubIndex"} & set(done.stdout.split())
+    (entry,) = json.loads(nvscope("diff", "a.gvl", "b.gvl", "--json", cwd=files).stdout)["lists"]
+    assert entry["a"]["port"] is None
+    assert [telegram["cob_id"] for telegram in entry["telegrams"]] == [0x110, 0x111]
+    assert [telegram["accepted"] for telegram in entry["telegrams"]] == [True, True]
+    assert [telegram["same"] for telegram in entry["telegrams"]] == [False, True]
 
 
 def test_long_maps_are_cut_and_json_has_them_all(files: Path) -> None:

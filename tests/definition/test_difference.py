@@ -14,7 +14,8 @@ from nvscope.definition.difference import Difference, ListDifference, difference
 from nvscope.definition.load import load_definitions
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import pack
-from nvscope.definition.variables import Type, Variable
+from nvscope.definition.scalars import SCALARS
+from nvscope.definition.variables import Scalar, ScalarKind, String, Type, Variable
 from tests.definition.lists import INT, VARIABLES, list_of
 
 CONSTANTS = "TYPE Axis : STRUCT pos : LREAL; vel : REAL; END_STRUCT END_TYPE\n"
@@ -173,8 +174,94 @@ def test_what_follows_an_element_of_unknown_size_is_not_compared(tmp_path: Path)
     found = compared("a : INT; p : POINTER TO INT; b : INT;", "a : INT; p : POINTER TO INT; b : INT;", tmp_path)
     assert rows(found.telegrams[0].runs) == ["0-1 same a -> a"]
     assert found.telegrams[0].accepted is None
+    assert found.same_on_wire is None
+    assert not found.empty
+    assert found.may_be_same
+    found = compared("p : POINTER TO INT; b : INT;", "p : POINTER TO INT; b : DINT;", tmp_path)
+    assert found.same_on_wire is None
+    assert not found.may_be_same
+
+
+LONG = "b : ARRAY [0..299] OF BYTE; z : "
+NO_PLACE = "a : BYTE; p : POINTER TO BOOL; "
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "same", "byte_maps"),
+    [
+        (f"{NO_PLACE}{LONG}DINT;", f"{NO_PLACE}{LONG}REAL;", None, [["0-0 same a -> a"]]),
+        (f"{NO_PLACE}{LONG}DINT;", f"a : BYTE; {LONG}REAL;", None, [["0-0 same a -> a"]]),
+        (f"a : BYTE; {LONG}REAL;", f"{NO_PLACE}{LONG}DINT;", None, [["0-0 same a -> a"]]),
+        ("p : Unheard; x : INT;", "p : Unheard; x : INT;", None, [[]]),
+        ("p : Unheard;", "x : INT; y : INT;", None, [[]]),
+        # What lies in front is known, and so is an element that reaches into what is not.
+        ("a : INT; p : POINTER TO INT;", "b : DINT; c : INT;", False, [["0-3 other a -> b"]]),
+        ("b : DINT; c : INT;", "a : INT; p : POINTER TO INT;", False, [["0-1 other b -> a"]]),
+        ("a : INT; b : INT; p : Unheard;", "a : INT;", False, [["0-1 same a -> a", "2-3 surplus b -> -"]]),
+        ("a : INT;", "a : INT; b : INT; p : Unheard;", False, [["0-1 same a -> a", "2-3 missing - -> b"]]),
+        # One side ends with a telegram that the other surely goes on behind.
+        (
+            "x : ARRAY [1..256] OF BYTE; y : INT; p : Unheard;", "x : ARRAY [1..256] OF BYTE;", False,
+            [["0-255 same x[1]..x[256] -> x[1]..x[256]"], ["0-1 surplus y -> -"]],
+        ),
+    ],
+)  # fmt: skip
+def test_from_an_element_without_a_place_on_all_is_unknown_and_all_in_front_is_not(
+    a: str, b: str, same: bool | None, byte_maps: list[list[str]], tmp_path: Path
+) -> None:
+    found = compared(a, b, tmp_path)
+    assert found.same_on_wire is same
+    assert [rows(telegram.runs) for telegram in found.telegrams] == byte_maps
+    assert [telegram.unknown for telegram in found.telegrams][-1]
+    assert not any(telegram.accepted for telegram in found.telegrams if telegram.unknown)
+
+
+def test_without_packing_only_the_telegram_of_an_unknown_element_is_unknown() -> None:
+    unknown = Scalar("Unheard", ScalarKind.RAW, "V0", 0)
+    found = list_difference(*[list_of([INT, unknown, INT], pack=False)] * 2)
+    assert [telegram.same for telegram in found.telegrams] == [True, None, True]
+    assert [telegram.a and telegram.a.shape for telegram in found.telegrams] == [(1, 22), (1, None), (1, 22)]
+
+
+def on_can(*types: Type, list_id: int | None = 0x110) -> ListDefinition:
+    return replace(list_of(types, list_id=list_id), protocol="CAN")
+
+
+DWORD, LWORD = SCALARS["DWORD"], SCALARS["LWORD"]
+
+
+def test_frames_have_a_dlc_and_no_items() -> None:
+    (telegram,) = list_difference(on_can(DWORD, DWORD), on_can(LWORD)).telegrams
+    assert (telegram.accepted, telegram.same) == (True, False)
+    assert telegram.a
+    assert telegram.a.shape == (None, 8)
+    (telegram,) = list_difference(on_can(DWORD, DWORD), on_can(DWORD)).telegrams
+    assert (telegram.accepted, telegram.same) == (False, False)
+
+
+@pytest.mark.parametrize("beyond", [String(20), Scalar("Unheard", ScalarKind.RAW, "V0", 0)])
+def test_behind_what_no_frame_holds_nothing_is_known(beyond: Type) -> None:
+    a, b = on_can(LWORD, INT, beyond, INT), on_can(LWORD, INT, beyond, DWORD)
+    found = list_difference(a, b)
+    assert found.same_on_wire is None
+    assert found.telegrams[0].same is True
+    assert found.telegrams[-1].unknown
+    assert list_difference(a, on_can(DWORD, beyond)).same_on_wire is False
+
+
+def test_a_list_on_can_has_no_port_and_no_checksum() -> None:
+    a = on_can(INT)
+    found = list_difference(a, replace(a, port=1203, checksum=True, acknowledge=True))
     assert found.same_on_wire
-    assert not compared("p : POINTER TO INT; b : INT;", "p : POINTER TO INT; b : DINT;", tmp_path).same_on_wire
+    assert [entry.name for entry in found.settings] == ["checksum", "acknowledge"]
+    two = Definition((a, on_can(INT, list_id=0x120)))
+    moved = Definition(tuple(replace(entry, port=9, name="x") for entry in two.lists))
+    assert [entry.b.list_id for entry in difference(two, moved).lists] == [0x110, 0x120]
+
+
+def test_lists_on_can_and_on_udp_share_no_telegram() -> None:
+    found = difference(Definition((on_can(INT),)), Definition((list_of([INT], list_id=0x110),))).lists[0]
+    assert (found.same_on_wire, found.telegrams) == (False, ())
 
 
 def test_more_telegrams_on_one_side(tmp_path: Path) -> None:
@@ -266,5 +353,5 @@ def test_byte_maps_hold_each_byte_of_b_once_and_are_mirrored(a: list[Type], b: l
     assert [entry.accepted for entry in found.telegrams] == [entry.accepted for entry in mirrored.telegrams]
     for telegram in found.telegrams:
         covered = [byte for run in telegram.runs for byte in range(run.first_byte, run.last_byte + 1)]
-        longest = max(layout.layout.size_bytes for layout in (telegram.a, telegram.b) if layout)
+        longest = max(side.layout.layout.size_bytes for side in (telegram.a, telegram.b) if side)
         assert covered == list(range(longest))

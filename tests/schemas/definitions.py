@@ -103,15 +103,15 @@ def difference() -> Schema:
         "name": text(),
         "id": _IDENTIFIER,
         "protocol": text(),
-        "port": PORT,
+        "port": maybe(PORT),
         "file": text(),
         "line": whole(),
     }
     setting: Schema = {"type": ["string", "integer", "boolean", "null"]}
     shape = {
-        "items": whole(),
-        "length": maybe(whole("bytes with header; null where nobody knows it")),
-        "unknown": maybe(text("the first element whose size nobody knows")),
+        "items": maybe(whole("null on CAN, and where nobody knows it")),
+        "length": maybe(whole("bytes with header; on CAN the DLC; null where nobody knows it")),
+        "unknown": maybe(text("the first element from which on nobody knows what lies where")),
     }
     part = {"first": text(), "last": text(), "count": whole("", 1), "type": maybe(text("null where they differ"))}
     run = {
@@ -123,8 +123,9 @@ def difference() -> Schema:
     }
     telegram = {
         "subindex": SUBINDEX,
-        "accepted": maybe(truth("whether Items and Length are as B wants them; null where nobody knows")),
-        "same": truth("whether every byte means the same to both"),
+        "cob_id": maybe(whole("of A; null where it is not on CAN, or nobody knows it")),
+        "accepted": maybe(truth("whether Items and Length, on CAN the DLC, are as B wants them; null: nobody knows")),
+        "same": maybe(truth("whether every byte means the same to both; null where nobody knows")),
         "a": maybe(shared("shape")),
         "b": maybe(shared("shape")),
         "bytes": several(record(run)),
@@ -133,8 +134,8 @@ def difference() -> Schema:
     entry = {
         "a": shared("side"),
         "b": shared("side"),
-        "same_on_wire": truth(),
-        "identical": truth("not even a name differs"),
+        "same_on_wire": maybe(truth("null where nobody knows, since elements have no known size")),
+        "identical": truth("not even a name differs; false where nobody knows"),
         "settings": several(record({"setting": word(SETTINGS), "a": setting, "b": setting})),
         "variables": several(
             record({"change": word(changes), "name": text(), "a": maybe(text()), "b": maybe(text())})
@@ -145,7 +146,7 @@ def difference() -> Schema:
     return document(
         "diff", "`nvscope gvl diff --json`: what differs between two definitions, and which value lands where",
         {
-            "same_on_wire": truth(),
+            "same_on_wire": maybe(truth("null where nobody knows, and nothing that is known differs")),
             "lists": several(record(entry)),
             "only_a": several(shared("side")),
             "only_b": several(shared("side")),

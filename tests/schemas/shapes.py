@@ -10,7 +10,7 @@ Properties = Mapping[str, Schema]
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
-_NUMBERS = {"report": 2}
+_NUMBERS = {"report": 2, "diff": 2}
 """The numbers of schemas behind their names, where they are not 1."""
 
 

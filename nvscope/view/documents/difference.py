@@ -1,4 +1,4 @@
-"""Two definitions compared as data (schema ``nvscope.diff/1``)."""
+"""Two definitions compared as data (schema ``nvscope.diff/2``)."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ from typing import Any
 
 from nvscope.definition.byte_map import Run, Stretch
 from nvscope.definition.difference import Difference, ListDifference, TelegramDifference
+from nvscope.definition.known_telegrams import KnownTelegram
 from nvscope.definition.model import ListDefinition
-from nvscope.definition.packing import TelegramLayout
 from nvscope.version import head
 
 
 def difference_document(difference: Difference) -> dict[str, Any]:
     """Return what differs between two definitions, and what B reads at each byte that A writes.
 
-    Bytes count from the first behind the header. ``accepted`` is null where nobody knows the length of a telegram.
+    Bytes count from the first behind the header. What nobody knows, since it lies behind an element that has no place,
+    is null: ``accepted``, ``same``, ``same_on_wire``. A list on CAN has no port, its telegrams no Items, and their
+    ``length`` is the DLC; ``cob_id`` is that of A, null of others.
     """
     return {
-        **head("nvscope.diff/1"),
+        **head("nvscope.diff/2"),
         "same_on_wire": difference.same_on_wire,
         "lists": [_list(entry) for entry in difference.lists],
         "only_a": [_side(entry) for entry in difference.only_a],
@@ -36,7 +38,7 @@ def _list(entry: ListDifference) -> dict[str, Any]:
             {"change": variable.change, "name": variable.name, "a": variable.a or None, "b": variable.b or None}
             for variable in entry.variables
         ],
-        "telegrams": [_telegram(telegram) for telegram in entry.telegrams],
+        "telegrams": [_telegram(telegram, entry.a) for telegram in entry.telegrams],
     }
 
 
@@ -45,15 +47,16 @@ def _side(entry: ListDefinition) -> dict[str, Any]:
         "name": entry.name,
         "id": entry.list_id,
         "protocol": entry.protocol,
-        "port": entry.port,
+        "port": None if entry.on_can else entry.port,
         "file": entry.position.file,
         "line": entry.position.line,
     }
 
 
-def _telegram(telegram: TelegramDifference) -> dict[str, Any]:
+def _telegram(telegram: TelegramDifference, a: ListDefinition) -> dict[str, Any]:
     return {
         "subindex": telegram.subindex,
+        "cob_id": a.list_id + telegram.subindex if a.on_can and a.list_id is not None else None,
         "accepted": telegram.accepted,
         "same": telegram.same,
         "a": _shape(telegram.a),
@@ -62,15 +65,11 @@ def _telegram(telegram: TelegramDifference) -> dict[str, Any]:
     }
 
 
-def _shape(layout: TelegramLayout | None) -> dict[str, Any] | None:
-    if layout is None:
+def _shape(telegram: KnownTelegram | None) -> dict[str, Any] | None:
+    if telegram is None:
         return None
-    unknown = layout.unknown
-    return {
-        "items": layout.items,
-        "length": None if unknown else layout.length,
-        "unknown": unknown.name if unknown else None,
-    }
+    items, length = telegram.shape
+    return {"items": items, "length": length, "unknown": telegram.unknown.name if telegram.unknown else None}
 
 
 def _run(run: Run) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from dissectors.can.error import describe_error
 from dissectors.can.frame import FD_LENGTHS, MAX_DATA_BYTES, CanBatch, Fault
 from nvscope.findings.can import DLC_MISMATCH
 from nvscope.list_key import ListKey
-from nvscope.units import count_of
+from nvscope.units import cob_id, count_of
 from nvscope.view.escape import visible
 from nvscope.view.lines.shown import NO_WORDING, Wording
 from nvscope.view.lines.table import Tone
@@ -84,6 +84,6 @@ class Meanings:
     def _list_name(self, key: ListKey) -> str:
         if key not in self._lists:
             pdo = self._pdos.pdo_of(key) if self._pdos else None
-            name = f"{visible(pdo.list.name or f'list {pdo.list.list_id}')} {pdo.subindex}" if pdo else ""
+            name = f"{visible(pdo.list.name or f'list {cob_id(pdo.list.list_id or 0)}')} {pdo.subindex}" if pdo else ""
             self._lists[key] = name
         return self._lists[key]
