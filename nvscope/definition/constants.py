@@ -1,41 +1,58 @@
-"""Constant integers: what stands in bounds, lengths and enumerations, evaluated as a controller's compiler does."""
+"""Constant expressions: what stands in bounds, lengths and enumerations, evaluated as a controller's compiler does."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from types import MappingProxyType
 
-from nvscope.definition.scalars import find_scalar
+from nvscope.definition.constant_functions import (
+    FUNCTIONS,
+    INTEGERS,
+    NO_INTEGER,
+    OPERATORS,
+    TRUNCATED,
+    Result,
+    Value,
+    as_type,
+    conversion,
+)
 from nvscope.definition.source import DefinitionError, Source
-from nvscope.definition.syntax import Call, Expression, Name, Number, Operation
+from nvscope.definition.syntax import Call, Expression, Name, Number, Operation, Real, TypeOperand
 from nvscope.definition.variables import Scalar, ScalarKind
 from nvscope.definition.written import expression_text
 
-INTEGERS = frozenset({ScalarKind.UNSIGNED, ScalarKind.SIGNED})
-"""The kinds of elementary types that hold whole numbers."""
+__all__ = ["INTEGERS", "SIZE_FUNCTIONS", "Names", "Value", "check_fits", "evaluate", "integer"]
+
+SIZE_FUNCTIONS = frozenset({"SIZEOF", "XSIZEOF"})
+"""The functions, in capitals, whose argument is a type."""
 
 _LARGEST = 1 << 64
-_MOST_BITS = 64
-_UNTYPED = {"", "ANY"}
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
     """What names in an expression stand for: the values of constants, and the sizes of types in bytes."""
 
-    value_of: Callable[[Name], int]
-    size_of: Callable[[Name], int]
+    value_of: Callable[[Name], Value]
+    size_of: Callable[[Name | TypeOperand], int]
 
 
-def evaluate(expression: Expression, source: Source, names: Names) -> int:
-    """Return the value of a constant expression.
+def integer(value: Value, expression: Expression, source: Source) -> int:
+    """Return what an expression's value counts where a whole number is wanted; DefinitionError of a real."""
+    if isinstance(value, float):
+        raise _no_integer(expression, source)
+    return int(value)
 
-    Division cuts off towards zero; a conversion must not change the value. Raises DefinitionError where it is no
-    constant integer.
+
+def evaluate(expression: Expression, source: Source, names: Names) -> Value:
+    """Return the value of a constant expression: a truth, a whole number, or a real.
+
+    Division of whole numbers cuts off towards zero; a conversion must not change a whole number. Raises DefinitionError
+    where the expression is no constant, or its value depends on what nobody knows.
     """
-    if isinstance(expression, Number):
-        value = expression.value
+    if isinstance(expression, Number | Real):
+        value: Value = expression.value
     elif isinstance(expression, Name):
         return names.value_of(expression)
     elif isinstance(expression, Operation):
@@ -43,12 +60,12 @@ def evaluate(expression: Expression, source: Source, names: Names) -> int:
         right = evaluate(expression.right, source, names)
         if expression.operator in {"/", "MOD"} and not right:
             raise source.error("division by zero", expression.right.offset, "Correct the expression.")
-        value = _OPERATIONS[expression.operator](left, right)
+        value = _valid(OPERATORS[expression.operator](left, right), expression, source)
     elif isinstance(expression, Call):
         value = _called(expression, source, names)
     else:
         raise _no_integer(expression, source)
-    if not -_LARGEST < value < _LARGEST:
+    if not (math.isfinite(value) if isinstance(value, float) else -_LARGEST < value < _LARGEST):
         raise source.error("the value does not fit into 64 bits", expression.offset, "Correct the number.")
     return value
 
@@ -69,74 +86,39 @@ def _no_integer(expression: Expression, source: Source) -> DefinitionError:
     return source.error("a constant integer is expected", expression.offset, next_step)
 
 
-def _called(call: Call, source: Source, names: Names) -> int:
+def _called(call: Call, source: Source, names: Names) -> Value:
     function, arguments = call.function.upper(), call.arguments
-    if function == "SIZEOF" and len(arguments) == 1 and isinstance(arguments[0], Name):
+    if function in SIZE_FUNCTIONS and len(arguments) == 1 and isinstance(arguments[0], Name | TypeOperand):
         return names.size_of(arguments[0])
-    if len(arguments) == 1 and (types := _converted(function)) is not None:
+    compute = FUNCTIONS.get((function, len(arguments))) or FUNCTIONS.get((function, None))
+    types = conversion(function)
+    if len(arguments) == 1 and function in TRUNCATED:
+        return _fitting(math.trunc(evaluate(arguments[0], source, names)), TRUNCATED[function], call, source)
+    if len(arguments) == 1 and types is not None:
+        given, wanted = types
         value = evaluate(arguments[0], source, names)
-        for scalar in types:
-            check_fits(value, scalar, source, arguments[0].offset)
-        return value
-    compute = _FUNCTIONS.get((function, len(arguments))) or _FUNCTIONS.get((function, None))
+        for kind in given:
+            value = _fitting(value, kind, call, source)
+        return _fitting(as_type(value, wanted), wanted, call, source)
     if compute is None or not arguments:
         raise _no_integer(call, source)
-    value_or_none = compute(*(evaluate(argument, source, names) for argument in arguments))
-    if value_or_none is None:
-        what = f"{expression_text(call)[:60]} is no integer of 64 bits"
-        raise source.error(what, call.offset, "Correct the expression.")
-    return value_or_none
+    return _valid(compute(*(evaluate(argument, source, names) for argument in arguments)), call, source)
 
 
-def _converted(function: str) -> list[Scalar] | None:
-    """Return the integer types between which a function converts, None where it does not, or one of them is none."""
-    given, to, wanted = function.rpartition("TO_")
-    if not to or (given and not given.endswith("_")):
-        return None
-    names = [name for name in (given.removesuffix("_"), wanted) if name not in _UNTYPED]
-    types = [scalar for name in names if (scalar := find_scalar(name)) is not None and scalar.kind in INTEGERS]
-    return types if len(types) == len(names) else None
+def _fitting(value: Value, kind: Scalar, call: Call, source: Source) -> Value:
+    """Return a value as one of a type; DefinitionError where that does not hold it."""
+    if kind.kind not in INTEGERS:
+        return as_type(value, kind)
+    if isinstance(value, float):
+        raise _no_integer(call.arguments[0], source)
+    check_fits(value, kind, source, call.arguments[0].offset)
+    return int(value)
 
 
-def _quotient(left: int, right: int) -> int:
-    quotient = abs(left) // abs(right)
-    return quotient if (left < 0) == (right < 0) else -quotient
-
-
-def _power(base: int, exponent: int) -> int | None:
-    # What does not fit into 64 bits is not computed: it could have any number of digits.
-    if exponent < 0 or (abs(base) > 1 and exponent > _MOST_BITS):
-        return None
-    return int(base**exponent)
-
-
-def _shifted_left(value: int, places: int) -> int | None:
-    return value << places if value >= 0 and 0 <= places <= _MOST_BITS else None
-
-
-def _shifted_right(value: int, places: int) -> int | None:
-    return value >> places if value >= 0 and places >= 0 else None
-
-
-_OPERATIONS: dict[str, Callable[[int, int], int]] = {
-    "+": lambda left, right: left + right,
-    "-": lambda left, right: left - right,
-    "*": lambda left, right: left * right,
-    "/": _quotient,
-    "MOD": lambda left, right: left - right * _quotient(left, right),
-}
-_FUNCTIONS: Mapping[tuple[str, int | None], Callable[..., int | None]] = MappingProxyType(
-    {
-        ("ABS", 1): abs,
-        ("MIN", None): lambda *values: min(values),
-        ("MAX", None): lambda *values: max(values),
-        ("LIMIT", 3): lambda low, value, high: min(max(value, low), high),
-        ("SEL", 3): lambda chosen, first, second: second if chosen else first,
-        ("EXPT", 2): _power,
-        ("SHL", 2): _shifted_left,
-        ("SHR", 2): _shifted_right,
-        ("ADD", None): lambda *values: sum(values),
-        ("SUB", 2): lambda left, right: left - right,
-    }
-)
-"""Functions by name in capitals and number of arguments (None: any); None is what no 64 bits hold."""
+def _valid(result: Result, expression: Expression, source: Source) -> Value:
+    if result == NO_INTEGER:
+        raise _no_integer(expression, source)
+    if isinstance(result, str):
+        what = f"{expression_text(expression)[:60]} {result}"
+        raise source.error(what, expression.offset, "Correct the expression, or write the number.")
+    return result

@@ -6,11 +6,14 @@ import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from nvscope.definition.constants import Names, evaluate
+from nvscope.definition.constant_functions import as_type
+from nvscope.definition.constants import Names, Value, evaluate, integer
 from nvscope.definition.nearest_files import nearest
 from nvscope.definition.position import Position
+from nvscope.definition.scalars import find_scalar
 from nvscope.definition.source import Source
-from nvscope.definition.syntax import EnumerationType, Expression, ListSyntax, Name
+from nvscope.definition.syntax import EnumerationType, Expression, ListSyntax, Name, NamedType, TypeOperand
+from nvscope.definition.variables import Scalar, ScalarKind
 
 MOST_COMPARED = 10_000
 """So many names are looked through for one that was perhaps meant."""
@@ -46,26 +49,32 @@ class UnknownConstant(Exception):
 
 @dataclass(frozen=True, slots=True)
 class _Constant:
-    """A constant, or a value of an enumeration: ``before`` is what it counts on from where it has no expression."""
+    """A constant, or a value of an enumeration: ``before`` is what it counts on from where it has no expression.
+
+    ``kind`` is its type where that is an elementary one.
+    """
 
     expression: Expression | None
     name: Name
     source: Source
     scope: str
     before: _Constant | None = None
+    kind: Scalar | None = None
 
 
 class NamedConstants:
     """The constants of all files. A name may be that of several: then it takes that of its list or enumeration.
 
-    Of those of several files it takes that of the nearest. ``size_of`` tells the bytes of the type of a name.
+    Of those of several files it takes that of the nearest. ``size_of`` tells the bytes of a type, which stands in a
+    file and scope.
     """
 
-    def __init__(self, depth: CallDepth, size_of: Callable[[Name, Source], int]) -> None:
+    def __init__(self, depth: CallDepth, size_of: Callable[[Name | TypeOperand, Source, str], int]) -> None:
         self._depth = depth
         self._size_of = size_of
         self._named: dict[str, list[_Constant]] = {}
-        self._values: dict[int, int] = {}
+        self._variables: dict[str, tuple[Name, Source]] = {}
+        self._values: dict[int, Value] = {}
         self._open: list[_Constant] = []
 
     def add_enumeration(self, syntax: EnumerationType, name: str, source: Source) -> None:
@@ -77,24 +86,34 @@ class NamedConstants:
                 self._named.setdefault(key, []).append(before)
 
     def add_list(self, entry: ListSyntax) -> None:
-        """Add what the constant blocks of a list declare."""
+        """Add what a list declares: its variables are known not to be constants."""
         scope = entry.name.upper()
         for block in entry.blocks:
-            for declaration in block.declarations if block.constant else ():
+            for declaration in block.declarations:
+                if not block.constant:
+                    for name in declaration.names:
+                        self._variables.setdefault(name.text.upper(), (name, entry.source))
+                    continue
+                kind = find_scalar(declaration.type.name.text) if isinstance(declaration.type, NamedType) else None
                 for name in declaration.names:
-                    constant = _Constant(declaration.initial, name, entry.source, scope)
+                    constant = _Constant(declaration.initial, name, entry.source, scope, kind=kind)
                     for key in (name.text.upper(), f"{scope}.{name.text.upper()}"):
                         self._named.setdefault(key, []).append(constant)
 
     def value(self, expression: Expression, source: Source, scope: str) -> int:
         """Return the value of an expression; ``scope`` is where names are sought first, in capitals.
 
-        Raises UnknownConstant, and ConfigurationError for what cannot be.
+        Raises UnknownConstant, and ConfigurationError for what cannot be, or is no whole number.
         """
+        return integer(self._evaluated(expression, source, scope), expression, source)
+
+    def _evaluated(self, expression: Expression, source: Source, scope: str) -> Value:
         calls = expression.depth + 5
         self._depth.descend(calls, source, expression.offset)
         try:
-            names = Names(lambda name: self._value_of(name, source, scope), lambda name: self._size_of(name, source))
+            names = Names(
+                lambda name: self._value_of(name, source, scope), lambda kind: self._size_of(kind, source, scope)
+            )
             return evaluate(expression, source, names)
         finally:
             self._depth.ascend(calls)
@@ -104,14 +123,19 @@ class NamedConstants:
         near = difflib.get_close_matches(text.upper()[:60], list(self._named)[:MOST_COMPARED], n=1, cutoff=0.7)
         return near[0] if near else ""
 
-    def _value_of(self, name: Name, source: Source, scope: str) -> int:
+    def _value_of(self, name: Name, source: Source, scope: str) -> Value:
         upper = name.text.upper()
         if upper in {"TRUE", "FALSE"}:
-            return int(upper == "TRUE")
+            return upper == "TRUE"
         found: Sequence[_Constant] | None = self._named.get(f"{scope}.{upper}") or self._named.get(upper)
         if not found and "." in upper:
             # A namespace before the list does not matter.
             found = self._named.get(".".join(upper.split(".")[-2:]))
+        if not found and (variable := self._variables.get(upper.rpartition(".")[2])) is not None:
+            declared = variable[1].position(variable[0].offset)
+            what = f"{name.text[:60]} is declared in {declared.file}, line {declared.line}, but is not CONSTANT"
+            next_step = "Declare it in VAR_GLOBAL CONSTANT, or name the file that does."
+            raise source.error(what, name.offset, next_step)
         if not found:
             raise UnknownConstant(name.text, source.position(name.offset))
         found = nearest(found[:_MOST_NAMESAKES], source.file, lambda constant: constant.source.file)
@@ -122,7 +146,7 @@ class NamedConstants:
             raise source.error(what, name.offset, f"Write the name of its list before it: {places}.")
         return values.pop()
 
-    def _constant(self, constant: _Constant, name: Name, source: Source) -> int:
+    def _constant(self, constant: _Constant, name: Name, source: Source) -> Value:
         known = self._values.get(id(constant))
         if known is not None:
             return known
@@ -132,12 +156,15 @@ class NamedConstants:
         steps, start = 0, constant
         while start.expression is None and start.before is not None:
             steps, start = steps + 1, start.before
-        value = steps
+        value: Value = steps
         if start.expression is not None:
             self._open.append(constant)
             try:
-                value += self.value(start.expression, start.source, start.scope)
+                first = self._evaluated(start.expression, start.source, start.scope)
             finally:
                 self._open.pop()
+            value = first + steps if steps else first
+        if constant.kind is not None and constant.kind.kind in {ScalarKind.REAL, ScalarKind.BOOL}:
+            value = as_type(value, constant.kind)
         self._values[id(constant)] = value
         return value

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from nvscope.definition.constants import SIZE_FUNCTIONS
 from nvscope.definition.position import Position
+from nvscope.definition.scalars import find_scalar
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import (
     ArrayType,
@@ -17,9 +19,13 @@ from nvscope.definition.syntax import (
     Operation,
     StringType,
     StructureType,
+    TypeOperand,
     TypeSyntax,
 )
+from nvscope.definition.type_names import names_in
 from nvscope.definition.written import expression_text
+
+_NOWHERE = Source("", "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +81,16 @@ def _depends(expression: Expression) -> bool:
     """Return whether the value of an expression is that of a name; a sum of numbers is the same on both sides."""
     if isinstance(expression, Operation):
         return _depends(expression.left) or _depends(expression.right)
+    if isinstance(expression, Call) and expression.function.upper() in SIZE_FUNCTIONS:
+        return any(map(_is_declared, expression.arguments))
     if isinstance(expression, Call):
         return any(map(_depends, expression.arguments))
-    return isinstance(expression, Name)
+    return isinstance(expression, Name) and expression.text.upper() not in {"TRUE", "FALSE"}
+
+
+def _is_declared(operand: Expression) -> bool:
+    """Return whether the size of a type is not that of an elementary one, and depends on what is declared."""
+    if isinstance(operand, TypeOperand):
+        found = _of_type(operand.type, "", _NOWHERE, "")
+        return any(found) or any(find_scalar(name) is None for name in names_in(operand.type))
+    return not isinstance(operand, Name) or find_scalar(operand.text) is None

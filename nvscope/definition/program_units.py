@@ -9,18 +9,21 @@ import re
 
 from nvscope.definition.comments import blank
 
+_ENDS = ("TYPE", "VAR", "PROGRAM", "FUNCTION_BLOCK", "FUNCTION", "INTERFACE", "RESOURCE", "CONFIGURATION")
+# Where a block may begin: with a line, or behind the end of another. In code such a word could stand in a text.
+_FIRST = rf"(?:^[ \t]*|(?:{'|'.join(f'(?<=END_{word})' for word in _ENDS)})\b[\s;]*)"
 _WORD = re.compile(
-    r"^[ \t]*(?P<begin>PROGRAM|FUNCTION_BLOCK|FUNCTION|INTERFACE)\s+(?:(?:PUBLIC|INTERNAL|FINAL|ABSTRACT)\s+)*"
+    _FIRST + r"(?P<begin>PROGRAM|FUNCTION_BLOCK|FUNCTION|INTERFACE)\s+(?:(?:PUBLIC|INTERNAL|FINAL|ABSTRACT)\s+)*"
     r"(?P<name>[^\W\d]\w*)"
     r"|\b(?P<end>END_(?:PROGRAM|FUNCTION_BLOCK|FUNCTION|INTERFACE))\b"
-    r"|^[ \t]*(?P<data>TYPE|VAR_GLOBAL)\b",
+    r"|" + _FIRST + r"(?P<data>TYPE|VAR_GLOBAL)\b",
     re.IGNORECASE | re.MULTILINE,
 )
 
-
-_CONFIGURATION = re.compile(r"^[ \t]*(?:CONFIGURATION|VAR_CONFIG|VAR_ACCESS)\b", re.IGNORECASE | re.MULTILINE)
+_SEMICOLON = re.compile(r"\s*+;")
+_CONFIGURATION = re.compile(_FIRST + r"(?:CONFIGURATION|VAR_CONFIG|VAR_ACCESS)\b", re.IGNORECASE | re.MULTILINE)
 _END = re.compile(r"\bEND_(?:VAR|PROGRAM|FUNCTION_BLOCK|FUNCTION|INTERFACE)\b", re.IGNORECASE)
-_DATA = re.compile(r"^[ \t]*(?P<begin>TYPE|VAR_GLOBAL)\b|\b(?P<end>END_TYPE|END_VAR)\b", re.IGNORECASE | re.MULTILINE)
+_DATA = re.compile(_FIRST + r"(?P<begin>TYPE|VAR_GLOBAL)\b|\b(?P<end>END_TYPE|END_VAR)\b", re.IGNORECASE | re.MULTILINE)
 
 
 def holds_program_units(text: str) -> bool:
@@ -66,11 +69,14 @@ def blank_program_units(text: str) -> tuple[str, list[tuple[str, int]]]:
     kept, begin = 0, -1
     for word in _WORD.finditer(text):
         if begin >= 0:
-            end = word.end() if word["end"] else word.start()
+            end = word.start("begin" if word["begin"] else "data")
+            if word["end"]:
+                semicolon = _SEMICOLON.match(text, word.end())
+                end = semicolon.end() if semicolon else word.end()
             parts.append(blank(text[begin:end]))
             kept, begin = end, -1
         if word["begin"]:
-            begin = word.start()
+            begin = word.start("begin")
             parts.append(text[kept:begin])
             if word["begin"].upper() in {"FUNCTION_BLOCK", "INTERFACE"}:
                 types.append((word["name"], word.start("name")))

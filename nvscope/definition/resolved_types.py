@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 from nvscope.definition.constants import INTEGERS, check_fits
 from nvscope.definition.declared_types import DeclaredTypes
@@ -23,8 +24,10 @@ from nvscope.definition.syntax import (
     StringType,
     StructureType,
     TypeDeclaration,
+    TypeOperand,
     TypeSyntax,
 )
+from nvscope.definition.type_names import names_in
 from nvscope.definition.variables import (
     MAX_ELEMENTS,
     Array,
@@ -37,7 +40,7 @@ from nvscope.definition.variables import (
     Union,
     size_bytes_of,
 )
-from nvscope.definition.written import type_text
+from nvscope.definition.written import expression_text, type_text
 from nvscope.units import count
 
 MAX_STRING_LENGTH = 32_767
@@ -45,6 +48,14 @@ MAX_NESTING = 100
 """Types within one another, across all files."""
 MOST_PROPOSED = 10
 """For so many unknown names it is looked which were perhaps meant: that takes long where there are many names."""
+
+
+class _Flawed(Exception):
+    """An expression needs the size of a type that has a flaw."""
+
+    def __init__(self, flaw: Flaw) -> None:
+        super().__init__()
+        self.flaw = flaw
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +143,11 @@ class ResolvedTypes:
 
     def _named(self, syntax: NamedType, source: Source, scope: str) -> Sized:
         if syntax.generic:
-            return self._flawed(syntax)
+            # Its size depends on the constants behind its name, even where a file declares it.
+            flaws = (
+                () if self.declared.named(syntax.name.text, source.file) else (self._unknown_type(syntax.name, source),)
+            )
+            return self._flawed(syntax, *flaws)
         sized = self._of_name(syntax.name, source)
         if syntax.low is None or syntax.high is None:
             return sized
@@ -152,8 +167,7 @@ class ResolvedTypes:
             members = library.members if isinstance(library, Structure) else ()
             characters = sum(len(f".{member.name}") for member in members)
             return Sized(library, max(len(members), 1), min(len(members), 1), characters)
-        if text.upper() in LIBRARY_BLOCKS or "." in text:
-            # A qualified name that no file declares comes from a library.
+        if text.upper().rpartition(".")[2] in LIBRARY_BLOCKS:
             return Sized(unknown_raw(text))
         return Sized(unknown_raw(text), flaws=frozenset({self._unknown_type(name, source)}))
 
@@ -213,23 +227,33 @@ class ResolvedTypes:
             self._unknown[key] = UnknownName(error.name, error.position, near, constant=True)
         return self._unknown[key]
 
-    def _size_of(self, name: Name, source: Source) -> int:
-        """Return the bytes of a type in a controller's memory; DefinitionError where that depends on the controller."""
-        sized = self.type_of(NamedType(name), name.text, source, "")
+    def _size_of(self, operand: Name | TypeOperand, source: Source, scope: str) -> int:
+        """Return the bytes of a type in a controller's memory; DefinitionError where that depends on the controller.
+
+        Raises _Flawed where it is not known for another reason.
+        """
+        text = expression_text(operand)
+        syntax = NamedType(operand) if isinstance(operand, Name) else operand.type
+        sized = self.type_of(syntax, text, source, scope)
+        flaws = [flaw for flaw in sized.flaws if not isinstance(flaw, AssumedBase)]
+        if flaws:
+            raise _Flawed(min(flaws, key=attrgetter("position.file", "position.line", "position.column")))
         kind = sized.type
         while isinstance(kind, Array):
             kind = kind.element
-        if sized.unknown or not isinstance(kind, Scalar | String | Enumeration):
-            what = f"nobody knows SIZEOF({name.text[:60]}), which depends on the controller"
-            raise source.error(what, name.offset, "Write the number.")
+        if not size_bytes_of(sized.type) or not isinstance(kind, Scalar | String | Enumeration):
+            what = f"nobody knows SIZEOF({text[:60]}), which depends on the controller"
+            raise source.error(what, operand.offset, "Write the number.")
         return size_bytes_of(sized.type)
 
-    def _value(self, expression: Expression, source: Source, scope: str) -> int | UnknownName:
-        """Return the value of a constant expression, or the constant in it that no file declares."""
+    def _value(self, expression: Expression, source: Source, scope: str) -> int | Flaw:
+        """Return the value of a constant expression, or why it is not known: what no file declares."""
         try:
             return self.constants.value(expression, source, scope)
         except UnknownConstant as error:
             return self._unknown_constant(error)
+        except _Flawed as error:
+            return error.flaw
 
     def _subrange(
         self, sized: Sized, syntax: NamedType, low_syntax: Expression, high_syntax: Expression, source: Source,
@@ -323,13 +347,13 @@ class ResolvedTypes:
             values = self._numbered(syntax, base.type, name, source)
         except DefinitionError as error:
             return replace(base, flaws=base.flaws | {error.problem})
-        if isinstance(values, UnknownName):
+        if not isinstance(values, dict):
             return replace(base, flaws=base.flaws | {values})
         return Sized(Enumeration(name, base.type, values), flaws=base.flaws)
 
     def _numbered(
         self, syntax: EnumerationType, base: Scalar, name: str, source: Source
-    ) -> dict[str, int] | UnknownName:  # fmt: skip
+    ) -> dict[str, int] | Flaw:  # fmt: skip
         values: dict[str, int] = {}
         seen: dict[str, Name] = {}
         value = -1
@@ -341,24 +365,6 @@ class ResolvedTypes:
             values[value_name.text] = value = known
             check_fits(value, base, source, value_name.offset)
         return values
-
-
-def names_in(syntax: TypeSyntax) -> list[str]:
-    """Return the names of types that a type is made of."""
-    names: list[str] = []
-    waiting = [syntax]
-    while waiting:
-        part = waiting.pop()
-        if isinstance(part, NamedType):
-            names.append(part.name.text)
-        elif isinstance(part, ArrayType):
-            waiting.append(part.element)
-        elif isinstance(part, StructureType):
-            names += [part.extends.text] if part.extends else []
-            waiting += [declaration.type for declaration in part.members]
-        elif isinstance(part, EnumerationType) and part.base is not None:
-            names.append(part.base.text)
-    return names
 
 
 def check_new(name: Name, seen: dict[str, Name], source: Source) -> None:

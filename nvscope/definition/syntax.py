@@ -32,8 +32,17 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True)
+class Real:
+    """A literal real."""
+
+    value: float
+    offset: int
+    depth: ClassVar[int] = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Operation:
-    """``left operator right``: ``+ - * /`` or ``MOD``. ``depth`` is how deep the expression is nested."""
+    """``left operator right``, the operator in capitals. ``depth`` is how deep the expression is nested."""
 
     operator: str
     left: Expression
@@ -53,14 +62,26 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
+class TypeOperand:
+    """A type where a value may stand that is not just a name: the ``STRING(10)`` of ``SIZEOF(STRING(10))``."""
+
+    type: StringType | ArrayType | PointerType
+    offset: int
+
+    @property
+    def depth(self) -> int:
+        return self.type.depth
+
+
+@dataclass(frozen=True, slots=True)
 class Opaque:
-    """A value that is no constant integer: a string, a time, values of an array."""
+    """A value that is no number: a string, a time, values of an array."""
 
     offset: int
     depth: ClassVar[int] = 0
 
 
-Expression = Name | Number | Operation | Call | Opaque
+Expression = Name | Number | Real | Operation | Call | TypeOperand | Opaque
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,9 +23,11 @@ from nvscope.definition.syntax import (
     Opaque,
     Operation,
     PointerType,
+    Real,
     StringType,
     StructureType,
     TypeDeclaration,
+    TypeOperand,
     TypeSyntax,
 )
 
@@ -151,19 +153,20 @@ class SyntaxNodes(Transformer[Token, Any]):
             return Number(-value.value if sign == "-" else value.value, _offset(sign))
         return self.operation(Number(0, _offset(sign)), sign, value)
 
-    def disjunction(self, left: Expression, *_: Any) -> Expression:
-        return Opaque(left.offset)
-
-    conjunction = comparison = disjunction
+    disjunction = conjunction = comparison = operation
 
     def negation(self, value: Expression) -> Expression:
-        return Opaque(value.offset)
+        depth = 1 + value.depth
+        return Call("NOT", (value,), value.offset, depth) if depth <= MAX_DEPTH else Opaque(value.offset)
 
     def name(self, token: Token) -> Name:
         return Name(str(token), _offset(token))
 
     def number(self, token: Token) -> Expression:
         return _number(str(token), _offset(token))
+
+    def real(self, token: Token) -> Expression:
+        return _real(str(token), _offset(token))
 
     def typed(self, token: Token) -> Expression:
         return _typed(str(token), _offset(token))
@@ -189,6 +192,9 @@ class SyntaxNodes(Transformer[Token, Any]):
             return Call(function.text, values, function.offset, depth)
         return Opaque(function.offset)
 
+    def type_operand(self, kind: StringType | ArrayType | PointerType) -> TypeOperand:
+        return TypeOperand(kind, kind.offset)
+
     def indexed(self, value: Expression, *_: Any) -> Expression:
         return Opaque(value.offset)
 
@@ -213,9 +219,18 @@ def _number(text: str, offset: int) -> Expression:
         return Opaque(offset)
 
 
+def _real(text: str, offset: int) -> Expression:
+    try:
+        return Real(float(text.replace("_", "")), offset)
+    except ValueError:
+        return Opaque(offset)
+
+
 def _typed(text: str, offset: int) -> Expression:
-    """Return the value of ``INT#5``, ``WORD#16#FF``, ``BOOL#TRUE`` or ``Color#red``."""
+    """Return the value of ``INT#5``, ``WORD#16#FF``, ``REAL#2.5``, ``BOOL#TRUE`` or ``Color#red``."""
     prefix, _, value = text.partition("#")
+    if prefix.upper() in {"REAL", "LREAL"}:
+        return _real(value, offset)
     if prefix.upper() == "BOOL" and value.upper() in {"TRUE", "FALSE"}:
         return Number(int(value.upper() == "TRUE"), offset)
     unsigned = value.lstrip("+-")

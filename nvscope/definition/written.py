@@ -13,6 +13,7 @@ from nvscope.definition.syntax import (
     PointerType,
     StringType,
     StructureType,
+    TypeOperand,
     TypeSyntax,
 )
 
@@ -51,4 +52,6 @@ def expression_text(expression: Expression) -> str:
         return f" {expression.operator} ".join(sides)
     if isinstance(expression, Call):
         return f"{expression.function}({', '.join(map(expression_text, expression.arguments))})"
+    if isinstance(expression, TypeOperand):
+        return _type_text(expression.type)
     return expression.text if isinstance(expression, Name) else str(getattr(expression, "value", "?"))
