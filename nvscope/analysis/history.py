@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from nvscope.analysis.inquiry import Inquiry, Watch
+from nvscope.analysis.seen_lists import SeenLists
 from nvscope.definition.selection import names_of_lists, select, unplaced_text
 from nvscope.tracker.variables.history import Entry, History
 
 
 class Changes:
-    """The changes of the variables of a name; iterate once, then read ``history`` and ``source``.
+    """The changes of the variables of a name; iterate once, then read ``history``, ``seen`` and ``source``.
 
     ``listed`` is the list, None for all that have such a variable. With ``every``, the values of each telegram, changed
     or not; ``expression`` is a filter. UsageError where nothing has the name, or no definition is given.
@@ -31,6 +32,7 @@ class Changes:
         self._chosen = None if expression is None else inquiry.filter(expression)
         self.source = inquiry.open()
         self.history = History(self._layouts, self.selection.names_in, every=every)
+        self.seen = SeenLists()
 
     @property
     def lists(self) -> list[tuple[str, str]]:
@@ -51,7 +53,7 @@ class Changes:
 
     def batches(self, watch: Watch | None = None) -> Iterator[Iterator[Entry]]:
         """Yield the changes of each batch in turn."""
-        for _ in self._inquiry.run(self.source, [self.history], self._chosen, watch=watch):
+        for _ in self._inquiry.run(self.source, [self.history, self.seen], self._chosen, watch=watch):
             yield self.history.entries()
 
     def __iter__(self) -> Iterator[Entry]:

@@ -221,11 +221,14 @@ class Inquiry:
             )
         return self._judged(expression, self._read())
 
-    def analyze(self, expression: str | None = None, *, values: bool = False, compare: bool = False) -> Analysis:
+    def analyze(
+        self, expression: str | None = None, *, values: bool = False, compare: bool = False,
+        others: Sequence[Observer] = (),
+    ) -> Analysis:  # fmt: skip
         """Read the captures, judge them, and choose among it what an expression chooses.
 
-        ``values``: the variables are wanted too; ``compare``: those that several lists have are compared. UsageError as
-        ``filter``, and without definitions to compare by.
+        ``values``: the variables are wanted too; ``compare``: those that several lists have are compared; ``others``
+        observe too. UsageError as ``filter``, and without definitions to compare by.
         """
         if compare and self.layouts is None:
             raise UsageError(
@@ -233,11 +236,11 @@ class Inquiry:
                 next_step="name the exported lists and their types with --gvl FILE",
             )
         if expression is None:
-            return self._read(values=values, compare=compare)
+            return self._read(values=values, compare=compare, others=others)
         from nvscope.view.chosen import Chosen  # noqa: PLC0415
 
         chosen = self.filter(expression)
-        found = self._read(values=values, chosen=chosen, compare=compare)
+        found = self._read(values=values, chosen=chosen, compare=compare, others=others)
         left = Chosen(found.state, chosen, found.findings)
         return replace(found, chosen=left)
 
@@ -314,10 +317,11 @@ class Inquiry:
         return {name for told in Recogniser(reading, by_stream=False).tell(first) for name in told.parts}
 
     def _read(
-        self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False
+        self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False,
+        others: Sequence[Observer] = (),
     ) -> Analysis:  # fmt: skip
         source, state = self.open(), self._state(values=values)
-        observers: list[Observer] = [state]
+        observers: list[Observer] = [state, *others]
         hops = None
         if compare and self.layouts is not None:
             from nvscope.tracker.variables.hops import Hops  # noqa: PLC0415

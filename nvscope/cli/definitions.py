@@ -13,6 +13,7 @@ from nvscope.cli.terminal import echo
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.analysis.seen_lists import SeenLists
     from nvscope.definition.model import Definition, ListDefinition
     from nvscope.definition.project import Project
 
@@ -79,6 +80,19 @@ def tell_of_flaws(definition: Definition, lists: Sequence[ListDefinition] | None
 
     for sentence in definition_flaws(definition, lists):
         echo(f"nvscope: {sentence}", err=True)
+
+
+def tell_of_missing(inquiry: Inquiry, seen: SeenLists) -> None:
+    """Say of which lists there is nothing in the captures: a definition that fits nothing may be the wrong one."""
+    from nvscope.units import list_key
+    from nvscope.view.escape import visible
+
+    missing = seen.missing(inquiry.project.definition)
+    told = [visible(f"{entry.name} ({list_key(str(key))})") for key, entry in missing[:_MOST_NAMED]]
+    more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
+    if told:
+        lists = f"{', '.join(told)}{more} {'is' if len(missing) == 1 else 'are'} defined"
+        echo(f"nvscope: {lists}, but not one telegram of {'it' if len(missing) == 1 else 'them'} was seen.", err=True)
 
 
 def tell_of_lists(inquiry: Inquiry) -> None:

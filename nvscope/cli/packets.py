@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nvscope.cli.completion import fields as fields_beginning
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists, tell_of_missing
 from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -155,6 +155,7 @@ def packets(
     from nvscope import units
     from nvscope.analysis.packets import packets as read_packets
     from nvscope.analysis.reading import reading_of
+    from nvscope.analysis.seen_lists import SeenLists
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
     from nvscope.view.fields.field import times_beyond
@@ -170,10 +171,11 @@ def packets(
     else:
         reading = reading_of(ports, pdos, all_frames=all_frames)
     telegrams = PacketRows(limit=count)
+    seen = SeenLists() if inquiry and plant.files and count is None else None
     out = sys.stdout
     with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
         out.write(face.begin())
-        for rows in read_packets(source, reading, telegrams, progress, [canopen]):
+        for rows in read_packets(source, reading, telegrams, progress, [canopen, *([seen] if seen else [])]):
             for text in face.render(rows):
                 out.write(text)
             out.flush()
@@ -209,6 +211,8 @@ def packets(
         echo(f"nvscope: {beyond_time(beyond, '`nvscope export --form long`')}", err=True)
     if inquiry and plant.files:
         tell_of_lists(inquiry)
+    if inquiry and seen:
+        tell_of_missing(inquiry, seen)
     if tell_of_losses(source.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nvscope.cli.completion import lists
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists, tell_of_missing
 from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -106,6 +106,7 @@ def variables(
     _check(gvl, history, every, at, infer, write)
     plant = with_channels(project_of(project, gvl), channel_map)
     if not infer and not plant.files:
+        _check_readable(paths)
         raise UsageError(
             "no definition is given",
             next_step="name the exported list and its types with --gvl FILE or in nvscope.toml, or propose a layout "
@@ -186,14 +187,26 @@ def _check(
         )
 
 
+def _check_readable(paths: Sequence[str]) -> None:
+    """Raise what is wrong with files: where no definition is given, the name of one may be mistyped."""
+    from nvscope.capture.content import STDIN
+    from nvscope.capture.open import open_source
+
+    files = [path for path in paths if path != STDIN]
+    if files:
+        open_source(files)
+
+
 def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
+    from nvscope.analysis.seen_lists import SeenLists
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
     from nvscope.view.documents.variables import left_out, variables_document
 
     keys = asked.keys(listed)
     keep_freed_memory()
-    found = asked.inquiry.analyze(asked.wanted, values=True)
+    seen = SeenLists()
+    found = asked.inquiry.analyze(asked.wanted, values=True, others=[seen])
     assert found.values
     unfitting, truncated = left_out(found.state, found.values, keys)
     asked.tell(
@@ -207,6 +220,8 @@ def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
         _tell_of_unfitting(unfitting)
     if truncated:
         _tell_of_truncated(truncated)
+    if listed is None:
+        tell_of_missing(asked.inquiry, seen)
     return found.infos
 
 
@@ -271,6 +286,8 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
         echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
     if history.unfitting:
         _tell_of_unfitting(history.unfitting)
+    if listed is None:
+        tell_of_missing(asked.inquiry, changes.seen)
     return changes.source.infos
 
 
