@@ -42,12 +42,18 @@ class Mistake:
 def lint(files: Sequence[FileSyntax], definition: Definition) -> list[Mistake]:
     """Return the mistakes by file, line and column; ``definition`` is what follows from the files.
 
-    Raises ConfigurationError for a list that cannot be packed.
+    Of global variables with neither identifier nor network settings nobody knows whether they are sent: only what no
+    controller compiles is told of them. Raises ConfigurationError for a list that cannot be packed.
     """
-    flaws = definition.flaws_of(definition.lists)
-    problems = [flaw for flaw in flaws if isinstance(flaw, Problem)]
-    assumed = [flaw for flaw in flaws if isinstance(flaw, AssumedBase)]
-    subject = Subject(files, [Packed.of(entry) for entry in definition.lists], definition.left_out, problems, assumed)
+    problems = [flaw for flaw in definition.flaws_of(definition.lists) if isinstance(flaw, Problem)]
+    with_settings = {
+        entry.source.position(entry.offset) for file in files for entry in file.lists if any(entry.settings)
+    }
+    sent = [entry for entry in definition.lists if entry.list_id is not None or entry.position in with_settings]
+    nameless = [entry for entry in definition.lists if entry.list_id is None]
+    assumed = [flaw for flaw in definition.flaws_of(sent) if isinstance(flaw, AssumedBase)]
+    lists = [Packed.of(entry) for entry in sent]
+    subject = Subject(files, lists, nameless, definition.left_out, problems, assumed)
     # A list over several connections is there once for each of them.
     found = dict.fromkeys(Mistake(rule, place) for rule in RULES for place in rule.find(subject))
     order = {name: place for place, name in enumerate(dict.fromkeys(_names_of(files)))}
@@ -108,9 +114,10 @@ RULES = (
     ),
     Rule(
         "identifier-missing", "note", "a list whose identifier no file tells",
-        "Its telegrams cannot be found among those of other lists.",
+        "Its telegrams cannot be found among those of other lists. Without network settings perhaps it is not sent at "
+        "all: then nothing else is said of it.",
         "Export the list with its network settings (.gvl), or give the identifier in nvscope.toml.",
-        searches.each_list(searches.tell_identifier_missing),
+        searches.find_identifiers_missing,
     ),
     Rule(
         "identifier-over-255", "note", "an identifier over 255",

@@ -18,6 +18,7 @@ from nvscope.definition.model import AssumedBase, ListDefinition, Problem
 from nvscope.definition.named_sizes import named_sizes
 from nvscope.definition.packing import TelegramLayout, capacity_bytes, pack, placed
 from nvscope.definition.position import Position
+from nvscope.definition.reached_types import reached_types
 from nvscope.definition.syntax import FileSyntax
 from nvscope.definition.variables import Array, Structure, Union, elements
 from nvscope.units import cob_id, count, count_of, duration
@@ -56,10 +57,14 @@ class Packed:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What is looked at: the files as they are written, and the lists and mistakes that follow from them."""
+    """What is looked at: the files as they are written, and the lists and mistakes that follow from them.
+
+    ``lists`` are those that are surely sent; ``nameless`` are all without an identifier, which may be no such lists.
+    """
 
     files: Sequence[FileSyntax]
     lists: Sequence[Packed]
+    nameless: Sequence[ListDefinition] = ()
     left_out: Sequence[Problem] = ()
     problems: Sequence[Problem] = ()
     assumed: Sequence[AssumedBase] = ()
@@ -126,8 +131,8 @@ def _is_the_same(one: ListDefinition, other: ListDefinition) -> bool:
     return one.name.upper() == other.name.upper() and list_difference(one, other).may_be_same
 
 
-def tell_identifier_missing(entry: ListDefinition) -> str | None:
-    return f"{entry.name} has no list identifier" if entry.list_id is None else None
+def find_identifiers_missing(subject: Subject) -> Iterator[Place]:
+    return (_of_list(entry, f"{entry.name} has no list identifier") for entry in subject.nameless)
 
 
 def tell_identifier_large(entry: ListDefinition) -> str | None:
@@ -254,9 +259,10 @@ def find_unions(subject: Subject) -> Iterator[Place]:
 
 
 def find_sizes_by_name(subject: Subject) -> Iterator[Place]:
-    for file in subject.files:
-        for found in named_sizes(file):
-            yield Place(found.position, found.list_name, f"{found.what} of {found.variable} is {found.text}")
+    places = {packed.list.position for packed in subject.lists}
+    lists = [entry for file in subject.files for entry in file.lists if entry.source.position(entry.offset) in places]
+    for found in named_sizes(lists, reached_types(subject.files, lists)):
+        yield Place(found.position, found.list_name, f"{found.what} of {found.variable} is {found.text}")
 
 
 def _can_lists(subject: Subject) -> list[CobIds]:

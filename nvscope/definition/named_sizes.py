@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from nvscope.definition.constants import SIZE_FUNCTIONS
@@ -14,11 +14,12 @@ from nvscope.definition.syntax import (
     Call,
     Declaration,
     Expression,
-    FileSyntax,
+    ListSyntax,
     Name,
     Operation,
     StringType,
     StructureType,
+    TypeDeclaration,
     TypeOperand,
     TypeSyntax,
 )
@@ -43,12 +44,12 @@ class NamedSize:
     text: str
 
 
-def named_sizes(file: FileSyntax) -> Iterator[NamedSize]:
-    """Yield the bounds and lengths of a file's types and lists that depend on constants, in their order."""
-    for declaration in file.types:
+def named_sizes(lists: Iterable[ListSyntax], types: Iterable[TypeDeclaration]) -> Iterator[NamedSize]:
+    """Yield the bounds and lengths of types and lists that depend on constants, in their order."""
+    for declaration in types:
         if declaration.type is not None:
             yield from _of_type(declaration.type, declaration.name.text, declaration.source, "")
-    for entry in file.lists:
+    for entry in lists:
         for block in entry.blocks:
             for variable in block.declarations if not block.constant else ():
                 yield from _of_declaration(variable, "", entry.source, entry.name)

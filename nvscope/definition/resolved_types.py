@@ -11,6 +11,7 @@ from nvscope.definition.declared_types import DeclaredTypes
 from nvscope.definition.library_types import LIBRARY_TYPES
 from nvscope.definition.model import AssumedBase, Flaw, Problem, UnknownName
 from nvscope.definition.named_constants import CallDepth, NamedConstants, UnknownConstant
+from nvscope.definition.reached_types import reached
 from nvscope.definition.scalars import LIBRARY_BLOCKS, SCALARS, find_scalar, unknown_raw
 from nvscope.definition.source import DefinitionError, Source
 from nvscope.definition.syntax import (
@@ -27,7 +28,6 @@ from nvscope.definition.syntax import (
     TypeOperand,
     TypeSyntax,
 )
-from nvscope.definition.type_names import names_in
 from nvscope.definition.variables import (
     MAX_ELEMENTS,
     Array,
@@ -95,22 +95,11 @@ class ResolvedTypes:
 
         Types are mostly declared before those that use them: so any number of them can follow from one another.
         """
-        reached: set[int] = set()
-        waiting = list(syntaxes)
-        while waiting:
-            syntax, file = waiting.pop()
-            for name in names_in(syntax):
-                for declaration in self.declared.named(name, file):
-                    if id(declaration) not in reached:
-                        reached.add(id(declaration))
-                        if declaration.type is not None:
-                            waiting.append((declaration.type, declaration.source.file))
-        for declaration in self.declared:
-            if id(declaration) in reached:
-                try:
-                    self._declared(declaration, declaration.name, declaration.source)
-                except DefinitionError:
-                    continue  # told where it is needed
+        for declaration in reached(self.declared, syntaxes):
+            try:
+                self._declared(declaration, declaration.name, declaration.source)
+            except DefinitionError:
+                continue  # told where it is needed
 
     def type_of(self, syntax: TypeSyntax, name: str, source: Source, scope: str) -> Sized:
         """Return the type; ``name`` is for those that have none of their own, ``scope`` where constants are sought.

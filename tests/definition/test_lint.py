@@ -50,6 +50,32 @@ def linted(*paths: str) -> list[Mistake]:
     return lint(list(read.files.values()), definition_of(read))
 
 
+GLOBALS = (
+    "{constants}VAR_GLOBAL a : FB_Unknown; b : ARRAY [0..N] OF Big; c : Both; e : (x, y); f : Exchanged; END_VAR "
+    "TYPE Big : STRUCT m : ARRAY [1..N] OF LREAL; s : STRING(999); END_STRUCT Both : UNION w : WORD; END_UNION "
+    "Exchanged : ARRAY [5..1] OF INT; END_TYPE"
+)
+
+
+def test_of_global_variables_nobody_knows_whether_they_are_sent(tmp_path: Path) -> None:
+    """Of one that has an identifier, all is told; and a note says how to tell one."""
+    text = GLOBALS.format(constants="VAR_GLOBAL CONSTANT N : INT := 99; END_VAR ")
+    alone = {each.rule.id for each in mistakes(tmp_path, [text])}
+    assert alone == {"identifier-missing", "contradiction"}
+    body = GLOBALS.format(constants="").removeprefix("VAR_GLOBAL ").partition(" END_VAR ")
+    sent = {each.rule.id for each in mistakes(tmp_path, [gvl(body[0]), f"{body[2]} {CONSTANT.replace('n :', 'N :')}"])}
+    assert sent >= {"unknown-size", "size-by-name", "union", "contradiction"}
+    assert "identifier-missing" not in sent
+    nameless = [each.rule.id for each in mistakes(tmp_path, [gvl("a : FB_Unknown;", ListIdentifier=None)])]
+    assert nameless == ["identifier-missing", "unknown-size"]
+
+
+def test_a_type_that_no_sent_list_reaches_has_sizes_that_matter_to_nobody(tmp_path: Path) -> None:
+    types = "TYPE T : STRUCT m : STRING(n); END_STRUCT Other : ARRAY [0..n] OF INT; END_TYPE"
+    (found,) = mistakes(tmp_path, [gvl("x : ARRAY [0..1] OF T;"), types, CONSTANT])
+    assert found.place.message == "the length of T.m is n"
+
+
 def told(found: Sequence[Mistake]) -> list[str]:
     return [
         f"{Path(each.place.position.file).name}:{each.place.position.line}:{each.place.position.column} "

@@ -102,6 +102,7 @@ ODD_COMMANDS = (
     "vars cut.pcap --gvl eth.gvl --at 2026-01-01T00:00:00",
     "vars eth.pcap --infer",
     "gvl layout long.gvl nameless.gvl",
+    "gvl lint eth.gvl can.log",
     "gvl diff nameless.gvl eth.gvl",
     "gvl diff eth.gvl nameless.gvl",
     "gvl diff nameless.gvl can.gvl",
