@@ -13,7 +13,7 @@ from nvscope.definition.plain_text import read_plain_text
 from nvscope.definition.resolve import resolve
 from nvscope.definition.source import DefinitionError, NoDefinition, Source, read_source
 from nvscope.definition.syntax import FileSyntax
-from nvscope.definition.wanted_files import DefinitionFile, wanted_files
+from nvscope.definition.wanted_files import LIST_SUFFIXES, DefinitionFile, wanted_files
 from nvscope.errors import ConfigurationError
 from nvscope.units import count
 
@@ -52,9 +52,9 @@ def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None =
 
     The order in which a person names files says nothing: with the same files everything is the same.
 
-    Of those that were found and not named, what is no definition is passed over. What would be more than
-    ``MAX_ALL_CHARACTERS`` together is left out. Raises ConfigurationError where a file cannot be opened, or none can be
-    read.
+    Of those that were found and not named, what is no definition is passed over, where others call files so too. What
+    would be more than ``MAX_ALL_CHARACTERS`` together is left out. Raises ConfigurationError where a file cannot be
+    opened, or none can be read.
     """
     places: dict[str, DefinitionFile] = {}
     for file in sorted(wanted, key=lambda file: Path(file.path)):
@@ -70,7 +70,7 @@ def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None =
             read[file.path] = _read(source)
             characters += len(source.text)
         except NoDefinition as error:
-            (errors if file.named else passed).append(error)
+            (errors if file.named or file.path.lower().endswith(LIST_SUFFIXES) else passed).append(error)
         except DefinitionError as error:
             errors.append(error)
     if errors and not read:

@@ -18,6 +18,9 @@ MAX_DEFINITION_FILES = 5_000
 DEFINITION_SUFFIXES = (".gvl", ".exp", ".st", ".xml", ".tcgvl", ".tcdut", ".tcpou", ".tcio")
 """How files are called that may hold definitions; others are looked at whether they begin like one."""
 
+LIST_SUFFIXES = (".gvl", ".tcgvl", ".tcdut")
+"""How only definitions are called: such a file without one is broken."""
+
 _MAX_SEEN = 100_000
 _FOREIGN_SUFFIXES = (".export", *(suffix for kind in FOREIGN_FILES for suffix in kind.suffixes))
 _WILD = re.compile(r"[*?\[]")

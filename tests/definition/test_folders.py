@@ -86,6 +86,7 @@ def test_what_cannot_be_read_is_told_and_the_rest_is_read(tmp_path: Path) -> Non
     definition = load_definitions([str(path)])
     assert told(definition, path) == [
         "left out: a.gvl, line 1, column 22: this is no well-formed XML: mismatched tag. Export the file again.",
+        "left out: b.TcDUT: a Git LFS pointer, not the file itself. Fetch the file: git lfs pull.",
         "left out: c.st, line 2, column 27: found the end of the text, expected a name or END_STRUCT. "
         "Perhaps the text was cut off: export the file again.",
     ]

@@ -46,6 +46,17 @@ def test_a_block_may_begin_where_another_ends(other: str, between: str, tmp_path
         assert [shown(each.type) for each in found.lists[0].variables] == ["INT", "DINT"]
 
 
+@pytest.mark.parametrize("content", [b"", b"\0\1\2" * 99, b"hello world", b"<html></html>", b"<GVL><Decl"])
+@pytest.mark.parametrize("name", ["broken.gvl", "Broken.TcGVL"])
+def test_a_broken_list_in_a_directory_is_told(name: str, content: bytes, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(content)
+    (tmp_path / "notes.st").write_bytes(b"hello world")  # others call files so, too
+    (tmp_path / "whole.st").write_text("VAR_GLOBAL a : INT; END_VAR", encoding="utf-8")
+    found = load_definitions([str(tmp_path)])
+    assert [problem.position.file for problem in found.left_out] == [str(tmp_path / name)]
+    assert len(found.lists) == 1
+
+
 def test_a_variable_is_no_constant(tmp_path: Path) -> None:
     for name, text in (
         ("a.st", "VAR_GLOBAL x : ARRAY [1..N] OF BYTE; y : STRING(g.n); z : INT(0..M); END_VAR"),
