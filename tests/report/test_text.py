@@ -112,7 +112,7 @@ def test_every_finding_is_shown_in_the_order_given_with_its_sentences() -> None:
     for one in TROUBLED["findings"]:
         assert one["message"] in shown
         assert f"Next: {one['hint']}" in shown
-        for frame in finding["frames"]:
+        for frame in one["frames"]:
             assert str(frame) in shown
 
 
