@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -223,3 +224,11 @@ def test_lists_that_are_not_shown_say_how_bad_they_may_be() -> None:
     found = [finding("NV502", "jitter", "warning", "late", "", list=f"udp/1/{number}") for number in numbers]
     told = text.render(report({}, [udp_list(1, number) for number in numbers], found), width=120)
     assert "1 list more, none with worse than ! warning: -v shows all" in told
+
+
+def test_of_a_sender_that_does_not_count_nobody_knows_what_is_lost() -> None:
+    silent = stream("10.0.0.1", 0, 10, interval(9, *[50 * MS] * 7, nominal=50 * MS)) | {"counter_scope": "unused"}
+    told = text.render(report({}, [udp_list(1, 1, streams=[silent])], []), width=200, details=True)
+    header, row = next(pair for pair in pairwise(told.splitlines()) if pair[0].startswith("status"))
+    assert row[: header.index("lost") + len("lost")].endswith(" ?")
+    assert "lost ? (0 claimed)" in told.replace("\xa0", " ")
