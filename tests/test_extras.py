@@ -70,10 +70,10 @@ def test_other_verbs_do_without_any_extra(arguments: list[str], tmp_path: Path) 
     assert ended.stdout
 
 
-@pytest.mark.parametrize("packages", [{"polars"}, {"pyarrow"}, {"polars", "pyarrow"}], ids="+".join)
-def test_export_says_what_to_install_and_writes_nothing(packages: set[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("packages", [("polars",), ("pyarrow",), ("polars", "pyarrow")], ids="+".join)
+def test_export_says_what_to_install_and_writes_nothing(packages: tuple[str, ...], tmp_path: Path) -> None:
     for ending in ("csv", "ndjson", "parquet"):
-        ended = nvscope_without(packages, tmp_path, "export", PEERS, *AXIS, "-w", f"axis.{ending}")
+        ended = nvscope_without(set(packages), tmp_path, "export", PEERS, *AXIS, "-w", f"axis.{ending}")
         assert ended.returncode == 2
         assert ended.stderr == (
             f"nvscope: export needs {' and '.join(sorted(packages))}, which "

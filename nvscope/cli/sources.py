@@ -6,7 +6,6 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -89,7 +88,6 @@ NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-
 
 _DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*", re.ASCII)
 _MAX_PORT = 65535
-_DAY_NS = 86_400 * 10**9
 
 
 def with_channels(project: Project, options: Sequence[str] | None) -> Project:
@@ -167,20 +165,20 @@ def duration_ns(option: str, text: str) -> int:
 
 def tell_of_gaps(infos: Sequence[SourceInfo]) -> None:
     """Say on stderr where captures of one report lie days apart, and how to report on each of them."""
-    from nvscope.units import count_of
+    from nvscope.capture.recordings import recordings
+    from nvscope.units import duration
     from nvscope.view.escape import visible
 
-    timed = sorted((info.start_ns, info.end_ns, info.path) for info in infos if info.start_ns and info.end_ns)
-    for (_, end_ns, before), (start_ns, _, behind) in pairwise(timed):
-        days = (start_ns - end_ns) // _DAY_NS
-        if days >= 1:
-            echo(
-                f"nvscope: {count_of(days, 'day')} without a capture lie between {visible(before)} and "
-                f"{visible(behind)}: what was late, lost or silent meanwhile is no fault. Report them apart: "
-                f"nvscope report {visible(shlex.quote(behind))}",
-                err=True,
-            )
-            return
+    found = recordings(infos)
+    if len(found) > 1:
+        before, behind = found[:2]
+        echo(
+            f"nvscope: {duration(behind.start_ns - before.end_ns)} without a capture lie between "
+            f"{visible(before.last)} and {visible(behind.first)}: what was late or lost meanwhile is no fault. Report "
+            f"them apart: nvscope report {visible(shlex.quote(before.last))}, then nvscope report "
+            f"{visible(shlex.quote(behind.first))}",
+            err=True,
+        )
 
 
 def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:

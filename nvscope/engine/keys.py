@@ -54,6 +54,7 @@ class FrameKind(IntEnum):
 
 
 _FLOWS = (*range(FrameKind.HEADER_CUT + 1), FrameKind.PDO)
+_DATA = (FrameKind.DATA, FrameKind.PDO)
 
 NOBODY = -1
 """The node of what has no address."""
@@ -197,8 +198,9 @@ class Keys:
     destination, place, kind). ``varieties`` tells of each variety of the batch observed last what it is here. A stream
     on CAN has the node ``NOBODY``. ``pdos`` know what CAN channels are called.
 
-    No more than ``most`` flows are numbered, the first ones of the capture, and nothing that further ones alone are of;
-    so many pairs of nodes that speak to the Parameter Manager, and so many kinds of telegrams that came back.
+    No more than ``most`` flows of data are numbered, and so many others, the first ones of the capture, and nothing
+    that further ones alone are of; so many pairs of nodes that speak to the Parameter Manager, and so many kinds of
+    telegrams that came back.
     """
 
     def __init__(self, pdos: PdoRules | None = None, most: int = MAX_STREAMS) -> None:
@@ -335,7 +337,7 @@ class Keys:
         own = np.flatnonzero(np.isin(kind, _FLOWS))
         if len(self.flows) + len(own) <= self.most:
             return room
-        room[own] = flows_with_room(self, varieties, new[own], kind[own], NOBODY)
+        room[own] = flows_with_room(self, varieties, new[own], kind[own], NOBODY, np.isin(kind[own], _DATA))
         return room
 
     def _describe_telegrams(self, varieties: Varieties, new: I64) -> U8:
@@ -374,7 +376,7 @@ class Keys:
         """Number lists, places, streams and flows of new varieties that are of a list; return the flows that begin."""
         columns, carried = self.varieties, varieties.carried.take(new)
         kind, source, destination = columns.kind[new], columns.node[new], columns.receiver[new]
-        is_data = (kind == FrameKind.DATA) | (kind == FrameKind.PDO)
+        is_data = np.isin(kind, _DATA)
         lists = self.lists.numbers(*(
             word.astype(np.uint64) for word in (carried.carrier, carried.port, carried.identifier)
         ))  # fmt: skip

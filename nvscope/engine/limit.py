@@ -15,16 +15,20 @@ if TYPE_CHECKING:  # who numbers flows asks here
     from nvscope.engine.keys import Keys
 
 MAX_STREAMS = 200_000
-"""So many flows, streams among them, are told apart unless somebody says otherwise.
+"""So many flows of data, and so many others, are told apart unless somebody says otherwise.
 
 A plant has hundreds or thousands; a report on so many takes some seconds and less than a gigabyte.
 """
 
 
-def flows_with_room(keys: Keys, varieties: Varieties, new: I64, kind: U8, nobody: int) -> Bool:
+def flows_with_room(
+    keys: Keys, varieties: Varieties, new: I64, kind: U8, nobody: int, is_data: Bool
+) -> Bool:  # fmt: skip
     """Tell which new varieties, in the order of the capture, are of flows that are known or still have room.
 
-    ``kind`` is what they are; nothing is numbered here. ``nobody`` is the node of what has no address.
+    There is room for ``keys.most`` flows of data, and for as many others: however many streams there are, those in
+    front go on hearing their acknowledgements. ``kind`` is what the varieties are, ``is_data`` those of data;
+    ``nobody`` is the node of what has no address. Nothing is numbered here.
     """
     on_udp = varieties.carried.carrier[new] == Carrier.UDP
     carried = varieties.carried.take(new)
@@ -46,8 +50,10 @@ def flows_with_room(keys: Keys, varieties: Varieties, new: I64, kind: U8, nobody
     known: Bool = (keys.flows.find(*words) >= 0) & (lists >= 0) & (number >= 0)
     # Who is not known is not nobody.
     known &= ((source >= 0) | ~on_udp) & ((destination >= 0) | ~alone)
-    fresh = np.flatnonzero(~known)
     key = *ends, *place, alone.astype(np.uint64) << np.uint64(8) | kind
-    further = KeyTable(len(key)).numbers_within(keys.most - len(keys.flows), *(word[fresh] for word in key))
-    known[fresh] = further >= 0
+    of_data = int(np.count_nonzero(keys.columns.column("stream") >= 0))
+    for own, flows in ((is_data, of_data), (~is_data, len(keys.flows) - of_data)):
+        fresh = np.flatnonzero(own & ~known)
+        further = KeyTable(len(key)).numbers_within(keys.most - flows, *(word[fresh] for word in key))
+        known[fresh] = further >= 0
     return known

@@ -116,9 +116,19 @@ SEND_REJECTED = FindingKind(
 
 
 def judge_answers(facts: Facts) -> Iterator[Finding]:
-    """Yield what went wrong with answers, by list, node and SubIndex."""
+    """Yield what went wrong with answers, by list, node and SubIndex.
+
+    Where the limit of streams has left out what was to come, nobody knows that it is missing.
+    """
     lists = {entry.number: entry for entry in facts.summary.lists}
+    left_out = {
+        NO_ACKNOWLEDGEMENT: facts.answers_left_out,
+        UNEXPECTED_ACKNOWLEDGEMENT: facts.data_left_out,
+        BOOT_UP_UNANSWERED: facts.data_left_out,
+    }
     for kind, sentence in _SENTENCES.items():
+        if left_out.get(kind):
+            continue
         for list_number, node, subindex, events in facts.logged(kind):
             assert list_number is not None
             message = sentence(facts, lists[list_number], node, subindex, events)

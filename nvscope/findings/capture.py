@@ -188,12 +188,17 @@ def _unsupported(facts: Facts) -> Iterator[Finding]:
 
 
 def _mirrored(facts: Facts) -> Iterator[Finding]:
-    """Compare the repeated telegrams with the others: of traffic that is mirrored twice, half are repeated."""
-    repeated = facts.state.senders.repeated
-    others = facts.state.senders.data_telegrams - repeated
+    """Compare the repeated telegrams with the others: of traffic that is mirrored twice, half are repeated.
+
+    A sender that does not count repeats its telegrams by itself, as long as its values stay what they are.
+    """
+    streams = facts.state.senders.loss.streams
+    counting = streams.column("counting")
+    repeated = int(streams.column("repeated")[counting].sum())
+    others = int(facts.state.memory.columns.column("telegrams")[: len(counting)][counting].sum()) - repeated
     if 100 * repeated > facts.limits.mirrored_percent * others:
         message = (
-            f"{count(repeated)} of {count_of(others, 'telegram')} came again, byte for byte: "
+            f"{count(repeated)} of {count_of(repeated + others, 'telegram')} equal the one before, byte for byte: "
             "the capture seems to see each frame more than once."
         )
         yield _whole(facts, MIRRORED_TWICE, repeated, message)
@@ -224,7 +229,7 @@ def _left_out(facts: Facts) -> Iterator[Finding]:
         return
     frames = sorted(frame for events in told for frame in events.frames)[:FRAMES_KEPT]
     message = (
-        f"The first {count(facts.state.keys.most)} streams and other kinds of telegrams are told apart. "
+        f"The first {count(facts.state.keys.most)} streams, and as many other kinds of telegrams, are told apart. "
         f"Left out: {'; '.join(parts)}."
     )
     yield Finding(

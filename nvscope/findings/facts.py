@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dissectors.carried import Carrier
 from nvscope.capture.formats import CAN_LOGS
+from nvscope.capture.recordings import Recording, recordings
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.engine.keys import NOBODY_KEY
@@ -68,6 +70,26 @@ class Facts:
             known = frames.get(stream, (first, last))
             frames[stream] = min(first, known[0]), max(last, known[1])
         return frames
+
+    @cached_property
+    def answers_left_out(self) -> bool:
+        """Whether the limit of streams may have left out what answers data telegrams."""
+        flows = self.state.keys.columns.column("stream")
+        return self.data_left_out and int(np.count_nonzero(flows < 0)) >= self.state.keys.most
+
+    @cached_property
+    def data_left_out(self) -> bool:
+        """Whether the limit of streams has left out telegrams, and so, maybe, what others answer."""
+        return Carrier.UDP in self.state.capture.left_out.keys.high
+
+    @cached_property
+    def _recordings(self) -> list[Recording]:
+        return recordings(self.sources)
+
+    def heard_until_ns(self, time_ns: int) -> int:
+        """Return up to when somebody listened from a time on: between captures that lie days apart nobody did."""
+        ends = [recording.end_ns for recording in self._recordings[:-1]]
+        return next((end_ns for end_ns in ends if end_ns >= time_ns), self.at_ns)
 
     @cached_property
     def defined(self) -> dict[ListKey, ListDefinition]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.tracker.counters import SCOPE_UNUSED, Scope, is_byte_swapped
+from nvscope.tracker.counters import SCOPE_UNUSED, Scope
 from nvscope.tracker.steps import Step
 from nvscope.units import count, count_of, duration, percent
 
@@ -196,14 +196,14 @@ def _erratic(facts: Facts, stream: StreamSummary, _: Events) -> str:
     span = duration(stream.last_ns - stream.first_ns)
     claim = (
         f"The Counter claims {count(stream.figures['lost'])} lost for {count_of(stream.telegrams, 'telegram')} in "
-        f"{span}, more than there was time for."
+        f"{span}"
     )
+    if not stream.byte_swapped:
+        return f"{claim}, more than there was time for. It does not count telegrams."
     own = facts.state.senders.loss.streams
     steps, regular, swapped = (int(column[stream.stream]) for column in (own.steps, own.regular, own.swapped))
-    if not is_byte_swapped(steps, regular, swapped):
-        return f"{claim} It does not count telegrams."
     share = percent(regular + swapped, steps)
-    return f"{claim} It is written byte-swapped: {share} of its steps are +1 in one of both byte orders."
+    return f"{claim}. It is written byte-swapped: {share} of its steps are +1 in one of both byte orders."
 
 
 _STEPS = (

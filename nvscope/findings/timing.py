@@ -228,7 +228,7 @@ def _jitter(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding
 
 def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     nominal = stream.intervals.nominal or 0
-    silent_ns = facts.at_ns - stream.last_ns
+    silent_ns = facts.heard_until_ns(stream.last_ns) - stream.last_ns
     if 100 * silent_ns <= facts.limits.stopped_percent * nominal:
         return
     message = f"Silent for the last {duration(silent_ns)}; {_nominal(facts, entry, stream)}."

@@ -41,6 +41,7 @@ class Entry:
     first_ns: int | None
     last_ns: int | None
     frames: list[int]
+    frames_cut: int
     differ: bool = False
     worst: bool = False
 
@@ -55,7 +56,9 @@ class Entry:
         self.count += other.count
         self.first_ns = min((one for one in (self.first_ns, other.first_ns) if one is not None), default=None)
         self.last_ns = max((one for one in (self.last_ns, other.last_ns) if one is not None), default=None)
-        self.frames = sorted({*self.frames, *other.frames})[:_SHOWN_FRAMES]
+        frames = sorted({*self.frames, *other.frames})
+        self.frames = frames[:_SHOWN_FRAMES]
+        self.frames_cut += other.frames_cut + len(frames[_SHOWN_FRAMES:])
 
     @property
     def row(self) -> Row:
@@ -69,6 +72,7 @@ class Entry:
             "first_ns": first,
             "last_ns": last,
             "frames": self.frames,
+            "frames_cut": self.frames_cut,
         }
 
     def title(self) -> str:
@@ -133,6 +137,7 @@ def _entry(order: int, finding: Row) -> Entry:
         order, finding, badness(finding["code"], finding["message"], finding["count"]),
         [(finding["list"], finding["node"], subindex)], finding["count"],
         content.nanoseconds(finding["first_ns"]), content.nanoseconds(finding["last_ns"]), list(finding["frames"]),
+        finding["frames_cut"],
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from nvscope import units
 from nvscope.findings.kind import Severity
 from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, severity_of, status
+from nvscope.tracker.counters import SCOPE_UNUSED
 from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, Of
 from nvscope.tracker.jitter import Jitter
 from nvscope.view.documents.figures import lookup
@@ -156,6 +157,7 @@ def counter_parts(entry: Row) -> tuple[list[str], list[str]]:
     counters = dict(entry["counters"])
     # Where they are believed, what the counters claim is what was lost.
     claimed, unknown = counters.pop("lost_claimed"), counters["lost"] is None and entry["transport"] == "udp"
+    unknown |= not claimed and _counts_nothing(entry)
     told = [f"{name}{NO_BREAK}{units.count(number)}" for name, number in counters.items() if number]
     if unknown:
         told.insert(0, f"lost{NO_BREAK}? ({units.count(claimed)}{NO_BREAK}claimed)")
@@ -235,11 +237,18 @@ def _lost(of: Of) -> Callable[[Row], Cell]:
     lost, claimed = lookup(BY_NAME["lost"], of), lookup(BY_NAME["lost_claimed"], of)
 
     def cell(row: Row) -> Cell:
-        if lost(row) is None and claimed(row) is not None:
+        unknown = lost(row) is None and claimed(row) is not None
+        if unknown or (not lost(row) and _counts_nothing(row)):
             return Cell("?", Tone.FAINT)
         return count_cell(lost(row), Tone.ERROR)
 
     return cell
+
+
+def _counts_nothing(row: Row) -> bool:
+    """Tell whether a stream, or all of a list, leave Counter as it is: nothing that is lost shows there."""
+    streams = row.get("streams", (row,))
+    return bool(streams) and all(stream.get("counter_scope") == SCOPE_UNUSED for stream in streams)
 
 
 _count, _p50, _p99, _nominal = (

@@ -13,7 +13,7 @@ import numpy as np
 
 from nvscope.engine.keys import Keys
 from nvscope.tracker.can.bus import CanBusSummary
-from nvscope.tracker.counters import Scope, is_erratic
+from nvscope.tracker.counters import Scope, byte_swapped, is_erratic
 from nvscope.tracker.histograms import Histograms
 from nvscope.tracker.joins import KEYS, NUMBERS, TABLES, Extremes, add, extremes_of, subtract, tables_of
 from nvscope.tracker.scopes import scopes_in_force
@@ -162,6 +162,7 @@ def _erratic(state: TrackerState, before: Extremes | None) -> frozenset[int]:
     """Return the streams of which so many telegrams are lost that their counters are not believed."""
     loss, memory, keys = state.senders.loss.streams, state.memory.columns, state.keys
     telegrams, lost = memory.column("telegrams"), loss.column("lost")
+    swapped = byte_swapped(*(loss.column(name) for name in ("steps", "regular", "swapped")))
     suspects: Collection[int] = np.flatnonzero(lost.max(axis=1, initial=0) > telegrams[: len(lost)]).tolist()
     if not suspects:
         return frozenset()
@@ -176,6 +177,6 @@ def _erratic(state: TrackerState, before: Extremes | None) -> frozenset[int]:
         duration_ns = int(memory.last_ns[stream] - memory.first_ns[stream])
         own_extremes = int(extremes.least_ns[stream]), int(extremes.most_ns[stream])
         median_ns = histograms.of(stream).within(*own_extremes).percentile_ns(50)
-        if is_erratic(own, int(telegrams[stream]), duration_ns, median_ns):
+        if is_erratic(own, int(telegrams[stream]), duration_ns, median_ns, swapped=bool(swapped[stream])):
             found.add(stream)
     return frozenset(found)

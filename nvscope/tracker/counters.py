@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # what explains findings needs no columns
+    from dissectors.batch import I64, Bool
 
 
 class Scope(IntEnum):
@@ -17,28 +21,34 @@ SCOPE_NAMES = {Scope.STREAM: "stream", Scope.NODE_TELEGRAM: "node-telegram", Sco
 SCOPE_UNUSED = "unused"
 
 _SWAPPED_PERCENT = 90
+_SWAPPED_FROM = 8
+"""A jump by 256 now and then is a loss; from so many on, nothing was lost."""
 
 _ERRATIC_FROM = 100
 _ERRATIC_FACTOR = 10
 
 
-def is_erratic(lost: int, telegrams: int, duration_ns: int, median_ns: int | None) -> bool:
+def is_erratic(lost: int, telegrams: int, duration_ns: int, median_ns: int | None, *, swapped: bool) -> bool:
     """Tell whether a stream lost more counters than there was time to send: then the sender does not count telegrams.
 
-    ``duration_ns`` is from its first telegram to its last, ``median_ns`` its median interval.
+    ``duration_ns`` is from its first telegram to its last, ``median_ns`` its median interval. One that is ``swapped``
+    has lost none of them, however long it paused.
     """
     if lost <= telegrams:
         return False
+    if swapped:
+        return True
     if median_ns is None or median_ns <= 0:
         return lost > _ERRATIC_FROM
     absent_ns = max(0, duration_ns - telegrams * median_ns)
     return (lost - _ERRATIC_FROM) * median_ns > _ERRATIC_FACTOR * absent_ns
 
 
-def is_byte_swapped(steps: int, regular: int, swapped: int) -> bool:
-    """Tell whether a Counter that does not count is written byte-swapped: nearly all steps are +1 in one byte order.
+def byte_swapped(steps: I64, regular: I64, swapped: I64) -> Bool:
+    """Tell which Counters that do not count are written byte-swapped: nearly all steps are +1 in one byte order.
 
     ``regular`` are so in the right one, ``swapped`` in the other one only; those are most of the ``steps`` that are not
     regular. A public sender writes the values from 128 on that way.
     """
-    return 100 * (regular + swapped) >= _SWAPPED_PERCENT * steps and 2 * swapped > steps - regular
+    nearly_all = 100 * (regular + swapped) >= _SWAPPED_PERCENT * steps
+    return nearly_all & (2 * swapped > steps - regular) & (swapped >= _SWAPPED_FROM)

@@ -51,6 +51,7 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     # In which scope a sender counts is told by all its steps: a window goes by what is known at its end.
     "senders.loss.streams": {
         "current": LAST, "missing": LAST, "counting": LAST, "steps": LAST, "regular": LAST, "swapped": LAST,
+        "repeated": SUM,
         "lost": SUM, "gaps": SUM, "longest_gap": MOST, "overtaken": SUM, "restarts": SUM, "duplicates": SUM,
     },
     "senders.loss.nodes": {
@@ -95,8 +96,8 @@ KEYS = (
 """What numbers the rows of those that streams, lists and nodes do not number."""
 
 NUMBERS = (
-    "capture.frames", "capture.telegrams", "capture.chosen", "capture.fragments", "senders.data_telegrams",
-    "senders.repeated", "buses.frames",
+    "capture.frames", "capture.telegrams", "capture.chosen", "capture.fragments",
+    "buses.frames",
 )  # fmt: skip
 """Numbers of a state, which add up."""
 

@@ -44,6 +44,7 @@ class StreamSequences(KeyedColumns):
 
     Figures of width 2 are those of the stream's walk and of the node's. ``counting`` is set from the second counter
     value on. ``swapped`` are the steps that are not regular, but would be +1 if the Counter's two bytes were swapped.
+    ``repeated`` are the telegrams that equal the one before, byte for byte.
     """
 
     current: U16
@@ -52,6 +53,7 @@ class StreamSequences(KeyedColumns):
     steps: I64
     regular: I64
     swapped: I64
+    repeated: I64
     lost: I64
     gaps: I64
     longest_gap: I64
@@ -65,6 +67,7 @@ class StreamSequences(KeyedColumns):
         "steps": (np.int64(0), 1),
         "regular": (np.int64(0), 1),
         "swapped": (np.int64(0), 1),
+        "repeated": (np.int64(0), 1),
         "lost": (np.int64(0), WALKS),
         "gaps": (np.int64(0), WALKS),
         "longest_gap": (np.int64(0), WALKS),
@@ -141,7 +144,10 @@ class Loss:
     def _walk_streams(self, rows: DataRows) -> Steps:
         streams, run = self.streams, rows.run_stream
         again = Repeated(_places(rows.repeated), rows.start)
-        counter = rows.counter.copy() if len(again) else rows.counter
+        counter = rows.counter
+        if len(again):
+            counter = counter.copy()
+            streams.repeated[run] += np.bincount(again.sequence, minlength=len(run))
         steps = again.walk(counter, streams.current[run], streams.missing[run], rows.fresh)
         streams.current[run], streams.missing[run] = steps.current, steps.missing
         idle = np.zeros(len(run), np.int64)  # rows that take no step: in front of the second counter value, or repeated

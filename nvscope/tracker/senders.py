@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-
 from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
@@ -21,15 +19,12 @@ from nvscope.tracker.timing import BatchIntervals, Timing
 class SenderState:
     """The well-formed data telegrams of each sender, and the data frames of each CAN channel.
 
-    ``data_telegrams`` counts those on UDP, ``repeated`` those of them that equal the one before in their stream, byte
-    for byte. ``recent`` are the intervals of the last minute, None unless they are wanted: to keep them takes time.
+    ``recent`` are the intervals of the last minute, None unless they are wanted: to keep them takes time.
     """
 
     SPLIT_BY: ClassVar = SplitBy.SENDER
 
     def __init__(self, *, recent: bool = False) -> None:
-        self.data_telegrams = 0
-        self.repeated = 0
         self.loss = Loss()
         self.timing = Timing()
         self.recent = Recent() if recent else None
@@ -40,8 +35,6 @@ class SenderState:
         """Take a batch, which follows those observed so far."""
         rows, keys = told.laid.data, told.keys
         if len(rows):
-            self.data_telegrams += len(rows)
-            self.repeated += 0 if rows.repeated is None else int(np.count_nonzero(rows.repeated))
             own, nodes = self.loss.observe(told, rows)
             intervals = self._observe_intervals(told, rows, own, nodes)
             self.cycles.observe(told, rows, rows.counter, intervals.usual, self.timing.columns.usual_ns)
@@ -63,8 +56,6 @@ class SenderState:
 
     def take(self, part: SenderState, share: Share) -> None:
         """Take over what a part has counted of its share of the senders."""
-        self.data_telegrams += part.data_telegrams
-        self.repeated += part.repeated
         self.loss.take(part.loss, share)
         self.timing.take(part.timing, share)
         if self.recent is not None and part.recent is not None:

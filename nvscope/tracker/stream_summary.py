@@ -11,7 +11,10 @@ from nvscope.tracker.intervals import IntervalFigures
 
 @dataclass(frozen=True, slots=True)
 class StreamSummary:
-    """One stream: who sends which SubIndex, and what its counters and intervals say."""
+    """One stream: who sends which SubIndex, and what its counters and intervals say.
+
+    ``byte_swapped``: nearly all steps of its Counter are +1 once its two bytes are swapped.
+    """
 
     stream: int
     node: int
@@ -26,6 +29,7 @@ class StreamSummary:
     items: int
     length: int
     checksum: int | None
+    byte_swapped: bool = False
     whole_erratic: bool | None = field(default=None, compare=False)
 
     @property
@@ -36,7 +40,9 @@ class StreamSummary:
         lost = self.figures["lost"]
         if lost <= self.telegrams:  # as of nearly all
             return False
-        return is_erratic(lost, self.telegrams, self.last_ns - self.first_ns, self.intervals.p50)
+        return is_erratic(
+            lost, self.telegrams, self.last_ns - self.first_ns, self.intervals.p50, swapped=self.byte_swapped
+        )
 
     @property
     def counters(self) -> dict[str, int | None]:

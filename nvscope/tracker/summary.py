@@ -21,7 +21,7 @@ from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.capture import CaptureSummary
-from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope
+from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope, byte_swapped
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import StreamIntervals
@@ -156,12 +156,13 @@ def _streams(
     columns = (
         known, of_list, node, subindex, telegrams, memory.first_ns[known], memory.last_ns[known], counting, unused,
         signature & np.uint64(0xFFFF), signature >> LENGTH_SHIFT & np.uint64(0xFFFF), signed,
-        signature >> CHECKSUM_SHIFT,
+        signature >> CHECKSUM_SHIFT, byte_swapped(loss.steps[known], loss.regular[known], loss.swapped[known]),
     )  # fmt: skip
     found = []
     nominal = [intervals_ns.get(key) for key in lists] if intervals_ns else [None] * len(lists)
     for (
         stream, number, own_node, part, own_telegrams, first_ns, last_ns, counts, is_unused, items, length, has, check,
+        swapped,
     ), row in zip(zip(*(column.tolist() for column in columns), strict=True), figures, strict=True):  # fmt: skip
         scope = scopes[own_node]
         found.append(
@@ -169,7 +170,7 @@ def _streams(
                 stream, own_node, part, own_telegrams, first_ns, last_ns, scope,
                 SCOPE_UNUSED if is_unused else SCOPE_NAMES[scope],
                 MappingProxyType(dict(zip(BY_SCOPE, row, strict=True))) if counts else _NOTHING_COUNTED,
-                intervals.of(stream, nominal[number]), items, length, check if has else None,
+                intervals.of(stream, nominal[number]), items, length, check if has else None, swapped,
                 None if erratic is None else stream in erratic,
             )
         )  # fmt: skip

@@ -176,13 +176,20 @@ def test_a_report_of_a_list_on_can(tmp_path: Path) -> None:
         assert [entry["cob_id"] for entry in part["lists"]] == ["0x110"]
 
 
+def stopped(report: str) -> list[tuple[str, str]]:
+    return [(one["list"], one["message"]) for one in json.loads(report)["findings"] if one["code"] == "NV504"]
+
+
 def test_captures_that_lie_days_apart_are_told(tmp_path: Path) -> None:
     (tmp_path / "plant.pcapng.gz").write_bytes((CAPTURES / "plant.pcapng.gz").read_bytes())
     (tmp_path / "peers.pcap").write_bytes((PEERS / "peers.pcap").read_bytes())
     done = nvscope("report", "peers.pcap", "plant.pcapng.gz", "-q", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr == (
-        "nvscope: 1055 days without a capture lie between plant.pcapng.gz and peers.pcap: what was late, lost or "
-        "silent meanwhile is no fault. Report them apart: nvscope report peers.pcap\n"
+        "nvscope: 1055 d 10 h without a capture lie between plant.pcapng.gz and peers.pcap: what was late or lost "
+        "meanwhile is no fault. Report them apart: nvscope report plant.pcapng.gz, then nvscope report peers.pcap\n"
     )
+    apart = [nvscope("report", name, "--json", cwd=tmp_path).stdout for name in ("plant.pcapng.gz", "peers.pcap")]
+    together = nvscope("report", "peers.pcap", "plant.pcapng.gz", "--json", cwd=tmp_path).stdout
+    assert sorted(stopped(together)) == sorted(stopped(apart[0]) + stopped(apart[1])) != []
     assert nvscope("report", "peers.pcap", "peers.pcap", "-q", cwd=tmp_path).stderr == ""

@@ -44,3 +44,35 @@ def test_a_counter_that_is_written_byte_swapped_is_told_as_such() -> None:
     for number in range(300):
         wire.data(number * 50_000_000, number * 7919 % 65536)
     assert "It does not count telegrams." in found(wire)["NV207"]["message"]
+
+
+def test_a_sender_that_writes_its_counter_byte_swapped_may_pause() -> None:
+    wire = Wire()
+    for number in range(1_200):
+        value = number if number < 128 else (number & 0xFF) << 8 | number >> 8
+        wire.data(number * 50_000_000 + (number >= 600) * 3_600_000_000_000, value)
+    codes = found(wire)
+    assert "NV207" in codes
+    assert not {"NV201", "NV202", "NV203", "NV204"} & codes.keys()
+    assert "more than there was time for" not in codes["NV207"]["message"]
+
+
+def test_a_loss_that_looks_byte_swapped_once_is_a_loss() -> None:
+    # 255 telegrams lost in an hour: one step by 256.
+    wire = Wire()
+    for number in range(40):
+        wire.data(number * 50_000_000 + (number >= 20) * 3_600_000_000_000, number + (number >= 20) * 255)
+    codes = found(wire)
+    assert "NV201" in codes
+    assert "NV207" not in codes
+
+
+def test_telegrams_of_a_sender_that_does_not_count_are_no_mirrored_ones() -> None:
+    wire = Wire()
+    for number in range(40):
+        wire.data(number * 50_000_000, 1, data=bytes(4))
+    assert "NV905" not in found(wire)
+    for number in range(40):
+        wire.data(number * 50_000_000, 1 + number, list_id=8)
+        wire.again(number * 50_000_000 + 2_000)
+    assert found(wire)["NV905"]["message"].startswith("40 of 80 telegrams equal the one before")

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -15,7 +16,7 @@ from nvscope.report import tables, text
 from nvscope.view.lines.table import Tone
 from nvscope.view.lines.text_width import display_width
 
-from .examples import CLEAN, EXAMPLES, HOSTILE, MS, TROUBLED, at, diag, interval, report, stream, udp_list
+from .examples import CLEAN, EXAMPLES, HOSTILE, MS, TROUBLED, at, diag, finding, interval, report, stream, udp_list
 
 GOLDEN = [
     ("clean", 80, False),
@@ -107,12 +108,12 @@ def test_rendering_leaves_the_report_alone() -> None:
 
 def test_every_finding_is_shown_in_the_order_given_with_its_sentences() -> None:
     shown = " ".join(text.render(TROUBLED, width=100, utc=True).split())
-    places = [shown.index(f"{finding['code']} {finding['name']}") for finding in TROUBLED["findings"]]
+    places = [shown.index(f"{one['code']} {one['name']}") for one in TROUBLED["findings"]]
     assert places == sorted(places)
-    for finding in TROUBLED["findings"]:
-        assert finding["message"] in shown
-        assert f"Next: {finding['hint']}" in shown
-        for frame in finding["frames"]:
+    for one in TROUBLED["findings"]:
+        assert one["message"] in shown
+        assert f"Next: {one['hint']}" in shown
+        for frame in one["frames"]:
             assert str(frame) in shown
 
 
@@ -193,8 +194,41 @@ def test_a_list_that_is_not_sent_at_its_defined_interval_shows_both() -> None:
 def test_another_interval_than_the_defined_one_is_coloured_as_a_warning() -> None:
     def tones(median_ns: int) -> dict[str, Tone]:
         streams = [stream("10.0.0.1", 0, 10, interval(9, 1, 1, 1, 1, *[median_ns] * 3, nominal=50))]
-        measures, rows = tables.overview(report({}, [udp_list(1, 1, streams=streams)], []))
+        measures, rows, *_ = tables.overview(report({}, [udp_list(1, 1, streams=streams)], []))
         return {measure.column.title: cell.tone for measure, cell in zip(measures, rows[0], strict=True)}
 
     assert tones(60)["interval"] is Tone.WARNING
     assert tones(50)["interval"] is Tone.PLAIN
+
+
+def test_of_very_many_lists_those_of_which_the_worst_was_found_are_shown() -> None:
+    most = tables.MOST_LISTS
+    numbers = range(1, most + 31)
+    last, middle = list(numbers[-20:]), 100
+    found = [finding("NV201", "loss", "error", "lost", "", list=f"udp/1/{number}") for number in last]
+    found.append(finding("NV502", "jitter", "warning", "late", "", list=f"udp/1/{middle}"))
+    many = report({}, [udp_list(1, number) for number in numbers], found)
+
+    def shown(*, details: bool = False) -> list[int]:
+        told = text.render(many, details=details).partition("Findings:")[0]
+        return [int(number) for number in re.findall(r"udp/1/(\d+)", told)]
+
+    quiet = [number for number in numbers if number not in last and number != middle][: most - 21]
+    assert shown() == sorted([*quiet, *last, middle])
+    assert "30 lists more, nothing was found of them: -v shows all" in text.render(many)
+    assert shown(details=True) == list(numbers)
+
+
+def test_lists_that_are_not_shown_say_how_bad_they_may_be() -> None:
+    numbers = range(1, tables.MOST_LISTS + 2)
+    found = [finding("NV502", "jitter", "warning", "late", "", list=f"udp/1/{number}") for number in numbers]
+    told = text.render(report({}, [udp_list(1, number) for number in numbers], found), width=120)
+    assert "1 list more, none with worse than ! warning: -v shows all" in told
+
+
+def test_of_a_sender_that_does_not_count_nobody_knows_what_is_lost() -> None:
+    silent = stream("10.0.0.1", 0, 10, interval(9, *[50 * MS] * 7, nominal=50 * MS)) | {"counter_scope": "unused"}
+    told = text.render(report({}, [udp_list(1, 1, streams=[silent])], []), width=200, details=True)
+    header, row = next(pair for pair in pairwise(told.splitlines()) if pair[0].startswith("status"))
+    assert row[: header.index("lost") + len("lost")].endswith(" ?")
+    assert "lost ? (0 claimed)" in told.replace("\xa0", " ")

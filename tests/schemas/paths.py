@@ -117,5 +117,6 @@ def _words(node: Schema) -> list[Any]:
 
 
 def _items(node: Schema) -> Iterator[Schema]:
+    yield from node.get("prefixItems", ())
     if isinstance(node.get("items"), dict):
         yield node["items"]
