@@ -62,7 +62,10 @@ def _expanded(sources: Sequence[str]) -> list[str]:
         if path != STDIN and ("*" in path or "?" in path or "[" in path) and not os.path.lexists(path):
             from glob import glob
 
-            found += sorted(glob(path)) or [path]
+            try:
+                found += sorted(glob(path)) or [path]
+            except RecursionError:  # more parts than a path can have
+                found.append(path)
         else:
             found.append(path)
     return found
@@ -143,13 +146,14 @@ def _holds_captures(directory: str, named: Collection[tuple[int, int]]) -> bool:
 
 def _holds_definitions(directory: str) -> bool:
     """Return whether something below a directory is called like a definition, or begins like one."""
-    looked_at = 0
-    for folder, _, names in os.walk(directory):
-        for name in names:
-            path = os.path.join(folder, name)
-            looked_at += 1
-            if looked_at > _MOST_LOOKED_AT:
-                return False
-            if not name.startswith(".") and _is_file(path) and _is_worth_reading(path) and not _is_capture(path):
-                return True
-    return False
+    from itertools import islice
+
+    from nvscope.definition.wanted_files import files_below
+
+    try:
+        return any(
+            _is_file(path) and _is_worth_reading(path) and not _is_capture(path)
+            for path in islice(files_below(directory), _MOST_LOOKED_AT)
+        )
+    except OSError:
+        return False  # opening it will say what is wrong

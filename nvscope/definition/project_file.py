@@ -123,6 +123,7 @@ def _wanted_of_project(told: ProjectFile, path: Path | None, place: Place) -> li
         try:
             own = wanted_files([pattern], path.parent if path else None)
         except ConfigurationError as error:
-            raise place.below("definitions").below(number).error(error.what, error.next_step) from None
+            what = f"{error.where}: {error.what}" if error.where else error.what
+            raise place.below("definitions").below(number).error(what, error.next_step) from None
         found |= {file.path: file for file in own if file.named or file.path not in found}
     return list(found.values())

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
 from nvscope.definition.foreign_files import FOREIGN_FILES, HEAD_BYTES
@@ -21,6 +21,7 @@ DEFINITION_SUFFIXES = (".gvl", ".exp", ".st", ".xml", ".tcgvl", ".tcdut", ".tcpo
 LIST_SUFFIXES = (".gvl", ".tcgvl", ".tcdut")
 """How only definitions are called: such a file without one is broken."""
 
+_CHECK = "Check the path of the definition files."
 _MAX_SEEN = 100_000
 _FOREIGN_SUFFIXES = (".export", *(suffix for kind in FOREIGN_FILES for suffix in kind.suffixes))
 _WILD = re.compile(r"[*?\[]")
@@ -81,7 +82,7 @@ def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
     path = Path(text) if base is None else base / text
     try:
         if path.is_dir():
-            found = [file for file in _sorted(_below(path), text) if is_worth_reading(file)]
+            found = [file for file in _sorted(map(Path, files_below(path)), text) if is_worth_reading(file)]
             if not found:
                 raise ConfigurationError(
                     "no definition file is in it", where=text, next_step="Name the directory of the exported lists."
@@ -90,13 +91,20 @@ def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
         if not has_pattern(str(path)) and (base is None or path.is_file()):
             return [DefinitionFile(str(path), str(path))]
         matched = _sorted(_matching(text, base or Path()), text)
+        if not matched:
+            _check_readable(path)
         if text.endswith("*"):
             # It asks for no kind of file: what is called or begins like a definition is meant.
             matched = [file for file in matched if is_worth_reading(file)] or matched
-    except (ValueError, OSError) as error:
+    except OSError as error:
         raise ConfigurationError(
-            f"'{text[:200]}' cannot be followed: {error}", next_step="Check the path of the definition files."
+            f"cannot be read: {error.strerror}", where=str(error.filename or text)[:200], next_step=_CHECK
         ) from None
+    except (ValueError, RecursionError) as error:
+        # How deep patterns and directories may be nested is a limit of pathlib's.
+        deep = "it has too many parts, or directories lie too deep in one another"
+        why = deep if isinstance(error, RecursionError) else error
+        raise ConfigurationError(f"'{text[:200]}' cannot be followed: {why}", next_step=_CHECK) from None
     if not matched:
         try:
             where = f"Patterns are relative to {(base or Path()).resolve()}; correct the pattern."
@@ -106,11 +114,26 @@ def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
     return [DefinitionFile(file, text) for file in matched]
 
 
-def _below(directory: Path) -> Iterator[Path]:
-    """Yield all files below a directory but hidden ones; links to directories are not followed."""
-    for folder, directories, names in os.walk(directory):
-        directories[:] = [name for name in directories if not _is_hidden(name)]
-        yield from (Path(folder, name) for name in names if not _is_hidden(name))
+def _check_readable(pattern: Path) -> None:
+    """Raise PermissionError where a directory in front of the first wild part cannot be read: pathlib says nothing."""
+    fixed = itertools.takewhile(lambda part: not _WILD.search(part), pattern.parts)
+    try:
+        os.scandir(Path(*fixed)).close()
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return
+
+
+def files_below(directory: str | Path) -> Iterator[str]:
+    """Yield the paths of all files below a directory but hidden ones, however deep; links to directories are left out.
+
+    Raises OSError where a directory cannot be read.
+    """
+    waiting = [str(directory)]
+    while waiting:
+        with os.scandir(waiting.pop()) as entries:
+            shown = [entry for entry in entries if not _is_hidden(entry.name)]
+        waiting += [entry.path for entry in shown if entry.is_dir(follow_symlinks=False)]
+        yield from (entry.path for entry in shown if not entry.is_dir())
 
 
 def _matching(pattern: str, base: Path) -> Iterator[Path]:
@@ -126,7 +149,7 @@ def _matching(pattern: str, base: Path) -> Iterator[Path]:
 
 def _sorted(paths: Iterator[Path], text: str) -> list[str]:
     """Return those that are files, in order; ConfigurationError where these are too many, or too much was seen."""
-    seen = list(islice(paths, _MAX_SEEN + 1))
+    seen = list(itertools.islice(paths, _MAX_SEEN + 1))
     found = [str(path) for path in sorted(seen) if path.is_file()]
     if len(found) > MAX_DEFINITION_FILES and len(seen) <= _MAX_SEEN:
         found = [path for path in found if is_worth_reading(path)]

@@ -78,7 +78,8 @@ def document(name: str | None) -> dict[str, Any]:
 def _found(name: str) -> tuple[FindingKind | None, Figure | None]:
     kind, figure = _kind(name), figure_called(name.strip().lower())
     if kind is None and figure is None:
-        raise UsageError(f"no finding or figure is called {name}", next_step=_nearest(name.strip().lower()))
+        what = f"no finding or figure is called {name}" if name.strip() else "the name of a finding or figure is empty"
+        raise UsageError(what, next_step=_nearest(name.strip().lower()))
     return kind, figure
 
 

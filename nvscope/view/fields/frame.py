@@ -234,6 +234,8 @@ def output_field(
     ``all_frames``: it may be one that only frames have in which no protocol is found that is looked for.
     """
     wanted = "".join(name.split())
+    if not wanted:
+        raise UsageError("the name of a field is empty", next_step="`nvscope keys --fields` lists all fields")
     spelled = words_of(fields).spelled(wanted)
     if spelled is None:
         if parts := EITHER_OF.get(wanted.lower()):
