@@ -90,7 +90,9 @@ def _compare_with_packets(asked: Asked, long: Sequence[Mapping[str, Any]]) -> No
             continue  # two lists of one name
         told = {}
         for record in ran.records():
-            told |= {record["frame.number"]: record[key] for key in (name, f"{name}_ns") if record.get(key) is not None}
+            value = record.get(name, record.get(f"{name}_ns"))
+            if value is not None:
+                told[record["frame.number"]] = value
         for frame, row in rows.items():
             value = next(
                 (row[kind] for kind in ("integer", "unsigned", "real", "bytes") if row[kind] is not None), row["text"]
