@@ -29,7 +29,8 @@ PEERS = ROOT / "captures" / "peers"
 FILLED_IN = {
     "{definitions[0]}": "axis.gvl",
     "{' '.join(map(shlex.quote, files))}": "axis.gvl counters.gvl",
-    "{visible(shlex.quote(behind))}": "a.pcap",
+    "{visible(shlex.quote(before.last))}": "a.pcap",
+    "{visible(shlex.quote(behind.first))}": "a.pcap",
     "FILE.pcap": "new.pcap",
     "FILE": "a.pcap",
     "CODE": "NV201",
@@ -119,7 +120,7 @@ def completed(command: str) -> list[str]:
     given = any(word.endswith((".pcap", ".gvl", ".toml")) for word in words)
     needed = {
         "report": ["a.pcap"], "packets": ["a.pcap"], "vars": ["a.pcap", "axis.gvl", "axis_types.st"],
-        "export": ["a.pcap", "-w", "out.csv"], "gvl layout": ["axis.gvl", "axis_types.st"],
+        "export": ["a.pcap", "axis.gvl", "axis_types.st", "-w", "out.csv"], "gvl layout": ["axis.gvl", "axis_types.st"],
         "gvl diff": ["axis.gvl", "counters.gvl"],
     }  # fmt: skip
     return words + ([] if given else needed.get(verb, []))

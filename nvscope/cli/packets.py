@@ -159,10 +159,8 @@ def packets(
     from nvscope.capture.open import open_source
     from nvscope.cli.progress import ProgressBar
     from nvscope.view.fields.field import times_beyond
-    from nvscope.view.fields.frame import output_field
     from nvscope.view.rows.frames import PacketRows
 
-    named = [output_field(name, inquiry.fields) for name in fields or ()] if inquiry else []
     beyond = 0
     source = inquiry.open() if inquiry else open_source(paths, renamed=plant.channels)
     face = make(source)

@@ -198,9 +198,8 @@ class Keys:
     destination, place, kind). ``varieties`` tells of each variety of the batch observed last what it is here. A stream
     on CAN has the node ``NOBODY``. ``pdos`` know what CAN channels are called.
 
-    No more than ``most`` flows of data are numbered, and so many others, the first ones of the capture, and nothing
-    that further ones alone are of; so many pairs of nodes that speak to the Parameter Manager, and so many kinds of
-    telegrams that came back.
+    No more than ``most`` flows of data, and so many others, are numbered, the first ones of the capture, and nothing
+    that further ones alone are of; so many pairs that speak of parameters; so many kinds of telegrams that came back.
     """
 
     def __init__(self, pdos: PdoRules | None = None, most: int = MAX_STREAMS) -> None:

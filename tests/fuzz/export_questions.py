@@ -88,7 +88,11 @@ def _compare_with_packets(asked: Asked, long: Sequence[Mapping[str, Any]]) -> No
         ran = asked.on_capture("packets", "-T", "ndjson", "-e", "frame.number", "-e", name)
         if ran.code not in READ:
             continue  # two lists of one name
-        told = {row["frame.number"]: row.get(name, row) for row in ran.records() if row.get(name) is not None}
+        told = {}
+        for record in ran.records():
+            value = record.get(name, record.get(f"{name}_ns"))
+            if value is not None:
+                told[record["frame.number"]] = value
         for frame, row in rows.items():
             value = next(
                 (row[kind] for kind in ("integer", "unsigned", "real", "bytes") if row[kind] is not None), row["text"]

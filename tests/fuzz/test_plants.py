@@ -86,7 +86,7 @@ def test_names_that_would_fill_the_memory_are_left_out(tmp_path: Path, files: Fi
     assert ran.code == ExitCode.GOOD
     assert len(ran.out) < 1_000_000
     assert "a.gvl, line 2, column 1: the names of the list's elements have" in ran.err
-    assert "They may have 20 000 000: shorten names, or the arrays." in ran.err
+    assert "They may have 20000000: shorten names, or the arrays." in ran.err
 
 
 def test_types_may_be_declared_before_those_that_use_them_to_any_number(tmp_path: Path) -> None:
