@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Diagnosis(NamedTuple):
     """NetVarUDPDiagStruct; times are absolute ns or None, the error a name."""
 
     nSendCount: int = 0  # noqa: N815  # the document's name

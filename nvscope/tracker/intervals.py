@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,14 +21,13 @@ CYCLIC_FROM_INTERVALS = 5
 """So many intervals it takes to say so: two answers that follow each other are no cycle."""
 
 
-@dataclass(frozen=True, slots=True)
-class IntervalFigures:
+class IntervalFigures(NamedTuple):
     """Intervals of a stream in ns; None where there is none. Percentiles are within 0.5 %, the rest is exact.
 
     ``nominal`` is what the list should be sent at; where nobody says how it is sent, the median of a cyclic stream.
     """
 
-    count: int
+    count: int  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
     minimum: int | None = None
     mean: int | None = None
     maximum: int | None = None

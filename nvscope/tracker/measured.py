@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:  # `explain` reads the table of figures, and starts without what these need
     from nvscope.tracker.can.bus import CanBusSummary
@@ -14,8 +13,7 @@ if TYPE_CHECKING:  # `explain` reads the table of figures, and starts without wh
     from nvscope.tracker.latency import LatencyFigures
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class Measured(NamedTuple):
     """What was measured of one of them; None for what it has not, or what nobody knows of it.
 
     ``telegrams`` are its well-formed data telegrams, or its frames, ``remote`` the remote frames that asked for it on
@@ -28,7 +26,7 @@ class Measured:
     remote: int | None = None
     span_ns: int | None = None
     diagnosis: Diagnosis | None = None
-    counters: Mapping[str, int | None] = field(default_factory=lambda: MappingProxyType({}))
+    counters: Mapping[str, int | None] = MappingProxyType({})
     intervals: IntervalFigures | None = None
     jitter_percent: float | None = None
     latency: LatencyFigures | None = None

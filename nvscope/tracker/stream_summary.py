@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from nvscope.tracker.counters import Scope, is_erratic
 from nvscope.tracker.intervals import IntervalFigures
 
 
-@dataclass(frozen=True, slots=True)
-class StreamSummary:
+class StreamSummary(NamedTuple):
     """One stream: who sends which SubIndex, and what its counters and intervals say.
 
     ``byte_swapped``: nearly all steps of its Counter are +1 once its two bytes are swapped.
@@ -30,7 +29,7 @@ class StreamSummary:
     length: int
     checksum: int | None
     byte_swapped: bool = False
-    whole_erratic: bool | None = field(default=None, compare=False)
+    whole_erratic: bool | None = None
 
     @property
     def erratic(self) -> bool:

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,8 +37,7 @@ from nvscope.tracker.together import Together, counted_together, taken_together
 UNUSED_FROM_TELEGRAMS = 8
 
 
-@dataclass(frozen=True, slots=True)
-class ListSummary:
+class ListSummary(NamedTuple):
     """One list: who sends and reads it, its diagnosis and that of its nodes, its counters, and its streams.
 
     Of several senders, ``sender_since`` has the frame and the time of the first data telegram of each.

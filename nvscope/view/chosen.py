@@ -62,8 +62,7 @@ class Chosen:
         return replace(whole, lists=lists, can=replace(whole.can, lists=on_can))
 
     def _list(self, entry: ListSummary) -> ListSummary:
-        return replace(
-            entry,
+        return entry._replace(
             nodes=[row for row in entry.nodes if (entry.number, row[0], None) in self._places],
             streams=[stream for stream in entry.streams if stream.stream in self._streams],
         )

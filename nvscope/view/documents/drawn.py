@@ -76,6 +76,8 @@ class DrawnRow(Mapping[str, Any]):
 
     def values(self) -> list[Any]:  # type: ignore[override]  # read once, in order
         """Return all values in the order of the keys."""
+        if not self._known:  # who takes all of them takes them once
+            return [read(self) for read in self.READS.values()]
         return [self[key] for key in self.READS]
 
 
