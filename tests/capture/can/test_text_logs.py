@@ -77,6 +77,10 @@ FAST = "0 0 2 4 01 02"
             (8, "e", 8, bytes((0, 0, 4, 0, 0, 0, 0, 0)), 0),
         ),
         (
+            "2.5 1 ErrorFrame Flags = 0x2 CodeExt = 0x0 Code = 0x81 ID = 2c0 DLC = 0 Position = 5 Length = 11300",
+            (8, "e", 8, bytes((0, 0, 2, 0, 0, 0, 0, 0)), 0),
+        ),
+        (
             "2.5 CANFD 1 Tx ErrorFrame Not Acknowledge error, dominant error flag fffe c7 31ca Arb. 556 44 0 0 f 64 00",
             (0x20, "e", 8, bytes(8), 0),
         ),
