@@ -93,6 +93,10 @@ class ScreenLines:
         direction = {"RX": Direction.RX, "TX": Direction.TX}.get(way, Direction.UNKNOWN)
         return LoggedFrame(frame._replace(direction=direction), channel)
 
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        # It tells how many bytes it has, each of two digits, and those were there.
+        return True
+
     def _time_ns(self, time: str | None) -> int:
         if time is None:
             self.untimed += 1
@@ -119,8 +123,8 @@ class ScreenReader(TextLogReader):
     def make_format(self, content: Content) -> ScreenLines:
         return self._screen
 
-    def _read(self, line: str, number: int) -> LoggedFrame | None:
-        found = super()._read(line, number)
+    def _read(self, line: str, number: int, *, ended: bool) -> LoggedFrame | None:
+        found = super()._read(line, number, ended=ended)
         if (drops := self._screen.drops) != self.progress.drops:
             self.progress.drops, self.progress.drops_by = drops, {DropsPart.KERNEL.value: drops}
         return found

@@ -45,6 +45,12 @@ class CsvLines:
             raise LineFault(f"{len(content)} of {message.dlc} bytes of data")
         return LoggedFrame(message.frame(), None)
 
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        if found is None:
+            return True
+        remote, dlc, data = (line.strip().split(",")[place] for place in (3, 5, 6))
+        return _FLAGS[remote] or len(binascii.a2b_base64(data)) >= int(dlc)
+
 
 class CsvReader(TextLogReader):
     """Reads one ``.csv`` file."""

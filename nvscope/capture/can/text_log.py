@@ -36,6 +36,10 @@ class LineFormat(Protocol):
         """Return the frame of a line without its line end, None where it tells none; raises LineFault."""
         ...
 
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        """Return whether the last line of a file without a line end, which told that frame, can lack nothing of it."""
+        ...
+
 
 class TextLogReader(Reader):
     """Reads a text log; ``make_format`` is for each format its own."""
@@ -70,7 +74,7 @@ class TextLogReader(Reader):
             if self.content.failure and not lines.ended:
                 # What is left of a line whose rest could not be decompressed may look like a whole one.
                 break
-            found = self._read(line, lines.number)
+            found = self._read(line, lines.number, ended=lines.ended)
             if found is None:
                 continue
             frames.append(found.frame)
@@ -86,9 +90,12 @@ class TextLogReader(Reader):
             self._fault(f"line {lines.first_too_long}: more than {MAX_LINE_BYTES} characters", lines.too_long)
         self._tell()
 
-    def _read(self, line: str, number: int) -> LoggedFrame | None:
+    def _read(self, line: str, number: int, *, ended: bool) -> LoggedFrame | None:
+        text = line.rstrip("\r\n")
         try:
-            found = self._format.read(line.rstrip("\r\n"))
+            found = self._format.read(text)
+            if not ended and text.strip() and not self._format.is_whole(text, found):
+                raise LineFault("the file ends within this line")
             if found is not None:
                 if abs(found.frame.ts_ns) > TIME_LIMIT_NS:
                     raise LineFault("a time after 2116")

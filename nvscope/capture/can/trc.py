@@ -28,6 +28,7 @@ from nvscope.capture.can.line_fields import (
     classic_frame,
     data_bytes,
     fd_frame,
+    may_go_on,
     number,
     remote_frame,
     scaled_ns,
@@ -100,6 +101,10 @@ class TrcLines:
             return None
         bus = told.get("B", "")
         return LoggedFrame(frame, (None if bus == "-" else number(bus, 10, "bus")) if bus else _ONLY_BUS)
+
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        told = [] if found is None else self._fields(line.strip()).data
+        return not told or not may_go_on(told[-1], 16)
 
     def _head(self, text: str) -> None:
         if match := _VERSION.match(text):
