@@ -38,7 +38,7 @@ from nvscope.capture.can.line_fields import (
     scaled_ns,
     word_of,
 )
-from nvscope.capture.can.text_log import LoggedFrame, TextLogReader
+from nvscope.capture.can.text_log import UNDATED, LoggedFrame, TextLogReader
 from nvscope.capture.content import Content
 
 _S_NS = 1_000_000_000
@@ -69,10 +69,15 @@ class AscLines:
     def __init__(self) -> None:
         self._base = _HEX
         self._relative = False
+        self._lines = 0
+        # What is wrong with the date that times count from, '' where it was understood; told once a time needs it.
+        self._undated = f"no date, so {UNDATED}"
+        self.remark = ""
         self._start_ns = 0
         self._now_ns = 0
 
     def read(self, line: str) -> LoggedFrame | None:
+        self._lines += 1
         text = line.strip()
         if not text or text.startswith("//"):
             return None
@@ -112,21 +117,26 @@ class AscLines:
     def _head(self, text: str) -> None:
         """Take a line without a time, or say that it is none of a log."""
         if match := _DATE.match(text):
-            self._begin(log_dates.named_ns(match[1]) or 0)
+            self._begin(log_dates.written_ns(match[1]))
         elif match := _BASE.match(text):
             self._base = 10 if match[1].lower() == "dec" else _HEX
             self._relative = (match[2] or "").lower() == "relative"
         elif match := _BLOCK.match(text):
-            begin_ns = log_dates.named_ns(match[1])
-            self._begin(self._start_ns if begin_ns is None else begin_ns)
+            begin_ns = log_dates.written_ns(match[1])
+            if begin_ns is None:
+                self._now_ns = self._start_ns
+            else:
+                self._begin(begin_ns)
         elif not _SAYS_NOTHING.match(text):
             raise LineFault("neither a time nor a head of a log")
 
-    def _begin(self, start_ns: int) -> None:
-        self._start_ns = self._now_ns = start_ns
+    def _begin(self, start_ns: int | None) -> None:
+        self._undated = f"line {self._lines}: date not understood, so {UNDATED}" if start_ns is None else ""
+        self._start_ns = self._now_ns = start_ns or 0
 
     def _time_ns(self, told_ns: int) -> int:
         """Return the time of a line, be it an event of CAN or not."""
+        self.remark = self.remark or self._undated
         self._now_ns = told_ns + (self._now_ns if self._relative else self._start_ns)
         return self._now_ns
 

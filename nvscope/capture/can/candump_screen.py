@@ -97,12 +97,18 @@ class ScreenLines:
         # It tells how many bytes it has, each of two digits, and those were there.
         return True
 
+    @property
+    def remark(self) -> str:
+        if not self.untimed:
+            return ""
+        return "no times were recorded (candump -t a shows them), so intervals, rates and loads say nothing"
+
     def _time_ns(self, time: str | None) -> int:
         if time is None:
             self.untimed += 1
             return 0
         if _DATE.fullmatch(time):
-            told_ns = log_dates.numbered_ns(time)
+            told_ns = log_dates.written_ns(time)
             if told_ns is None:
                 raise LineFault(f"no time in '{time[:40]}'")
             return told_ns
@@ -128,14 +134,6 @@ class ScreenReader(TextLogReader):
         if (drops := self._screen.drops) != self.progress.drops:
             self.progress.drops, self.progress.drops_by = drops, {DropsPart.KERNEL.value: drops}
         return found
-
-    def _tell(self) -> None:
-        if self._screen.untimed:
-            self.position = 0
-            self._fault(
-                "no times were recorded (candump -t a shows them), so intervals, rates and loads say nothing", 0
-            )
-        super()._tell()
 
 
 def _is_time(text: str) -> bool:

@@ -19,6 +19,8 @@ _FLAGS = {"0": False, "1": True}
 class CsvLines:
     """What the lines of one ``.csv`` file say."""
 
+    remark = ""
+
     def read(self, line: str) -> LoggedFrame | None:
         text = line.strip()
         if not text or text == _HEAD:

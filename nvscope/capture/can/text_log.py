@@ -29,8 +29,17 @@ class LoggedFrame(NamedTuple):
     channel: int | str | None
 
 
+UNDATED = "times count from 1970"
+"""What is so where nobody knows when a log began."""
+
+
 class LineFormat(Protocol):
     """What lines of a format say, asked in the order of the file: what a line says may hang on those before."""
+
+    @property
+    def remark(self) -> str:
+        """What is wrong with all lines that were read, '' for nothing: none of them is left out for it."""
+        ...
 
     def read(self, line: str) -> LoggedFrame | None:
         """Return the frame of a line without its line end, None where it tells none; raises LineFault."""
@@ -116,7 +125,13 @@ class TextLogReader(Reader):
 
     def _tell(self) -> None:
         at, what = self._first_fault
+        told = []
+        if self._format.remark:
+            at = 0
+            told.append(self._format.remark)
         if what:
-            more = "; the line is left out" if self._wrong == 1 else f"; {self._wrong} such lines are left out"
-            self.progress.left_out = what + (more if self._wrong else "")
+            told.append(what)
+            told.append("the line is left out" if self._wrong == 1 else f"{self._wrong} such lines are left out")
+        if told:
+            self.progress.left_out = "; ".join(told)
             self.progress.truncation = Truncation(at, self.progress.left_out)

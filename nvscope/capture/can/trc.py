@@ -34,7 +34,7 @@ from nvscope.capture.can.line_fields import (
     scaled_ns,
     word_of,
 )
-from nvscope.capture.can.text_log import LoggedFrame, TextLogReader
+from nvscope.capture.can.text_log import UNDATED, LoggedFrame, TextLogReader
 from nvscope.capture.content import Content
 
 _MS_NS = 1_000_000
@@ -77,10 +77,13 @@ class TrcLines:
         self._major, self._minor = 1, 0
         self._letters = _COLUMNS_1[0]
         self._days = self._date = ""
+        self._lines = self._start_line = 0
+        self.remark = ""
         self._utc = False
         self._start_ns: int | None = None
 
     def read(self, line: str) -> LoggedFrame | None:
+        self._lines += 1
         text = line.strip()
         if not text:
             return None
@@ -112,9 +115,10 @@ class TrcLines:
             # The columns of version 2 are named behind it.
             self._letters = "" if self._major > 1 else _COLUMNS_1.get(self._minor, _COLUMNS_1[3])
         elif match := _START_DAYS.match(text):
-            self._days = match[1]
+            self._days, self._start_line = match[1], self._lines
         elif match := _START_DATE.match(text):
             self._date = match[1]
+            self._start_line = self._start_line or self._lines
         elif match := _COLUMNS.match(text):
             self._letters = match[1].replace(",", "")[:_MOST_COLUMNS]
         elif _BY_PYTHON_CAN in text:
@@ -124,7 +128,10 @@ class TrcLines:
         if self._start_ns is None:
             start_ns = log_dates.days_ns(self._days, utc=self._utc) if self._days else None
             if start_ns is None and self._date:
-                start_ns = log_dates.numbered_ns(self._date, utc=self._utc)
+                start_ns = log_dates.written_ns(self._date, utc=self._utc)
+            if start_ns is None:
+                line = self._start_line
+                self.remark = f"{f'line {line}: start time not understood' if line else 'no start time'}, so {UNDATED}"
             self._start_ns = start_ns or 0
         return self._start_ns
 

@@ -309,6 +309,54 @@ def test_directions_are_those_that_tshark_reads(tmp_path: Path) -> None:
 
 @utc
 @pytest.mark.parametrize(
+    "date",
+    [
+        "Sat Sep 30 22:06:13 2017", "Sam Sep 30 10:06:13 pm 2017", "Sep 30, 2017 22:06:13", "30 Sep 2017 10:06:13pm",
+        "30. September 2017 22:06:13", "30-Sep-2017 22:06:13", "30.09.2017 22:06:13", "30.9.2017, 22:06:13.000",
+        "2017-09-30 22:06:13", "2017/09/30 22:06:13", "2017-09-30T22:06:13Z", "2017-10-01T00:06:13.000+02:00",
+        "9/30/2017 10:06:13 PM", "09/30/2017 22:06:13", "30/09/2017 22:06:13",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("ending", "text"),
+    [
+        ("asc", "date {}\nbase hex  timestamps absolute\n0.5 1 123 Rx d 0\n"),
+        ("asc", "date rubbish\nbase hex\nBegin Triggerblock {}\n0.5 1 123 Rx d 0\n"),
+        ("trc", ";   Start time: {}\n 1)  500  0123  0\n"),
+    ],
+)
+def test_dates_in_the_forms_that_programs_write(tmp_path: Path, zone: None, date: str, ending: str, text: str) -> None:
+    assert one(tmp_path / f"a.{ending}", text.format(date)).ts_ns == START_NS - 191_000_000 + 500_000_000
+
+
+@pytest.mark.parametrize(
+    ("ending", "text", "expected"),
+    [
+        ("asc", "base hex  timestamps absolute\n0.5 1 123 Rx d 0\n", "no date, so times"),
+        ("asc", "// 1\ndate rubbish\nbase hex\n0.5 1 123 Rx d 0\n", "line 2: date not understood, so times"),
+        # It may be the 5th of June, or the 6th of May.
+        ("asc", "date 5/6/2017 15:06:13\nbase hex\n0.5 1 123 Rx d 0\n", "line 1: date not understood, so times"),
+        ("asc", "date 31.02.2017 15:06:13\nbase hex\n0.5 1 123 Rx d 0\n", "line 1: date not understood, so times"),
+        ("trc", ";$FILEVERSION=1.1\n 1)  500.0 Rx 0123  0\n", "no start time, so times"),
+        ("trc", ";$FILEVERSION=1.1\n;$STARTTIME=1700000000.123\n 1)  500.0 Rx 0123  0\n",
+         "line 2: start time not understood, so times"),
+    ],
+)  # fmt: skip
+def test_a_start_that_is_not_known_is_told_once(tmp_path: Path, ending: str, text: str, expected: str) -> None:
+    source, (frame,) = read(tmp_path / f"a.{ending}", text)
+    told = source.infos[0].truncation
+    assert told
+    assert told.message == f"{expected} count from 1970"
+    assert frame.ts_ns == 500_000_000
+    source, _ = read(tmp_path / f"a.{ending}", text + "rubbish\n")
+    told = source.infos[0].truncation
+    assert told
+    assert told.message.startswith(f"{expected} count from 1970; line ")
+    assert told.message.endswith("; the line is left out")
+
+
+@utc
+@pytest.mark.parametrize(
     ("told", "hour"), [("12:06:13 AM", 0), ("12:06:13 PM", 12), ("1:06:13 PM", 13), ("12:06:13", 12)]
 )
 def test_hours_of_dates(tmp_path: Path, zone: None, told: str, hour: int) -> None:
