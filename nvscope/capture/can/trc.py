@@ -7,6 +7,8 @@
     1.2, 1.3  1)  17535.400 1  Tx    00000100 -  8    00 00 00 00 00 00 00 00     (the "-" since 1.3)
     2.x    1     17535.400 DT 1  00000100 Tx -  8    00 00 00 00 00 00 00 00      (columns as $COLUMNS says)
 
+Those are [N],O,T,[B],I,d,[R],l or L,D: numbers, buses and a reserved column may be missing.
+
 Times are milliseconds since ``$STARTTIME`` (days since 30 December 1899) or ``Start time``, which are local, and those
 that python-can writes are of UTC. A file without a column for buses has bus 1. Status, warnings, error counters and
 events are no frames. Source: "PEAK CAN TRC File Format" (2020) and files that PEAK's converter wrote, in the tests of
@@ -92,10 +94,10 @@ class TrcLines:
             return None
         fields = self._fields(text)
         told = fields.told
-        count = told["N"] if "N" in told else fields.of("N", "number")
-        if self._major == 1:
+        count = told.get("N")
+        if count and self._major == 1:
             count = count.removesuffix(")")
-        if not count.isdecimal():
+        if count is not None and not count.isdecimal():
             raise LineFault(f"no number of a message in '{count[:40]}'")
         ts_ns = scaled_ns(fields.of("O", "time"), _MS_NS) + self._started_ns()
         way = _DIRECTIONS.get(told.get("d", ""), Direction.UNKNOWN)

@@ -216,6 +216,24 @@ def test_lines_of_trc(tmp_path: Path, text: str, channel: str, expected: tuple[o
     assert one(tmp_path / "a.trc", text)[1:] == (channel, *expected)
 
 
+@pytest.mark.parametrize("length", ["l", "L"])
+@pytest.mark.parametrize("optional", ["", "N", "B", "R", "NB", "NR", "BR", "NBR"])
+def test_lines_of_trc_with_any_columns_that_version_2_permits(tmp_path: Path, optional: str, length: str) -> None:
+    letters = [one for one in f"NOTBIdR{length}D" if one not in "NBR" or one in optional]
+    told = {"N": "7", "O": "500.000", "B": "2", "I": "0110", "d": "Rx", "R": "-"}
+    frames = [
+        ("DT", {"l": "2", "L": "2", "D": "05 06"}, (0x110, "", 2, b"\5\6", 0)),
+        ("FB", {"l": "12", "L": "9", "D": "0A " * 12}, (0x110, "fb", 12, b"\n" * 12, 0)),
+        ("RR", {"l": "4", "L": "4", "D": ""}, (0x110, "r", 4, b"", 0)),
+    ]
+    lines = ("  ".join((told | {"T": kind} | own)[letter] for letter in letters) for kind, own, _ in frames)
+    head = f";$FILEVERSION=2.1\n;$STARTTIME=43008.5\n;$COLUMNS={','.join(letters)}\n"
+    source, found = read(tmp_path / "a.trc", head + "\n".join(lines) + "\n")
+    assert source.infos[0].truncation is None
+    channel = "can2" if "B" in optional else "can1"
+    assert [frame[1:] for frame in found] == [(channel, *expected) for _, _, expected in frames]
+
+
 @pytest.mark.parametrize(
     ("head", "line"),
     [
