@@ -22,6 +22,7 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     port_rules,
+    tell_of_channels,
     tell_of_losses,
     with_channels,
 )
@@ -202,6 +203,7 @@ def export(
             tell_of_lists(inquiry)
     else:
         _tell_of_telegrams(telegrams, beyond, write)
+    tell_of_channels(channel_map, source.channels)
     if between and not (told.frames if lists else telegrams.frames):
         echo(NOTHING_BETWEEN, err=True)
     if fragments:

@@ -23,6 +23,7 @@ from nvscope.cli.sources import (
     asked_range,
     duration_ns,
     port_rules,
+    tell_of_bit_rates,
     tell_of_channels,
     tell_of_gaps,
     tell_of_losses,
@@ -150,6 +151,7 @@ def report(
     echo_all(parts, color=shown)
     tell_of_lists(inquiry)
     tell_of_channels(channel_map, [bus.channel for bus in found.summary.can.buses])
+    tell_of_bit_rates(bit_rates, [bus.channel for bus in found.summary.can.buses])
     if fragments := found.state.capture.fragments:
         from nvscope.units import count_of
 

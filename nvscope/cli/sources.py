@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -112,16 +113,26 @@ def with_channels(project: Project, options: Sequence[str] | None) -> Project:
 
 def tell_of_channels(options: Sequence[str] | None, seen: Sequence[str]) -> None:
     """Say on stderr which names of --channel-map no channel of the captures got; ``seen`` are those that they have."""
-    if not options:
-        return
+    for text in (text for option in options or () for text in option.split(",")):
+        old, _, new = (part.strip() for part in text.partition("="))
+        if new not in seen:
+            _tell_of_channel("--channel-map", text, old, seen)
+
+
+def tell_of_bit_rates(options: Sequence[str] | None, seen: Sequence[str]) -> None:
+    """Say on stderr which --bitrate are of no channel of the captures; ``seen`` are those that they have."""
+    for text in options or ():
+        channel, sign, _ = text.rpartition("@")
+        if sign and not any(channel == own or fnmatchcase(own, channel) for own in seen):
+            _tell_of_channel("--bitrate", text, channel, seen)
+
+
+def _tell_of_channel(option: str, text: str, name: str, seen: Sequence[str]) -> None:
     from nvscope.toml_table import nearest
     from nvscope.view.escape import visible
 
-    for text in (text for option in options for text in option.split(",")):
-        old, _, new = (part.strip() for part in text.partition("="))
-        if new not in seen:
-            known = visible(nearest(old, list(seen))) or "The captures have no channels."
-            echo(f"nvscope: --channel-map {visible(text)}: no channel is called {visible(old)}. {known}", err=True)
+    known = visible(nearest(name, list(seen))) or "The captures have no channels."
+    echo(f"nvscope: {option} {visible(text)}: no channel is called {visible(name)}. {known}", err=True)
 
 
 def port_rules(options: Sequence[str] | None) -> PortRules | None:

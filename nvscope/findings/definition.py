@@ -84,10 +84,14 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
     described = {key: known for key, known in defined.items() if known.variables}
     seen: dict[ListKey, ListSummary] = {entry.key: entry for entry in facts.summary.lists}
     on_can = {id(facts.definition_of(entry)) for entry in facts.summary.can.lists}
+    told_as_others = _told_as_others(facts)
     silent = [
         key
         for key, known in defined.items()
-        if key not in seen and id(known) not in on_can and key.transport in facts.captured
+        if key not in seen
+        and id(known) not in on_can
+        and key.transport in facts.captured
+        and id(known) not in told_as_others
     ]
     alike = _alike(facts, silent, [entry for key, entry in seen.items() if key not in described])
     for key, entry in seen.items():
@@ -97,6 +101,27 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
             yield _unknown(facts, entry, described, [other for other, keys in alike.items() if key in keys])
     for key in silent:
         yield _silent(facts, key, alike.get(key, ()))
+
+
+def _told_as_others(facts: Facts) -> set[int]:
+    """Return the lists on CAN (``id``) of whose COB-IDs frames were seen, as those of a list that overlaps (NV601)."""
+    if facts.definition is None or not facts.definition.on_can or not facts.summary.can.buses:
+        return set()
+    from nvscope.definition.cob_ids import overlaps, taken_in
+    from nvscope.list_key import ANY_CHANNEL
+
+    sent = {
+        bus.channel: {entry.cob_id for entry in bus.identifiers if not entry.extended}
+        for bus in facts.summary.can.buses
+    }
+    found = set()
+    for pair in overlaps(taken_in(facts.definition)):
+        shared = set(pair[0].shared(pair[1]))
+        for one in pair:
+            own = one.list.channel
+            if any(shared & seen for channel, seen in sent.items() if own in (ANY_CHANNEL, channel)):
+                found.add(id(one.list))
+    return found
 
 
 def _mismatches(facts: Facts, entry: ListSummary) -> Iterator[Finding]:

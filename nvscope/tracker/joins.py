@@ -79,10 +79,10 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "buses.errors.all.rows": _COUNTED_EVENTS,
     "buses.errors.classes.rows": _COUNTED_EVENTS,
     "buses.canopen.columns": {
-        "heartbeats": SUM, "boot_ups": SUM, "changes": SUM, "state": LAST, "since_ns": LAST, "last_ns": LAST,
-        "emergencies": SUM, "emergency": LAST, "emergency_ns": LAST, "commands": SUM, "command": LAST,
+        "heartbeats": SUM, "strays": SUM, "boot_ups": SUM, "changes": SUM, "state": LAST, "since_ns": LAST,
+        "last_ns": LAST, "emergencies": SUM, "emergency": LAST, "emergency_ns": LAST, "commands": SUM, "command": LAST,
         "command_ns": LAST, "command_frame": LAST, "beats_from": LAST, "told_from": LAST, "asked_from": LAST,
-        "answered_from": LAST,
+        "answered_from": LAST, "doubted_from": LAST,
     },
     "buses.remotes.rows": _COUNTED_EVENTS,
 }  # fmt: skip

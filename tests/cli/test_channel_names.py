@@ -125,3 +125,21 @@ def test_what_is_wrong_in_a_project_is_told(tmp_path: Path, table: str, told: st
     ran = run("report", str(a_log(tmp_path, ".asc")), cwd=tmp_path)
     assert ran.returncode == 2
     assert told in ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--bitrate", "can9@500k"), "nvscope: --bitrate can9@500k: no channel is called can9. "),
+        (("--bitrate", "x*@500k"), "nvscope: --bitrate x*@500k: no channel is called x*. "),
+        (("--bitrate", "can?@500k"), ""),
+        (("--bitrate", "500k"), ""),
+        (("--channel-map", "can9=press"), "nvscope: --channel-map can9=press: no channel is called can9. "),
+    ],
+)
+def test_channels_that_are_not_there_are_told(tmp_path: Path, options: tuple[str, ...], told: str) -> None:
+    (tmp_path / "a.log").write_text("(1.0) can0 110#01\n(1.1) can0 110#02\n")
+    ran = run("report", "a.log", *options, cwd=tmp_path)
+    assert ran.returncode == 0
+    assert ran.stderr.startswith(told)
+    assert bool(ran.stderr) == bool(told)

@@ -52,6 +52,14 @@ def test_lists_that_overlap_are_told_with_the_frames_that_were_seen() -> None:
     assert (found["first_ns"], found["last_ns"]) == (str(START_NS + 2), str(START_NS + 3))
 
 
+def test_a_list_whose_cob_ids_were_seen_as_those_of_another_is_not_silent() -> None:
+    lists = [on_can("a", 0x110, 3), on_can("b", 0x111, 1), on_can("c", 0x120, 1)]
+    frames: list[Frame] = [(START_NS + place, 0, cob_id, bytes(8)) for place, cob_id in enumerate([0x110, 0x111])]
+    assert ["List c" in found["message"] for found in findings(lists, frames, "NV407")] == [True]
+    # Where its own COB-IDs were not seen, it is silent, be there an overlap or not.
+    assert len(findings(lists, frames[:1], "NV407")) == 2
+
+
 def test_an_overlap_is_one_of_the_definition_even_if_nothing_is_sent() -> None:
     lists = [on_can("press", 0x240, 2), on_can("saw", 0x241, 2), on_can("lift", 0x241, 1)]
     told = findings(lists, [], "NV601")

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 
 from nvscope.capture.open import open_source
 from nvscope.errors import UsageError
+from nvscope.expression.typed_columns import TextColumn
 from nvscope.view.display_filter import DisplayFilter
-from nvscope.view.fields.vocabulary import vocabulary
+from nvscope.view.fields.vocabulary import FIELDS, vocabulary
 from nvscope.view.rows.frames import FrameRows
 from tests.definition.lists import telegram
 from tests.export.given import written
@@ -72,9 +73,14 @@ def drawn_frame(chance: random.Random) -> tuple[str, Fields]:
     if kind == "remote":
         fields["can.data"], body = b"", f"R{length or ''}"
     elif kind == "error":
-        identifier, data = chance.choice([4, 8, 0x40]), data[:8].ljust(8, b"\0")
+        identifier, data = chance.choice([4, 8, 0x40, 0]), chance.choice([data[:8], b""]).ljust(8, b"\0")
         text, body = f"{0x20000000 | identifier:08X}", data.hex().upper()
-        fields |= {"can.id": identifier, "can.data": data, "can.len": 8, "can.dlc": 8}
+        # Its classes are no identifier: no filter of a COB-ID meets them.
+        del fields["can.id"]
+        classes = {4: "controller problem", 8: "protocol violation", 0x40: "bus off", 0: "error frame, class not"}
+        fields |= {"can.data": data, "can.len": 8, "can.dlc": 8, "class": classes[identifier]}
+        if not identifier and not any(data):
+            del fields["can.data"]
     elif kind == "fd":
         flags = chance.randrange(4)
         body = f"#{flags:X}{body}"
@@ -193,7 +199,7 @@ def drawn_atom(chance: random.Random, model: Fields) -> tuple[str, Test]:
         return f'{name} == "{value}"', lambda fields: name in fields and fields[name] == value
     name, field = chance.choice(
         [
-            ("can", "can.id"),
+            ("can", "can.len"),
             ("nv", "nv.index"),
             ("udp", "udp.port"),
             ("canopen", "canopen.function"),
@@ -243,3 +249,19 @@ def test_a_filter_chooses_the_frames_that_a_plain_one_does(seed: int, draw: int)
 def test_what_cannot_be_meant_is_told(expression: str, what: str) -> None:
     with pytest.raises(UsageError, match=what):
         DisplayFilter(expression, vocabulary())
+
+
+def test_an_error_frame_has_no_identifier_as_in_tshark_and_tells_what_it_is() -> None:
+    for seed in range(8):
+        drawn, number = mixture(seed), 0
+        for rows in drawn.pieces:
+            known = {name: FIELDS[name].exists(rows) for name in ("can.id", "can.data", "can.error")}
+            errors = FIELDS["can.error"].column(rows)
+            assert isinstance(errors, TextColumn)
+            for row in range(len(rows)):
+                fields, number = drawn.fields[number], number + 1
+                there = {name: bool(found is None or found[row]) for name, found in known.items()}
+                told = "class" in fields
+                assert there == {"can.id": "can.id" in fields, "can.data": "can.data" in fields, "can.error": told}
+                if told:
+                    assert errors.texts[errors.code[row]].startswith(fields["class"])

@@ -26,18 +26,19 @@ import re
 from dissectors.batch import Direction
 from dissectors.can.frame import FD_LENGTHS
 from nvscope.capture.can import error_frame, log_dates
-from nvscope.capture.can.frame import BIT_RATE_SWITCH, ERROR_STATE, MAX_DATA_BYTES, CanFrame
+from nvscope.capture.can.frame import BIT_RATE_SWITCH, ERROR, ERROR_STATE, MAX_DATA_BYTES, REMOTE, CanFrame
 from nvscope.capture.can.line_fields import (
     LineFault,
     classic_frame,
     data_bytes,
     fd_frame,
+    may_go_on,
     number,
     remote_frame,
     scaled_ns,
     word_of,
 )
-from nvscope.capture.can.text_log import LoggedFrame, TextLogReader
+from nvscope.capture.can.text_log import UNDATED, LoggedFrame, TextLogReader
 from nvscope.capture.content import Content
 
 _S_NS = 1_000_000_000
@@ -52,6 +53,8 @@ _SAYS_NOTHING = re.compile(
 _ECC = re.compile(r"ECC:\s*([01]{8})\b")
 _CODES = re.compile(r"Flags = 0x([0-9a-f]+) CodeExt = 0x([0-9a-f]+) Code = 0x([0-9a-f]+)", re.IGNORECASE)
 _FD_CODES = re.compile(r"\s([0-9a-f]{1,4})\s+([0-9a-f]{1,2})\s+([0-9a-f]{1,4})\s+(?:arb|data)", re.IGNORECASE)
+_CUT_CODE = re.compile(r"\bCode = 0x[0-9a-f]\s*\Z", re.IGNORECASE)
+_BEGINS_A_FRAME = ("canfd", "errorframe", "overloadframe")
 _DIRECTIONS = {"rx": Direction.RX, "tx": Direction.TX}
 _REQUESTED = "txrq"
 _FIELDS_BEHIND_DATA = 8
@@ -66,10 +69,15 @@ class AscLines:
     def __init__(self) -> None:
         self._base = _HEX
         self._relative = False
+        self._lines = 0
+        # What is wrong with the date that times count from, '' where it was understood; told once a time needs it.
+        self._undated = f"no date, so {UNDATED}"
+        self.remark = ""
         self._start_ns = 0
         self._now_ns = 0
 
     def read(self, line: str) -> LoggedFrame | None:
+        self._lines += 1
         text = line.strip()
         if not text or text.startswith("//"):
             return None
@@ -89,24 +97,46 @@ class AscLines:
             return None
         return self._classic(ts_ns, _channel(first), rest)
 
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        words = line.split()
+        last = words[-1].lower()
+        if found is None:
+            begun = any(word != last and word.startswith(last) for word in _BEGINS_A_FRAME)
+            return not (begun and _TIMED.fullmatch(line.strip()))
+        frame = found.frame
+        if frame.identifier & ERROR:
+            return not _CUT_CODE.search(line)
+        if words[1] == "CANFD":
+            # What lies behind the data tells whether it is a frame of CAN FD at all.
+            told = _behind_name(words[4:])
+            return len(told) >= 4 + int(told[3]) + _FIELDS_BEHIND_DATA
+        if frame.identifier & REMOTE:
+            return last != "r"
+        return not frame.data or len(words) > 6 + len(frame.data) or not may_go_on(last, self._base)
+
     def _head(self, text: str) -> None:
         """Take a line without a time, or say that it is none of a log."""
         if match := _DATE.match(text):
-            self._begin(log_dates.named_ns(match[1]) or 0)
+            self._begin(log_dates.written_ns(match[1]))
         elif match := _BASE.match(text):
             self._base = 10 if match[1].lower() == "dec" else _HEX
             self._relative = (match[2] or "").lower() == "relative"
         elif match := _BLOCK.match(text):
-            begin_ns = log_dates.named_ns(match[1])
-            self._begin(self._start_ns if begin_ns is None else begin_ns)
+            begin_ns = log_dates.written_ns(match[1])
+            if begin_ns is None:
+                self._now_ns = self._start_ns
+            else:
+                self._begin(begin_ns)
         elif not _SAYS_NOTHING.match(text):
             raise LineFault("neither a time nor a head of a log")
 
-    def _begin(self, start_ns: int) -> None:
-        self._start_ns = self._now_ns = start_ns
+    def _begin(self, start_ns: int | None) -> None:
+        self._undated = f"line {self._lines}: date not understood, so {UNDATED}" if start_ns is None else ""
+        self._start_ns = self._now_ns = start_ns or 0
 
     def _time_ns(self, told_ns: int) -> int:
         """Return the time of a line, be it an event of CAN or not."""
+        self.remark = self.remark or self._undated
         self._now_ns = told_ns + (self._now_ns if self._relative else self._start_ns)
         return self._now_ns
 
@@ -168,7 +198,7 @@ class AscLines:
 
     def _fast_frame(self, ts_ns: int, told: list[str]) -> CanFrame:
         word = self._identifier(told[0])
-        rest = told[1:] if told[1:2] and told[1] in ("0", "1") else told[2:]
+        rest = _behind_name(told)
         if len(rest) < 4:
             raise LineFault("the line ends before the data")
         switch, state = (number(text, 2, "bit rate switch or error state") for text in rest[:2])
@@ -198,6 +228,11 @@ class AscReader(TextLogReader):
 
     def make_format(self, content: Content) -> AscLines:
         return AscLines()
+
+
+def _behind_name(told: list[str]) -> list[str]:
+    """Return what a line of CAN FD tells behind an identifier and the name that may follow it."""
+    return told[1:] if told[1:2] and told[1] in ("0", "1") else told[2:]
 
 
 def _channel(text: str) -> int:

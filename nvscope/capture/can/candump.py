@@ -14,7 +14,7 @@ import numpy as np
 from dissectors.batch import I64, U8, Direction, PacketBatch
 from nvscope.capture.byte_window import View
 from nvscope.capture.can.candump_columns import Prefix, Shape
-from nvscope.capture.can.candump_line import LineFault, is_silent, parse
+from nvscope.capture.can.candump_line import LineFault, is_silent, may_be_cut, parse
 from nvscope.capture.can.frame import MAX_CHANNELS, CanFrame, CanRows, FrameBatches
 from nvscope.capture.content import Content
 from nvscope.capture.reader import ReadingSizes, WindowReader
@@ -26,6 +26,8 @@ MAX_LINE_BYTES = 64 << 10
 # Small enough that the columns of its lines stay in the cache.
 _STRIDE_BYTES = 512 << 10
 _MAX_SHAPES = 64
+# Among so much of what is before a last line without an end its like is looked for.
+_BEFORE_BYTES = 64 << 10
 # So many lines are worth the fixed cost of trying a shape on them.
 _FEWEST_LINES = 24
 _LINE_END = 10
@@ -93,6 +95,7 @@ class CandumpReader(WindowReader):
         self._wrong = 0
         self._first_fault = (0, "")
         self._in_long_line = False
+        self._before = b""
 
     def read(self, view: View) -> Iterator[PacketBatch]:
         batches = FrameBatches(self.sizes.batch_packets)
@@ -119,6 +122,8 @@ class CandumpReader(WindowReader):
                 continue
             stretch = self._stretch(view, here, ends)
             self._decode(stretch, view.origin)
+            fresh = view.data[max(here, after - _BEFORE_BYTES) : after].tobytes()
+            self._before = (self._before + fresh)[-_BEFORE_BYTES:]
             here = after
             self.position = view.origin + here
             yield from self._add(batches, stretch.frames())
@@ -143,6 +148,11 @@ class CandumpReader(WindowReader):
             self._lines += 1
             return
         stretch = self._stretch(view, here, np.array([view.end], np.int64))
+        line = stretch.line(0)
+        if not is_silent(line) and may_be_cut(line, self._before):
+            self._lines += 1
+            self._fault(view.origin + here, f"line {self._lines}: the file ends within this line")
+            return
         self._decode(stretch, view.origin)
         yield from self._add(batches, stretch.frames())
 

@@ -88,6 +88,21 @@ def parse(line: bytes) -> CandumpLine:
     return CandumpLine(frame, channel[1])
 
 
+def may_be_cut(line: bytes, before: bytes) -> bool:
+    """Return whether a line without a line end is shorter than the last of its identifier in what is before it.
+
+    A line tells nowhere how many bytes it has. One that is wrong is none of these: what is wrong with it says more.
+    """
+    time = _TIME.match(line)
+    text = line[time.end() :] if time else b""
+    head, mark, content = text.partition(b"#")
+    begin = before.rfind(b" " + head + mark) + 1
+    if not mark or not begin:
+        return False
+    whole = before[begin + len(head + mark) :].split(b"\n", 1)[0]
+    return len(content.split(b" ")[0].rstrip(b"\r")) < len(whole.split(b" ")[0].rstrip(b"\r"))
+
+
 def _frame(line: bytes, at: int, ts_ns: int) -> tuple[CanFrame, int]:
     match = _IDENTIFIER.match(line, at)
     if not match:

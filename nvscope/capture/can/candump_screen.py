@@ -93,12 +93,22 @@ class ScreenLines:
         direction = {"RX": Direction.RX, "TX": Direction.TX}.get(way, Direction.UNKNOWN)
         return LoggedFrame(frame._replace(direction=direction), channel)
 
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        # It tells how many bytes it has, each of two digits, and those were there.
+        return True
+
+    @property
+    def remark(self) -> str:
+        if not self.untimed:
+            return ""
+        return "no times were recorded (candump -t a shows them), so intervals, rates and loads say nothing"
+
     def _time_ns(self, time: str | None) -> int:
         if time is None:
             self.untimed += 1
             return 0
         if _DATE.fullmatch(time):
-            told_ns = log_dates.numbered_ns(time)
+            told_ns = log_dates.written_ns(time)
             if told_ns is None:
                 raise LineFault(f"no time in '{time[:40]}'")
             return told_ns
@@ -119,19 +129,11 @@ class ScreenReader(TextLogReader):
     def make_format(self, content: Content) -> ScreenLines:
         return self._screen
 
-    def _read(self, line: str, number: int) -> LoggedFrame | None:
-        found = super()._read(line, number)
+    def _read(self, line: str, number: int, *, ended: bool) -> LoggedFrame | None:
+        found = super()._read(line, number, ended=ended)
         if (drops := self._screen.drops) != self.progress.drops:
             self.progress.drops, self.progress.drops_by = drops, {DropsPart.KERNEL.value: drops}
         return found
-
-    def _tell(self) -> None:
-        if self._screen.untimed:
-            self.position = 0
-            self._fault(
-                "no times were recorded (candump -t a shows them), so intervals, rates and loads say nothing", 0
-            )
-        super()._tell()
 
 
 def _is_time(text: str) -> bool:

@@ -19,6 +19,8 @@ _FLAGS = {"0": False, "1": True}
 class CsvLines:
     """What the lines of one ``.csv`` file say."""
 
+    remark = ""
+
     def read(self, line: str) -> LoggedFrame | None:
         text = line.strip()
         if not text or text == _HEAD:
@@ -44,6 +46,12 @@ class CsvLines:
         if not (message.remote or message.error) and len(content) < message.dlc <= 8:
             raise LineFault(f"{len(content)} of {message.dlc} bytes of data")
         return LoggedFrame(message.frame(), None)
+
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        if found is None:
+            return True
+        remote, dlc, data = (line.strip().split(",")[place] for place in (3, 5, 6))
+        return _FLAGS[remote] or len(binascii.a2b_base64(data)) >= int(dlc)
 
 
 class CsvReader(TextLogReader):

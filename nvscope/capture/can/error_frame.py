@@ -68,23 +68,28 @@ _MDF_ERRORS = (
 )  # fmt: skip
 
 SJA_VALID, CORE_VALID = 1, 2
-"""The bits of Vector's flags that say which of its fields hold something: ``ecc`` and ``code``."""
+"""The bits of Vector's flags that say what its ``ecc`` holds: the register of an SJA1000, or of the CAN core."""
 
 
 def of_vector(flags: int, ecc: int, code: int) -> ErrorFrame:
     """Return what the fields of a ``CAN_ERROR_EXT`` or ``CAN_FD_ERROR_64`` tell.
 
-    ``flags`` say which of the others are valid: ``ecc`` is the register of an SJA1000, ``code`` ("flagsExt", "CodeExt")
-    has the error of Vector's CAN core in bits 6 to 11, and in bits 12 and 13 whether it met a receiver (0, 2) or a
-    sender (1, 3), and whether it was a missing acknowledgement (0, 1).
+    ``flags`` say what ``ecc`` is: the register of an SJA1000, or that of Vector's CAN core, with the error in bits 0 to
+    5, and in bits 6 and 7 whether it met a receiver (0, 2) or a sender (1, 3), and whether it was a missing
+    acknowledgement (0, 1). ``code`` ("flagsExt", "CodeExt") repeats error and direction from bit 6 on, but older
+    programs leave it 0; it is asked where ``ecc`` is 0. Where both are, nobody filled them in.
     """
     if flags & CORE_VALID:
-        way = code >> 12 & 3
-        found = _CORE_ERRORS[7] if way < 2 else _CORE_ERRORS.get(code >> 6 & 0x3F, ErrorFrame(PROTOCOL))
-        if found.classes == PROTOCOL and way == 3:
-            return found._replace(protocol=found.protocol | _SENDING)
-        return found
+        register = ecc or code >> 6 & 0xFF
+        return _of_core(register & 0x3F, register >> 6) if register else UNTOLD
     return of_sja1000(ecc) if flags & SJA_VALID else UNTOLD
+
+
+def _of_core(error: int, way: int) -> ErrorFrame:
+    found = _CORE_ERRORS[7] if way < 2 else _CORE_ERRORS.get(error, ErrorFrame(PROTOCOL))
+    if found.classes == PROTOCOL and way == 3:
+        return found._replace(protocol=found.protocol | _SENDING)
+    return found
 
 
 def of_sja1000(ecc: int) -> ErrorFrame:

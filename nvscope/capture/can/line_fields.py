@@ -58,6 +58,11 @@ def data_bytes(texts: list[str], count: int, base: int) -> bytes:
     return bytes(told)
 
 
+def may_go_on(text: str, base: int) -> bool:
+    """Return whether a byte of data, the last of what there is, may have had another digit behind it."""
+    return len(text) < 2 if base == 16 else int(text) * base <= 0xFF
+
+
 def word_of(identifier: int, extended: bool) -> int:
     """Return the identifier of a frame with its flag."""
     if identifier > (IDENTIFIER if extended else STANDARD_IDENTIFIER):

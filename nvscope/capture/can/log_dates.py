@@ -13,12 +13,21 @@ _MONTHS = {
     )
     for name in names.split()
 }
-_NAMED = re.compile(
-    r"(\w{3,})\.?\s+(\d{1,2})[.,]?\s+(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d{1,9}))?(?:\s+([ap])m)?\s+(\d{4})\b",
-    re.IGNORECASE,
+# The time of day: hour, minute, second, fraction (of ``.trc`` in two parts), half of the day.
+_CLOCK = (
+    r"(?P<H>\d{1,2}):(?P<M>\d\d):(?P<S>\d\d)(?:[.,](?P<f>\d{1,9})(?:\.(?P<g>\d{1,3}))?)?(?:\s*(?P<half>[ap])\.?m\b\.?)?"
 )
-_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})\s+(\d{1,2}):(\d\d):(\d\d)(?:\.(\d{3})(?:\.(\d{1,3}))?)?", re.ASCII)
-_ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)[ T](\d\d):(\d\d):(\d\d)(?:\.(\d{1,9}))?", re.ASCII)
+_FORMS = tuple(
+    re.compile(form.replace("CLOCK", _CLOCK), re.IGNORECASE)
+    for form in (
+        r"(?P<name>[^\W\d_]{3,})\.?\s+(?P<d>\d{1,2})[.,]?\s+CLOCK\s+(?P<y>\d{4})\b",
+        r"(?P<name>[^\W\d_]{3,})\.?\s+(?P<d>\d{1,2}),?\s+(?P<y>\d{4}),?\s+CLOCK",
+        r"\b(?P<d>\d{1,2})\.?[ -](?P<name>[^\W\d_]{3,})\.?,?[ -](?P<y>\d{4}),?\s+CLOCK",
+        r"\b(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4}),?\s+CLOCK",
+        r"\b(?P<y>\d{4})[-/](?P<m>\d\d)[-/](?P<d>\d\d)(?:T|,?\s+)CLOCK\s?(?P<zone>Z|[+-]\d\d:?\d\d)?",
+        r"\b(?P<m>\d{1,2})/(?P<d>\d{1,2})/(?P<y>\d{4}),?\s+CLOCK",
+    )
+)
 _S_NS = 1_000_000_000
 _DAY_NS = 86_400 * _S_NS
 _MOST_DAYS = 100_000
@@ -32,31 +41,48 @@ def epoch_ns(fields: tuple[int, int, int, int, int, int], fraction_ns: int, *, u
         return None
 
 
-def named_ns(text: str) -> int | None:
-    """Return the time of ``Sat Sep 30 10:06:13.191 PM 2017``, with English or German months; None where it is none."""
-    match = _NAMED.search(text)
-    month = match and _MONTHS.get(match[1][:3].lower())
-    if not match or not month:
+def written_ns(text: str, *, utc: bool = False) -> int | None:
+    """Return the time of a date and time of day in one of the forms that programs write; None where it is none.
+
+    ::
+
+        Sat Sep 30 10:06:13.191 PM 2017    with English or German names; Sep 30, 2017 …; 30 Sep 2017 …
+        18.12.2021 14:28:07.062.1          the fraction of ``.trc``
+        2021-12-18 14:28:07.0621           with T or a blank, and a time zone or none
+        9/30/2017 3:06:13 PM               month first, where there is AM or PM; else the part above 12 is the day
+    """
+    match = next((found for form in _FORMS if (found := form.search(text))), None)
+    if match is None:
         return None
-    hour = int(match[3])
-    if match[7]:
-        if not 1 <= hour <= 12:
+    told = match.groupdict()
+    month = _MONTHS.get(told["name"][:3].lower()) if "name" in told else int(told["m"])
+    day, hour = int(told["d"]), int(told["H"])
+    if month is None or (told["half"] and not 1 <= hour <= 12):
+        return None
+    if "/" in match[0] and "zone" not in told and not told["half"]:
+        if month <= 12 and day <= 12 and month != day:
             return None
-        hour = hour % 12 + (12 if match[7] in "pP" else 0)
-    fields = int(match[8]), month, int(match[2]), hour, int(match[4]), int(match[5])
-    return epoch_ns(fields, _fraction_ns(match[6]))
+        if month > 12:
+            month, day = day, month
+    if told["half"]:
+        hour = hour % 12 + (12 if told["half"] in "pP" else 0)
+    fraction = told["f"] or "0"
+    if told["g"]:
+        fraction = fraction.ljust(3, "0") + told["g"]
+    zone = told.get("zone")
+    at_ns = epoch_ns(
+        (int(told["y"]), month, day, hour, int(told["M"]), int(told["S"])),
+        int(fraction.ljust(9, "0")[:9]),
+        utc=utc or bool(zone),
+    )
+    return at_ns if at_ns is None or not zone else at_ns - _zone_ns(zone)
 
 
-def numbered_ns(text: str, *, utc: bool = False) -> int | None:
-    """Return the time of ``18.12.2021 14:28:07.062.1`` or ``2021-12-18 14:28:07.0621``; None where it is none."""
-    if match := _DOTTED.search(text):
-        day, month, year, hour, minute, second = (int(match[place]) for place in range(1, 7))
-        fraction_ns = int((match[7] or "0").ljust(3, "0")) * 1_000_000 + int((match[8] or "0").ljust(3, "0")) * 1_000
-        return epoch_ns((year, month, day, hour, minute, second), fraction_ns, utc=utc)
-    if match := _ISO.search(text):
-        year, month, day, hour, minute, second = (int(match[place]) for place in range(1, 7))
-        return epoch_ns((year, month, day, hour, minute, second), _fraction_ns(match[7]), utc=utc)
-    return None
+def _zone_ns(zone: str) -> int:
+    if zone in "zZ":
+        return 0
+    ahead = int(zone[1:3]) * 60 + int(zone[-2:])
+    return (-ahead if zone[0] == "-" else ahead) * 60 * _S_NS
 
 
 def days_ns(text: str, *, utc: bool = False) -> int | None:
@@ -72,7 +98,3 @@ def days_ns(text: str, *, utc: bool = False) -> int | None:
     told = datetime.fromtimestamp(whole - 25_569 * 86_400, UTC)
     fields = told.year, told.month, told.day, told.hour, told.minute, told.second
     return epoch_ns(fields, within_ns, utc=utc)
-
-
-def _fraction_ns(digits: str | None) -> int:
-    return int((digits or "0").ljust(9, "0")[:9])

@@ -39,7 +39,6 @@ from nvscope.capture.content import Content
 from nvscope.capture.reader import Reader, ReadingSizes
 from nvscope.capture.source import Truncation
 from nvscope.capture.time_span import TIME_LIMIT_NS
-from nvscope.errors import UnreadableInput
 from nvscope.extras import require
 
 _LARGEST_BLOCK_BYTES = 64 << 20
@@ -76,10 +75,6 @@ class MdfReader(Reader):
                     yield from batches.add(rows)
             except _Damaged as error:
                 damage = str(error)
-        if damage and not self.progress.frames:
-            raise UnreadableInput(
-                f"a damaged mf4 log: {damage}", where=self.content.path, next_step="copy the file again"
-            )
         if batches.rows:
             yield batches.take()
         if self._path:

@@ -52,6 +52,8 @@ class _Group:
         self._start_ns = start_ns
         self._left = int(mdf.groups[index].channel_group.cycles_nr)
         self._done = 0
+        self._chunk = _CHUNK_RECORDS
+        self.fault = ""
         self.records = np.empty(0, RECORD)
 
     @property
@@ -59,13 +61,23 @@ class _Group:
         return self._done >= self._left
 
     def fill(self) -> None:
-        """Take the next chunk where nothing is left of the last one."""
+        """Take the next chunk where nothing is left of the last one.
+
+        What cannot be read is asked for in smaller and smaller chunks: all before the record that is cut is whole.
+        """
         while not len(self.records) and not self.ended:
-            count = min(_CHUNK_RECORDS, self._left - self._done)
-            # Not raw: where fields share a byte, only what is converted has been taken apart.
-            signal = self._mdf.get(
-                KINDS[self._kind], group=self._index, raw=False, record_offset=self._done, record_count=count
-            )
+            count = min(self._chunk, self._left - self._done)
+            try:
+                # Not raw: where fields share a byte, only what is converted has been taken apart.
+                signal = self._mdf.get(
+                    KINDS[self._kind], group=self._index, raw=False, record_offset=self._done, record_count=count
+                )
+            except Exception:
+                if count == 1:
+                    self.fault = f"frame {self._done + 1} of channel group {self._index + 1} is cut or broken"
+                    self._left = self._done
+                self._chunk = max(count // 4, 1)
+                continue
             self._done += count
             self.records = self._of(signal.samples, np.asarray(signal.timestamps, np.float64))
 
@@ -174,6 +186,7 @@ def _limit_memory(path: str) -> None:
 
 def write(path: str, output: BinaryIO) -> None:
     """Write the frames of a file as blocks."""
+    failed = "its head cannot be read"
     try:
         _limit_memory(path)
         from asammdf import MDF  # noqa: PLC0415
@@ -181,13 +194,21 @@ def write(path: str, output: BinaryIO) -> None:
         mdf = MDF(path)
         start = mdf.header.start_time
         start_ns = int(start.timestamp()) * 1_000_000_000 + start.microsecond * 1000
-        for records in _merged(list(_groups(mdf, start_ns))):
+        failed = "the records of its channel groups cannot be read"
+        groups = list(_groups(mdf, start_ns))
+        for records in _merged(groups):
             content = records.tobytes()
             output.write(HEAD.pack(FRAMES, len(content)) + content)
+        failed = next((group.fault for group in groups if group.fault), "")
     except BrokenPipeError:
         return
-    except BaseException as error:
-        text = f"{type(error).__name__}: {error}"[:2000].encode("utf-8", "backslashreplace")
+    except MemoryError:
+        failed = "reading it takes too much memory"
+    except BaseException:
+        # What asammdf stumbled over is told in words of Python, which say nothing to who has the file.
+        failed = failed or "it cannot be read"
+    if failed:
+        text = failed.encode("utf-8")
         output.write(HEAD.pack(FAILED, len(text)) + text)
     else:
         output.write(HEAD.pack(DONE, 0))

@@ -29,11 +29,24 @@ class LoggedFrame(NamedTuple):
     channel: int | str | None
 
 
+UNDATED = "times count from 1970"
+"""What is so where nobody knows when a log began."""
+
+
 class LineFormat(Protocol):
     """What lines of a format say, asked in the order of the file: what a line says may hang on those before."""
 
+    @property
+    def remark(self) -> str:
+        """What is wrong with all lines that were read, '' for nothing: none of them is left out for it."""
+        ...
+
     def read(self, line: str) -> LoggedFrame | None:
         """Return the frame of a line without its line end, None where it tells none; raises LineFault."""
+        ...
+
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        """Return whether the last line of a file without a line end, which told that frame, can lack nothing of it."""
         ...
 
 
@@ -70,7 +83,7 @@ class TextLogReader(Reader):
             if self.content.failure and not lines.ended:
                 # What is left of a line whose rest could not be decompressed may look like a whole one.
                 break
-            found = self._read(line, lines.number)
+            found = self._read(line, lines.number, ended=lines.ended)
             if found is None:
                 continue
             frames.append(found.frame)
@@ -86,9 +99,12 @@ class TextLogReader(Reader):
             self._fault(f"line {lines.first_too_long}: more than {MAX_LINE_BYTES} characters", lines.too_long)
         self._tell()
 
-    def _read(self, line: str, number: int) -> LoggedFrame | None:
+    def _read(self, line: str, number: int, *, ended: bool) -> LoggedFrame | None:
+        text = line.rstrip("\r\n")
         try:
-            found = self._format.read(line.rstrip("\r\n"))
+            found = self._format.read(text)
+            if not ended and text.strip() and not self._format.is_whole(text, found):
+                raise LineFault("the file ends within this line")
             if found is not None:
                 if abs(found.frame.ts_ns) > TIME_LIMIT_NS:
                     raise LineFault("a time after 2116")
@@ -109,7 +125,13 @@ class TextLogReader(Reader):
 
     def _tell(self) -> None:
         at, what = self._first_fault
+        told = []
+        if self._format.remark:
+            at = 0
+            told.append(self._format.remark)
         if what:
-            more = "; the line is left out" if self._wrong == 1 else f"; {self._wrong} such lines are left out"
-            self.progress.left_out = what + (more if self._wrong else "")
+            told.append(what)
+            told.append("the line is left out" if self._wrong == 1 else f"{self._wrong} such lines are left out")
+        if told:
+            self.progress.left_out = "; ".join(told)
             self.progress.truncation = Truncation(at, self.progress.left_out)

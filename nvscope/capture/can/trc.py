@@ -7,6 +7,8 @@
     1.2, 1.3  1)  17535.400 1  Tx    00000100 -  8    00 00 00 00 00 00 00 00     (the "-" since 1.3)
     2.x    1     17535.400 DT 1  00000100 Tx -  8    00 00 00 00 00 00 00 00      (columns as $COLUMNS says)
 
+Those are [N],O,T,[B],I,d,[R],l or L,D: numbers, buses and a reserved column may be missing.
+
 Times are milliseconds since ``$STARTTIME`` (days since 30 December 1899) or ``Start time``, which are local, and those
 that python-can writes are of UTC. A file without a column for buses has bus 1. Status, warnings, error counters and
 events are no frames. Source: "PEAK CAN TRC File Format" (2020) and files that PEAK's converter wrote, in the tests of
@@ -28,12 +30,13 @@ from nvscope.capture.can.line_fields import (
     classic_frame,
     data_bytes,
     fd_frame,
+    may_go_on,
     number,
     remote_frame,
     scaled_ns,
     word_of,
 )
-from nvscope.capture.can.text_log import LoggedFrame, TextLogReader
+from nvscope.capture.can.text_log import UNDATED, LoggedFrame, TextLogReader
 from nvscope.capture.content import Content
 
 _MS_NS = 1_000_000
@@ -76,10 +79,13 @@ class TrcLines:
         self._major, self._minor = 1, 0
         self._letters = _COLUMNS_1[0]
         self._days = self._date = ""
+        self._lines = self._start_line = 0
+        self.remark = ""
         self._utc = False
         self._start_ns: int | None = None
 
     def read(self, line: str) -> LoggedFrame | None:
+        self._lines += 1
         text = line.strip()
         if not text:
             return None
@@ -88,10 +94,10 @@ class TrcLines:
             return None
         fields = self._fields(text)
         told = fields.told
-        count = told["N"] if "N" in told else fields.of("N", "number")
-        if self._major == 1:
+        count = told.get("N")
+        if count and self._major == 1:
             count = count.removesuffix(")")
-        if not count.isdecimal():
+        if count is not None and not count.isdecimal():
             raise LineFault(f"no number of a message in '{count[:40]}'")
         ts_ns = scaled_ns(fields.of("O", "time"), _MS_NS) + self._started_ns()
         way = _DIRECTIONS.get(told.get("d", ""), Direction.UNKNOWN)
@@ -101,15 +107,20 @@ class TrcLines:
         bus = told.get("B", "")
         return LoggedFrame(frame, (None if bus == "-" else number(bus, 10, "bus")) if bus else _ONLY_BUS)
 
+    def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        told = [] if found is None else self._fields(line.strip()).data
+        return not told or not may_go_on(told[-1], 16)
+
     def _head(self, text: str) -> None:
         if match := _VERSION.match(text):
             self._major, self._minor = int(match[1]), int(match[2])
             # The columns of version 2 are named behind it.
             self._letters = "" if self._major > 1 else _COLUMNS_1.get(self._minor, _COLUMNS_1[3])
         elif match := _START_DAYS.match(text):
-            self._days = match[1]
+            self._days, self._start_line = match[1], self._lines
         elif match := _START_DATE.match(text):
             self._date = match[1]
+            self._start_line = self._start_line or self._lines
         elif match := _COLUMNS.match(text):
             self._letters = match[1].replace(",", "")[:_MOST_COLUMNS]
         elif _BY_PYTHON_CAN in text:
@@ -119,7 +130,10 @@ class TrcLines:
         if self._start_ns is None:
             start_ns = log_dates.days_ns(self._days, utc=self._utc) if self._days else None
             if start_ns is None and self._date:
-                start_ns = log_dates.numbered_ns(self._date, utc=self._utc)
+                start_ns = log_dates.written_ns(self._date, utc=self._utc)
+            if start_ns is None:
+                line = self._start_line
+                self.remark = f"{f'line {line}: start time not understood' if line else 'no start time'}, so {UNDATED}"
             self._start_ns = start_ns or 0
         return self._start_ns
 

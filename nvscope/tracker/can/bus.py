@@ -59,7 +59,7 @@ class BusLoad:
 
 @dataclass(frozen=True, slots=True)
 class IdentifierBits:
-    """The frames of an identifier and their bits; ``share`` is their part of the bus's busy time, else of its bits."""
+    """The frames of an identifier and their bits; ``share`` is their part of all its busy time, else of its bits."""
 
     cob_id: int
     extended: bool
@@ -167,7 +167,8 @@ def _bus(
     return CanBusSummary(
         channel, int(columns.frames[rows].sum()), int(np.count_nonzero(columns.frames[rows])), int(exact.sum()),
         int(fast.sum()), int(exact[busiest]), int(columns.worst_bits[rows][busiest]), rate, load,
-        _identifiers(state, identifiers, rate), errors, tuple(nodes), evidence,
+        _identifiers(state, identifiers, rate, exact.sum(keepdims=True), fast.sum(keepdims=True)), errors,
+        tuple(nodes), evidence,
     )  # fmt: skip
 
 
@@ -184,13 +185,17 @@ def _duration_s(columns: IdentifierColumns, own: I64) -> float:
     return max(1.0, int(columns.last_ns[own].max() - columns.first_ns[own].min()) / _S_NS)
 
 
-def _identifiers(state: BusState, own: I64, rate: BitRate | None) -> tuple[IdentifierBits, ...]:
+def _identifiers(
+    state: BusState, own: I64, rate: BitRate | None, all_bits: I64, all_fast: I64
+) -> tuple[IdentifierBits, ...]:
     columns = state.load.identifiers.columns
     own = own[columns.frames[own] > 0]
     keys = state.load.identifiers.keys.low[own]
     bits, fast = columns.bits[own], columns.fast_bits[own]
     part = _percent(rate, bits, fast) if rate else (bits + fast).astype(np.float64)
-    share = part * (100 / max(float(part.sum()), 1e-9))
+    # Of all bits of the bus: those of identifiers that are not told apart are some too.
+    whole = _percent(rate, all_bits, all_fast) if rate else (all_bits + all_fast).astype(np.float64)
+    share = part * (100 / max(float(whole[0]), 1e-9))
     order = np.lexsort((keys, -share))
     figures = [
         columns.column(name)[own] for name in ("frames", "bits", "fast_bits", "first_ns", "last_ns", "first_frame")

@@ -2,6 +2,8 @@
 
 Frames are taken by identifier and length, and many a bus has such frames without any CANopen. A node is told only with
 evidence: a heartbeat or boot-up of its own, an NMT command, or SDO requests and answers (CiA 301, 7.2.4 and 7.2.8).
+Heartbeats are none any more from the frame on with which, from the first of them on, half of the frames of their COB-ID
+are no heartbeats: a counter of another protocol meets the states now and then.
 """
 
 from __future__ import annotations
@@ -9,11 +11,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, U32, U64
+from dissectors.batch import I64, U8, U16, U32, U64, Bool
 from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STATES, PREDEFINED, Service, use_of
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
@@ -53,11 +55,13 @@ _KIND = _kinds()
 class _NodeColumns(KeyedColumns):
     """One row a channel and node; node 0 has the commands to all. Frame numbers are 0, states -1 where there are none.
 
-    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest. The last four are the frames
-    in which a heartbeat, a command, an SDO request and an answer came first, ``NEVER`` where none did.
+    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest. ``strays`` are the frames
+    behind the first heartbeat, of its COB-ID, that are none. The last five are the frames in which a heartbeat, a
+    command, an SDO request and an answer came first, and with which heartbeats ceased to be evidence; else ``NEVER``.
     """
 
     heartbeats: I64
+    strays: I64
     boot_ups: I64
     changes: I64
     state: I64
@@ -74,8 +78,10 @@ class _NodeColumns(KeyedColumns):
     told_from: I64
     asked_from: I64
     answered_from: I64
+    doubted_from: I64
     COLUMNS: ClassVar = {
         "heartbeats": (np.int64(0), 1),
+        "strays": (np.int64(0), 1),
         "boot_ups": (np.int64(0), 1),
         "changes": (np.int64(0), 1),
         "state": (np.int64(_NO_STATE), 1),
@@ -92,6 +98,7 @@ class _NodeColumns(KeyedColumns):
         "told_from": (np.int64(NEVER), 1),
         "asked_from": (np.int64(NEVER), 1),
         "answered_from": (np.int64(NEVER), 1),
+        "doubted_from": (np.int64(NEVER), 1),
     }
 
 
@@ -144,6 +151,21 @@ class CanOpenNode:
     emergency: Emergency | None
 
 
+class Since(NamedTuple):
+    """Of nodes, the frames from which on there is evidence of them; ``NEVER`` where there is none.
+
+    ``lasting`` is evidence that stays; heartbeats are some from ``beats`` on, until ``doubted``.
+    """
+
+    lasting: I64
+    beats: I64
+    doubted: I64
+
+    def at(self, frame: int) -> Bool:
+        """Return of which nodes there is evidence by all that came up to a frame, with itself."""
+        return (self.lasting <= frame) | ((self.beats <= frame) & (frame < self.doubted))
+
+
 class CanOpen:
     """The CANopen nodes that were seen; ``nodes`` number the rows of ``columns``."""
 
@@ -157,10 +179,14 @@ class CanOpen:
         row = np.flatnonzero(kind)
         if not len(row):
             return
-        other = batch.extended[row] | batch.error[row] | batch.remote[row] | batch.fd[row] | (batch.fault[row] != 0)
+        other = batch.extended[row] | batch.error[row] | batch.remote[row] | (batch.fault[row] != 0)
+        beats = row[(kind[row] == _IS_HEARTBEAT) & ~other]
+        if len(beats):
+            self._observe_heartbeats(told, batch, beats)
+        other |= batch.fd[row]
         kind, length = kind[row], batch.length[row]
         for code, observe in (
-            (_IS_HEARTBEAT, self._observe_heartbeats), (_IS_EMCY, self._observe_emergencies),
+            (_IS_EMCY, self._observe_emergencies),
             (_IS_NMT, self._observe_commands), (_IS_ASKED, self._observe_requests),
             (_IS_ANSWERED, self._observe_answers),
         ):  # fmt: skip
@@ -185,11 +211,14 @@ class CanOpen:
 
     def _observe_heartbeats(self, told: Told, batch: CanBatch, row: I64) -> None:
         state = (batch.data[batch.at[row]] & np.uint8(_STATE_BITS)).astype(np.int64)  # node guarding toggles bit 7
-        known = np.isin(state, list(NODE_STATES))
-        row, state = row[known], state[known]
+        known = np.isin(state, list(NODE_STATES)) & (batch.length[row] == _BYTES[_IS_HEARTBEAT]) & ~batch.fd[row]
         number = self._numbers(batch.channel[row], _node_of(batch, row, _HEARTBEAT))
         order = stable_order(number, len(self.nodes))
-        number, state, row = number[order], state[order], row[order]
+        number, state, row, known = number[order], state[order], row[order], known[order]
+        self._observe_strays(number, known, batch.row[row] + told.first_frame)
+        number, state, row = number[known], state[known], row[known]
+        if not len(row):
+            return
         time_ns = batch.ts_ns[row]
         start, stop = runs_of(number)
         run, last, columns = number[start], stop - 1, self.columns
@@ -207,8 +236,25 @@ class CanOpen:
         np.add.at(columns.boot_ups, number[state == 0], 1)
         np.add.at(columns.changes, number[changed & (before != _NO_STATE)], 1)
         if told.is_heard:
-            new = np.flatnonzero(changed | (state == 0))
+            trusted = batch.row[row] + told.first_frame < columns.doubted_from[number]
+            new = np.flatnonzero((changed | (state == 0)) & trusted)
             self._tell(told, EventKind.NODE_STATE, batch, row[new], number[new], state[new])
+
+    def _observe_strays(self, number: I64, is_beat: Bool, frame: I64) -> None:
+        """Take all frames of the COB-IDs of heartbeats, those of each node together; those before are counted."""
+        start, stop = runs_of(number)
+        run, count, columns = number[start], stop - start, self.columns
+
+        def so_far(which: Bool, before: I64) -> I64:
+            total = np.cumsum(which)
+            return total - np.repeat(total[start] - which[start] - before[run], count)
+
+        beats = so_far(is_beat, columns.heartbeats)
+        is_stray = ~is_beat & (beats > 0)
+        strays = so_far(is_stray, columns.strays)
+        doubted = np.flatnonzero(is_stray & (strays >= beats))
+        np.minimum.at(columns.doubted_from, number[doubted], frame[doubted])
+        columns.strays[run] = strays[stop - 1]
 
     def _observe_emergencies(self, told: Told, batch: CanBatch, row: I64) -> None:
         number = self._numbers(batch.channel[row], _node_of(batch, row, _EMCY))
@@ -248,8 +294,8 @@ class CanOpen:
         number = self._numbers(batch.channel[row], _node_of(batch, row, _ANSWERED))
         np.minimum.at(self.columns.answered_from, number, batch.row[row] + told.first_frame)
 
-    def since(self, lists: Collection[int] = ()) -> I64:
-        """Return of each of ``nodes`` the frame from which on there is evidence of it, ``NEVER`` where there is none.
+    def since(self, lists: Collection[int] = ()) -> Since:
+        """Return of each of ``nodes`` the frames from which on there is evidence of it.
 
         The COB-IDs of ``lists`` are not CANopen's.
         """
@@ -261,13 +307,13 @@ class CanOpen:
             return np.where(np.isin(cob_id, taken), NEVER, frame[:count])
 
         talks = np.maximum(first(columns.asked_from, _ASKED), first(columns.answered_from, _ANSWERED))
-        told = np.minimum(first(columns.beats_from, _HEARTBEAT), first(columns.told_from, _NMT))
-        return np.minimum(talks, told)
+        lasting = np.minimum(talks, first(columns.told_from, _NMT))
+        return Since(lasting, first(columns.beats_from, _HEARTBEAT), columns.doubted_from[:count].copy())
 
     def evidence(self, lists: Collection[int] = ()) -> dict[int, Evidence]:
         """Return by channel of which nodes there is evidence; the COB-IDs of ``lists`` are not CANopen's."""
         found: dict[int, set[int]] = defaultdict(set)
-        evident = np.flatnonzero(self.since(lists) < NEVER)
+        evident = np.flatnonzero(self.since(lists).at(NEVER - 1))
         for channel, node in zip(self.nodes.high[evident].tolist(), self.nodes.low[evident].tolist(), strict=True):
             found[channel].add(node)
         return {channel: Evidence(frozenset(nodes)) for channel, nodes in found.items()}
@@ -289,7 +335,8 @@ class CanOpen:
 
     def _node(self, node: int, row: int, everybody: int | None, lists: Collection[int]) -> CanOpenNode:
         columns = self.columns
-        heartbeats = 0 if _cob_id(_HEARTBEAT, node) in lists else int(columns.heartbeats[row])
+        is_known = _cob_id(_HEARTBEAT, node) not in lists and columns.doubted_from[row] == NEVER
+        heartbeats = int(columns.heartbeats[row]) if is_known else 0
         emergencies = 0 if _cob_id(_EMCY, node) in lists else int(columns.emergencies[row])
         state = since_ns = None
         if heartbeats:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import ClassVar
 
-import numpy as np
-
 from dissectors.can.canopen import use_of
 from nvscope.engine.told import Told
-from nvscope.tracker.can.canopen import NEVER, CanOpen
+from nvscope.tracker.can.canopen import CanOpen, Since
 
-_ALL, _ANY = 0, -1
-"""In place of a node: what the NMT master said to all of them; the first evidence of any."""
+_ALL = 0
+"""In place of a node: what the NMT master said to all of them."""
 
 
 class CanOpenSince:
@@ -26,28 +24,25 @@ class CanOpenSince:
     def __init__(self, lists: Collection[int] = ()) -> None:
         self._lists = lists
         self._seen = CanOpen()
-        self._frames: dict[int, dict[int, int]] = {}
+        self._since: Since | None = None
+        self._rows: dict[int, dict[int, int]] = {}
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         if told.can is None:
             return
         self._seen.observe(told, told.can)
-        since, nodes = self._seen.since(self._lists), self._seen.nodes
-        row = np.flatnonzero(since >= told.first_frame)
-        row = row[since[row] < NEVER]
-        for channel, node, frame in zip(
-            nodes.high[row].tolist(), nodes.low[row].tolist(), since[row].tolist(), strict=True
-        ):
-            first = self._frames.setdefault(channel, {})
-            first[node] = frame
-            first[_ANY] = min(frame, first.get(_ANY, NEVER))
+        self._since, nodes = self._seen.since(self._lists), self._seen.nodes
+        known = sum(map(len, self._rows.values()))
+        fresh = zip(nodes.high[known:].tolist(), nodes.low[known:].tolist(), strict=True)
+        for row, (channel, node) in enumerate(fresh, known):
+            self._rows.setdefault(channel, {})[node] = row
 
     def of_frame(self, channel: int, cob_id: int, frame_number: int) -> bool:
         """Tell whether a frame of a COB-ID is CANopen's by what came up to it, with itself; as ``Evidence`` has it."""
         service, node = use_of(cob_id)
-        first = self._frames.get(channel)
-        if first is None or not service:
+        row_of = self._rows.get(channel)
+        if row_of is None or self._since is None or not service:
             return False
-        since = min(first.get(node, NEVER), first.get(_ALL, NEVER)) if node else first[_ANY]
-        return since <= frame_number
+        rows = [row_of[one] for one in (node, _ALL) if one in row_of] if node else list(row_of.values())
+        return bool(self._since.at(frame_number)[rows].any())

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from dissectors.batch import DIRECTION_NAMES, Direction
+from dissectors.batch import DIRECTION_NAMES, U8, Bool, Direction
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.canopen import FUNCTION_NAMES, function_of, node_of
+from dissectors.can.error import DETAIL, classes_of, describe_error
 from dissectors.can.frame import CanBatch, Fault
+from dissectors.layout import gather_bytes
 from nvscope.expression.typed_columns import BytesColumn, FieldType, Numbers, TextColumn
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import CAN, FrameRows
@@ -30,6 +32,35 @@ def _channel(rows: FrameRows) -> TextColumn:
 
 def _data(frames: CanBatch) -> BytesColumn:
     return BytesColumn(frames.data, frames.at, frames.at + frames.captured)
+
+
+def _detail(errors: CanBatch) -> U8:
+    """Return the bytes of error frames, shape (n, 8), 0 where fewer were captured."""
+    detail = gather_bytes(errors.data, errors.at, DETAIL.size_bytes).view(np.uint8).reshape(len(errors), -1)
+    captured: U8 = np.where(np.arange(DETAIL.size_bytes) < errors.captured[:, np.newaxis], detail, np.uint8(0))
+    return captured
+
+
+def _has_data(frames: CanBatch) -> Bool:
+    has: Bool = ~frames.error | (classes_of(frames) != 0)
+    # What a log did not record of an error is filled up with zeros, which nobody sent.
+    untold = np.flatnonzero(~has)
+    if len(untold):
+        has[untold] = _detail(frames.take(untold)).any(axis=1)
+    return has
+
+
+def _error(frames: CanBatch) -> TextColumn:
+    code = np.zeros(len(frames), np.int64)
+    texts = [""]
+    position = np.flatnonzero(frames.error)
+    if len(position):
+        errors = frames.take(position)
+        told = np.column_stack([errors.identifier.astype("<u4").view(np.uint8).reshape(-1, 4), _detail(errors)])
+        seen, which = np.unique(told, axis=0, return_inverse=True)
+        code[position] = which.reshape(-1) + 1
+        texts += [describe_error(int.from_bytes(one[:4], "little"), one[4:]) for one in map(bytes, seen)]
+    return TextColumn(code, tuple(texts))
 
 
 def _function_number(frames: CanBatch) -> Any:
@@ -67,8 +98,8 @@ CAN_FIELDS = (
         replace(field, of=CAN)
         for field in (
             TelegramField(
-                "can.id", _UNSIGNED, "Identifier", "of 11 or 29 bits; of an error frame its classes",
-                lambda frames: frames.identifier, hex_digits=3,
+                "can.id", _UNSIGNED, "Identifier", "of 11 or 29 bits; an error frame has none",
+                lambda frames: frames.identifier, lambda frames: ~frames.error, hex_digits=3,
             ),
             TelegramField(
                 "can.flags.xtd", _BOOL, "Extended", "identifier of 29 bits", lambda frames: frames.extended
@@ -80,11 +111,15 @@ CAN_FIELDS = (
                 "can.flags.err", _BOOL, "Error", "error frame, made by the controller's driver",
                 lambda frames: frames.error,
             ),
+            TelegramField(
+                "can.error", _TEXT, "Error", "what an error frame tells, in words", _error,
+                lambda frames: frames.error,
+            ),
             TelegramField("can.len", _UNSIGNED, "Length", "bytes of data", lambda frames: frames.length),
             TelegramField(
                 "can.dlc", _UNSIGNED, "DLC", "data length code, up to 8, of CAN FD up to 15", lambda frames: frames.dlc
             ),
-            TelegramField("can.data", FieldType.BYTES, "Data", "captured bytes of data", _data),
+            TelegramField("can.data", FieldType.BYTES, "Data", "captured bytes of data", _data, _has_data),
             TelegramField("can.fd", _BOOL, "CAN FD", "frame of CAN FD", lambda frames: frames.fd),
             TelegramField(
                 "canfd.flags.brs", _BOOL, "Bit rate switch", "of CAN FD", lambda frames: frames.brs,

@@ -179,7 +179,7 @@ EITHER_OF = MappingProxyType(
 PROTOCOL_TESTS = MappingProxyType(
     {
         "frame": "frame.number", "eth": "eth.dst", "vlan": "vlan.id", "ip": "ip.version == 4",
-        "ipv6": "ip.version == 6", "udp": "udp.dstport", "tcp": "tcp.dstport", "nv": "nv.id", "can": "can.id",
+        "ipv6": "ip.version == 6", "udp": "udp.dstport", "tcp": "tcp.dstport", "nv": "nv.id", "can": "can.len",
         "canfd": "can.fd", "canopen": "canopen.function",
     }
 )  # fmt: skip

@@ -99,12 +99,22 @@ STUFF, SENDING, ACKNOWLEDGEMENT, PROTOCOL = 0x04, 0x80, 0x20, 0x08
         # Those of Vector's CAN core, of which two are from files that CANoe wrote.
         (73, error_ext(0x0E, 0x82, 0x20A2), PROTOCOL, bytes((0, 0, STUFF, 0, 0, 0, 0, 0))),
         (73, error_ext(0xFFFE, 0xC7, 0x31CA), ACKNOWLEDGEMENT, NOTHING),
+        # An older program left the repetition 0; where both differ, the register counts.
+        (73, error_ext(2, 0x82, 0), PROTOCOL, bytes((0, 0, STUFF, 0, 0, 0, 0, 0))),
+        (73, error_ext(2, 0xC1, 0), PROTOCOL, bytes((0, 0, 2 | SENDING, 0, 0, 0, 0, 0))),
+        (73, error_ext(2, 0x42, 0x3000), ACKNOWLEDGEMENT, NOTHING),
+        (73, error_ext(2, 0x80, 0x3000 | 1 << 6), PROTOCOL, bytes((0, 0, 1, 0, 0, 0, 0, 0))),
+        # Nobody filled in either.
+        (73, error_ext(2, 0, 0), 0, NOTHING),
+        (73, error_ext(2, 0, 0x003F), 0, NOTHING),
         (73, error_ext(2, 0, 0x3000), PROTOCOL, bytes((0, 0, 1 | SENDING, 0, 0, 0, 0, 0))),
         (73, error_ext(2, 0, 0x2000 | 4 << 6), PROTOCOL, bytes((0, 0, 0, 0x08, 0, 0, 0, 0))),
         (73, error_ext(2, 0, 0x2000 | 3 << 6), PROTOCOL, NOTHING),
         (73, error_ext(2, 0, 0x1000 | 2 << 6), ACKNOWLEDGEMENT, NOTHING),
         (104, fd_error_64(0, 0xFF, 0xFFFF), 0, NOTHING),
         (104, fd_error_64(2, 0, 0x2000 | 1 << 6), PROTOCOL, bytes((0, 0, 2, 0, 0, 0, 0, 0))),
+        (104, fd_error_64(2, 0x84, 0), PROTOCOL, bytes((0, 0, 0, 0x08, 0, 0, 0, 0))),
+        (104, fd_error_64(2, 0, 0), 0, NOTHING),
         (104, fd_error_64(1, 0xA2, 0), PROTOCOL, bytes((0, 0, STUFF, 0x02, 0, 0, 0, 0))),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from dissectors.batch import Direction
 from nvscope.capture.can import mdf_child
 from nvscope.capture.can.mdf_child import DONE, FAILED, FRAMES, HEAD, RECORD
 from nvscope.capture.capture_file import CaptureFile
-from nvscope.errors import UnreadableInput
 from tests.capture.can.logs import Frame, frames_of
 from tests.capture.can.test_log import some_frames, written
 
@@ -64,9 +64,10 @@ def test_a_file_that_ends_who_reads_it_is_damaged(child: Path, then: str, told: 
     truncation = source.infos[0].truncation
     assert truncation is not None
     assert told in truncation.message
-    with pytest.raises(UnreadableInput, match=told) as caught:
-        frames_of(says(child, b"", then))
-    assert "copy the file again" in caught.value.next_step
+    # One of which nothing can be read is no reason to leave out the files beside it.
+    source = says(child, b"", then)
+    assert not frames_of(source)
+    assert told in str(source.infos[0].truncation)
 
 
 @pytest.mark.parametrize(
@@ -127,6 +128,37 @@ def test_who_stops_leaves_no_process_behind(child: Path) -> None:
     next(iter(source))
     source.stop()
     assert Path("/proc").exists() is False or not Path(f"/proc/{Path(f'{child}.pid').read_text()}").exists()
+
+
+@pytest.mark.parametrize("whole", [0, 1, 5, 16_383, 16_384, 16_385, 20_000])
+def test_all_before_a_record_that_cannot_be_read_is(whole: int) -> None:
+    """Whoever asks for a record that is cut, be it among others, gets none."""
+
+    def get(name: str, *, group: int, raw: bool, record_offset: int, record_count: int) -> SimpleNamespace:
+        assert (name, group, raw) == ("CAN_DataFrame", 0, False)
+        if record_offset + record_count > whole:
+            raise ValueError("array-shape mismatch")
+        identifier = np.arange(record_offset, record_offset + record_count, dtype=np.uint32)
+        return SimpleNamespace(
+            samples=identifier.view([("CAN_DataFrame.ID", "u4")]), timestamps=np.zeros(record_count, np.float64)
+        )
+
+    head = SimpleNamespace(channel_group=SimpleNamespace(cycles_nr=30_000))
+    group = mdf_child._Group(SimpleNamespace(groups=[head], get=get), 0, 0, 0)
+    found = [one["identifier"] for records in mdf_child._merged([group]) for one in records]
+    assert found == list(range(whole))
+    assert group.fault == f"frame {whole + 1} of channel group 1 is cut or broken"
+
+
+@pytest.mark.parametrize("size", [64, 100, 500, 1000])
+def test_a_file_that_is_cut_early_is_told_in_words_for_people(tmp_path: Path, size: int) -> None:
+    path = written(tmp_path / "a.mf4", some_frames(1, 20))
+    path.write_bytes(path.read_bytes()[:size])
+    source = CaptureFile(str(path))
+    assert not frames_of(source)
+    assert "damaged: " in str(source.infos[0].truncation)
+    assert "Error" not in str(source.infos[0].truncation)
+    assert "mmap" not in str(source.infos[0].truncation)
 
 
 def test_a_file_that_its_logger_did_not_finish(tmp_path: Path) -> None:

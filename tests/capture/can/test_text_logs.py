@@ -77,6 +77,10 @@ FAST = "0 0 2 4 01 02"
             (8, "e", 8, bytes((0, 0, 4, 0, 0, 0, 0, 0)), 0),
         ),
         (
+            "2.5 1 ErrorFrame Flags = 0x2 CodeExt = 0x0 Code = 0x81 ID = 2c0 DLC = 0 Position = 5 Length = 11300",
+            (8, "e", 8, bytes((0, 0, 2, 0, 0, 0, 0, 0)), 0),
+        ),
+        (
             "2.5 CANFD 1 Tx ErrorFrame Not Acknowledge error, dominant error flag fffe c7 31ca Arb. 556 44 0 0 f 64 00",
             (0x20, "e", 8, bytes(8), 0),
         ),
@@ -212,6 +216,24 @@ def test_lines_of_trc(tmp_path: Path, text: str, channel: str, expected: tuple[o
     assert one(tmp_path / "a.trc", text)[1:] == (channel, *expected)
 
 
+@pytest.mark.parametrize("length", ["l", "L"])
+@pytest.mark.parametrize("optional", ["", "N", "B", "R", "NB", "NR", "BR", "NBR"])
+def test_lines_of_trc_with_any_columns_that_version_2_permits(tmp_path: Path, optional: str, length: str) -> None:
+    letters = [one for one in f"NOTBIdR{length}D" if one not in "NBR" or one in optional]
+    told = {"N": "7", "O": "500.000", "B": "2", "I": "0110", "d": "Rx", "R": "-"}
+    frames = [
+        ("DT", {"l": "2", "L": "2", "D": "05 06"}, (0x110, "", 2, b"\5\6", 0)),
+        ("FB", {"l": "12", "L": "9", "D": "0A " * 12}, (0x110, "fb", 12, b"\n" * 12, 0)),
+        ("RR", {"l": "4", "L": "4", "D": ""}, (0x110, "r", 4, b"", 0)),
+    ]
+    lines = ("  ".join((told | {"T": kind} | own)[letter] for letter in letters) for kind, own, _ in frames)
+    head = f";$FILEVERSION=2.1\n;$STARTTIME=43008.5\n;$COLUMNS={','.join(letters)}\n"
+    source, found = read(tmp_path / "a.trc", head + "\n".join(lines) + "\n")
+    assert source.infos[0].truncation is None
+    channel = "can2" if "B" in optional else "can1"
+    assert [frame[1:] for frame in found] == [(channel, *expected) for _, _, expected in frames]
+
+
 @pytest.mark.parametrize(
     ("head", "line"),
     [
@@ -301,6 +323,54 @@ def test_directions_are_those_that_tshark_reads(tmp_path: Path) -> None:
     command = ["tshark", "-r", str(tmp_path / "b.pcapng"), "-T", "fields", "-e", "frame.packet_flags_direction"]
     told = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n")
     assert [int(one, 16) if one else 0 for one in told[:3]] == [1, 2, 0]
+
+
+@utc
+@pytest.mark.parametrize(
+    "date",
+    [
+        "Sat Sep 30 22:06:13 2017", "Sam Sep 30 10:06:13 pm 2017", "Sep 30, 2017 22:06:13", "30 Sep 2017 10:06:13pm",
+        "30. September 2017 22:06:13", "30-Sep-2017 22:06:13", "30.09.2017 22:06:13", "30.9.2017, 22:06:13.000",
+        "2017-09-30 22:06:13", "2017/09/30 22:06:13", "2017-09-30T22:06:13Z", "2017-10-01T00:06:13.000+02:00",
+        "9/30/2017 10:06:13 PM", "09/30/2017 22:06:13", "30/09/2017 22:06:13",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("ending", "text"),
+    [
+        ("asc", "date {}\nbase hex  timestamps absolute\n0.5 1 123 Rx d 0\n"),
+        ("asc", "date rubbish\nbase hex\nBegin Triggerblock {}\n0.5 1 123 Rx d 0\n"),
+        ("trc", ";   Start time: {}\n 1)  500  0123  0\n"),
+    ],
+)
+def test_dates_in_the_forms_that_programs_write(tmp_path: Path, zone: None, date: str, ending: str, text: str) -> None:
+    assert one(tmp_path / f"a.{ending}", text.format(date)).ts_ns == START_NS - 191_000_000 + 500_000_000
+
+
+@pytest.mark.parametrize(
+    ("ending", "text", "expected"),
+    [
+        ("asc", "base hex  timestamps absolute\n0.5 1 123 Rx d 0\n", "no date, so times"),
+        ("asc", "// 1\ndate rubbish\nbase hex\n0.5 1 123 Rx d 0\n", "line 2: date not understood, so times"),
+        # It may be the 5th of June, or the 6th of May.
+        ("asc", "date 5/6/2017 15:06:13\nbase hex\n0.5 1 123 Rx d 0\n", "line 1: date not understood, so times"),
+        ("asc", "date 31.02.2017 15:06:13\nbase hex\n0.5 1 123 Rx d 0\n", "line 1: date not understood, so times"),
+        ("trc", ";$FILEVERSION=1.1\n 1)  500.0 Rx 0123  0\n", "no start time, so times"),
+        ("trc", ";$FILEVERSION=1.1\n;$STARTTIME=1700000000.123\n 1)  500.0 Rx 0123  0\n",
+         "line 2: start time not understood, so times"),
+    ],
+)  # fmt: skip
+def test_a_start_that_is_not_known_is_told_once(tmp_path: Path, ending: str, text: str, expected: str) -> None:
+    source, (frame,) = read(tmp_path / f"a.{ending}", text)
+    told = source.infos[0].truncation
+    assert told
+    assert told.message == f"{expected} count from 1970"
+    assert frame.ts_ns == 500_000_000
+    source, _ = read(tmp_path / f"a.{ending}", text + "rubbish\n")
+    told = source.infos[0].truncation
+    assert told
+    assert told.message.startswith(f"{expected} count from 1970; line ")
+    assert told.message.endswith("; the line is left out")
 
 
 @utc

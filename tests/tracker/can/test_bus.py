@@ -16,6 +16,7 @@ from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import dissect_can
 from nvscope.definition.buses import Buses, BusSettings
 from nvscope.definition.limits import Limits
+from nvscope.engine.reading import Reading
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
@@ -133,3 +134,19 @@ def test_the_data_phase_of_can_fd_has_its_own_bit_rate() -> None:
         assert bus.load.peak == pytest.approx(100 * seconds)
         assert bus.load.partial == partial
         assert bus.fast_bits == bits.fast.sum()
+
+
+@pytest.mark.parametrize("rate", [None, 125_000])
+@pytest.mark.parametrize("most", [1, 2, 3])
+def test_shares_are_those_of_the_whole_bus_however_few_identifiers_are_told_apart(rate: int | None, most: int) -> None:
+    frames = bus_traffic(125_000, 0.3, 300, seed=1)
+    shares = []
+    for limit in (most, 10_000):
+        state = TrackerState()
+        observed(state, [batch(frames)], Reading(max_streams=limit))
+        (bus,) = summarize(state, buses=at(rate) if rate else None).can.buses
+        shares.append({(entry.cob_id, entry.extended): entry.share for entry in bus.identifiers})
+    few, every = shares
+    assert len(few) == most < len(every)
+    assert few == pytest.approx({key: every[key] for key in few})
+    assert sum(every.values()) == pytest.approx(100)

@@ -6,6 +6,7 @@ import random
 from collections import defaultdict
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -36,6 +37,7 @@ def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
         lambda: {"heartbeats": 0, "changes": 0, "boot_ups": 0, "state": None, "since_ns": None, "emergencies": 0}
     )
     evident: dict[str, set[int]] = defaultdict(set)
+    strays: dict[int, int] = defaultdict(int)
     for time_ns, channel, word, data in frames:
         if channel or word > 0x7FF:
             continue
@@ -46,6 +48,11 @@ def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
             if state != node["state"]:
                 node["changes"] += node["state"] is not None
                 node["state"], node["since_ns"] = state, time_ns
+        elif 0x701 <= word <= 0x77F:
+            number = word - 0x700
+            strays[number] += number in nodes and nodes[number]["heartbeats"] > 0
+            if strays[number] and strays[number] >= nodes[number]["heartbeats"]:
+                evident["doubted"].add(number)
         elif 0x81 <= word <= 0xFF and len(data) == 8:
             nodes[word - 0x80]["emergencies"] += 1
         elif 0x601 <= word <= 0x67F and len(data) == 8:
@@ -55,8 +62,14 @@ def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
         elif word == 0 and len(data) == 2 and data[0] in (1, 2, 128, 129, 130) and data[1] < 128:
             evident["commanded"].add(data[1])
     # Without a heartbeat of it, a command, or an SDO with its answer, nobody knows that a node is one of CANopen.
+    for number in evident["doubted"]:
+        nodes[number] |= {"heartbeats": 0, "changes": 0, "boot_ups": 0}
     known = evident["commanded"] | (evident["asked"] & evident["answered"])
-    return {number: node for number, node in nodes.items() if node["heartbeats"] or number in known or 0 in known}
+    return {
+        number: node
+        for number, node in nodes.items()
+        if node["heartbeats"] or (node["emergencies"] and (number in known or 0 in known))
+    }
 
 
 def talk(seed: int, count: int) -> list[Frame]:
@@ -112,6 +125,28 @@ def test_a_node_without_heartbeat_has_the_state_it_was_commanded_to() -> None:
     assert [(node.node, node.state, node.since_ns, node.commanded) for node in nodes_of(frames)] == [
         (5, 127, START_NS + 3, True), (7, 5, START_NS + 2, True),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("data", "is_node"),
+    [
+        # A counter of another protocol meets states.
+        ([bytes((value,)) for value in range(256)], False),
+        ([bytes((value % 8,)) for value in range(256)], False),
+        ([bytes((value, 0)) for value in (0, 4, 5)], False),
+        ([b"\5", b"\5", b"\5 ", b"\5", b"\6", b"\5"], True),
+        # What a device sends there before it boots says nothing against it.
+        ([b"\x11", b"\x12", b"\x13", b"\0", b"\x7f", b"\5"], True),
+        ([b"\0", b"\x85", b"\x05"], True),
+        ([b"\5", b"\6"], False),
+    ],
+)
+@pytest.mark.parametrize("emergencies", [0, 1])
+def test_heartbeats_among_other_frames_are_no_evidence(data: list[bytes], is_node: bool, emergencies: int) -> None:
+    frames: list[Frame] = [(START_NS + place, 0, 0x702, one) for place, one in enumerate(data)]
+    frames += [(START_NS + 1000, 0, 0x82, bytes(8))] * emergencies
+    for cut in (1, 2, 1000):
+        assert [node.node for node in nodes_of(frames, cut)] == [2] * is_node
 
 
 def test_the_frames_of_a_list_are_no_heartbeats() -> None:
