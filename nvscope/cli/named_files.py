@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from nvscope.capture.compressed import compression_of
@@ -12,8 +13,10 @@ from nvscope.capture.content import STDIN
 from nvscope.capture.formats import TEXT_HEAD_BYTES, format_of
 from nvscope.cli.terminal import echo
 from nvscope.errors import UnreadableInput, UsageError
+from nvscope.whole_files import refuse_stdout_onto
 
 _MOST_LOOKED_AT = 1_000
+_STDOUT = 1
 _BINARY = {"pcap", "pcapng"}
 
 
@@ -48,11 +51,23 @@ def named_files(
                 next_step=f"name the capture, too; `nvscope gvl layout {definitions[0]}` shows what a definition says",
             )
         raise UsageError("no source is given", next_step="name a capture file, or - to read one from stdin")
+    refuse_stdout_onto(_read([*captures, *definitions]))
     if not definitions:
         for path in captures:
             if _is_directory(path) and _holds_definitions(path):
                 echo(f"nvscope: {path} holds definitions, too; --gvl {path} takes them.", err=True)
     return NamedFiles(captures, definitions)
+
+
+def _read(paths: Sequence[str]) -> Iterator[str]:
+    """Yield the paths, and behind a directory the capture in it to which stdout goes, if there is one."""
+    for path in paths:
+        yield path
+        if _is_directory(path):
+            with suppress(OSError), os.scandir(path) as entries:
+                yield from (
+                    one.path for one in entries if _identity(one.path) == _identity(_STDOUT) and _is_capture(one.path)
+                )
 
 
 def _expanded(sources: Sequence[str]) -> list[str]:
@@ -123,7 +138,7 @@ def _is_capture(path: str) -> bool:
     return True
 
 
-def _identity(path: str) -> tuple[int, int] | None:
+def _identity(path: str | int) -> tuple[int, int] | None:
     try:
         status = os.stat(path)
     except (OSError, ValueError):

@@ -24,9 +24,9 @@ def format_of(path: str) -> str:
 
     Stdout without one is CSV. What is written to it must not need a file in which one can go back.
     """
-    if path == "-":
-        return "csv"
     ending = os.path.splitext(path)[1].lower()
+    if is_stdout(path) and not ending:
+        return "csv"
     if is_stdout(path) and _ENDINGS.get(ending) == "parquet":
         raise UsageError("Parquet cannot be written to stdout", next_step="name a file, or take -w -.csv or -.ndjson")
     if ending not in _ENDINGS:
