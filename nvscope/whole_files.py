@@ -72,7 +72,8 @@ class WholeFiles:
     """
 
     def __init__(self, inputs: Iterable[str | os.PathLike[str]] = (), *, force: bool = False) -> None:
-        self._inputs = {identity for path in (_STDIN, *map(Path, inputs)) if (identity := _identity(path))}
+        read: list[Path | int] = [_STDIN, *map(Path, inputs)]
+        self._inputs = {identity for one in read if (identity := _identity(one))}
         self._force = force
         self._files: list[WholeFile] = []
         _LIVE.add(self)
