@@ -114,6 +114,8 @@ class WholeFiles:
 
     def _added(self, file: WholeFile, existing: Existing) -> WholeFile:
         file.existing = existing
+        if not file.path:
+            raise UsageError("the name of a file to write is empty", next_step="name one, or leave the option out")
         identity = file.identity()
         if identity is not None and identity in self._inputs:
             raise _is_input(file.path)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nvscope.cli.terminal import echo
+from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
@@ -53,6 +54,8 @@ def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
     """
     from nvscope.definition.project import Project
 
+    if path == "":
+        raise UsageError("the name of the project file is empty", next_step="name one, or leave --project out")
     found = _next_project() if path is None else Path(path)
     if found is None and not gvl:
         return Project()

@@ -34,9 +34,10 @@ def named_files(
     """Return what was named as arguments, by -r and by --gvl, sorted by what it is.
 
     A shell makes one --gvl and arguments of ``--gvl *.gvl``, and does not say what stands first. A pattern that it left
-    as it is stands for its files. Raises UsageError where there is no capture.
+    as it is stands for its files. Raises UsageError where there is no capture, UnreadableInput for a pattern without
+    files.
     """
-    captures = list(read or ())
+    captures = _expanded(read or ())
     definitions: list[str] = []
     for path in gvl or ():
         (captures if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
@@ -71,13 +72,21 @@ def _read(paths: Sequence[str]) -> Iterator[str]:
 
 
 def _expanded(sources: Sequence[str]) -> list[str]:
-    """Return the sources, with the files of patterns in place of these: some shells leave them to the program."""
+    """Return the sources, with the files of patterns in place of these: some shells leave them to the program.
+
+    Raises UnreadableInput for a pattern that no file has.
+    """
     found: list[str] = []
     for path in sources:
         if path != STDIN and ("*" in path or "?" in path or "[" in path) and not os.path.lexists(path):
             from glob import glob
 
-            found += sorted(glob(path)) or [path]
+            matching = sorted(glob(path))
+            if not matching:
+                raise UnreadableInput(
+                    "no file matches this pattern", where=path, next_step="check the directory, and the ending"
+                )
+            found += matching
         else:
             found.append(path)
     return found

@@ -54,6 +54,8 @@ def simulate(
             "a scenario and -w FILE are needed",
             next_step="nvscope simulate SCENARIO.toml -w FILE.pcap; --keys lists what a scenario can say",
         )
+    if "" in (write, truth, gvl):
+        raise UsageError("the name of a file to write is empty", next_step="name one, or leave the option out")
     told_to = None if truth == "-" else truth or f"{write}.truth.json"
     plan = load_scenario(scenario)
 

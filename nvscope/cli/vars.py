@@ -185,6 +185,8 @@ def _check(
         raise UsageError(f"{asked[0]} and {asked[1]} exclude each other", next_step="ask for one after the other")
     if every and history is None:
         raise UsageError("--all is for --history", next_step="add --history NAME, or leave --all out")
+    if write == "":
+        raise UsageError("the name of a file to write is empty", next_step="name one, or leave -w out")
     if write is not None and not infer:
         raise UsageError("-w is for --infer", next_step="`nvscope export` writes values to files")
     if write is not None and as_json and is_stdout(write):
@@ -357,6 +359,8 @@ def _draft_paths(write: str, lists: list[tuple[int, int]]) -> list[Path]:
     path = Path(write)
     if len(lists) == 1:
         return [path]
+    if not path.name or path.name == "..":
+        raise UsageError("no name of a file", where=write, next_step="name one, such as draft.gvl, with -w")
     identifiers = [index for _, index in lists]
     return [
         path.with_name(f"{path.stem}-{f'{port}-' if identifiers.count(index) > 1 else ''}{index}{path.suffix}")
