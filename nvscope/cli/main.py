@@ -16,6 +16,7 @@ from nvscope.capture.bus_error import end_in_words
 from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
 from nvscope.cli.program import VERBS, program
 from nvscope.cli.streams import drop_output, prepare
+from nvscope.cli.terminal import notice
 from nvscope.cli.threads import start_no_threads
 from nvscope.cli.words import in_order
 from nvscope.errors import CaptureError, ExitCode, NvscopeError, UnreadableInput
@@ -139,8 +140,8 @@ def _show_usage(error: Exception) -> None:
 
 def _show(error: NvscopeError) -> None:
     where = f"{visible(error.where)}: " if error.where else ""
-    print(f"nvscope: {where}{visible(error.what)}", file=sys.stderr)
+    print(notice(f"nvscope: {where}{visible(error.what)}"), file=sys.stderr)
     for line in error.excerpt:
         print(f"  {line}", file=sys.stderr)
     if error.next_step:
-        print(f"  {visible(error.next_step)}", file=sys.stderr)
+        print(notice(f"  {visible(error.next_step)}"), file=sys.stderr)
