@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import filecmp
 import io
 import os
+import re
 import shutil
+import stat
 from collections.abc import Callable, Iterable
 from enum import Enum
 from pathlib import Path
@@ -18,7 +21,9 @@ _Result = TypeVar("_Result")
 
 _BUFFER_BYTES = 64 << 10
 _LONGEST_NAME_BYTES = 180
-_STDOUT = 1
+_STDIN, _STDOUT = 0, 1
+_STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
+_DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d{1,9})", re.ASCII)
 _NEXT_STEP = "check the directory, its permissions and the space left"
 
 
@@ -29,11 +34,25 @@ class Existing(Enum):
     """It was asked for by name, and what is in it can be made again."""
     KEPT = "kept"
     """It was not asked for by name, or somebody may have changed it."""
+    SAME = "same"
+    """It stays, unless what is written is what is in it: that is known when the new one is complete."""
 
 
 def is_stdout(path: str) -> bool:
-    """Return whether a name stands for stdout: ``-``, or with the suffix of a format ``-.ndjson``."""
-    return path.startswith("-") and os.path.splitext(path)[0] == "-"
+    """Return whether a name stands for stdout: ``-``, with the suffix of a format ``-.ndjson``, or the system's own."""
+    return _descriptor_of(path) == _STDOUT
+
+
+def refuse_stdout_onto(inputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Raise UsageError where stdout goes to one of the files that are read: what is printed would end up in it.
+
+    A shell has emptied a file that stands behind ``>``, and only what stands behind ``>>`` can still be saved.
+    """
+    shown = _identity(_STDOUT)
+    for path in inputs if shown else ():
+        read: Path | int = _STDIN if path == "-" else Path(path)
+        if _identity(read) == shown:
+            raise _is_input(f"stdout, which is {os.fspath(path)}")
 
 
 _LIVE: WeakSet[WholeFiles] = WeakSet()
@@ -48,11 +67,13 @@ def discard_all() -> None:
 class WholeFiles:
     """The files that one command writes: all of them appear when all are complete, or none at all.
 
-    ``inputs`` are files that it reads: none of them is written. With ``force`` whatever exists is replaced.
+    ``inputs`` are files that it reads: none of them is written, nor is a file that is stdin. With ``force`` whatever
+    exists is replaced.
     """
 
     def __init__(self, inputs: Iterable[str | os.PathLike[str]] = (), *, force: bool = False) -> None:
-        self._inputs = {identity: os.fspath(path) for path in inputs if (identity := _identity(Path(path)))}
+        read: list[Path | int] = [_STDIN, *map(Path, inputs)]
+        self._inputs = {identity for one in read if (identity := _identity(one))}
         self._force = force
         self._files: list[WholeFile] = []
         _LIVE.add(self)
@@ -67,9 +88,7 @@ class WholeFiles:
 
     def reserve(self, path: str, existing: Existing = Existing.REPLACED) -> WholeFile:
         """Return a new file that something else opens, as ``unfinished``. Raises what ``open`` does."""
-        file = self.open(path, existing)
-        file.file.close()
-        return file
+        return self._added(WholeFile(path), existing).reserve()
 
     def write(self, path: str, content: bytes, existing: Existing = Existing.KEPT) -> None:
         """Write a whole file; one that has this content already is left as it is. Raises what ``open`` does."""
@@ -83,6 +102,9 @@ class WholeFiles:
         for file in self._files:
             file.finish()
         for file in self._files:
+            if file.existing is Existing.SAME and not self._force and file.differs():
+                raise _exists(file.path)
+        for file in self._files:
             file.publish()
 
     def discard(self) -> None:
@@ -91,56 +113,98 @@ class WholeFiles:
             file.discard()
 
     def _added(self, file: WholeFile, existing: Existing) -> WholeFile:
-        identity = None if is_stdout(file.path) else _identity(file.target)
+        file.existing = existing
+        if not file.path:
+            raise UsageError("the name of a file to write is empty", next_step="name one, or leave the option out")
+        identity = file.identity()
         if identity is not None and identity in self._inputs:
-            what = "the output is one of the inputs"
-            raise UsageError(what, where=file.path, next_step="name another file; inputs are never written")
-        if any(
-            file.target == other.target or (identity and identity == _identity(other.target)) for other in self._files
-        ):
+            raise _is_input(file.path)
+        if any(file.target == other.target or (identity and identity == other.identity()) for other in self._files):
             raise UsageError("two outputs have this name", where=file.path, next_step="name another file")
-        if existing is Existing.KEPT and not self._force and file.target.is_file():
-            raise UsageError("exists already", where=file.path, next_step="--force replaces it; or name another file")
+        if existing is Existing.KEPT and not self._force and file.is_replacing():
+            raise _exists(file.path)
         # Noted before it is there, so that no interrupt finds a file that nobody knows of.
         self._files.append(file)
         return file
 
 
+def _is_input(where: str) -> UsageError:
+    what = "the output is one of the inputs"
+    return UsageError(what, where=where, next_step="name another file; inputs are never written")
+
+
+def _exists(where: str) -> UsageError:
+    return UsageError("exists already", where=where, next_step="--force replaces it; or name another file")
+
+
 class WholeFile:
     """A file being written beside the one that it replaces when it is complete.
 
-    What is no regular file (a pipe, a terminal, stdout) is written to as it is. Nothing is there before ``open``: who
-    keeps it first can discard it whenever that ends. What goes wrong is a CaptureError that names the file.
+    What is no regular file (a pipe, a terminal) is written to as it is, and so is what is open already: stdout, or
+    ``/dev/fd/3``. Nothing is there before ``open``: who keeps it first can discard it whenever that ends. What goes
+    wrong is a CaptureError that names the file.
     """
 
     file: BinaryIO
+    existing = Existing.REPLACED
 
     def __init__(self, path: str) -> None:
         self.path = path
         self._unfinished: Path | None = None
+        self._descriptor = _descriptor_of(path)
         with self._told():
-            # Where the name is a link, what it leads to is replaced.
-            self.target = Path(path).resolve() if Path(path).is_symlink() else Path(path)
+            self.target = Path(path)
+            if self._descriptor is not None:
+                self.target = Path(f"/dev/fd/{self._descriptor}")
+            elif self.target.is_file() or not self.target.exists():
+                # Where the name is a link, what it leads to is replaced.
+                self.target = self.target.resolve() if self.target.is_symlink() else self.target
 
     @property
     def unfinished(self) -> str:
         """Where the file is until it has its name."""
         return str(self._unfinished or self.target)
 
+    def identity(self) -> tuple[int, int] | None:
+        """Return what the file that has the name is known by, None where it is no regular one."""
+        return _identity(self.target if self._descriptor is None else self._descriptor)
+
+    def is_replacing(self) -> bool:
+        """Return whether a file has the name, and is to lose it."""
+        return self._descriptor is None and self.target.is_file()
+
+    def differs(self) -> bool:
+        """Return whether what was finished is something else than the file that it is to replace."""
+        with self._told():
+            return self.is_replacing() and not filecmp.cmp(self.unfinished, self.target, shallow=False)
+
     def open(self) -> WholeFile:
         """Open ``file``, and return this one."""
         with self._told():
-            if is_stdout(self.path):
-                self.file = _Writer(os.fdopen(os.dup(_STDOUT), "wb", 0), self._error)
-            elif self.target.is_dir():
-                raise IsADirectoryError(None, "is a directory")
-            elif _is_link_of_another(Path(self.path)):
-                raise PermissionError(None, "it is a link of another user")
-            elif self.target.exists() and not self.target.is_file():
+            if self._descriptor is not None:
+                self.file = _Writer(os.fdopen(os.dup(self._descriptor), "wb", 0), self._error)
+            elif self._is_written_to():
                 self.file = _Writer(self.target.open("wb", 0), self._error)
             else:
                 self._open_beside()
         return self
+
+    def reserve(self) -> WholeFile:
+        """Have something else open it, as ``unfinished``, and return this one."""
+        with self._told():
+            # Who reads a pipe takes it for ended when it is closed first.
+            if self._descriptor is None and not self._is_written_to():
+                self._open_beside()
+                self.file.close()
+        return self
+
+    def _is_written_to(self) -> bool:
+        """Return whether what has the name is written to as it is."""
+        if self.target.is_dir():
+            raise IsADirectoryError(None, "is a directory")
+        if _is_link_of_another(Path(self.path)):
+            raise PermissionError(None, "it is a link of another user")
+        return self.target.exists() and not self.target.is_file()
 
     def _open_beside(self) -> None:
         suffix = self.target.suffix[:20]
@@ -152,7 +216,8 @@ class WholeFile:
 
     def finish(self) -> None:
         """Write what is left, and close the file; it still has its other name."""
-        self.file.close()
+        if hasattr(self, "file"):
+            self.file.close()
 
     def publish(self) -> None:
         """Give the finished file its name, and the permissions of the one that it replaces."""
@@ -212,13 +277,22 @@ class _Writer(io.BufferedWriter):
             raise self._error(error) from error
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Return what a file is known by whatever it is called, None where there is none."""
+def _descriptor_of(path: str) -> int | None:
+    """Return the descriptor that a name stands for, None where it is that of a file."""
+    if path.startswith("-") and os.path.splitext(path)[0] == "-":
+        return _STDOUT
+    # Not opened by these names: a file that a shell appends to would be emptied, or replaced.
+    match = _DESCRIPTOR.fullmatch(path) if os.name == "posix" else None
+    return int(match[1]) if match else _STREAMS.get(path) if os.name == "posix" else None
+
+
+def _identity(file: Path | int) -> tuple[int, int] | None:
+    """Return what a regular file is known by whatever it is called, or the one that is open; None without one."""
     try:
-        status = path.stat()
+        status = os.stat(file)
     except (OSError, ValueError):
         return None
-    return (status.st_dev, status.st_ino)
+    return (status.st_dev, status.st_ino) if stat.S_ISREG(status.st_mode) else None
 
 
 def _is_link_of_another(path: Path) -> bool:

@@ -178,12 +178,22 @@ def test_what_stands_in_backticks_in_the_catalogue_is_a_command_an_option_or_a_t
                 ), (kind.code, quoted)  # fmt: skip
 
 
-@pytest.mark.skipif(shutil.which("tcpdump") is None, reason="needs tcpdump")
-def test_capture_filters_are_ones() -> None:
+def capture_filters() -> list[str]:
+    """Return the capture filters that findings and README name."""
     said = " ".join(text for kind in CATALOGUE.values() for text in kind.next_steps)
     filters = [quoted for quoted in BACKTICKS.findall(said) if quoted.startswith("udp port ")]
     filters += re.findall(r'dumpcap .*-f "([^"]+)"', (ROOT / "README.md").read_text(encoding="utf-8"))
-    assert len(filters) > 1
+    return filters
+
+
+def test_one_capture_filter_is_named_everywhere() -> None:
+    assert len(capture_filters()) > 1
+    assert len(set(capture_filters())) == 1
+
+
+@pytest.mark.skipif(shutil.which("tcpdump") is None, reason="needs tcpdump")
+def test_capture_filters_are_ones() -> None:
+    filters = capture_filters()
     for one in filters:
         subprocess.run(["tcpdump", "-d", "-y", "EN10MB", one], check=True, capture_output=True)
 

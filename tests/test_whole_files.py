@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from nvscope.errors import CaptureError, UsageError
 from nvscope.whole_files import Existing, WholeFiles
-from tests.program import run_text
+from tests.program import COMMAND, run, run_text
 
 ROOT = Path(__file__).parents[1]
 PEERS = ROOT / "captures" / "peers"
@@ -68,12 +71,59 @@ def test_an_output_that_is_an_input_is_refused(words: str, plant: Path) -> None:
     assert content(plant) == before
 
 
+REDIRECTED = {
+    "export - -w peers.pcap.csv": "< peers.pcap.csv",
+    "export -r - -w same.ndjson": "< peers.pcap.csv",
+    "vars --infer - --list 1 -w peers.pcap --force": "< peers.pcap",
+    "simulate late.toml -w peers.pcap --force": "< peers.pcap",
+    "packets peers.pcap -T csv": ">> peers.pcap",
+    "packets -r peers.pcap": ">> link.csv",
+    "report -": "< peers.pcap >> peers.pcap",
+    "export peers.pcap -w -": ">> hard.csv",
+    "vars peers.pcap": ">> nvscope.toml",
+    "vars peers.pcap --gvl batch.gvl": ">> batch.gvl",
+    "report days": ">> days/monday.csv",
+    "gvl layout batch.gvl": ">> batch.gvl",
+    "gvl diff batch.gvl batch.gvl": ">> gvl.csv",
+    "simulate late.toml -w x.pcap --truth -": ">> late.toml",
+}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these words are of its shell")
+@pytest.mark.parametrize("words", REDIRECTED)
+def test_what_the_shell_opened_is_an_input_or_an_output_like_any_other(words: str, plant: Path) -> None:
+    shutil.copy(plant / "peers.pcap", plant / "peers.pcap.csv")
+    (plant / "same.ndjson").hardlink_to(plant / "peers.pcap.csv")
+    before = content(plant)
+    command = shlex.join([*COMMAND, *words.split()]) + " " + REDIRECTED[words]
+    done = subprocess.run(
+        ["sh", "-c", command], cwd=plant, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, check=False
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert b"the output is one of the inputs\n  name another file; inputs are never written\n" in done.stderr
+    assert content(plant) == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these words are of its shell")
+@pytest.mark.parametrize("redirection", ["> days/report.txt", ">> days/notes.txt", "< days/notes.txt"])
+def test_a_report_may_lie_beside_its_captures(redirection: str, plant: Path) -> None:
+    (plant / "days" / "notes.txt").write_text("Monday: press stood.\n")
+    done = subprocess.run(
+        ["sh", "-c", f"{shlex.join(COMMAND)} report days {redirection}"], cwd=plant, capture_output=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert (plant / "days" / "notes.txt").read_text().startswith("Monday: press stood.\n")
+
+
 EXISTING = {
     "vars peers.pcap --infer --list 1 -w draft.gvl": ["draft.gvl"],
     "vars peers.pcap --infer -w draft.gvl": ["draft-3.gvl"],
     "export peers.pcap batch.gvl " + str(PEERS / "counters.gvl") + " -w v.csv": ["v.batch.csv"],
     "simulate late.toml -w x.log": ["x.log.truth.json"],
     "simulate late.toml -w x.log --gvl plc": ["plc/axis.gvl"],
+    "simulate late.toml -w peers.log": ["peers.log"],
+    "simulate late.toml -w x.log --truth notes.json": ["notes.json"],
 }
 
 
@@ -96,10 +146,24 @@ def test_what_exists_and_was_not_asked_for_by_name_is_replaced_by_force_only(wor
         assert content(plant) == after
 
 
+def test_another_scenario_replaces_by_force_only(plant: Path) -> None:
+    """Also what is a capture, and beside it a truth, that the same verb wrote."""
+    assert run_text("simulate", "late.toml", "-w", "x.log", cwd=plant).returncode == 0
+    (plant / "late.toml").write_text((plant / "late.toml").read_text() + "\n# changed\n")
+    before = content(plant)
+    assert run_text("simulate", "late.toml", "-w", "x.log", cwd=plant).returncode == 0
+    other = ROOT / "tests" / "scenarios" / "can-plant-clean.toml"
+    done = run_text("simulate", other, "-w", "x.log", cwd=plant)
+    assert (done.returncode, "x.log: exists already" in done.stderr) == (2, True)
+    assert content(plant) == before
+    assert run_text("simulate", other, "-w", "x.log", "--force", cwd=plant).returncode == 0
+    assert content(plant)["x.log"] != before["x.log"]
+
+
 @pytest.mark.parametrize(
-    "words", ["export peers.pcap batch.gvl -w o.csv", "simulate late.toml -w o.log --truth o.json"]
+    "words", ["export peers.pcap batch.gvl -w o.csv", "simulate late.toml -w o.log --truth o.json --force"]
 )
-def test_what_was_asked_for_by_name_is_replaced(words: str, plant: Path) -> None:
+def test_what_is_replaced_keeps_its_permissions(words: str, plant: Path) -> None:
     for name in ("o.csv", "o.log", "o.json"):
         (plant / name).write_text("old")
         (plant / name).chmod(0o640)
@@ -152,3 +216,55 @@ def test_a_link_that_another_user_laid_is_not_followed(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="a link of another user"):
         WholeFiles().open(str(link))
     assert (tmp_path / "mine").read_text() == "precious"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="this system has no names for what is open")
+@pytest.mark.parametrize("name", ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"])
+@pytest.mark.parametrize(
+    "words", ["simulate late.toml -w x.log --truth NAME", "vars peers.pcap --infer --list 1 -w NAME"]
+)
+def test_what_is_open_already_is_written_to_as_it_is(words: str, name: str, plant: Path) -> None:
+    asked = words.replace("NAME", name).split()
+    usual = run(*words.replace("NAME", "-").split(), cwd=plant)
+    assert usual.stdout
+    assert run(*asked, "--force", cwd=plant).stdout == usual.stdout
+    # What a shell appends to keeps what is in it.
+    (plant / "all").write_text("first\n")
+    with (plant / "all").open("ab") as appended:
+        subprocess.run(
+            [*COMMAND, *asked, "--force"], cwd=plant, stdout=appended, stderr=subprocess.DEVNULL, check=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )  # fmt: skip
+    assert (plant / "all").read_bytes() == b"first\n" + usual.stdout
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize(
+    "words",
+    ["simulate late.toml -w NAME.log --truth x", "simulate late.toml -w x.log --truth NAME.log",
+     "export peers.pcap batch.gvl -w NAME.csv"],
+)  # fmt: skip
+def test_a_named_pipe_is_opened_once(words: str, plant: Path) -> None:
+    run(*words.replace("NAME", "file").split(), cwd=plant)
+    (file,) = plant.glob("file.*")
+    os.mkfifo(plant / f"pipe{file.suffix}")
+    with ThreadPoolExecutor(1) as other:
+        came = other.submit((plant / f"pipe{file.suffix}").read_bytes)
+        done = run_text(*words.replace("NAME", "pipe").split(), "--force", cwd=plant)
+        assert (done.returncode, came.result(timeout=30)) == (0, file.read_bytes())
+
+
+@pytest.mark.parametrize("name", ["-", "-.gvl", "-.ndjson"])
+@pytest.mark.parametrize("words", ["vars peers.pcap --infer -w NAME", "export peers.pcap --gvl PEERS -w NAME"])
+def test_files_that_do_not_fit_into_one_stdout_are_refused(words: str, name: str, plant: Path) -> None:
+    if words.startswith("export") and name == "-.gvl":
+        return
+    before = content(plant)
+    done = run_text(*words.replace("NAME", name).replace("PEERS", str(PEERS)).split(), cwd=plant)
+    assert (done.returncode, done.stdout, "to stdout side by side" in done.stderr) == (2, "", True)
+    assert content(plant) == before
+
+
+def test_json_and_a_draft_are_not_mixed(plant: Path) -> None:
+    done = run_text("vars", "peers.pcap", "--infer", "--list", "1", "--json", "-w", "-", cwd=plant)
+    assert (done.returncode, done.stdout, "--json and -w -" in done.stderr) == (2, "", True)

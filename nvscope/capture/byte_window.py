@@ -1,7 +1,12 @@
-"""A capture file as a window that moves over its bytes: mapped where it is a file, buffered where it is a stream."""
+"""A capture file as a window that moves over its bytes: mapped where it is a file, buffered where it is a stream.
+
+A small file is in memory as a whole: what it was read from can be closed at once, and files by the hundred can be read
+side by side.
+"""
 
 from __future__ import annotations
 
+import io
 import mmap
 import time
 from collections.abc import Iterator
@@ -88,6 +93,33 @@ class MappedWindow:
         """Drop the map; it goes when the last batch over it does."""
         bus_error.unmapped(id(self))
         del self._data
+
+
+class WholeWindow:
+    """A small regular file, read as a whole into a padded copy: of ``descriptor`` nothing is needed any more.
+
+    Raises OSError where it cannot be read; what it has lost meanwhile of its ``size`` is not there.
+    """
+
+    def __init__(self, descriptor: int, size: int) -> None:
+        self._data = np.zeros(size + PAD_BYTES, np.uint8)
+        file = io.FileIO(descriptor, closefd=False)
+        before = file.seek(0, io.SEEK_CUR)
+        file.seek(0)
+        rest = self._data.data[:size]
+        while rest and (count := file.readinto(rest)):
+            rest = rest[count:]
+        file.seek(before)
+        self._size = size - len(rest)
+
+    def view(self, position: int) -> View:
+        return View(self._data, min(position, self._size), self._size, self._size, 0, True)
+
+    def release(self, position: int) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
 
 
 class StreamWindow:

@@ -18,8 +18,9 @@ from nvscope.capture.reader import Progress, Reader, ReadingSizes
 from nvscope.capture.source import Attachment, SourceInfo, Truncation
 from nvscope.capture.stoppable import StoppableBatches
 from nvscope.capture.time_span import TimeSpan
-from nvscope.errors import UnreadableInput
+from nvscope.errors import NvscopeError, UnreadableInput
 from nvscope.near_files import perhaps
+from nvscope.resources import NO_DESCRIPTORS, too_many_open
 
 _READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
@@ -192,16 +193,13 @@ class CaptureFile:
             if self.path == STDIN and sys.stdin is None:
                 raise UnreadableInput("stdin is closed", where=self.path, next_step="name a file instead")
             descriptor = sys.stdin.fileno() if self.path == STDIN else os.open(self.path, _READ_ONLY)
-            try:
-                return self._tell(descriptor, share, span or TimeSpan())
-            except BaseException:
-                if descriptor > 2:
-                    os.close(descriptor)
-                raise
+            return self._tell(descriptor, share, span or TimeSpan())
         except OSError as error:
             raise self._unreadable(error) from error
 
-    def _unreadable(self, error: OSError) -> UnreadableInput:
+    def _unreadable(self, error: OSError) -> NvscopeError:
+        if error.errno in NO_DESCRIPTORS:
+            return too_many_open(self.path)
         check = "check the path and the permissions"
         next_step = perhaps(self.path, check) if isinstance(error, FileNotFoundError) else check
         return UnreadableInput(error.strerror or str(error), where=self.path, next_step=next_step)
@@ -214,9 +212,18 @@ class CaptureFile:
             sizes = replace(sizes, batch_packets=max(packets // share, min(_FEWEST_PACKETS, packets)))
             chunk_bytes = max(chunk_bytes // share, min(_FEWEST_BYTES, chunk_bytes))
             content_sizes = replace(content_sizes, chunk_bytes=chunk_bytes)
-        content = Content(self.path, descriptor, content_sizes, span, lambda: self._stopped)
-        known = format_of(content.head)
-        if known is not None:
-            make: type[Reader] = known.reader_class()
-            return _Opened(known.name, content, make(content, sizes))
-        raise NoCapture(f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", where=content.begin)
+        try:
+            content = Content(self.path, descriptor, content_sizes, span, lambda: self._stopped)
+        except BaseException:
+            if descriptor > 2:
+                os.close(descriptor)
+            raise
+        try:
+            known = format_of(content.head)
+            if known is not None:
+                make: type[Reader] = known.reader_class()
+                return _Opened(known.name, content, make(content, sizes))
+            raise NoCapture(f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", where=content.begin)
+        except BaseException:
+            content.close()
+            raise

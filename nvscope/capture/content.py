@@ -8,7 +8,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 
-from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES, ByteWindow, MappedWindow, StreamWindow
+from nvscope.capture.byte_window import (
+    CHUNK_BYTES,
+    SMALL_FILE_BYTES,
+    ByteWindow,
+    MappedWindow,
+    StreamWindow,
+    WholeWindow,
+)
 from nvscope.capture.compressed import COMPRESSIONS, Decompressed, compression_of
 from nvscope.capture.formats import READABLE, TEXT_HEAD_BYTES, NoCapture, either, is_enough
 from nvscope.capture.pieces import FilePieces, PipePieces, read_at
@@ -114,8 +121,12 @@ class Content:
 
     def _map(self) -> ByteWindow | None:
         assert self.size_bytes is not None
+        small = self._sizes.small_file_bytes
+        if 0 < self.size_bytes <= small:  # what says 0 may be made while it is read, such as files of /proc
+            window = WholeWindow(self._descriptor, self.size_bytes)
+            self._let_go()
+            return window
         try:
-            small = self._sizes.small_file_bytes
             return MappedWindow(self._descriptor, self.size_bytes, small_file_bytes=small, path=self.path)
         except (OSError, ValueError):
             # Empty, or of a kind that cannot be mapped: read like a stream.
@@ -130,6 +141,10 @@ class Content:
         if self._window is not None:
             self._window.close()
             self._window = None
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Close the descriptor, if it is not one of the program's own."""
         if self._descriptor > 2:
             os.close(self._descriptor)
         self._descriptor = -1

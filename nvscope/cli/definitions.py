@@ -50,7 +50,8 @@ def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
     """Return what the project file says, or where there is none what the definition files alone do.
 
     ``path`` is that of --project; without it the file is looked for upwards from the working directory. Files of
-    ``gvl`` take the place of the project's definitions; all else that it says stays. Raises ConfigurationError.
+    ``gvl`` take the place of the project's definitions; all else that it says stays. Raises ConfigurationError;
+    UsageError where stdout goes to one of the files.
     """
     from nvscope.definition.project import Project
 
@@ -61,8 +62,11 @@ def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
     if found is None and not gvl:
         return Project()
     from nvscope.definition.project_file import read_project
+    from nvscope.whole_files import refuse_stdout_onto
 
-    return read_project(found, gvl or None)
+    project = read_project(found, gvl or None)
+    refuse_stdout_onto(project.inputs)
+    return project
 
 
 def _next_project() -> Path | None:

@@ -5,21 +5,25 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
-import os
 import re
 import signal
 import sys
-from typing import Any, NoReturn, cast
+from typing import NoReturn, cast
 
 import typer
 
 from nvscope.capture.bus_error import end_in_words
-from nvscope.cli.encodings import adapt
 from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
 from nvscope.cli.program import VERBS, program
+from nvscope.cli.streams import drop_output, prepare
+from nvscope.cli.terminal import notice
 from nvscope.cli.threads import start_no_threads
 from nvscope.cli.words import in_order
 from nvscope.errors import CaptureError, ExitCode, NvscopeError, UnreadableInput
+
+# Imported at once: nothing can be read any more when it is needed where memory or descriptors are at their end.
+from nvscope.resources import allow_all_descriptors, shortage
+from nvscope.view.escape import visible
 
 # Typer brings a click of its own, or uses the installed one, depending on its version.
 _CommandLineError = cast(
@@ -30,8 +34,7 @@ _CommandLineError = cast(
 _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f]")
 _SIGNALLED = 128
-_KEPT: list[Any] = []
-_OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
+_OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT, errno.EBADF)
 
 
 def main() -> NoReturn:
@@ -40,14 +43,9 @@ def main() -> NoReturn:
     end_in_words(_tidied)
     start_no_threads()
     look_for_cycles_seldom()
+    allow_all_descriptors()
     leave_the_rest_at_exit()
-    for name in ("stdout", "stderr"):
-        _let_wait(name)
-        if getattr(sys, name) is None:  # the shell closed it
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # to the end of the program
-    sys.stderr = _stderr_that_never_fails()
-    for stream in (sys.stdout, sys.stderr):
-        adapt(stream)
+    prepare()
     try:
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -69,9 +67,12 @@ def main() -> NoReturn:
         reason = left.__context__ if isinstance(left, SystemExit) else left
         if not isinstance(reason, BrokenPipeError):
             raise
-        _drop_output()
+        drop_output()
         sys.exit(ExitCode.GOOD)
     except OSError as error:
+        if short := shortage(error):
+            _show(short)
+            sys.exit(short.exit_code)
         if error.errno not in _OUTPUT_FAILS:
             # Something of the system that nobody expected at this place; it says itself what it is.
             failure = UnreadableInput(
@@ -79,15 +80,14 @@ def main() -> NoReturn:
             )
             _show(failure)
             sys.exit(failure.exit_code)
-        _drop_output()
-        _show(
-            CaptureError(f"the output cannot be written: {error.strerror}", next_step="make room, or write elsewhere")
-        )
+        drop_output()
+        why = "stdout is closed" if error.errno == errno.EBADF else error.strerror
+        _show(CaptureError(f"the output cannot be written: {why}", next_step="make room, or write elsewhere"))
         sys.exit(ExitCode.CAPTURE)
-    except MemoryError:
-        _show(CaptureError("there is not enough memory", next_step="read a part with --from-time and --to-time"))
-        sys.exit(ExitCode.CAPTURE)
-    except Exception:
+    except Exception as error:
+        if short := shortage(error):
+            _show(short)
+            sys.exit(short.exit_code)
         import traceback
 
         traceback.print_exc()
@@ -101,37 +101,6 @@ def _tidied() -> int:
 
     discard_all()
     return ExitCode.DATA_LOSS
-
-
-def _let_wait(name: str) -> None:
-    """Let a stream wait for its reader: where whoever started the program made it not to, output would be cut."""
-    with contextlib.suppress(AttributeError, OSError, ValueError):
-        descriptor = getattr(sys, name).fileno()
-        if not os.get_blocking(descriptor):
-            os.set_blocking(descriptor, True)
-
-
-class _Forgiving(io.FileIO):
-    """A file to which nothing is written where it cannot be: what is said on stderr decides no exit code."""
-
-    def write(self, data: Any) -> int:
-        try:
-            return super().write(data) or 0
-        except OSError:
-            return len(data)
-
-
-def _stderr_that_never_fails() -> io.TextIOWrapper:
-    stream: Any = sys.stderr
-    try:
-        raw = _Forgiving(stream.fileno(), "w", closefd=False)
-    except (OSError, ValueError):
-        return cast("io.TextIOWrapper", stream)
-    # Forgotten, it would close the descriptor, which the next file that is opened would get.
-    _KEPT.append(stream)
-    return io.TextIOWrapper(
-        io.BufferedWriter(raw), encoding=stream.encoding, errors="backslashreplace", line_buffering=True
-    )
 
 
 class _Ended(BaseException):
@@ -157,15 +126,8 @@ def _end_in_order() -> None:
                 signal.signal(name, end)
 
 
-def _drop_output() -> None:
-    """Let what is left of the output go nowhere; Python would complain once more when it flushes at its end."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def _show_usage(error: Exception) -> None:
     """Show what the command line lacks; Typer escapes some of what a terminal would obey, and not all."""
-    from nvscope.view.escape import visible
-
     told = io.StringIO()
     error.show(file=told)  # type: ignore[attr-defined]
     parts = {part for word in sys.argv[1:] for part in (word, *word.split("=", 1))}
@@ -177,11 +139,9 @@ def _show_usage(error: Exception) -> None:
 
 
 def _show(error: NvscopeError) -> None:
-    from nvscope.view.escape import visible
-
     where = f"{visible(error.where)}: " if error.where else ""
-    print(f"nvscope: {where}{visible(error.what)}", file=sys.stderr)
+    print(notice(f"nvscope: {where}{visible(error.what)}"), file=sys.stderr)
     for line in error.excerpt:
         print(f"  {line}", file=sys.stderr)
     if error.next_step:
-        print(f"  {visible(error.next_step)}", file=sys.stderr)
+        print(notice(f"  {visible(error.next_step)}"), file=sys.stderr)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from nvscope.capture.compressed import compression_of
@@ -12,8 +13,10 @@ from nvscope.capture.content import STDIN
 from nvscope.capture.formats import TEXT_HEAD_BYTES, format_of
 from nvscope.cli.terminal import echo
 from nvscope.errors import UnreadableInput, UsageError
+from nvscope.whole_files import refuse_stdout_onto
 
 _MOST_LOOKED_AT = 1_000
+_STDOUT = 1
 _BINARY = {"pcap", "pcapng"}
 
 
@@ -31,9 +34,10 @@ def named_files(
     """Return what was named as arguments, by -r and by --gvl, sorted by what it is.
 
     A shell makes one --gvl and arguments of ``--gvl *.gvl``, and does not say what stands first. A pattern that it left
-    as it is stands for its files. Raises UsageError where there is no capture.
+    as it is stands for its files. Raises UsageError where there is no capture, UnreadableInput for a pattern without
+    files.
     """
-    captures = list(read or ())
+    captures = _expanded(read or ())
     definitions: list[str] = []
     for path in gvl or ():
         (captures if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
@@ -48,6 +52,7 @@ def named_files(
                 next_step=f"name the capture, too; `nvscope gvl layout {definitions[0]}` shows what a definition says",
             )
         raise UsageError("no source is given", next_step="name a capture file, or - to read one from stdin")
+    refuse_stdout_onto(_read([*captures, *definitions]))
     if not definitions:
         for path in captures:
             if _is_directory(path) and _holds_definitions(path):
@@ -55,17 +60,36 @@ def named_files(
     return NamedFiles(captures, definitions)
 
 
+def _read(paths: Sequence[str]) -> Iterator[str]:
+    """Yield the paths, and behind a directory the capture in it to which stdout goes, if there is one."""
+    for path in paths:
+        yield path
+        if _is_directory(path):
+            with suppress(OSError), os.scandir(path) as entries:
+                yield from (
+                    one.path for one in entries if _identity(one.path) == _identity(_STDOUT) and _is_capture(one.path)
+                )
+
+
 def _expanded(sources: Sequence[str]) -> list[str]:
-    """Return the sources, with the files of patterns in place of these: some shells leave them to the program."""
+    """Return the sources, with the files of patterns in place of these: some shells leave them to the program.
+
+    Raises UnreadableInput for a pattern that no file has.
+    """
     found: list[str] = []
     for path in sources:
         if path != STDIN and ("*" in path or "?" in path or "[" in path) and not os.path.lexists(path):
             from glob import glob
 
             try:
-                found += sorted(glob(path)) or [path]
+                matching = sorted(glob(path))
             except RecursionError:  # more parts than a path can have
-                found.append(path)
+                matching = []
+            if not matching:
+                raise UnreadableInput(
+                    "no file matches this pattern", where=path, next_step="check the directory, and the ending"
+                )
+            found += matching
         else:
             found.append(path)
     return found
@@ -126,7 +150,7 @@ def _is_capture(path: str) -> bool:
     return True
 
 
-def _identity(path: str) -> tuple[int, int] | None:
+def _identity(path: str | int) -> tuple[int, int] | None:
     try:
         status = os.stat(path)
     except (OSError, ValueError):

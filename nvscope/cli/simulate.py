@@ -17,8 +17,6 @@ from nvscope.errors import CaptureError, NvscopeError, UsageError
 if TYPE_CHECKING:
     from nvscope.simulate.scenario import Scenario
 
-_HEAD_BYTES = 200
-
 
 def simulate(
     scenario: Annotated[str | None, typer.Argument(metavar="SCENARIO.toml", show_default=False)] = None,
@@ -43,7 +41,8 @@ def simulate(
 ) -> None:
     """Write the traffic of a scenario to a capture file, and beside it what was put into it.
 
-    Nothing is sent. The same scenario gives the same bytes.
+    Nothing is sent. The same scenario gives the same bytes; files that exist and hold others are replaced with --force
+    only.
     """
     from nvscope.simulate.scenario_file import document, load_scenario
 
@@ -55,6 +54,8 @@ def simulate(
             "a scenario and -w FILE are needed",
             next_step="nvscope simulate SCENARIO.toml -w FILE.pcap; --keys lists what a scenario can say",
         )
+    if "" in (write, truth, gvl):
+        raise UsageError("the name of a file to write is empty", next_step="name one, or leave the option out")
     told_to = None if truth == "-" else truth or f"{write}.truth.json"
     plan = load_scenario(scenario)
 
@@ -64,17 +65,16 @@ def simulate(
     from nvscope.simulate.simulator import open_capture
     from nvscope.simulate.simulator import simulate as run
     from nvscope.view.escape import json_ascii, visible
-    from nvscope.whole_files import Existing, WholeFiles
+    from nvscope.whole_files import Existing, WholeFiles, refuse_stdout_onto
 
     texts = can_definitions(plan)
     definitions = _definition_files(plan, gvl, texts) if gvl is not None else {}
-    # What stands under the names already stays until there is something whole to replace it.
+    # The same scenario gives the same files again. All others that have these names may be somebody's recordings.
+    refuse_stdout_onto([scenario])
     files = WholeFiles([scenario], force=force)
     try:
-        capture = files.reserve(write)
-        told_file = None
-        if told_to is not None:
-            told_file = files.open(told_to, Existing.REPLACED if truth or _is_truth(told_to) else Existing.KEPT)
+        capture = files.reserve(write, Existing.SAME)
+        told_file = None if told_to is None else files.open(told_to, Existing.SAME)
         for path, content in definitions.items():
             path.parent.mkdir(exist_ok=True)
             files.write(str(path), content.encode())
@@ -110,15 +110,6 @@ def named(unfinished: str, name: str) -> Iterator[None]:
     except NvscopeError as error:
         error.where = name if error.where == unfinished else error.where
         raise
-
-
-def _is_truth(path: str) -> bool:
-    """Return whether a file is a truth that was written before: it can be made again."""
-    try:
-        with Path(path).open("rb") as file:
-            return b'"nvscope.truth/' in file.read(_HEAD_BYTES)
-    except OSError:
-        return False
 
 
 def _definition_files(plan: Scenario, directory: str, definitions: dict[str, str]) -> dict[Path, str]:

@@ -72,7 +72,7 @@ ToTimeOption = Annotated[
     ),
 ]
 
-ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that exist and were not asked for by name.")]
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that exist and would be kept.")]
 
 ChannelMapOption = Annotated[
     list[str] | None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from typing import Annotated, Any, Literal
@@ -23,6 +24,7 @@ WideOption = Annotated[
     ),
 ]
 
+_NARROWEST = 20
 _READABLE = 100
 """Columns of prose where there is no terminal to fit it to."""
 
@@ -30,8 +32,10 @@ _READABLE = 100
 def echo(text: str, *, nl: bool = True, err: bool = False, color: bool | None = None) -> None:
     """Print a text to stdout, or to stderr, as their encodings have it (``nvscope.cli.encodings``).
 
-    ``color`` says whether the text has colours, which old consoles of Windows have to be shown otherwise.
+    ``color`` says whether the text has colours, which old consoles of Windows have to be shown otherwise. On stderr, if
+    it is a terminal, lines end between words.
     """
+    text = notice(text) if err else text
     if color and sys.platform == "win32":
         typer.echo(text, nl=nl, err=err, color=True)
         return
@@ -39,6 +43,35 @@ def echo(text: str, *, nl: bool = True, err: bool = False, color: bool | None = 
     stream = sys.stderr if err else sys.stdout
     stream.write(f"{text}\n" if nl else text)
     stream.flush()
+
+
+def notice(text: str) -> str:
+    """Return a text for stderr with its lines broken between words where that is a terminal; elsewhere as it is.
+
+    What cannot be broken, such as a path, stays whole: the terminal breaks it, and it can still be copied.
+    """
+    columns = _columns_of_stderr()
+    lines = []
+    for line in text.split("\n"):
+        if columns is None or len(line) < columns:
+            lines.append(line)
+            continue
+        indent = " " * (len(line) - len(line.lstrip(" ")) + 2)
+        lines += textwrap.wrap(
+            line, columns - 1, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        )  # fmt: skip
+    return "\n".join(lines)
+
+
+def _columns_of_stderr() -> int | None:
+    """Return the columns of the terminal that stderr is, None where it is none or does not tell."""
+    try:
+        if not sys.stderr.isatty():
+            return None
+        columns = os.get_terminal_size(sys.stderr.fileno()).columns
+    except (OSError, ValueError):
+        return None
+    return max(columns, _NARROWEST) if columns else None
 
 
 def echo_all(parts: Iterable[str], *, color: bool) -> None:

@@ -78,7 +78,10 @@ def variables(
     write: Annotated[
         str | None,
         typer.Option(
-            "-w", "--write", metavar="FILE", help="With --infer: the drafted .gvl; of several lists, one file each."
+            "-w",
+            "--write",
+            metavar="FILE",
+            help="With --infer: the drafted .gvl; of several lists, one file each. - is stdout, with nothing else.",
         ),
     ] = None,
     force: ForceOption = False,
@@ -103,7 +106,7 @@ def variables(
     files_named = named_files(sources, read, gvl)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
-    _check(gvl, history, every, at, infer, write)
+    _check(gvl, history, every, at, infer, write, as_json=as_json)
     plant = with_channels(project_of(project, gvl), channel_map)
     if not infer and not plant.files:
         _check_readable(paths)
@@ -168,8 +171,12 @@ def _check(
     at: str | None,
     infer: bool,
     write: str | None,
+    *,
+    as_json: bool,
 ) -> None:
     """Raise UsageError for options that do not go together."""
+    from nvscope.whole_files import is_stdout
+
     asked = [
         name
         for name, given in (("--history", history is not None), ("--at", at is not None), ("--infer", infer))
@@ -179,8 +186,12 @@ def _check(
         raise UsageError(f"{asked[0]} and {asked[1]} exclude each other", next_step="ask for one after the other")
     if every and history is None:
         raise UsageError("--all is for --history", next_step="add --history NAME, or leave --all out")
+    if write == "":
+        raise UsageError("the name of a file to write is empty", next_step="name one, or leave -w out")
     if write is not None and not infer:
         raise UsageError("-w is for --infer", next_step="`nvscope export` writes values to files")
+    if write is not None and as_json and is_stdout(write):
+        raise UsageError("--json and -w - both are for stdout", next_step="leave --json out, or name a file with -w")
     if infer and gvl:
         raise UsageError(
             "--infer is for lists without a definition", next_step="leave --gvl out, or --infer to see the values"
@@ -315,8 +326,9 @@ def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool)
     from nvscope.analysis.inference import infer
     from nvscope.definition.gvl_text import gvl_text
     from nvscope.report import inference as face
+    from nvscope.units import count_of
     from nvscope.view.documents.inference import drafts, inference_document, proposals
-    from nvscope.whole_files import WholeFiles
+    from nvscope.whole_files import WholeFiles, is_stdout
 
     inferred = infer(asked.inquiry, expression=asked.wanted)
     samples, source = inferred.samples, inferred.source
@@ -325,13 +337,19 @@ def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool)
             "nvscope: lists on CAN are not proposed: a frame does not tell how many variables it has.", err=True
         )  # fmt: skip
     found = proposals(samples, listed)
-    asked.tell(
-        inference_document(found, samples),
-        lambda document: face.render(document, colour=asked.colour, width=width(), wide=asked.wide),
-    )
+    made = drafts(found) if write is not None else []
+    if write is None or not is_stdout(write):
+        asked.tell(
+            inference_document(found, samples),
+            lambda document: face.render(document, colour=asked.colour, width=width(), wide=asked.wide),
+        )
+    elif len(made) > 1:
+        raise UsageError(
+            f"{count_of(len(made), 'draft')} cannot be written to stdout side by side",
+            next_step="choose one with --list, or name a file: each list gets its own",
+        )
     if write is None:
         return source.infos
-    made = drafts(found)
     if not made:
         echo(f"nvscope: nothing to draft, {write} was not written.", err=True)
     drafted = [*zip(made, _draft_paths(write, [(draft.port, draft.list_id) for draft in made]), strict=True)]
@@ -358,6 +376,8 @@ def _draft_paths(write: str, lists: list[tuple[int, int]]) -> list[Path]:
     path = Path(write)
     if len(lists) == 1:
         return [path]
+    if not path.name or path.name == "..":
+        raise UsageError("no name of a file", where=write, next_step="name one, such as draft.gvl, with -w")
     identifiers = [index for _, index in lists]
     return [
         path.with_name(f"{path.stem}-{f'{port}-' if identifiers.count(index) > 1 else ''}{index}{path.suffix}")

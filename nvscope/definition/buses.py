@@ -109,12 +109,17 @@ def _is_pattern(entry: tuple[str, BusSettings]) -> bool:
 
 
 def _option(text: str) -> tuple[str, BusSettings]:
-    channel, _, rates = text.rpartition("@")
+    channel, at, rates = text.rpartition("@")
     nominal, comma, data = rates.partition(",")
     try:
+        if at and not channel.strip():
+            raise ValueError("no channel stands in front of @")
+        if not nominal.strip() or (comma and not data.strip()):
+            raise ValueError("a bit rate is missing")
         settings = BusSettings(parse_bit_rate(nominal), parse_bit_rate(data) if comma else None)
     except ValueError as error:
+        option = f"--bitrate {text[:80]}" if text.strip() else "--bitrate"
         raise UsageError(
-            f"--bitrate {text[:80]}: {error}", next_step="for example --bitrate 500000, or --bitrate can0@250k"
+            f"{option}: {error}", next_step="for example --bitrate 500000, or --bitrate can0@250k"
         ) from None
     return channel or ANY_CHANNEL, settings

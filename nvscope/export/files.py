@@ -6,9 +6,14 @@ import os
 from typing import Any, Protocol
 
 from nvscope.errors import UsageError
+from nvscope.resources import require_room
 from nvscope.whole_files import WholeFile, is_stdout
 
 _ENDINGS = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet"}
+
+
+_POLARS_BYTES = 1_050_000_000
+"""Its threads and its allocator have as much of it, with two cores; where they get less they end the process."""
 
 
 class TableFile(Protocol):
@@ -24,9 +29,9 @@ def format_of(path: str) -> str:
 
     Stdout without one is CSV. What is written to it must not need a file in which one can go back.
     """
-    if path == "-":
-        return "csv"
     ending = os.path.splitext(path)[1].lower()
+    if is_stdout(path) and not ending:
+        return "csv"
     if is_stdout(path) and _ENDINGS.get(ending) == "parquet":
         raise UsageError("Parquet cannot be written to stdout", next_step="name a file, or take -w -.csv or -.ndjson")
     if ending not in _ENDINGS:
@@ -42,6 +47,7 @@ def table_file(file: WholeFile, schema: Any) -> TableFile:
         from nvscope.export.parquet import ParquetFile  # noqa: PLC0415
 
         return ParquetFile(file.file, schema)
+    require_room("to write text", _POLARS_BYTES, "raise it (ulimit -v), or write .parquet, which needs less")
     from nvscope.export.text_rows import CsvFile, NdjsonFile  # noqa: PLC0415
 
     return CsvFile(file.file, schema) if kind == "csv" else NdjsonFile(file.file, schema)

@@ -90,9 +90,9 @@ def write_long(telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], path: s
 
 
 def paths_of(path: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> list[str]:
-    """Return the file of each list: with one list ``path``, with several its name in front of the ending."""
-    if len(lists) == 1:
-        return [path]
+    """Return the file of each list: with one list, or stdout, ``path``, else its name in front of the ending."""
+    if len(lists) == 1 or is_stdout(path):
+        return [path] * len(lists)
     whole = Path(path)
     found: list[str] = []
     taken: set[str] = set()

@@ -25,6 +25,8 @@ PACKETS = [Packet(build.BASE_S * 10**9 + n, 40, 1, bytes((n % 251,)) * 40) for n
 RAW = build.pcap(PACKETS)
 LINES = b"".join(b"(1436509052.%06d) can0 123#%02X\n" % (n, n % 256) for n in range(3000))
 NAMES = ("a.pcap", "a.pcapng", "a.log", "a.pcap.gz", "a.log.gz", "a.asc", "a.trc", "a.blf", "a.txt")
+WHOLE = ("a.pcap", "a.pcapng", "a.log")
+"""Those of them that are read into memory at once, since they are small."""
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="needs to see what is open")
 
@@ -74,7 +76,7 @@ def test_a_stopped_source_ends_after_the_batch_in_hand_and_has_nothing_open(tmp_
     for source in sources(tmp_path, name):
         batches = iter(source)
         frames = len(next(batches)) + len(next(batches))
-        assert open_files()
+        assert bool(open_files()) is (name not in WHOLE)
         stopper = threading.Thread(target=source.stop)
         stopper.start()
         stopper.join()
@@ -143,7 +145,10 @@ def test_a_pipe_that_nobody_reads_is_closed(tmp_path: Path) -> None:
 
 
 def test_who_forgets_a_reading_closes_its_file(tmp_path: Path) -> None:
-    for source in sources(tmp_path, "a.pcap"):
+    mapped = CaptureFile(
+        write(tmp_path / "a.pcap"), sizes=ReadingSizes(batch_packets=50, stride_bytes=4096), small_file_bytes=0
+    )  # fmt: skip
+    for source in (mapped, *sources(tmp_path, "a.pcap.gz")):
         batches = iter(source)
         next(batches)
         assert open_files()

@@ -33,8 +33,8 @@ VERBS: dict[str, list[str]] = {
 SEPARATED = re.compile(r"(?<![\d.,:] )\b[1-9]\d{0,2} \d{3}\b(?! \d{3}\.)")
 
 
-def on_terminal(words: list[str], columns: int, encoding: str = "utf-8") -> str:
-    """Return what a verb writes to stdout where that is a terminal of so many columns."""
+def on_terminal(words: list[str], columns: int, encoding: str = "utf-8", stream: str = "stdout") -> str:
+    """Return what a verb writes to a stream where that is a terminal of so many columns."""
     import fcntl  # noqa: PLC0415  # none of them is on Windows
     import pty  # noqa: PLC0415
     import termios  # noqa: PLC0415
@@ -45,9 +45,8 @@ def on_terminal(words: list[str], columns: int, encoding: str = "utf-8") -> str:
         "PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT), "TZ": "UTC", "NO_COLOR": "1", "PYTHONIOENCODING": encoding,
     }  # fmt: skip
     told = b""
-    with subprocess.Popen(
-        [*COMMAND, *words], stdin=subprocess.DEVNULL, stdout=theirs, stderr=subprocess.DEVNULL, env=environment
-    ):
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: theirs}
+    with subprocess.Popen([*COMMAND, *words], stdin=subprocess.DEVNULL, env=environment, **streams):  # type: ignore[call-overload]
         os.close(theirs)
         with contextlib.suppress(OSError):  # which is how a terminal ends
             while part := os.read(ours, 65_536):
@@ -122,3 +121,26 @@ def test_people_see_thousands_separated() -> None:
     assert "1212 frames: 1206 telegrams" in in_pipe(VERBS["report"])
     assert "1212 frames: 1206 telegrams" in on_terminal([*VERBS["report"], "--md"], 80)
     assert on_terminal(["report", PLANT, "--json"], 80) == in_pipe(["report", PLANT, "--json"])
+
+
+NOTICES = [
+    ["export", CAPTURE, f"{PEERS}/batch.gvl", "-w", "-", "-q"],
+    ["vars", CAPTURE, f"{PEERS}/axis.gvl", "-q"],
+    ["vars", CAPTURE, "-q"],
+    ["export", CAPTURE, f"{PEERS}/batch.gvl", "-w", "-.parquet", "-q"],
+    ["report", "nowhere.pcap"],
+]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such terminals there")
+@pytest.mark.parametrize("words", NOTICES, ids=" ".join)
+@pytest.mark.parametrize("columns", [40, 80, 500])
+def test_notices_end_their_lines_between_words_on_a_terminal(words: list[str], columns: int) -> None:
+    told = on_terminal(words, columns, stream="stderr")
+    in_a_pipe = run_text(*words).stderr
+    assert in_a_pipe
+    assert told.split() == in_a_pipe.split()
+    assert all(len(line) < columns or len(line.split()) == 1 for line in told.splitlines())
+    if columns == 500:
+        assert told == in_a_pipe
+    assert len(told.splitlines()) >= len(in_a_pipe.splitlines())
