@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -25,6 +25,7 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     port_rules,
+    tell_of_channels,
     tell_of_losses,
     with_channels,
 )
@@ -33,7 +34,7 @@ from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
-    from nvscope.capture.source import SourceInfo
+    from nvscope.capture.source import Source, SourceInfo
     from nvscope.list_key import ListKey
 
 
@@ -124,17 +125,29 @@ def variables(
     names = {} if no_names else plant.node_names
     asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names, tables_are_wide(wide))
     if infer:
-        infos = _infer(asked, listed, write, force=force)
+        told = _infer(asked, listed, write, force=force)
     elif history is not None:
-        infos = _history(asked, history, listed, every)
+        told = _history(asked, history, listed, every)
     elif at is not None:
-        infos = _at(asked, at, listed)
+        told = _at(asked, at, listed)
     else:
-        infos = _last_values(asked, listed)
+        told = _last_values(asked, listed)
     if not infer:
         tell_of_lists(inquiry)
-    if tell_of_losses(infos):
+    tell_of_channels(channel_map, told.channels)
+    if tell_of_losses(told.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)
+
+
+class _Read(NamedTuple):
+    """What the captures that were read say of themselves, and what their channels are called."""
+
+    infos: Sequence[SourceInfo]
+    channels: Sequence[str]
+
+    @classmethod
+    def of(cls, source: Source) -> _Read:
+        return cls(source.infos, source.channels)
 
 
 @dataclass(frozen=True)
@@ -208,7 +221,7 @@ def _check_readable(paths: Sequence[str]) -> None:
         open_source(files)
 
 
-def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
+def _last_values(asked: _Asked, listed: str | None) -> _Read:
     from nvscope.analysis.seen_lists import SeenLists
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
@@ -233,7 +246,7 @@ def _last_values(asked: _Asked, listed: str | None) -> Sequence[SourceInfo]:
         _tell_of_truncated(truncated)
     if listed is None:
         tell_of_missing(asked.inquiry, seen)
-    return found.infos
+    return _Read(found.infos, [bus.channel for bus in found.summary.can.buses])
 
 
 def _tell_of_truncated(count: int) -> None:
@@ -258,7 +271,7 @@ def _tell_of_unfitting(count: int) -> None:
     )
 
 
-def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Sequence[SourceInfo]:
+def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read:
     """Write changes as they are found."""
     from nvscope.analysis.history import Changes
     from nvscope.cli.progress import watching
@@ -299,10 +312,10 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> Seque
         _tell_of_unfitting(history.unfitting)
     if listed is None:
         tell_of_missing(asked.inquiry, changes.seen)
-    return changes.source.infos
+    return _Read.of(changes.source)
 
 
-def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
+def _at(asked: _Asked, text: str, listed: str | None) -> _Read:
     """Show the values as they were at a time."""
     from nvscope.analysis.moment import at
     from nvscope.report import history as face
@@ -318,10 +331,10 @@ def _at(asked: _Asked, text: str, listed: str | None) -> Sequence[SourceInfo]:
         ),
         lambda document: face.render_at(document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc),
     )  # fmt: skip
-    return found.source.infos
+    return _Read.of(found.source)
 
 
-def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool) -> Sequence[SourceInfo]:
+def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool) -> _Read:
     """Propose layouts, and draft definition files of them."""
     from nvscope.analysis.inference import infer
     from nvscope.definition.gvl_text import gvl_text
@@ -349,7 +362,7 @@ def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool)
             next_step="choose one with --list, or name a file: each list gets its own",
         )
     if write is None:
-        return source.infos
+        return _Read.of(source)
     if not made:
         echo(f"nvscope: nothing to draft, {write} was not written.", err=True)
     drafted = [*zip(made, _draft_paths(write, [(draft.port, draft.list_id) for draft in made]), strict=True)]
@@ -365,7 +378,7 @@ def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool)
     for draft, path in drafted:
         note = f"; it does not fit the wire: {draft.problem}" if draft.problem else ""
         echo(f"nvscope: {path}: draft of list {draft.list_id}, {_CHECK}{note}.", err=True)
-    return source.infos
+    return _Read.of(source)
 
 
 _CHECK = "to be checked against the PLC project"

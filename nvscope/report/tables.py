@@ -283,7 +283,8 @@ def _interval(entry: Row) -> Cell:
     regular = [stream for stream in known if stream.nominal is not None]
     if known and not regular:
         return Cell("on change", Tone.FAINT)
-    shown = _spread([stream.p50 for stream in regular if stream.p50 is not None])
+    # Where a clock stepped back far, nobody knows how long it took.
+    shown = _spread([stream.p50 for stream in regular if stream.p50 is not None and stream.p50 >= 0])
     return Cell(shown.text, Tone.WARNING) if any(stream.departs for stream in regular) else shown
 
 

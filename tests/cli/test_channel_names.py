@@ -143,3 +143,20 @@ def test_channels_that_are_not_there_are_told(tmp_path: Path, options: tuple[str
     assert ran.returncode == 0
     assert ran.stderr.startswith(told)
     assert bool(ran.stderr) == bool(told)
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [["vars"], ["vars", "--at", "T#1s"], ["vars", "--history", "*"], ["export", "-w", "values.csv"]],
+    ids=lambda verb: " ".join(verb[:2]),
+)
+def test_a_channel_that_is_not_there_is_told_wherever_values_are(tmp_path: Path, verb: list[str]) -> None:
+    captures = Path(__file__).parents[2] / "captures" / "can"
+    log, definition = captures / "press.log", captures / "press.gvl"
+    told = "nvscope: --channel-map can9=press: no channel is called can9. "
+    ran = run(verb[0], str(log), str(definition), *verb[1:], "--channel-map", "can9=press", cwd=tmp_path)
+    assert (ran.returncode, told in ran.stderr) == (0, True), ran.stderr
+    here = tmp_path / "there"
+    here.mkdir()
+    ran = run(verb[0], str(log), str(definition), *verb[1:], "--channel-map", "can0=press", cwd=here)
+    assert (ran.returncode, "no channel" in ran.stderr) == (0, False), ran.stderr
