@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from nvscope.tracker.counters import Scope, is_erratic
+from nvscope.tracker.counters import Scope
 from nvscope.tracker.intervals import IntervalFigures
 
 
 class StreamSummary(NamedTuple):
     """One stream: who sends which SubIndex, and what its counters and intervals say.
 
-    ``byte_swapped``: nearly all steps of its Counter are +1 once its two bytes are swapped.
+    ``byte_swapped``: nearly all steps of its Counter are +1 once its two bytes are swapped. ``erratic``: its counters
+    are not believed, here or, of a window, in all that was seen up to its end.
     """
 
     stream: int
@@ -29,19 +30,7 @@ class StreamSummary(NamedTuple):
     length: int
     checksum: int | None
     byte_swapped: bool = False
-    whole_erratic: bool | None = None
-
-    @property
-    def erratic(self) -> bool:
-        """Whether its counters are not believed, here or, of a window, in all that was seen up to its end."""
-        if self.whole_erratic is not None:
-            return self.whole_erratic
-        lost = self.figures["lost"]
-        if lost <= self.telegrams:  # as of nearly all
-            return False
-        return is_erratic(
-            lost, self.telegrams, self.last_ns - self.first_ns, self.intervals.p50, swapped=self.byte_swapped
-        )
+    erratic: bool = False
 
     @property
     def counters(self) -> dict[str, int | None]:

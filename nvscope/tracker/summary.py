@@ -22,7 +22,7 @@ from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.capture import CaptureSummary
-from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope, byte_swapped
+from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope, byte_swapped, is_erratic
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import StreamIntervals
@@ -164,14 +164,17 @@ def _streams(
         stream, number, own_node, part, own_telegrams, first_ns, last_ns, counts, is_unused, items, length, has, check,
         swapped,
     ), row in zip(zip(*(column.tolist() for column in columns), strict=True), figures, strict=True):  # fmt: skip
-        scope = scopes[own_node]
+        scope, timed = scopes[own_node], intervals.of(stream, nominal[number])
+        counted = MappingProxyType(dict(zip(BY_SCOPE, row, strict=True))) if counts else _NOTHING_COUNTED
+        if erratic is None:
+            believed = not is_erratic(counted["lost"], own_telegrams, last_ns - first_ns, timed.p50, swapped=swapped)
+        else:
+            believed = stream not in erratic
         found.append(
             StreamSummary(
                 stream, own_node, part, own_telegrams, first_ns, last_ns, scope,
-                SCOPE_UNUSED if is_unused else SCOPE_NAMES[scope],
-                MappingProxyType(dict(zip(BY_SCOPE, row, strict=True))) if counts else _NOTHING_COUNTED,
-                intervals.of(stream, nominal[number]), items, length, check if has else None, swapped,
-                None if erratic is None else stream in erratic,
+                SCOPE_UNUSED if is_unused else SCOPE_NAMES[scope], counted, timed, items, length,
+                check if has else None, swapped, not believed,
             )
         )  # fmt: skip
     bounds = np.searchsorted(of_list, np.arange(len(lists) + 1)).tolist()

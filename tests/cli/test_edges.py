@@ -72,7 +72,7 @@ def shell(command: str, place: Path) -> subprocess.CompletedProcess[str]:
     ("command", "code", "said"),
     [
         ("nvscope report - <&-", 4, "stdin is closed"),
-        ("nvscope report x.pcap >&-", 0, ""),
+        ("nvscope report x.pcap >&-", 5, "stdout is closed"),
         ("nvscope report missing.pcap 2>/dev/full", 4, ""),
         ("nvscope export x.pcap -w y.csv --gvl " + str(PEERS / "batch.gvl") + " 2>/dev/full", 0, ""),
         ("nvscope report x.pcap 2>&-", 0, ""),
