@@ -10,6 +10,7 @@ from pathlib import Path
 from nvscope.definition.exp import is_export, read_exp
 from nvscope.definition.model import DEFAULT_PORT, Definition, Problem
 from nvscope.definition.plain_text import read_plain_text
+from nvscope.definition.position import Position
 from nvscope.definition.resolve import resolve
 from nvscope.definition.source import DefinitionError, NoDefinition, Source, read_source
 from nvscope.definition.syntax import FileSyntax
@@ -53,8 +54,8 @@ def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None =
     The order in which a person names files says nothing: with the same files everything is the same.
 
     Of those that were found and not named, what is no definition is passed over, where others call files so too. What
-    would be more than ``MAX_ALL_CHARACTERS`` together is left out. Raises ConfigurationError where a file cannot be
-    opened, or none can be read.
+    would be more than ``MAX_ALL_CHARACTERS`` together is left out, and so is what cannot be opened. Raises
+    ConfigurationError where a file that was named cannot be opened, or none can be read.
     """
     places: dict[str, DefinitionFile] = {}
     for file in sorted(wanted, key=lambda file: Path(file.path)):
@@ -73,6 +74,10 @@ def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None =
             (errors if file.named or file.path.lower().endswith(LIST_SUFFIXES) else passed).append(error)
         except DefinitionError as error:
             errors.append(error)
+        except ConfigurationError as error:
+            if file.named:
+                raise
+            errors.append(DefinitionError(error.what, Position(file.path, 0, 0), error.next_step))
     if errors and not read:
         raise errors[0]
     if wanted and not read:

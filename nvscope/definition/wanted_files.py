@@ -82,7 +82,9 @@ def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:
     path = Path(text) if base is None else base / text
     try:
         if path.is_dir():
-            found = [file for file in _sorted(map(Path, files_below(path)), text) if is_worth_reading(file)]
+            unread: list[str] = []
+            found = [file for file in _sorted(map(Path, files_below(path, unread)), text) if is_worth_reading(file)]
+            found += unread  # who reads it says why it cannot be
             if not found:
                 raise ConfigurationError(
                     "no definition file is in it", where=text, next_step="Name the directory of the exported lists."
@@ -123,15 +125,24 @@ def _check_readable(pattern: Path) -> None:
         return
 
 
-def files_below(directory: str | Path) -> Iterator[str]:
+def files_below(directory: str | Path, unread: list[str] | None = None) -> Iterator[str]:
     """Yield the paths of all files below a directory but hidden ones, however deep; links to directories are left out.
 
-    Raises OSError where a directory cannot be read.
+    Directories below it that cannot be read are added to ``unread``. Raises OSError where itself cannot be.
     """
-    waiting = [str(directory)]
+    top = str(directory)
+    waiting = [top]
     while waiting:
-        with os.scandir(waiting.pop()) as entries:
-            shown = [entry for entry in entries if not _is_hidden(entry.name)]
+        place = waiting.pop()
+        try:
+            with os.scandir(place) as entries:
+                shown = [entry for entry in entries if not _is_hidden(entry.name)]
+        except OSError:
+            if place == top:
+                raise
+            if unread is not None:
+                unread.append(place)
+            continue
         waiting += [entry.path for entry in shown if entry.is_dir(follow_symlinks=False)]
         yield from (entry.path for entry in shown if not entry.is_dir())
 

@@ -6,10 +6,11 @@ import os
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from nvscope.definition.load import load_definitions
+from nvscope.definition.load import load_definitions, read_definitions
 from nvscope.definition.wanted_files import files_below, wanted_files
 from nvscope.errors import ConfigurationError
 from tests.cli.test_vars import PEERS, nvscope
@@ -78,24 +79,43 @@ def test_directories_may_lie_as_deep_as_they_like(deep: Path) -> None:
     assert "directories lie too deep in one another" in done.stderr
 
 
-@pytest.mark.parametrize("below", ["", "sub"])
-def test_a_directory_that_cannot_be_read_says_so(
-    below: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:  # fmt: skip
-    """Whoever is root may read all: so the answer of the system is made."""
+def refuse(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let nobody read a directory: whoever is root may read all, so the answer of the system is made."""
+    scandir, opened = os.scandir, Path.open
+
+    def refused(wanted: str | Path) -> None:
+        if Path(wanted) == path:
+            raise PermissionError(13, "Permission denied", str(wanted))
+
+    def refusing_scan(wanted: str | Path) -> object:
+        refused(wanted)
+        return scandir(wanted)
+
+    def refusing_open(wanted: Path, *words: Any, **more: Any) -> object:
+        refused(wanted)
+        return opened(wanted, *words, **more)
+
+    monkeypatch.setattr("os.scandir", refusing_scan)
+    monkeypatch.setattr(Path, "open", refusing_open)
+
+
+def test_a_directory_below_that_cannot_be_read_is_told_and_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "sub").mkdir()
     (tmp_path / "a.gvl").write_bytes(Path(LIST).read_bytes())
-    refused = str(tmp_path / below) if below else str(tmp_path)
-    scandir = os.scandir
+    refuse(tmp_path / "sub", monkeypatch)
+    read = read_definitions(wanted_files([str(tmp_path)]))
+    assert list(read.files) == [str(tmp_path / "a.gvl")]
+    (problem,) = read.left_out
+    assert (problem.what, problem.position.file) == ("cannot be read: Permission denied", str(tmp_path / "sub"))
 
-    def refusing(path: str | Path) -> object:
-        if str(path) == refused:
-            raise PermissionError(13, "Permission denied", str(path))
-        return scandir(path)
 
-    monkeypatch.setattr("os.scandir", refusing)
-    patterns = [str(tmp_path)] if below else [str(tmp_path), f"{tmp_path}/*.gvl"]
-    for given in patterns:
+def test_a_directory_that_cannot_be_read_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.gvl").write_bytes(Path(LIST).read_bytes())
+    refused = str(tmp_path)
+    refuse(tmp_path, monkeypatch)
+    for given in (str(tmp_path), f"{tmp_path}/*.gvl"):
         with pytest.raises(ConfigurationError, match="cannot be read: Permission denied") as caught:
             wanted_files([given])
         assert (caught.value.where, caught.value.what) == (refused, "cannot be read: Permission denied")
