@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -42,14 +42,19 @@ def pieces(report: Report) -> Iterator[str]:
 def _parts(value: Any, margin: int = 0, depth: int = _DEPTH) -> Iterator[str]:
     """Yield the text of a value: the entries of long lists that lie so deep in it one by one, all else at once."""
     inner = " " * (margin + _INDENT)
-    if depth and isinstance(value, Mapping) and value and (not margin or _is_long(value)):
+    shape = _shape(type(value))
+    if shape is Mapping and depth and value:
+        items = list(value.values())
+        if margin and not any(len(item) > _LONG for item in items if _shape(type(item)) is Sequence):
+            yield _object(value, items, margin)
+            return
         opening = "{"
-        for key, item in value.items():
+        for key, item in zip(value, items, strict=True):
             yield f"{opening}\n{inner}{json_text(key)}: "
             yield from _parts(item, margin + _INDENT, depth - 1)
             opening = ","
         yield f"\n{' ' * margin}}}"
-    elif depth and isinstance(value, Sequence) and not isinstance(value, str) and value:
+    elif shape is Sequence and depth and value:
         opening = "["
         for item in value:
             yield f"{opening}\n{inner}"
@@ -58,10 +63,6 @@ def _parts(value: Any, margin: int = 0, depth: int = _DEPTH) -> Iterator[str]:
         yield f"\n{' ' * margin}]"
     else:
         yield _encoded(value, margin)
-
-
-def _is_long(row: Mapping[str, Any]) -> bool:
-    return any(len(item) > _LONG for item in row.values() if isinstance(item, Sequence))
 
 
 def _number(value: float) -> str:
@@ -84,20 +85,43 @@ def _encoded(value: Any, margin: int) -> str:
     encode = _SCALARS.get(type(value))
     if encode is not None:
         return encode(value)
-    inner = margin + _INDENT
-    if isinstance(value, Mapping):
-        # Objects of the same keys are written by one template: of a large report, nearly all are alike.
-        return _template(tuple(value), margin) % tuple([
-            encode(item) if (encode := _SCALARS.get(type(item))) else _encoded(item, inner) for item in value.values()
-        ])  # fmt: skip
+    inner, shape = margin + _INDENT, _shape(type(value))
+    if shape is Mapping:
+        return _object(value, value.values(), margin)
     if isinstance(value, str | int | float):  # such as a member of an enumeration
         return _encoded(next(kind for kind in (str, int, float) if isinstance(value, kind))(value), margin)
-    if isinstance(value, Sequence):
+    if shape is Sequence:
         if not value:
             return "[]"
         space = "\n" + " " * inner
         return f"[{space}{f',{space}'.join([_encoded(item, inner) for item in value])}\n{' ' * margin}]"
     raise TypeError(f"a {type(value).__name__} is nothing that JSON has")
+
+
+_SHAPES: dict[type, type | None] = {str: None}
+
+
+def _shape(kind: type) -> type | None:
+    """Return whether values of a type are objects or arrays: to ask each of them takes longer than to write it."""
+    if kind not in _SHAPES:
+        shapes = () if issubclass(kind, str) else (Mapping, Sequence)
+        _SHAPES[kind] = next((shape for shape in shapes if issubclass(kind, shape)), None)
+    return _SHAPES[kind]
+
+
+def _object(keys: Iterable[str], items: Iterable[Any], margin: int) -> str:
+    """Return an object of some keys, of which each has its item.
+
+    Those of the same keys are written by one template: of a large report, nearly all are alike. It writes integers as
+    they are.
+    """
+    inner, scalars = margin + _INDENT, _SCALARS
+    return _template(tuple(keys), margin) % tuple([
+        item if (kind := type(item)) is int
+        else scalars[kind](item) if kind in scalars
+        else _encoded(item, inner)
+        for item in items
+    ])  # fmt: skip
 
 
 @lru_cache(256)

@@ -18,7 +18,7 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
-from nvscope.engine.runs import distinct, runs_of
+from nvscope.engine.runs import distinct, runs_of, stable_order
 from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
@@ -188,28 +188,36 @@ class Cycles:
         first = rows.packet[rows.start[np.searchsorted(rows.run_stream, new)]] + first_frame
         self.streams.first_frame[new] = first
         self.streams.subindex[new] = keys.places.low[place].astype(np.int64)
-        for stream, frame in zip(new.tolist(), first.tolist(), strict=True):
-            pair = self.streams.pair[stream]
-            columns.streams[pair] += 1
-            columns.seen[pair] += 1
-            if several is not None and several[stream]:
-                columns.streams[pair] = max(columns.streams[pair], 2)
-                columns.active_from[pair] = 0
-            elif columns.streams[pair] == 2:
-                columns.active_from[pair] = frame
+        pair = self.streams.pair[new]
+        np.add.at(columns.seen, pair, 1)
+        if several is None or not several[new].any():
+            order = stable_order(pair, len(self.pairs))
+            of_pair = pair[order]
+            start, stop = runs_of(of_pair)
+            before = columns.streams[of_pair] + np.arange(len(order)) - np.repeat(start, stop - start)
+            columns.active_from[of_pair[before == 1]] = first[order][before == 1]
+            np.add.at(columns.streams, pair, 1)
+            return
+        for stream, own, frame in zip(new.tolist(), pair.tolist(), first.tolist(), strict=True):
+            columns.streams[own] += 1
+            if several[stream]:
+                columns.streams[own] = max(columns.streams[own], 2)
+                columns.active_from[own] = 0
+            elif columns.streams[own] == 2:
+                columns.active_from[own] = frame
 
     def _learn(self, rows: DataRows, usual: Bool, first_frame: int) -> None:
         """Note from when on the intervals of streams are known."""
         streams, columns = self.streams, self.columns
-        for place in np.flatnonzero(streams.ready_from[rows.run_stream] == NEVER).tolist():
-            known = np.flatnonzero(usual[rows.start[place] : rows.stop[place]])
-            if not len(known):
-                continue
-            stream = rows.run_stream[place]
-            pair, frame = streams.pair[stream], int(rows.packet[rows.start[place] + known[0]]) + first_frame
-            streams.ready_from[stream] = frame
-            columns.ready[pair] += 1
-            columns.ready_from[pair] = max(columns.ready_from[pair], frame)
+        waiting = np.flatnonzero(streams.ready_from[rows.run_stream] == NEVER)
+        known = np.append(np.flatnonzero(usual), len(rows))
+        first = known[np.searchsorted(known, rows.start[waiting])]
+        ready = first < rows.stop[waiting]
+        stream, frame = rows.run_stream[waiting[ready]], rows.packet[first[ready]] + first_frame
+        pair = streams.pair[stream]
+        streams.ready_from[stream] = frame
+        np.add.at(columns.ready, pair, 1)
+        np.maximum.at(columns.ready_from, pair, frame)
 
     def _cut(
         self, told: Told, pair: I64, start: I64, stop: I64, subindex: I64, counter: U16 | None, time_ns: I64,

@@ -64,7 +64,8 @@ class Figure:
 
     ``keys`` say where a report has it in JSON, as a path within ``PLACES``; what is not there is in no report.
     ``width_bits`` is how wide a controller keeps it, 0 where it keeps none. ``provided`` is what windows have to have
-    in common to join, None where they always do.
+    in common to join, None where they always do. ``held`` names the part of ``Measured`` that has it and its name
+    there, where several figures are read of that part at once.
     """
 
     name: str
@@ -76,6 +77,7 @@ class Figure:
     keys: Mapping[Of, str] = field(default_factory=lambda: MappingProxyType({}))
     width_bits: int = 0
     provided: Provided | None = None
+    held: tuple[str, str] | None = None
 
     @property
     def extreme(self) -> bool:
@@ -94,12 +96,20 @@ _TRAFFIC = Of.STREAM, Of.LIST, Of.NODE
 def _diagnosis(
     name: str, unit: Unit, joins: Joins, text: str, width_bits: int = 0, provided: Provided | None = None
 ) -> Figure:
+    keys = {Of.LIST: f"diag.{name}", Of.NODE: f"diag.{name}"}
+    held = "diagnosis", name
+    return Figure(name, unit, text, _LISTS_AND_NODES, joins, _read_of(*held), keys, width_bits, provided, held)
+
+
+def _read_of(part: str, name: str) -> Callable[[Measured], Value]:
+    whole = attrgetter(part)
+
     def read(row: Measured) -> Value:
-        value: Value = None if row.diagnosis is None else getattr(row.diagnosis, name)
+        holder = whole(row)
+        value: Value = None if holder is None else getattr(holder, name)
         return value
 
-    keys = {Of.LIST: f"diag.{name}", Of.NODE: f"diag.{name}"}
-    return Figure(name, unit, text, _LISTS_AND_NODES, joins, read, keys, width_bits, provided)
+    return read
 
 
 def _counter(name: str, unit: Unit, text: str, of: tuple[Of, ...] = (Of.LIST,), joins: Joins = Joins.SUM) -> Figure:
@@ -113,19 +123,15 @@ def _counter(name: str, unit: Unit, text: str, of: tuple[Of, ...] = (Of.LIST,), 
 def _interval(
     key: str, attribute: str, joins: Joins, text: str, unit: Unit = "ns", of: tuple[Of, ...] = _TRAFFIC
 ) -> Figure:
-    def read(row: Measured) -> Value:
-        value: Value = None if row.intervals is None else getattr(row.intervals, attribute)
-        return value
-
-    return Figure(f"interval_{key}", unit, text, of, joins, read, {Of.STREAM: f"interval_ns.{key}"})
+    held = "intervals", attribute
+    keys = {Of.STREAM: f"interval_ns.{key}"}
+    return Figure(f"interval_{key}", unit, text, of, joins, _read_of(*held), keys, held=held)
 
 
 def _latency(key: str, attribute: str, joins: Joins, text: str, unit: Unit = "ns") -> Figure:
-    def read(row: Measured) -> Value:
-        value: Value = None if row.latency is None else getattr(row.latency, attribute)
-        return value
-
-    return Figure(f"latency_{key}", unit, text, _TRAFFIC, joins, read, dict.fromkeys(_TRAFFIC, f"latency_ns.{key}"))
+    held = "latency", attribute
+    keys = dict.fromkeys(_TRAFFIC, f"latency_ns.{key}")
+    return Figure(f"latency_{key}", unit, text, _TRAFFIC, joins, _read_of(*held), keys, held=held)
 
 
 def _bus(

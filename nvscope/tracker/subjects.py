@@ -102,8 +102,8 @@ class Measures:
             latency=latency,
         )
 
-    def of_node(self, entry: ListSummary, node: int, diagnosis: Diagnosis) -> Measured:
-        """Return what was measured of a node on a list."""
+    def of_node(self, entry: ListSummary, node: int, diagnosis: Diagnosis, *, counters: bool = True) -> Measured:
+        """Return what was measured of a node on a list; without ``counters``, nothing of its counters."""
         member = entry.number, node
         own = self._of_node.get(member, [])
         return Measured(
@@ -111,7 +111,7 @@ class Measures:
             span_ns=self._span_ns,
             extremes=self._extremes,
             diagnosis=diagnosis,
-            counters=counted_together(own),
+            counters=counted_together(own) if counters else NO_COUNTERS,
             intervals=self._together.intervals_of_node.get(member, NO_INTERVALS),
             jitter_percent=self._worst_jitter(own),
             latency=self._together.latency_of_node.get(member, NO_LATENCY),

@@ -19,6 +19,7 @@ from dissectors.batch import I64, U64, Bool
 from nvscope.engine.dealing import Share
 from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import spans
 from nvscope.engine.told import Told
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
 from nvscope.tracker.deviation import deviations, means
@@ -257,17 +258,15 @@ class Timing:
     def _learn(self, interval: I64, start: I64, length: I64, run: I64, before: I64, young: Bool) -> I64:
         """Take the first intervals of young streams, place their dense buckets, and return the places of these."""
         columns = self.columns
-        learned = [np.empty(0, np.int64)]
-        for place in np.flatnonzero(young).tolist():
-            number, known, first = int(run[place]), int(before[place]), int(start[place])
-            taken = min(LEARNED_INTERVALS - known, int(length[place]))
-            columns.learned[number, known : known + taken] = interval[first : first + taken]
-            learned.append(np.arange(first, first + taken))
-            if known + taken == LEARNED_INTERVALS:
-                median = np.sort(columns.learned[number])[LEARNED_INTERVALS // 2 : LEARNED_INTERVALS // 2 + 1]
-                columns.usual_ns[number] = max(int(median[0]), 1)
-                columns.first_bucket[number] = bucket_of(np.maximum(median * 3 // 4, 1))[0]
-        return np.concatenate(learned)
+        number, known = run[young], before[young]
+        taken = np.minimum(LEARNED_INTERVALS - known, length[young])
+        learned = spans(start[young], taken)
+        columns.learned[np.repeat(number, taken), spans(known, taken)] = interval[learned]
+        full = number[known + taken == LEARNED_INTERVALS]
+        median = np.sort(columns.learned[full], axis=1)[:, LEARNED_INTERVALS // 2]
+        columns.usual_ns[full] = np.maximum(median, 1)
+        columns.first_bucket[full] = bucket_of(np.maximum(median * 3 // 4, 1))
+        return learned
 
     def means_ns(self, stream: I64) -> list[int | None]:
         """Return the mean intervals of streams, rounded half to even; None without intervals."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from operator import attrgetter
 from typing import Any
 
 from nvscope.tracker.figures import (
@@ -51,7 +52,7 @@ class FigureRow:
         for key, own in by_key.items():
             path = f"{within}.{key}" if within else key
             nested = own[0].keys[of] != path
-            self._reads.append((key, FigureRow(own, of, path).read if nested else _reading(own[0])))
+            self._reads.append((key, _read_at_once(own, of, path) if nested else _reading(own[0])))
 
     @property
     def reads(self) -> Mapping[str, _Reads]:
@@ -85,6 +86,35 @@ def _reading(figure: Figure) -> _Reads:
         return lambda measured: time_text(read(measured))
     if figure.unit in ("percent", "per second"):
         return lambda measured: rounded(value) if isinstance(value := read(measured), float) else value
+    return read
+
+
+def _read_at_once(figures: Sequence[Figure], of: Of, path: str) -> _Reads:
+    """Return what reads the object of figures that is at a path: with one look, where one part has all of them."""
+    parts = {figure.held[0] if figure.held else "" for figure in figures}
+    (part, *others) = parts
+    keys = [figure.keys[of][len(path) + 1 :] for figure in figures]
+    if not part or others or len(figures) < 2 or any("." in key for key in keys):
+        return FigureRow(figures, of, path).read
+    look = attrgetter(*(figure.held[1] for figure in figures if figure.held))
+    whole = attrgetter(part)
+    nothing = dict.fromkeys(keys)
+    times = [key for key, figure in zip(keys, figures, strict=True) if figure.unit == "time"]
+    rates = any(figure.unit in ("percent", "per second") for figure in figures)
+    extremes = [key for key, figure in zip(keys, figures, strict=True) if figure.extreme]
+    assert not rates, "no part has figures that are rounded"
+
+    def read(measured: Measured) -> dict[str, Any]:
+        holder = whole(measured)
+        if holder is None:
+            return nothing.copy()
+        found = dict(zip(keys, look(holder), strict=True))
+        for key in times:
+            found[key] = time_text(found[key])
+        if extremes and not measured.extremes:
+            found.update(dict.fromkeys(extremes))
+        return found
+
     return read
 
 

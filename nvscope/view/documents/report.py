@@ -168,7 +168,8 @@ class _NodeRow(MeasuredRow):
         self.address = context.summary.addresses[node]
 
     def measure(self) -> Measured:
-        return self.context.measures.of_node(self.entry, self.node, self.diagnosis)
+        # No report has counters of a node.
+        return self.context.measures.of_node(self.entry, self.node, self.diagnosis, counters=False)
 
     READS: ClassVar[Mapping[str, Reads]] = {
         "address": lambda row: row.address,
