@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import filecmp
 import io
 import os
 import re
@@ -175,8 +174,10 @@ class WholeFile:
 
     def differs(self) -> bool:
         """Return whether what was finished is something else than the file that it is to replace."""
+        from filecmp import cmp  # noqa: PLC0415
+
         with self._told():
-            return self.is_replacing() and not filecmp.cmp(self.unfinished, self.target, shallow=False)
+            return self.is_replacing() and not cmp(self.unfinished, self.target, shallow=False)
 
     def open(self) -> WholeFile:
         """Open ``file``, and return this one."""

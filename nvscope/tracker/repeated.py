@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from dissectors.batch import I64, U16, U64, Bool
 from nvscope.engine.runs import distinct
 from nvscope.tracker.sequence import walk
 from nvscope.tracker.steps import Step, Steps, walk_one
+
+if TYPE_CHECKING:  # as in dissectors.batch, importing it takes too long
+    import numpy.typing as npt
 
 
 class Repeated:

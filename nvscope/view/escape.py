@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
-from json.encoder import encode_basestring_ascii  # what ``json.dumps`` has for texts
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, overload
 
 _SHORT = {"\\": "\\\\", "\t": "\\t", "\n": "\\n", "\r": "\\r"}
@@ -56,9 +56,18 @@ def _escaped(character: str) -> str:
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
+@lru_cache(1)
+def _quoting() -> Callable[[str], str]:
+    """Return what ``json.dumps`` quotes texts with; who tells a person something needs nothing of it."""
+    from json.encoder import encode_basestring_ascii  # noqa: PLC0415
+
+    quoting: Callable[[str], str] = encode_basestring_ascii
+    return quoting
+
+
 def json_text(text: str) -> str:
     """Return ``text`` as a JSON string of printable ASCII: what else there is in it is written as JSON escapes."""
-    quoted: str = encode_basestring_ascii(text)
+    quoted = _quoting()(text)
     return quoted.replace("\x7f", "\\u007f") if "\x7f" in quoted else quoted
 
 
