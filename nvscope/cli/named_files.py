@@ -133,8 +133,9 @@ def _is_worth_reading(path: str) -> bool:
 
 
 def _is_binary_capture(head: bytes) -> bool:
+    # A text may begin with the bytes of one: "\n\r\r\n" is what .pcapng begins with.
     known = format_of(head)
-    return known is not None and known.name in _BINARY
+    return known is not None and known.name in _BINARY and b"\0" in head
 
 
 def _is_capture(path: str) -> bool:

@@ -21,8 +21,6 @@ SCOPE_NAMES = {Scope.STREAM: "stream", Scope.NODE_TELEGRAM: "node-telegram", Sco
 SCOPE_UNUSED = "unused"
 
 _SWAPPED_PERCENT = 90
-_SWAPPED_FROM = 8
-"""A jump by 256 now and then is a loss; from so many on, nothing was lost."""
 
 _ERRATIC_FROM = 100
 _ERRATIC_FACTOR = 10
@@ -51,4 +49,4 @@ def byte_swapped(steps: I64, regular: I64, swapped: I64) -> Bool:
     regular. A public sender writes the values from 128 on that way.
     """
     nearly_all = 100 * (regular + swapped) >= _SWAPPED_PERCENT * steps
-    return nearly_all & (2 * swapped > steps - regular) & (swapped >= _SWAPPED_FROM)
+    return nearly_all & (2 * swapped > steps - regular) & (swapped >= _ERRATIC_FROM)

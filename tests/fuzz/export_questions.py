@@ -14,7 +14,7 @@ import numpy as np
 
 from nvscope.errors import ExitCode
 from tests.fuzz.asked import READ, Asked
-from tests.fuzz.variable_questions import telegrams_of
+from tests.fuzz.variable_questions import telegrams_of, values_of
 
 _MOST_NS = (1 << 63) - 1
 _LONG_TIMES = {"LTIME", "LTOD", "LDATE", "LDT"}
@@ -25,7 +25,6 @@ def ask_exports(asked: Asked, rows: Sequence[Mapping[str, Any]]) -> None:
     folder = asked.folder / "out"
     folder.mkdir(exist_ok=True)
     telegrams = telegrams_of(rows)
-    variables = Counter((row["list"], row["sender"], row["subindex"]) for row in rows)
     form = asked.rng.choice(_FORMS)
     wide = asked.on_capture("export", "-w", str(folder / f"wide.{form}"))
     if wide.code in READ:
@@ -42,7 +41,7 @@ def ask_exports(asked: Asked, rows: Sequence[Mapping[str, Any]]) -> None:
             return
         (table,) = _tables(folder, form)
         counted = Counter((row["list"], row["ip.src"], int(row["nv.subindex"])) for row in table)
-        assert counted == {key: count * variables[key] for key, count in telegrams.items() if count * variables[key]}
+        assert counted == values_of(rows)
         long = table if form == "ndjson" else long
         _empty(folder)
     asked.answered.values = len(long)

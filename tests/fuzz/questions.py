@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import random
 import warnings
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from tests.fuzz.definition_questions import ask_definitions, ask_refused
 from tests.fuzz.examination import ends
 from tests.fuzz.export_questions import ask_exports
 from tests.fuzz.filter_questions import ask_filtered
-from tests.fuzz.variable_questions import ask_variables, telegrams_of
+from tests.fuzz.variable_questions import ask_variables, values_of
 
 
 def ask(plant: Plant, folder: Path, rng: random.Random) -> Answered:
@@ -84,8 +83,7 @@ def _ask_notebook(asked: Asked, report: Any, rows: Sequence[Mapping[str, Any]] |
     assert opened.streams.height == sum(len(entry["streams"]) for entry in report["lists"])
     capture = report["capture"]
     assert opened.telegrams().height == capture["telegrams"] + capture.get("can_frames", 0)
-    variables = Counter((row["list"], row["sender"], row["subindex"]) for row in rows or ())
-    wanted = sum(count * variables[key] for key, count in telegrams_of(rows or ()).items())
+    wanted = sum(values_of(rows or ()).values())
     try:
         with warnings.catch_warnings(action="ignore"):  # of what was left out, it is told
             height = opened.values(form="long").height

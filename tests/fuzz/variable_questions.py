@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,14 +16,16 @@ Key = tuple[str, str, int]
 
 
 def ask_variables(asked: Asked, report: Any) -> list[dict[str, Any]] | None:
-    """Return the rows of ``vars``; None where no list is defined."""
+    """Return the rows of ``vars``, those of earlier shapes behind them; None where no list is defined."""
     rng = asked.rng
     asked.on_capture("vars")
     ran = asked.on_capture("vars", "--json")
     if ran.code not in READ:
         assert ran.code == ExitCode.USAGE, ran
         return None
-    rows: list[dict[str, Any]] = ran.document()["variables"]
+    document = ran.document()
+    rows: list[dict[str, Any]] = document["variables"]
+    earlier: list[dict[str, Any]] = document.get("earlier", [])
     streams = {
         (entry["key"], stream["node"], stream["subindex"]): stream["telegrams"]
         for entry in report["lists"]
@@ -33,7 +35,7 @@ def ask_variables(asked: Asked, report: Any) -> list[dict[str, Any]] | None:
         if row["sender"] is not None:
             assert row["telegrams"] <= streams[row["list"], row["sender"], row["subindex"]]
             assert row["changes"] <= max(row["telegrams"] - 1, 0)
-    asked.answered.decoded = sum(telegrams_of(rows).values())
+    asked.answered.decoded = sum(telegrams_of(rows + earlier).values())
     inside = [row for entry in report["lists"] for row in entry.get("values") or ()]
     assert (
         [{name: row[name] for name in inside[0]} for row in rows if row["sender"] is not None]
@@ -44,16 +46,28 @@ def ask_variables(asked: Asked, report: Any) -> list[dict[str, Any]] | None:
     _ask_moment(asked, rows, report)
     if rows:
         _ask_history(asked, rng.choice(rows), rows)
-    return rows
+    return rows + earlier
 
 
 def telegrams_of(rows: Sequence[Mapping[str, Any]]) -> dict[Key, int]:
-    """Return how many telegrams were decoded; that many for each variable in them."""
-    found: dict[Key, int] = {}
+    """Return how many telegrams were decoded, of each shape that many for each variable in them."""
+    shapes: dict[tuple[Key, str], int] = {}
     for row in rows:
         if row["sender"] is not None:
             key = row["list"], row["sender"], row["subindex"]
-            assert found.setdefault(key, row["telegrams"]) == row["telegrams"]
+            assert shapes.setdefault((key, row["last_ns"]), row["telegrams"]) == row["telegrams"]
+    found: dict[Key, int] = defaultdict(int)
+    for (key, _), telegrams in shapes.items():
+        found[key] += telegrams
+    return found
+
+
+def values_of(rows: Sequence[Mapping[str, Any]]) -> dict[Key, int]:
+    """Return how many values the telegrams had that were decoded."""
+    found: dict[Key, int] = defaultdict(int)
+    for row in rows:
+        if row["sender"] is not None and row["telegrams"]:
+            found[row["list"], row["sender"], row["subindex"]] += row["telegrams"]
     return found
 
 

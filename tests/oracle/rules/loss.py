@@ -68,18 +68,30 @@ class Stream:
     telegrams: int = 0
     sequence: CounterSequence = field(default_factory=CounterSequence)
     varied: bool = False
+    swapped: int = 0
     figures: dict[str, Figures] = field(default_factory=lambda: {scope: Figures() for scope in SCOPES})
     previous_time: int | None = None
     intervals: list[int] = field(default_factory=list)
 
     def take_stream_step(self, sent: Telegram, *, repeated: bool) -> tuple[str, int]:
-        """Step in the stream's own sequence, which waits for a second counter value."""
+        """Step in the stream's own sequence, which waits for a second counter value; ``last`` is the one before."""
         if not self.varied:
             if sent.counter == self.first.counter:
                 return "first", 0
             self.varied = True
             self.sequence.h = self.first.counter
-        return self.sequence.step(sent.counter, zero_is_regular=False, repeated=repeated)
+        kind, lost = self.sequence.step(sent.counter, zero_is_regular=False, repeated=repeated)
+        if kind in ("gap", "overtaken", "restart"):
+            now, before = (int.from_bytes(one.counter.to_bytes(2, "little"), "big") for one in (sent, self.last))
+            self.swapped += (now - before) % 65536 == 1
+        return kind, lost
+
+    @property
+    def byte_swapped(self) -> bool:
+        """Whether nine of ten steps are +1 in one of both byte orders, in the other one a hundred or more."""
+        steps, regular = self.sequence.steps, self.sequence.regular
+        most = self.swapped >= 100 and 2 * self.swapped > steps - regular
+        return most and 10 * (regular + self.swapped) >= 9 * steps
 
     @property
     def unused(self) -> bool:
@@ -115,8 +127,8 @@ class Loss:
         """Take the step of a well-formed data telegram in each of the three sequences."""
         stream = self.streams.setdefault(at, Stream(seen, seen))
         stream.telegrams += 1
-        stream.last = seen
         kind, lost = stream.take_stream_step(seen, repeated=repeated)
+        stream.last = seen
         stream.figures["stream"].book(kind, lost, seen.moment)
         if kind not in ("duplicate", "overtaken"):
             if stream.previous_time is not None:
@@ -186,7 +198,8 @@ def judge_stream(
     where = (at.list_key, at.node, at.subindex)
     duration = stream.last.time - stream.first.time
     medians = [None if median is None else Fraction(median) * (100 + percent) / 100 for percent in (0, -2, 2)]
-    verdicts = [erratic(figures.lost, stream.telegrams, duration, value) for value in medians]
+    swapped = stream.byte_swapped and figures.lost > stream.telegrams
+    verdicts = [swapped or erratic(figures.lost, stream.telegrams, duration, value) for value in medians]
     verdict = Verdict(verdicts[0], len(set(verdicts)) == 1)
     for moment in figures.gaps:
         if verdict.erratic:
