@@ -118,7 +118,7 @@ class WholeFiles:
         identity = file.identity()
         if identity is not None and identity in self._inputs:
             raise _is_input(file.path)
-        if any(file.target == other.target or (identity and identity == other.identity()) for other in self._files):
+        if any(file.place == other.place or (identity and identity == other.identity()) for other in self._files):
             raise UsageError("two outputs have this name", where=file.path, next_step="name another file")
         if existing is Existing.KEPT and not self._force and file.is_replacing():
             raise _exists(file.path)
@@ -167,6 +167,11 @@ class WholeFile:
     def identity(self) -> tuple[int, int] | None:
         """Return what the file that has the name is known by, None where it is no regular one."""
         return _identity(self.target if self._descriptor is None else self._descriptor)
+
+    @property
+    def place(self) -> str:
+        """The one name of where the file will be, however it is spelled: nothing may be there yet."""
+        return str(self.target) if self._descriptor is not None else os.path.realpath(self.target)
 
     def is_replacing(self) -> bool:
         """Return whether a file has the name, and is to lose it."""

@@ -174,13 +174,16 @@ def test_what_is_replaced_keeps_its_permissions(words: str, plant: Path) -> None
     assert not [name for name in os.listdir(plant) if "unfinished" in name]
 
 
-def test_the_same_name_twice_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("spelled", ["a", "./a", "sub/../a", "link/a"])
+def test_the_same_name_twice_is_refused_however_it_is_spelled(spelled: str, tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path)
     files = WholeFiles()
     files.open(str(tmp_path / "a"))
     with pytest.raises(UsageError, match="two outputs have this name"):
-        files.open(str(tmp_path / "a"))
+        files.open(f"{tmp_path}/{spelled}")
     files.discard()
-    assert content(tmp_path) == {}
+    assert sorted(os.listdir(tmp_path)) == ["link", "sub"]
 
 
 def test_a_file_that_fails_at_its_end_leaves_all_others_as_they_were(tmp_path: Path) -> None:

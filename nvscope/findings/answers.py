@@ -120,11 +120,13 @@ def judge_answers(facts: Facts) -> Iterator[Finding]:
 
     Where the limit of streams has left out what was to come, nobody knows that it is missing.
     """
+    from nvscope.list_key import Transport
+
     lists = {entry.number: entry for entry in facts.summary.lists}
     left_out = {
         NO_ACKNOWLEDGEMENT: facts.answers_left_out,
-        UNEXPECTED_ACKNOWLEDGEMENT: facts.data_left_out,
-        BOOT_UP_UNANSWERED: facts.data_left_out,
+        UNEXPECTED_ACKNOWLEDGEMENT: Transport.UDP in facts.left_out,
+        BOOT_UP_UNANSWERED: Transport.UDP in facts.left_out,
     }
     for kind, sentence in _SENTENCES.items():
         if left_out.get(kind):

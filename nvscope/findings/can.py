@@ -58,7 +58,11 @@ _MOST_NAMED = 4
 
 def judge_can(facts: Facts) -> Iterator[Finding]:
     """Yield a finding for each COB-ID with frames of another length, and for each list with incomplete cycles."""
+    from nvscope.list_key import Transport
+
     yield from _lengths(facts)
+    if Transport.CAN in facts.left_out:
+        return  # which frames of a list are among that, nobody knows
     for entry in facts.summary.can.lists:
         yield from _incomplete(facts, entry)
 

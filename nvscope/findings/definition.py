@@ -90,7 +90,7 @@ def judge_definition(facts: Facts) -> Iterator[Finding]:
         for key, known in defined.items()
         if key not in seen
         and id(known) not in on_can
-        and key.transport in facts.captured
+        and key.transport in facts.captured - facts.left_out
         and id(known) not in told_as_others
     ]
     alike = _alike(facts, silent, [entry for key, entry in seen.items() if key not in described])

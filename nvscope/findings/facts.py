@@ -75,12 +75,13 @@ class Facts:
     def answers_left_out(self) -> bool:
         """Whether the limit of streams may have left out what answers data telegrams."""
         flows = self.state.keys.columns.column("stream")
-        return self.data_left_out and int(np.count_nonzero(flows < 0)) >= self.state.keys.most
+        return Transport.UDP in self.left_out and int(np.count_nonzero(flows < 0)) >= self.state.keys.most
 
     @cached_property
-    def data_left_out(self) -> bool:
-        """Whether the limit of streams has left out telegrams, and so, maybe, what others answer."""
-        return Carrier.UDP in self.state.capture.left_out.keys.high
+    def left_out(self) -> set[Transport]:
+        """The transports of which the limit of streams has left out something: of these, nothing is called missing."""
+        carriers = set(self.state.capture.left_out.keys.high.tolist())
+        return {one for one in Transport if Carrier[one.name] in carriers}
 
     @cached_property
     def _recordings(self) -> list[Recording]:

@@ -200,3 +200,18 @@ def test_nothing_is_called_missing_that_may_be_left_out() -> None:
     assert all(part <= every for part in some)
     assert set() in some
     assert any(some)
+
+
+def test_lists_that_may_be_left_out_are_not_called_silent_or_incomplete() -> None:
+    can = CAPTURE.parent / "can"
+    words = ("report", can / "press.log", can / "press.gvl", can / "level.gvl", "--json")
+
+    def told(*more: str) -> set[str]:
+        report = json.loads(program.run(*words, *more).stdout)
+        return {one["code"] for one in report["findings"]}
+
+    assert "NV604" in told()
+    for most in range(1, 6):
+        found = told("--max-streams", str(most))
+        assert "NV906" in found
+        assert not {"NV407", "NV604"} & found
