@@ -48,14 +48,19 @@ def tables(counted: Counted) -> dict[str, Any]:
 
 
 def named(counted: Counted) -> Any:
-    """Return the report on it and its figures, by names instead of by numbers, which may depend on batches."""
+    """Return the report on it and its figures, by names instead of by numbers, which may depend on batches.
+
+    So does what a source has said of the time: that is left out.
+    """
     summary = counted.summary()
     lists = {entry.number: entry.key for entry in (*summary.lists, *summary.can.lists)}
     figures = {
         (of, lists.get(number), None if node is None else summary.addresses[node], *rest): row
         for (of, number, node, *rest), row in all_figures(summary).items()
     }
-    return figures, report_document(summary, [], []), counted.extremes
+    document = report_document(summary, [], [])
+    document["capture"]["until_ns"] = None
+    return figures, document, counted.extremes
 
 
 def who(subject: Subject) -> Who:
