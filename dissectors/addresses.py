@@ -111,7 +111,8 @@ def _read_ipv4(packets: PacketBatch, network: Place, found: FrameAddresses) -> N
 def _read_ipv6(packets: PacketBatch, network: Place, found: FrameAddresses) -> None:
     network = network.take(network.at + IPV6.size_bytes <= network.end)
     head = IPV6.gather(packets.data, network.at)
-    good = head["version"] >> 4 == 6
+    # Who asks whether an address is free has none: then nobody's time to live is told.
+    good = (head["version"] >> 4 == 6) & ((head["source_hi"] != 0) | (head["source_lo"] != 0))
     head, row = take_rows(head, good), network.row[good]
     found.high[row], found.low[row] = head["source_hi"], head["source_lo"]
     found.ttl[row] = head["hop_limit"]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scapy.layers.inet import ICMP, IP, TCP
 from scapy.layers.inet6 import IPv6
@@ -88,6 +88,7 @@ def told_of(batch: PacketBatch) -> list[Told]:
 
 
 @given(st.integers(0, 10_000), st.sampled_from([*LINKS, None]))
+@example(767, LinkType.ETHERNET)  # an IPv6 sender without an address
 @examples(100)
 def test_it_is_what_is_read_of_one_frame_after_the_other(seed: int, link: int | None) -> None:
     frames = generate(seed, frames=80, link=link)
