@@ -65,7 +65,7 @@ class Figure:
     ``keys`` say where a report has it in JSON, as a path within ``PLACES``; what is not there is in no report.
     ``width_bits`` is how wide a controller keeps it, 0 where it keeps none. ``provided`` is what windows have to have
     in common to join, None where they always do. ``held`` names the part of ``Measured`` that has it and its name
-    there, where several figures are read of that part at once.
+    there (of counters, its key), where several figures are read of that part at once.
     """
 
     name: str
@@ -117,7 +117,8 @@ def _counter(name: str, unit: Unit, text: str, of: tuple[Of, ...] = (Of.LIST,), 
     if name in _STREAM_KEYS:
         keys[Of.STREAM] = name
     provided = Provided.COUNTING if name in (*BY_SCOPE, "lost_claimed") else None
-    return Figure(name, unit, text, of, joins, lambda row: row.counters.get(name), keys, provided=provided)
+    held = "counters", name
+    return Figure(name, unit, text, of, joins, lambda row: row.counters.get(name), keys, provided=provided, held=held)
 
 
 def _interval(

@@ -210,10 +210,14 @@ def _counters(state: TrackerState, streams: Sequence[Sequence[StreamSummary]]) -
         "bootup_requests": summed(count, kind == FrameKind.BOOT_UP_REQUEST),
         **_padded(table, len(streams), "bootup_unanswered", "send_rejected"),
     }
+    # Of hundreds of thousands of lists, most have counted the same, and those on CAN nothing.
+    nothing = MappingProxyType({**counted_together([]), **dict.fromkeys(of_list, 0)})
     alike: dict[tuple[int | None, ...], Mapping[str, int | None]] = {}
     for own, *others in zip(streams, *of_list.values(), strict=True):
+        if not own and not any(others):
+            yield nothing
+            continue
         counters = {**counted_together(own), **dict(zip(of_list, others, strict=True))}
-        # Of hundreds of thousands of lists, most have counted the same.
         yield alike.setdefault(tuple(counters.values()), MappingProxyType(counters))
 
 

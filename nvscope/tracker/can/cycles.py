@@ -39,7 +39,7 @@ class CanCycles(Cycles):
         """
         pdos, known, keys = self._pdos, len(self._pdos), told.keys
         pdos.resize(len(keys.streams))
-        for stream in range(known, len(pdos)):
+        for stream in range(known, len(pdos)) if told.pdos.lists else ():
             key, _ = keys.place_key(stream)
             if key.transport is Transport.CAN:
                 frames, pdos.interval_ns[stream] = told.pdos.list_of(str(key.port), key.identifier)

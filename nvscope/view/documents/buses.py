@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 from dissectors.can.canopen import ERROR_REGISTER, NODE_STATES, emergency_text
 from dissectors.can.error import CLASS_LABELS, CONTROLLER_BITS
 from nvscope.list_key import ListKey, told_of
-from nvscope.tracker.can.bus import BitRate, BusLoad, CanBusSummary
+from nvscope.tracker.can.bus import BitRate, BusLoad, CanBusSummary, IdentifierBits
 from nvscope.tracker.can.canopen import CanOpenNode, Emergency
 from nvscope.tracker.can.errors import BusErrors
 from nvscope.tracker.can.summary import CanSummary
@@ -16,6 +16,7 @@ from nvscope.tracker.figures import BIT_RATES, BUS_COUNTERS, BUS_ERRORS, BY_NAME
 from nvscope.tracker.measured import Measured
 from nvscope.tracker.subjects import Measures
 from nvscope.view.documents.can_lists import canopen_label
+from nvscope.view.documents.drawn import Drawn, DrawnRow, Part, fields
 from nvscope.view.documents.figures import FigureRow, rounded, time_text
 
 MOST_SECONDS = 86_400
@@ -50,28 +51,37 @@ def can_buses(summary: CanSummary, names: Mapping[ListKey, str], measures: Measu
     return [_bus(bus, known, measures.of_bus(bus)) for bus in summary.buses]
 
 
+class _IdentifierRow(DrawnRow):
+    """A COB-ID of a channel, with its share of the bus."""
+
+    __slots__ = ("entry", "name_and_label")
+
+    def __init__(self, channel: str, entry: IdentifierBits, known: _Names) -> None:
+        super().__init__()
+        self.entry = entry
+        self.name_and_label = known.get((channel, entry.extended, entry.cob_id), (None, None))
+
+    PARTS: ClassVar[Sequence[Part]] = (
+        fields(
+            cob_id=lambda row: row.entry.cob_id,
+            extended=lambda row: row.entry.extended,
+            name=lambda row: row.name_and_label[0],
+            canopen=lambda row: row.name_and_label[1],
+            frames=lambda row: row.entry.frames,
+            bits=lambda row: row.entry.bits,
+            fast_bits=lambda row: row.entry.fast_bits,
+            share=lambda row: rounded(row.entry.share),
+        ),
+    )
+
+
 def _bus(bus: CanBusSummary, known: _Names, measured: Measured) -> dict[str, Any]:
-    identifiers = []
-    for entry in bus.identifiers:
-        name, label = known.get((bus.channel, entry.extended, entry.cob_id), (None, None))
-        identifiers.append(
-            {
-                "cob_id": entry.cob_id,
-                "extended": entry.extended,
-                "name": name,
-                "canopen": label,
-                "frames": entry.frames,
-                "bits": entry.bits,
-                "fast_bits": entry.fast_bits,
-                "share": rounded(entry.share),
-            }
-        )
     return {
         "channel": bus.channel,
         **_COUNTED.read(measured),
         "bit_rate": _bit_rate(bus.bit_rate, measured),
         "load": _load(bus.load, measured),
-        "identifiers": identifiers,
+        "identifiers": Drawn(bus.identifiers, lambda entry: _IdentifierRow(bus.channel, entry, known)),
         "errors": _errors(bus.errors, measured),
         "canopen_nodes": [_node(node) for node in bus.canopen_nodes],
         **_RATE.read(measured),

@@ -5,7 +5,7 @@ A frame names neither sender nor reader, and carries no counter: what cannot be 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from dissectors.can.canopen import title_of
@@ -16,7 +16,7 @@ from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
 from nvscope.tracker.measured import Measured
 from nvscope.tracker.subjects import Measures
 from nvscope.units import cob_id
-from nvscope.view.documents.drawn import Drawn, Reads
+from nvscope.view.documents.drawn import Drawn, Part, fields, lists
 from nvscope.view.documents.figures import (
     COUNTED_OF_LIST,
     COUNTED_OF_STREAM,
@@ -52,20 +52,24 @@ class _StreamRow(MeasuredRow):
     def measure(self) -> Measured:
         return self.measures.of_stream(self.stream)
 
-    READS: ClassVar[Mapping[str, Reads]] = {
-        "node": lambda _: None,
-        "subindex": lambda row: row.stream.subindex,
-        "cob_id": lambda row: row.stream.cob_id,
-        "extended": lambda row: row.stream.extended,
-        **of_measured(TELEGRAMS_OF_STREAM),
-        **of_measured(REMOTE_OF_STREAM),
-        "counter_scope": lambda _: None,
-        **of_measured(COUNTED_OF_STREAM),
-        "items": lambda _: None,
-        "length": lambda row: row.stream.length,
-        "checksum": lambda _: None,
-        **of_measured(PACE_OF_STREAM),
-    }
+    PARTS: ClassVar[Sequence[Part]] = (
+        fields(
+            node=lambda _: None,
+            subindex=lambda row: row.stream.subindex,
+            cob_id=lambda row: row.stream.cob_id,
+            extended=lambda row: row.stream.extended,
+        ),
+        of_measured(TELEGRAMS_OF_STREAM),
+        of_measured(REMOTE_OF_STREAM),
+        fields(counter_scope=lambda _: None),
+        of_measured(COUNTED_OF_STREAM),
+        fields(
+            items=lambda _: None,
+            length=lambda row: row.stream.length,
+            checksum=lambda _: None,
+        ),
+        of_measured(PACE_OF_STREAM),
+    )
 
 
 class CanListRow(MeasuredRow):
@@ -95,26 +99,27 @@ class CanListRow(MeasuredRow):
     def label(self) -> str | None:
         return canopen_label(self.entry, self.entry.key.identifier, self.canopen, defined=self.name is not None)
 
-    READS: ClassVar[Mapping[str, Reads]] = {
-        "key": lambda row: str(row.entry.key),
-        "transport": lambda row: row.entry.key.transport.value,
-        "channel": lambda row: row.entry.key.port,
-        "id": lambda row: row.entry.key.identifier & ~EXTENDED,
-        "cob_id": lambda row: cob_id(row.entry.key.identifier & ~EXTENDED, row.entry.extended),
-        "name": lambda row: row.name or None,
-        "status": lambda row: row.judged.status(str(row.entry.key)),
-        "canopen": lambda row: row.label(),
-        "senders": lambda _: [],
-        "readers": lambda _: [],
-        **of_measured(COUNTED_OF_LIST),
-        "nodes": lambda _: [],
-        "streams": lambda row: row.streams(),
-        **of_measured(PACE_OF_LIST),
-    }
+    PARTS: ClassVar[Sequence[Part]] = (
+        fields(
+            key=lambda row: str(row.entry.key),
+            transport=lambda row: row.entry.key.transport.value,
+            channel=lambda row: row.entry.key.port,
+            id=lambda row: row.entry.key.identifier & ~EXTENDED,
+            cob_id=lambda row: cob_id(row.entry.key.identifier & ~EXTENDED, row.entry.extended),
+            name=lambda row: row.name or None,
+            status=lambda row: row.judged.status(str(row.entry.key)),
+            canopen=lambda row: row.label(),
+            senders=lambda _: [],
+            readers=lambda _: [],
+        ),
+        of_measured(COUNTED_OF_LIST),
+        lists(nodes=lambda _: [], streams=lambda row: row.streams()),
+        of_measured(PACE_OF_LIST),
+    )
 
 
 class ValuedCanListRow(CanListRow):
     """The same with its variables."""
 
     __slots__ = ()
-    READS: ClassVar = with_values(CanListRow.READS, PACE_OF_LIST)
+    PARTS: ClassVar = with_values(CanListRow.PARTS)

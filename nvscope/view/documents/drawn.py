@@ -6,7 +6,7 @@ They read like the lists and dicts that plain documents are made of (``plain``),
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Generic, TypeVar, overload
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar, overload
 
 Entry = TypeVar("Entry")
 Reads = Callable[[Any], Any]
@@ -44,14 +44,49 @@ class Drawn(Sequence[Entry], Generic[Entry]):
     __hash__ = None  # type: ignore[assignment]  # as lists have none
 
 
+Shape = Mapping[str, "Shape | None"]
+"""The keys of an object, each with those of the object that is there; None where it is anything else."""
+
+
+class Part(NamedTuple):
+    """Some keys of rows that stand one behind the other.
+
+    ``reads`` has for each how it is read of a row, ``shape`` of which shape it is. ``columns`` reads all of them of
+    many rows of one kind: a column for each key, in place of an object of the shape those of what is in it. ``lists``:
+    what is read are lists that may be long.
+    """
+
+    reads: Mapping[str, Reads]
+    shape: Shape
+    columns: Callable[[Sequence[Any]], list[Sequence[Any]]]
+    lists: bool = False
+
+
+def fields(**reads: Reads) -> Part:
+    """Return a part whose values are read one by one, by key."""
+    each = tuple(reads.values())
+    return Part(reads, dict.fromkeys(reads), lambda rows: [[read(row) for row in rows] for read in each])
+
+
+def lists(**reads: Reads) -> Part:
+    """Return the same of lists that may be long."""
+    return fields(**reads)._replace(lists=True)
+
+
 class DrawnRow(Mapping[str, Any]):
     """An object of a document whose values are made when they are asked for, and kept as long as it is there.
 
-    ``READS`` has its keys in their order, and how each is read of the row.
+    ``PARTS`` have its keys in their order, and how each is read of the row; ``READS`` and ``LISTS`` follow from them.
     """
 
     __slots__ = ("_known",)
-    READS: ClassVar[Mapping[str, Reads]]
+    PARTS: ClassVar[Sequence[Part]] = ()
+    READS: ClassVar[Mapping[str, Reads]] = {}
+    LISTS: ClassVar[Sequence[str]] = ()
+
+    def __init_subclass__(cls) -> None:
+        cls.READS = {key: read for part in cls.PARTS for key, read in part.reads.items()}
+        cls.LISTS = tuple(key for part in cls.PARTS if part.lists for key in part.reads)
 
     def __init__(self) -> None:
         self._known: dict[str, Any] = {}
@@ -73,12 +108,6 @@ class DrawnRow(Mapping[str, Any]):
 
     def get(self, key: str, default: Any = None) -> Any:
         return self[key] if key in self.READS else default
-
-    def values(self) -> list[Any]:  # type: ignore[override]  # read once, in order
-        """Return all values in the order of the keys."""
-        if not self._known:  # who takes all of them takes them once
-            return [read(self) for read in self.READS.values()]
-        return [self[key] for key in self.READS]
 
 
 def plain(value: Any) -> Any:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from operator import attrgetter
+from itertools import groupby
+from operator import attrgetter, itemgetter
 from typing import Any
 
 from nvscope.tracker.figures import (
@@ -17,10 +18,16 @@ from nvscope.tracker.figures import (
     TELEGRAMS,
     Figure,
     Of,
+    Unit,
 )
 from nvscope.tracker.measured import Measured
+from nvscope.view.documents.drawn import Shape
+
+ROUNDED: tuple[Unit, ...] = ("percent", "per second")
+"""Units of which a report has three decimals."""
 
 _Reads = Callable[[Measured], Any]
+_Columns = Callable[[Sequence[Measured]], list[Sequence[Any]]]
 
 
 def time_text(time_ns: int | None) -> str | None:
@@ -37,31 +44,41 @@ class FigureRow:
     """Some figures of one kind of thing, as the part of its JSON object that holds them.
 
     Keys are in the order given, and nested as the paths of the table are. ``within`` is a path: then they are those of
-    the object there.
+    the object there. ``reads`` has by key what reads its part of what was measured, ``shape`` by key the keys of the
+    object that is there, None where it is a figure.
     """
 
     def __init__(self, figures: Iterable[Figure], of: Of, within: str = "") -> None:
         by_key: dict[str, list[Figure]] = defaultdict(list)
         for figure in figures:
-            rest = figure.keys[of]
-            if within:
-                assert rest.startswith(f"{within}."), f"{figure.name} is not within {within}"
-                rest = rest[len(within) + 1 :]
-            by_key[rest.partition(".")[0]].append(figure)
-        self._reads: list[tuple[str, _Reads]] = []
+            path = figure.keys[of]
+            assert not within or path.startswith(f"{within}."), f"{figure.name} is not within {within}"
+            by_key[path[len(within) + 1 if within else 0 :].partition(".")[0]].append(figure)
+        self.reads: dict[str, _Reads] = {}
+        self.shape: dict[str, Shape | None] = {}
+        self._together: list[_Columns] = []
+        alone: list[Figure] = []
         for key, own in by_key.items():
             path = f"{within}.{key}" if within else key
-            nested = own[0].keys[of] != path
-            self._reads.append((key, _read_at_once(own, of, path) if nested else _reading(own[0])))
-
-    @property
-    def reads(self) -> Mapping[str, _Reads]:
-        """By key, what reads its part of what was measured."""
-        return dict(self._reads)
+            if own[0].keys[of] == path:
+                self.reads[key], self.shape[key] = _reading(own[0]), None
+                alone.append(own[0])
+                continue
+            inner = FigureRow(own, of, path)
+            self.reads[key], self.shape[key] = inner.read, inner.shape
+            self._together += [*_together(alone), inner.columns]
+            alone = []
+        self._together += _together(alone)
 
     def read(self, measured: Measured) -> dict[str, Any]:
         """Return the figures of what was measured; None for what is not known."""
-        return {key: read(measured) for key, read in self._reads}
+        if any(self.shape.values()):
+            return {key: read(measured) for key, read in self.reads.items()}
+        return dict(zip(self.shape, [value for (value,) in self.columns([measured])], strict=True))
+
+    def columns(self, measured: Sequence[Measured]) -> list[Sequence[Any]]:
+        """Return the same of many things as columns: one of each figure, in the order of the keys."""
+        return [column for read in self._together for column in read(measured)]
 
 
 def lookup(figure: Figure, of: Of) -> Callable[[Mapping[str, Any]], Any]:
@@ -84,38 +101,46 @@ def _reading(figure: Figure) -> _Reads:
     read: _Reads = figure.read if figure.extreme else figure.reads
     if figure.unit == "time":
         return lambda measured: time_text(read(measured))
-    if figure.unit in ("percent", "per second"):
+    if figure.unit in ROUNDED:
         return lambda measured: rounded(value) if isinstance(value := read(measured), float) else value
     return read
 
 
-def _read_at_once(figures: Sequence[Figure], of: Of, path: str) -> _Reads:
-    """Return what reads the object of figures that is at a path: with one look, where one part has all of them."""
-    parts = {figure.held[0] if figure.held else "" for figure in figures}
-    (part, *others) = parts
-    keys = [figure.keys[of][len(path) + 1 :] for figure in figures]
-    if not part or others or len(figures) < 2 or any("." in key for key in keys):
-        return FigureRow(figures, of, path).read
-    look = attrgetter(*(figure.held[1] for figure in figures if figure.held))
-    whole = attrgetter(part)
-    nothing = dict.fromkeys(keys)
-    times = [key for key, figure in zip(keys, figures, strict=True) if figure.unit == "time"]
-    rates = any(figure.unit in ("percent", "per second") for figure in figures)
-    extremes = [key for key, figure in zip(keys, figures, strict=True) if figure.extreme]
-    assert not rates, "no part has figures that are rounded"
+def _together(figures: Sequence[Figure]) -> list[_Columns]:
+    """Return what reads figures as columns: with one look at each thing where one part of it has several."""
+    return [
+        _held(part, list(own)) if part else _one_by_one(list(own))
+        for part, own in groupby(figures, key=lambda figure: figure.held[0] if figure.held else "")
+    ]
 
-    def read(measured: Measured) -> dict[str, Any]:
-        holder = whole(measured)
-        if holder is None:
-            return nothing.copy()
-        found = dict(zip(keys, look(holder), strict=True))
-        for key in times:
-            found[key] = time_text(found[key])
-        if extremes and not measured.extremes:
-            found.update(dict.fromkeys(extremes))
-        return found
 
-    return read
+def _one_by_one(figures: Sequence[Figure]) -> _Columns:
+    reads = [_reading(figure) for figure in figures]
+    return lambda measured: [[read(one) for one in measured] for read in reads]
+
+
+def _held(part: str, figures: Sequence[Figure]) -> _Columns:
+    names = [figure.held[1] for figure in figures if figure.held]
+    assert not any(figure.unit in ROUNDED for figure in figures), "no part has figures that are rounded"
+    if len(names) == 1:
+        return _one_by_one(figures)
+    whole, look = attrgetter(part), itemgetter(*names) if part == "counters" else attrgetter(*names)
+    nothing = (None,) * len(names)
+
+    def columns(measured: Sequence[Measured]) -> list[Sequence[Any]]:
+        # Who counts nothing has no counters.
+        found = [look(holder) if holder else nothing for holder in map(whole, measured)]
+        told: list[Sequence[Any]] = list(zip(*found, strict=True)) if found else [()] * len(names)
+        for place, figure in enumerate(figures):
+            if figure.unit == "time":
+                told[place] = list(map(time_text, told[place]))
+            if figure.extreme:
+                told[place] = [
+                    value if one.extremes else None for value, one in zip(told[place], measured, strict=True)
+                ]
+        return told
+
+    return columns
 
 
 COUNTED_OF_LIST = FigureRow((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST)

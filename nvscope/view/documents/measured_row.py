@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from nvscope.tracker.measured import Measured
-from nvscope.view.documents.drawn import DrawnRow, Reads
+from nvscope.view.documents.drawn import DrawnRow, Part, Reads, lists
 from nvscope.view.documents.figures import FigureRow
 
 
@@ -30,20 +31,16 @@ class MeasuredRow(DrawnRow):
         raise NotImplementedError
 
 
-def of_measured(figures: FigureRow) -> Mapping[str, Reads]:
-    """Return how some figures are read of a ``MeasuredRow``, by key."""
-    return {key: _reading(read) for key, read in figures.reads.items()}
+def of_measured(figures: FigureRow) -> Part:
+    """Return how some figures are read of a ``MeasuredRow``."""
+    reads = {key: _reading(read) for key, read in figures.reads.items()}
+    return Part(reads, figures.shape, lambda rows: figures.columns([row.measured for row in rows]))
 
 
-def with_values(reads: Mapping[str, Reads], behind: FigureRow) -> Mapping[str, Reads]:
-    """Return how a list is read with its variables (``values_of`` by key), which stand in front of some figures."""
-    last = behind.reads
-    return {
-        **{key: read for key, read in reads.items() if key not in last},
-        "values": lambda row: row.values_of.get(row.entry.key, []),
-        **{key: read for key, read in reads.items() if key in last},
-    }
+def with_values(parts: Sequence[Part]) -> Sequence[Part]:
+    """Return how a list is read with its variables (``values_of`` by key), which stand in front of the last part."""
+    return *parts[:-1], lists(values=lambda row: row.values_of.get(row.entry.key, [])), parts[-1]
 
 
-def _reading(read: Reads) -> Reads:
+def _reading(read: Callable[[Measured], Any]) -> Reads:
     return lambda row: read(row.measured)

@@ -23,7 +23,7 @@ from nvscope.tracker.summary import ListSummary, Summary
 from nvscope.version import head
 from nvscope.view.documents.buses import can_buses
 from nvscope.view.documents.can_lists import CanListRow, ValuedCanListRow
-from nvscope.view.documents.drawn import Drawn, DrawnRow, Reads, plain
+from nvscope.view.documents.drawn import Drawn, DrawnRow, Part, fields, lists, plain
 from nvscope.view.documents.figures import (
     COUNTED_OF_LIST,
     COUNTED_OF_STREAM,
@@ -144,17 +144,21 @@ class _StreamRow(MeasuredRow):
     def measure(self) -> Measured:
         return self.context.measures.of_stream(self.stream)
 
-    READS: ClassVar[Mapping[str, Reads]] = {
-        "node": lambda row: row.context.summary.addresses[row.stream.node],
-        "subindex": lambda row: row.stream.subindex,
-        **of_measured(TELEGRAMS_OF_STREAM),
-        "counter_scope": lambda row: row.stream.counter_scope,
-        **of_measured(COUNTED_OF_STREAM),
-        "items": lambda row: row.stream.items,
-        "length": lambda row: row.stream.length,
-        "checksum": lambda row: row.stream.checksum,
-        **of_measured(PACE_OF_STREAM),
-    }
+    PARTS: ClassVar[Sequence[Part]] = (
+        fields(
+            node=lambda row: row.context.summary.addresses[row.stream.node],
+            subindex=lambda row: row.stream.subindex,
+        ),
+        of_measured(TELEGRAMS_OF_STREAM),
+        fields(counter_scope=lambda row: row.stream.counter_scope),
+        of_measured(COUNTED_OF_STREAM),
+        fields(
+            items=lambda row: row.stream.items,
+            length=lambda row: row.stream.length,
+            checksum=lambda row: row.stream.checksum,
+        ),
+        of_measured(PACE_OF_STREAM),
+    )
 
 
 class _NodeRow(MeasuredRow):
@@ -171,11 +175,13 @@ class _NodeRow(MeasuredRow):
         # No report has counters of a node.
         return self.context.measures.of_node(self.entry, self.node, self.diagnosis, counters=False)
 
-    READS: ClassVar[Mapping[str, Reads]] = {
-        "address": lambda row: row.address,
-        "name": lambda row: row.context.node_names.get(row.address),
-        **of_measured(FIGURES_OF_NODE),
-    }
+    PARTS: ClassVar[Sequence[Part]] = (
+        fields(
+            address=lambda row: row.address,
+            name=lambda row: row.context.node_names.get(row.address),
+        ),
+        of_measured(FIGURES_OF_NODE),
+    )
 
 
 class _ListRow(MeasuredRow):
@@ -203,27 +209,28 @@ class _ListRow(MeasuredRow):
     def addresses(self, nodes: Sequence[int]) -> list[str]:
         return [self.context.summary.addresses[node] for node in nodes]
 
-    READS: ClassVar[Mapping[str, Reads]] = {
-        "key": lambda row: str(row.entry.key),
-        "transport": lambda row: row.entry.key.transport.value,
-        "port": lambda row: row.entry.key.port,
-        "id": lambda row: row.entry.key.identifier,
-        "name": lambda row: row.context.names.get(row.entry.key) or None,
-        "status": lambda row: row.context.judged.status(str(row.entry.key)),
-        "senders": lambda row: row.addresses(row.entry.senders),
-        "readers": lambda row: row.addresses(row.entry.readers),
-        **of_measured(COUNTED_OF_LIST),
-        "nodes": lambda row: row.nodes(),
-        "streams": lambda row: row.streams(),
-        **of_measured(PACE_OF_LIST),
-    }
+    PARTS: ClassVar[Sequence[Part]] = (
+        fields(
+            key=lambda row: str(row.entry.key),
+            transport=lambda row: row.entry.key.transport.value,
+            port=lambda row: row.entry.key.port,
+            id=lambda row: row.entry.key.identifier,
+            name=lambda row: row.context.names.get(row.entry.key) or None,
+            status=lambda row: row.context.judged.status(str(row.entry.key)),
+            senders=lambda row: row.addresses(row.entry.senders),
+            readers=lambda row: row.addresses(row.entry.readers),
+        ),
+        of_measured(COUNTED_OF_LIST),
+        lists(nodes=lambda row: row.nodes(), streams=lambda row: row.streams()),
+        of_measured(PACE_OF_LIST),
+    )
 
 
 class _ValuedListRow(_ListRow):
     """The same with its variables."""
 
     __slots__ = ()
-    READS: ClassVar = with_values(_ListRow.READS, PACE_OF_LIST)
+    PARTS: ClassVar = with_values(_ListRow.PARTS)
 
 
 class _FindingRow(DrawnRow):
@@ -235,21 +242,25 @@ class _FindingRow(DrawnRow):
         super().__init__()
         self.finding, self.list_keys, self.summary = finding, keys, summary
 
-    READS: ClassVar[Mapping[str, Reads]] = {
-        "code": lambda row: row.finding.kind.code,
-        "name": lambda row: row.finding.kind.name,
-        "severity": lambda row: row.finding.kind.severity.word,
-        "list": lambda row: key_of(row.finding, row.list_keys),
-        "node": lambda row: None if row.finding.node is None else row.summary.addresses[row.finding.node],
-        "subindex": lambda row: row.finding.subindex,
-        "count": lambda row: row.finding.count,
-        "first_ns": lambda row: time_text(row.finding.first_ns),
-        "last_ns": lambda row: time_text(row.finding.last_ns),
-        "frames": lambda row: list(row.finding.frames),
-        "frames_cut": lambda row: row.finding.frames_cut,
-        "message": lambda row: row.finding.message,
-        "hint": lambda row: row.finding.hint or row.finding.kind.next_steps[0],
-    }
+    PARTS: ClassVar[Sequence[Part]] = (
+        fields(
+            code=lambda row: row.finding.kind.code,
+            name=lambda row: row.finding.kind.name,
+            severity=lambda row: row.finding.kind.severity.word,
+            list=lambda row: key_of(row.finding, row.list_keys),
+            node=lambda row: None if row.finding.node is None else row.summary.addresses[row.finding.node],
+            subindex=lambda row: row.finding.subindex,
+        ),
+        fields(
+            count=lambda row: row.finding.count,
+            first_ns=lambda row: time_text(row.finding.first_ns),
+            last_ns=lambda row: time_text(row.finding.last_ns),
+            frames=lambda row: list(row.finding.frames),
+            frames_cut=lambda row: row.finding.frames_cut,
+            message=lambda row: row.finding.message,
+            hint=lambda row: row.finding.hint or row.finding.kind.next_steps[0],
+        ),
+    )
 
 
 def _finding_row(finding: Finding, keys: Mapping[int, str], summary: Summary) -> DrawnRow:
@@ -259,33 +270,25 @@ def _finding_row(finding: Finding, keys: Mapping[int, str], summary: Summary) ->
     return (_CanFindingRow if _channel_of(finding, keys) else _FindingRow)(finding, keys, summary)
 
 
-def _with(reads: Mapping[str, Reads], more: Mapping[str, Reads]) -> Mapping[str, Reads]:
-    """Return how a finding is read with more of it, which stands behind its SubIndex."""
-    found: dict[str, Reads] = {}
-    for key, read in reads.items():
-        found[key] = read
-        if key == "subindex":
-            found |= more
-    return found
-
-
 class _CanFindingRow(_FindingRow):
-    """The same with its channel."""
+    """The same with its channel, behind its SubIndex."""
 
     __slots__ = ()
-    READS: ClassVar = _with(_FindingRow.READS, {"channel": lambda row: _channel_of(row.finding, row.list_keys)})
+    PARTS: ClassVar[Sequence[Part]] = (
+        _FindingRow.PARTS[0],
+        fields(channel=lambda row: _channel_of(row.finding, row.list_keys)),
+        _FindingRow.PARTS[1],
+    )
 
 
-class _FoldedFindingRow(_FindingRow):
-    """The same with its channel, and the lists that it is about."""
+class _FoldedFindingRow(_CanFindingRow):
+    """The same with the lists that it is about."""
 
     __slots__ = ()
-    READS: ClassVar = _with(
-        _FindingRow.READS,
-        {
-            "channel": lambda row: _channel_of(row.finding, row.list_keys),
-            "lists": lambda row: [row.list_keys[number] for number in row.finding.lists],
-        },
+    PARTS: ClassVar[Sequence[Part]] = (
+        *_CanFindingRow.PARTS[:2],
+        fields(lists=lambda row: [row.list_keys[number] for number in row.finding.lists]),
+        _FindingRow.PARTS[1],
     )
 
 
