@@ -52,7 +52,7 @@ class Packed:
     @property
     def cob_ids(self) -> CobIds | None:
         """What the list takes on CAN; None where it is not there, or its identifier is unknown."""
-        return taken_by(self.list, self.telegrams)
+        return taken_by(self.list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,12 +184,12 @@ def _goes_to_many(entry: ListDefinition) -> bool:
 
 def find_cut(subject: Subject) -> Iterator[Place]:
     for packed in subject.lists:
-        if len(packed.telegrams) < 2 or packed.on_can:
+        if packed.on_can:
             continue  # on CAN every array is cut: nobody can help it
-        composite = [entry for entry in packed.list.variables if isinstance(entry.type, Array | Structure)]
         if not packed.list.pack:
+            composite = [entry for entry in packed.list.variables if isinstance(entry.type, Array | Structure)]
             names = [variable.name for variable in composite]
-            if names:
+            if names and (len(packed.telegrams) > 1 or not packed.whole):
                 more = f" and {count_of(len(names) - 1, 'more variable')}" if len(names) > 1 else ""
                 message = f"{names[0]}{more} of {packed.list.name} go in a telegram for each element: it is not packed"
                 yield Place(composite[0].position, packed.list.name, message)

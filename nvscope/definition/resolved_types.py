@@ -128,7 +128,9 @@ class ResolvedTypes:
         return Sized(SCALARS[syntax.keyword])
 
     def _flawed(self, syntax: TypeSyntax, *flaws: Flaw) -> Sized:
-        return Sized(unknown_raw(type_text(syntax)), flaws=frozenset(flaws))
+        # However long a text is, and of whatever base an enumeration, it is one element.
+        is_one = isinstance(syntax, StringType | EnumerationType)
+        return Sized(unknown_raw(type_text(syntax), is_one=is_one), flaws=frozenset(flaws))
 
     def _named(self, syntax: NamedType, source: Source, scope: str) -> Sized:
         if syntax.generic:
@@ -140,6 +142,8 @@ class ResolvedTypes:
         sized = self._of_name(syntax.name, source)
         if syntax.low is None or syntax.high is None:
             return sized
+        if sized.unknown:
+            sized = _as_one(sized)  # only integers have subranges
         try:
             return self._subrange(sized, syntax, syntax.low, syntax.high, source, scope)
         except DefinitionError as error:
@@ -327,7 +331,7 @@ class ResolvedTypes:
         if syntax.base is not None:
             base = self._of_name(syntax.base, source)
             if base.unknown:
-                return base
+                return _as_one(base)
         if not isinstance(base.type, Scalar) or base.type.kind not in INTEGERS:
             assert syntax.base is not None
             what = f"{syntax.base.text} is no integer"
@@ -354,6 +358,12 @@ class ResolvedTypes:
             values[value_name.text] = value = known
             check_fits(value, base, source, value_name.offset)
         return values
+
+
+def _as_one(sized: Sized) -> Sized:
+    """Return a type of which nothing is known but that it is one element."""
+    assert isinstance(sized.type, Scalar)
+    return replace(sized, type=replace(sized.type, is_one=True))
 
 
 def check_new(name: Name, seen: dict[str, Name], source: Source) -> None:

@@ -100,15 +100,17 @@ def _select_known(
     chosen: Callable[[Iterable[Element]], frozenset[str]],
 ) -> None:
     """Add what is meant of a list of which not all is known."""
-    fronts = known_fronts(telegrams)
-    for subindex, (front, cause) in enumerate(fronts):
-        meant = chosen([*front.elements, *([undescribed(cause, 1)] if cause else [])])
-        if subindex < len(fronts) - 1:
-            found.telegrams[key, subindex] = meant
-        else:
-            found.others[key] = meant
+    known = known_fronts(telegrams)
+
+    def chosen_of(front: TelegramLayout, cause: Element | None) -> frozenset[str]:
+        return chosen([*front.elements, *([undescribed(cause, 1)] if cause else [])])
+
+    for subindex, one in enumerate(known.by_subindex):
+        found.telegrams[key, subindex] = chosen_of(*one)
+    if known.beyond:
+        found.others[key] = chosen_of(*known.beyond)
     for layout in telegrams:
-        front, cause = fronts[min(layout.subindex, len(fronts) - 1)]
+        front, cause = known.of(layout.subindex) or (layout, None)
         # What has an unknown size is told by its bytes, what follows it cannot be told.
         behind = [element for element in layout.elements[len(front.elements) :] if element != cause]
         if cause:
