@@ -87,7 +87,7 @@ class ResolvedTypes:
         self._meant: dict[tuple[int, ...], Sized] = {}
         self._unknown: dict[tuple[str, bool], UnknownName] = {}
         self._depth = CallDepth()
-        self.constants = NamedConstants(self._depth, self._size_of)
+        self.constants = NamedConstants(self._depth, self._size_of, self._kind_of)
         self._open: list[TypeDeclaration] = []
 
     def resolve_reached(self, syntaxes: Iterable[tuple[TypeSyntax, str]]) -> None:
@@ -238,6 +238,18 @@ class ResolvedTypes:
             what = f"nobody knows SIZEOF({text[:60]}), which depends on the controller"
             raise source.error(what, operand.offset, "Write the number.")
         return size_bytes_of(sized.type)
+
+    def _kind_of(self, syntax: NamedType, source: Source, scope: str) -> Scalar | None:
+        """Return what values of a type are, an enumeration's those of its base; None where nobody knows."""
+        if syntax.low is None and (scalar := find_scalar(syntax.name.text)) is not None:
+            return scalar
+        try:
+            kind = self._named(syntax, source, scope).type
+        except DefinitionError:
+            return None  # told where it is needed
+        if isinstance(kind, Enumeration):
+            return kind.base
+        return kind if isinstance(kind, Scalar) and kind.size_bytes else None
 
     def _value(self, expression: Expression, source: Source, scope: str) -> int | Flaw:
         """Return the value of a constant expression, or why it is not known: what no file declares."""
