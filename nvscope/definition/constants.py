@@ -6,18 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from nvscope.definition.constant_functions import (
-    FUNCTIONS,
-    INTEGERS,
-    NO_INTEGER,
-    OPERATORS,
-    TRUNCATED,
-    Operand,
-    Result,
-    as_type,
-    bounds_of,
-    conversion,
-)
+from nvscope.definition.constant_functions import FUNCTIONS, OPERATORS, TRUNCATED, as_type, conversion
+from nvscope.definition.operands import INTEGERS, NO_INTEGER, Operand, Result, bounds_of
 from nvscope.definition.source import DefinitionError, Source
 from nvscope.definition.syntax import Call, Expression, Name, Number, Operation, Real, TypeOperand
 from nvscope.definition.variables import Scalar

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
 
 from nvscope.definition.constants import INTEGERS, check_fits
@@ -13,6 +13,7 @@ from nvscope.definition.model import AssumedBase, Flaw, Problem, UnknownName
 from nvscope.definition.named_constants import CallDepth, NamedConstants, UnknownConstant
 from nvscope.definition.reached_types import reached
 from nvscope.definition.scalars import LIBRARY_BLOCKS, SCALARS, find_scalar, unknown_raw
+from nvscope.definition.sized import Sized
 from nvscope.definition.source import DefinitionError, Source
 from nvscope.definition.syntax import (
     ArrayType,
@@ -36,7 +37,6 @@ from nvscope.definition.variables import (
     Scalar,
     String,
     Structure,
-    Type,
     Union,
     size_bytes_of,
 )
@@ -56,26 +56,6 @@ class _Flawed(Exception):
     def __init__(self, flaw: Flaw) -> None:
         super().__init__()
         self.flaw = flaw
-
-
-@dataclass(frozen=True, slots=True)
-class Sized:
-    """A resolved type. ``parts`` bounds both its elements and what has to be visited to describe it.
-
-    ``depth`` is how many types lie within it, one in another, ``characters`` what all its elements add to their names,
-    ``flaws`` why it, or something in it, is not known.
-    """
-
-    type: Type
-    parts: int = 1
-    depth: int = 0
-    characters: int = 0
-    flaws: frozenset[Flaw] = frozenset()
-
-    @property
-    def unknown(self) -> bool:
-        """Whether nothing is known of it, not even its size."""
-        return isinstance(self.type, Scalar) and not self.type.size_bytes
 
 
 class ResolvedTypes:
@@ -143,7 +123,7 @@ class ResolvedTypes:
         if syntax.low is None or syntax.high is None:
             return sized
         if sized.unknown:
-            sized = _as_one(sized)  # only integers have subranges
+            sized = sized.as_one()  # only integers have subranges
         try:
             return self._subrange(sized, syntax, syntax.low, syntax.high, source, scope)
         except DefinitionError as error:
@@ -343,7 +323,7 @@ class ResolvedTypes:
         if syntax.base is not None:
             base = self._of_name(syntax.base, source)
             if base.unknown:
-                return _as_one(base)
+                return base.as_one()
         if not isinstance(base.type, Scalar) or base.type.kind not in INTEGERS:
             assert syntax.base is not None
             what = f"{syntax.base.text} is no integer"
@@ -370,12 +350,6 @@ class ResolvedTypes:
             values[value_name.text] = value = known
             check_fits(value, base, source, value_name.offset)
         return values
-
-
-def _as_one(sized: Sized) -> Sized:
-    """Return a type of which nothing is known but that it is one element."""
-    assert isinstance(sized.type, Scalar)
-    return replace(sized, type=replace(sized.type, is_one=True))
 
 
 def check_new(name: Name, seen: dict[str, Name], source: Source) -> None:
