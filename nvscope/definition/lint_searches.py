@@ -14,6 +14,7 @@ from itertools import pairwise
 from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.cob_ids import CobIds, canopen_uses, overlaps, taken_by
 from nvscope.definition.difference import list_difference
+from nvscope.definition.initial_values import misfits
 from nvscope.definition.model import AssumedBase, ListDefinition, Problem
 from nvscope.definition.named_sizes import named_sizes
 from nvscope.definition.packing import TelegramLayout, capacity_bytes, pack, placed
@@ -87,6 +88,15 @@ def find_left_out(subject: Subject) -> Iterator[Place]:
 def find_contradictions(subject: Subject) -> Iterator[Place]:
     """Find what lists need and cannot be."""
     return (Place(problem.position, "", problem.what) for problem in subject.problems)
+
+
+def find_initial_values(subject: Subject) -> Iterator[Place]:
+    """Find initial values that do not fit; what bounds need is a contradiction already."""
+    told = {problem.position for problem in subject.problems}
+    for found in misfits(entry for file in subject.files for entry in file.lists):
+        if found.position not in told:
+            message = f"the initial value {found.value} of {found.variable} does not fit into {found.kind.name}"
+            yield Place(found.position, found.list_name, message)
 
 
 def find_assumed_bases(subject: Subject) -> Iterator[Place]:
