@@ -112,10 +112,11 @@ def tell_of_lists(inquiry: Inquiry) -> None:
     if inquiry.project.files and not definition.lists:
         echo("nvscope: the definition files declare types, but no list: name the exported list, too.", err=True)
     layouts = inquiry.layouts
-    for key, element in layouts.left_out.items() if layouts else ():
+    for key, (element, is_open) in layouts.left_out.items() if layouts else ():
         entry = layouts.list_of(key) if layouts else None
         name, unknown = visible(entry.name if entry else ""), visible(f"{element.name} : {element.type.name}")
-        what = f"{name}: nobody knows how many bytes {unknown} has; from there on, bytes are bytes."
+        rest = "from there on, bytes are bytes" if is_open else "what it sends is bytes"
+        what = f"{name}: nobody knows how many bytes {unknown} has; {rest}."
         echo(f"nvscope: {what}", err=True)
     for entry, element in layouts.unplaced if layouts else ():
         told = visible(f"{element.name} : {element.type.name}")

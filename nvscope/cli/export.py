@@ -271,7 +271,7 @@ def _tell_of_values(
     telegrams: DefinedTelegrams, written: list[Written], path: str, row: str, *, quiet: bool, all_lists: bool
 ) -> None:
     """Say what was written where several files were, and always what was not; a ``row`` is of a telegram or cycle."""
-    from nvscope.export.unwritten import ASSUMED_PACKING, beyond_time, left_out, why_nothing
+    from nvscope.export.unwritten import ASSUMED_PACKING, beyond_time, left_out, no_part_of_cycles, why_nothing
     from nvscope.list_key import Transport
     from nvscope.units import count_of
     from nvscope.view.escape import visible
@@ -290,7 +290,7 @@ def _tell_of_values(
             tell(f"{visible(name)}: {beyond_time(beyond)}")
     if not quiet and any(key.transport is Transport.CAN for key in telegrams.keys):
         echo(f"nvscope: {ASSUMED_PACKING}", err=True)
-    for sentence in left_out(telegrams):
+    for sentence in [*(no_part_of_cycles(telegrams) if row == "cycle" else []), *left_out(telegrams)]:
         tell(sentence)
     if telegrams.undefined and all_lists:
         tell(f"{count_of(telegrams.undefined, 'data telegram')} of lists without a definition left out.")

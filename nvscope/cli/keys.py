@@ -12,6 +12,10 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 
 
 def keys(
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[DEFINITION...]", help="Definitions, as by --gvl.", show_default=False),
+    ] = None,
     fields: Annotated[bool, typer.Option("--fields", help="The fields alone, once there are key bindings.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The same for programs.")] = False,
     gvl: GvlOption = None,
@@ -24,7 +28,7 @@ def keys(
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.report import fields as face
 
-    known = Inquiry([], project_of(project, gvl)).fields
+    known = Inquiry([], project_of(project, [*(gvl or ()), *(files or ())])).fields
     if as_json:
         from nvscope.report import json
 

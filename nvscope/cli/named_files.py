@@ -39,8 +39,10 @@ def named_files(
     """
     captures = _expanded(read or ())
     definitions: list[str] = []
+    misnamed: list[str] = []
     for path in gvl or ():
-        (captures if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
+        (misnamed if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
+    captures += misnamed
     named = _expanded(sources or ())
     files = {identity for path in (*captures, *named) if (identity := _identity(path))}
     for path in named:
@@ -52,11 +54,19 @@ def named_files(
                 next_step=f"name the capture, too; `nvscope gvl layout {definitions[0]}` shows what a definition says",
             )
         raise UsageError("no source is given", next_step="name a capture file, or - to read one from stdin")
+    # Where it is the only one, --gvl took from the shell what stands first.
+    if len(captures) > 1 and misnamed:
+        from nvscope.view.escape import visible
+
+        for path in misnamed:
+            echo(f"nvscope: {visible(path)} is a capture, and read as one: --gvl names definitions.", err=True)
     refuse_stdout_onto(_read([*captures, *definitions]))
     if not definitions:
         for path in captures:
             if _is_directory(path) and _holds_definitions(path):
-                echo(f"nvscope: {path} holds definitions, too; --gvl {path} takes them.", err=True)
+                from nvscope.view.escape import visible
+
+                echo(f"nvscope: {visible(path)} holds definitions, too; --gvl {visible(path)} takes them.", err=True)
     return NamedFiles(captures, definitions)
 
 
@@ -124,7 +134,7 @@ def _is_worth_reading(path: str) -> bool:
             head = file.read(TEXT_HEAD_BYTES)
     except (OSError, ValueError):
         return False  # opening it will say what is wrong
-    if compression_of(head) or _is_binary_capture(head):
+    if b"\0" in head and (compression_of(head) or _is_binary_capture(head)):
         return False
     # Not before it is needed: most runs have captures alone.
     from nvscope.definition.wanted_files import is_worth_reading
@@ -133,15 +143,16 @@ def _is_worth_reading(path: str) -> bool:
 
 
 def _is_binary_capture(head: bytes) -> bool:
-    # A text may begin with the bytes of one: "\n\r\r\n" is what .pcapng begins with.
     known = format_of(head)
-    return known is not None and known.name in _BINARY and b"\0" in head
+    return known is not None and known.name in _BINARY
 
 
 def _is_capture(path: str) -> bool:
     from nvscope.capture.capture_file import CaptureFile
     from nvscope.capture.formats import NoCapture
 
+    if _only_begins_like_a_capture(path):
+        return False
     try:
         CaptureFile(path)
     except NoCapture:
@@ -149,6 +160,17 @@ def _is_capture(path: str) -> bool:
     except UnreadableInput:
         pass  # opening it once more will say what is wrong
     return True
+
+
+def _only_begins_like_a_capture(path: str) -> bool:
+    """Return whether a text begins with the bytes of a binary format; captures of these have a NUL in their head."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(TEXT_HEAD_BYTES)
+    except (OSError, ValueError):
+        return False  # opening it will say what is wrong
+    known = format_of(head)
+    return known is not None and bool(known.magics) and b"\0" not in head
 
 
 def _identity(path: str | int) -> tuple[int, int] | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from dissectors.can.canopen import Service, services_within
 from nvscope import units
 from nvscope.definition.model import Definition, ListDefinition
-from nvscope.definition.packing import PDO_DATA_BYTES, TelegramLayout, pack
+from nvscope.definition.packing import PDO_DATA_BYTES, pack
 from nvscope.list_key import ANY_CHANNEL
 
 _MOST_NEIGHBOURS = 100
@@ -37,21 +37,21 @@ class CobIds:
         return units.cob_id_range(self.first, self.last)
 
 
-def taken_by(entry: ListDefinition, telegrams: Sequence[TelegramLayout]) -> CobIds | None:
-    """Return what a list takes, given its frames; None where it is not on CAN, or nobody knows its identifier.
+def taken_by(entry: ListDefinition) -> CobIds | None:
+    """Return what a list takes; None where it is not on CAN, or nobody knows its identifier.
 
-    An element that no frame holds takes one COB-ID for each 8 bytes begun.
+    An element that no frame holds takes one COB-ID for each 8 bytes begun. With elements of unknown size it is what
+    the list takes at least. ConfigurationError where it cannot be packed.
     """
     if not entry.on_can or entry.list_id is None:
         return None
-    frames = sum(max(1, -(-telegram.layout.size_bytes // PDO_DATA_BYTES)) for telegram in telegrams)
+    frames = sum(max(1, -(-telegram.layout.size_bytes // PDO_DATA_BYTES)) for telegram in pack(entry))
     return CobIds(entry, entry.list_id, entry.list_id + max(frames, 1) - 1)
 
 
 def taken_in(definition: Definition) -> list[CobIds]:
     """Return what each list on CAN takes, as they are defined. ConfigurationError for one that cannot be packed."""
-    on_can = (entry for entry in definition.lists if entry.on_can and entry.list_id is not None)
-    return [taken for entry in on_can if (taken := taken_by(entry, pack(entry))) is not None]
+    return [taken for entry in definition.lists if (taken := taken_by(entry)) is not None]
 
 
 def overlaps(lists: Sequence[CobIds]) -> Iterator[tuple[CobIds, CobIds]]:

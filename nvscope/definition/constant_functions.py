@@ -2,7 +2,9 @@
 
 Values are bool, int and float; reals are LREAL. What has no value, since it is none of 64 bits or depends on a type
 that nobody knows, is a text that says so. Sources: IEC 61131-3 (conversions of reals round half to even), and the
-operators' pages of the CODESYS online help.
+CODESYS online help: the operators' pages (bits are shifted within the type of what is shifted, that of a bare number is
+the smallest; a shift by more bits than that has depends on the controller), the page on typed literals (one that does
+not fit is an error), and that on reference and flow (arithmetic has 32 bits at least, and nothing is cut off to less).
 """
 
 from __future__ import annotations
@@ -12,23 +14,27 @@ import operator
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from nvscope.definition.bit_functions import BITWISE, SHIFTS, negated
+from nvscope.definition.operands import (
+    DINT,
+    INTEGERS,
+    LINT,
+    MOST_BITS,
+    NO_INTEGER,
+    NOT_64_BITS,
+    OF_TYPE,
+    Operand,
+    Result,
+    Value,
+    is_long,
+    is_unsigned,
+    of_kind,
+)
 from nvscope.definition.scalars import SCALARS, find_scalar
 from nvscope.definition.variables import Scalar, ScalarKind
 
-Value = bool | int | float
-Result = Value | str
-
-INTEGERS = frozenset({ScalarKind.UNSIGNED, ScalarKind.SIGNED})
-"""The kinds of elementary types that hold whole numbers."""
-
-_MOST_BITS = 64
-_WIDTHS = (8, 16, 32, 64)
 _UNTYPED = {"", "ANY"}
 _CONVERTED = INTEGERS | {ScalarKind.BOOL, ScalarKind.REAL}
-
-NOT_64_BITS = "is no integer of 64 bits"
-NO_INTEGER = "is no constant integer"
-_OF_TYPE = "depends on the bits of a type that nobody knows"
 
 
 def conversion(function: str) -> tuple[list[Scalar], Scalar] | None:
@@ -57,6 +63,44 @@ TRUNCATED: Mapping[str, Scalar] = MappingProxyType({"TRUNC": SCALARS["DINT"], "T
 """The types of what functions make of a real by cutting it off."""
 
 
+def _arithmetic(compute: Callable[[Value, Value], Value | str]) -> Callable[[Operand, Operand], Result]:
+    """Return a sum, difference or product of operands, which is unknown where it is not the same in all widths."""
+
+    def of(left: Operand, right: Operand) -> Result:
+        value = compute(left.value, right.value)
+        if isinstance(value, str):
+            return value
+        if isinstance(value, float):
+            return Operand(value)
+        long = is_long(left) or is_long(right)
+        unsigned = any(is_unsigned(each, size) for each in (left, right) for size in ((8,) if long else (4, 8)))
+        low, high = LINT if long else DINT
+        if unsigned:
+            low, high = 0, 2 * high + 1
+        if not low <= value <= high:
+            return OF_TYPE if abs(value) >> MOST_BITS == 0 else NOT_64_BITS
+        found = of_kind(value, left, right)
+        # What is shorter than 32 bits is computed with more.
+        return found if found.kind is not None and found.kind.size_bytes >= 4 else Operand(value)
+
+    return of
+
+
+def _divided(compute: Callable[[Value, Value], Value | str]) -> Callable[[Operand, Operand], Result]:
+    """Return a quotient or remainder, which is unknown of a negative and an unsigned number of 32 bits or more."""
+
+    def of(left: Operand, right: Operand) -> Result:
+        value = compute(left.value, right.value)
+        if isinstance(value, str):
+            return value
+        if isinstance(value, float):
+            return Operand(value)
+        unsigned = any(is_unsigned(each, size) for each in (left, right) for size in (4, 8))
+        return OF_TYPE if unsigned and min(left.value, right.value) < 0 else of_kind(value, left, right)
+
+    return of
+
+
 def quotient(left: Value, right: Value) -> Value:
     """Return a quotient, of integers cut off towards zero."""
     if isinstance(left, float) or isinstance(right, float):
@@ -65,109 +109,89 @@ def quotient(left: Value, right: Value) -> Value:
     return whole if (left < 0) == (right < 0) else -whole
 
 
-def _remainder(left: Value, right: Value) -> Result:
+def _remainder(left: Value, right: Value) -> Value | str:
     if isinstance(left, float) or isinstance(right, float):
         return NO_INTEGER
     return left - right * quotient(left, right)
 
 
-def _bitwise(compute: Callable[[int, int], int]) -> Callable[[Value, Value], Result]:
-    def of(left: Value, right: Value) -> Result:
-        if isinstance(left, float) or isinstance(right, float) or isinstance(left, bool) is not isinstance(right, bool):
-            return NO_INTEGER
-        # Which bits a negative number has, its type decides.
-        return compute(left, right) if left >= 0 and right >= 0 else _OF_TYPE
-
-    return of
+def _compared(compute: Callable[[Value, Value], bool]) -> Callable[[Operand, Operand], Result]:
+    return lambda left, right: Operand(compute(left.value, right.value))
 
 
-def _negated(value: Value) -> Result:
-    return not value if isinstance(value, bool) else NO_INTEGER if isinstance(value, float) else _OF_TYPE
-
-
-def _power(base: Value, exponent: Value) -> Result:
-    if isinstance(base, float) or isinstance(exponent, float):
+def _power(base: Operand, exponent: Operand) -> Result:
+    a, b = base.value, exponent.value
+    if isinstance(a, float) or isinstance(b, float):
         try:
-            return math.pow(base, exponent)
+            return Operand(math.pow(a, b))
         except (ValueError, OverflowError):
             return NO_INTEGER
     # What does not fit into 64 bits is not computed: it could have any number of digits.
-    if exponent < 0 or (abs(base) > 1 and exponent > _MOST_BITS):
+    if b < 0 or (abs(a) > 1 and b > MOST_BITS):
         return NOT_64_BITS
-    return int(base**exponent)
+    return Operand(int(a**b))
 
 
-def _whole(compute: Callable[[int, int], Result]) -> Callable[[Value, Value], Result]:
-    """Return a function of whole numbers that are not negative."""
-
-    def of(value: Value, places: Value) -> Result:
-        if isinstance(value, float) or isinstance(places, float):
-            return NO_INTEGER
-        return compute(value, places) if value >= 0 and places >= 0 else NOT_64_BITS
-
-    return of
+def _absolute(operand: Operand) -> Result:
+    return of_kind(abs(operand.value), operand)
 
 
-def _shifted_left(value: int, places: int) -> Result:
-    return value << places if places <= _MOST_BITS else NOT_64_BITS
+def _one_of(choose: Callable[..., Value]) -> Callable[..., Result]:
+    """Return a function that gives one of its operands."""
+    return lambda *operands: of_kind(choose(*(operand.value for operand in operands)), *operands)
 
 
-def _rotated(value: int, places: int, *, left: bool) -> Result:
-    """Return what is the same whatever type of bits the value has: nothing may leave it at one end."""
-    width = next((bits for bits in _WIDTHS if value.bit_length() <= bits), 0)
-    if left:
-        return value << places if value.bit_length() + places <= width else _OF_TYPE
-    return value >> places if places < width and not value & ((1 << places) - 1) else _OF_TYPE
+def _selected(chosen: Operand, first: Operand, second: Operand) -> Result:
+    value = (second if chosen.value else first).value
+    return of_kind(value, first, second) if chosen.value in (0, 1) else NO_INTEGER
 
 
-def _selected(chosen: Value, first: Value, second: Value) -> Result:
-    return (second if chosen else first) if chosen in (0, 1) else NO_INTEGER
-
-
-def _multiplexed(place: Value, *values: Value) -> Result:
+def _multiplexed(place: Operand, *operands: Operand) -> Result:
+    number = place.value
+    if isinstance(number, float) or number < 0 or not operands:
+        return NO_INTEGER
     # One beyond the last chooses the last.
-    return NO_INTEGER if isinstance(place, float) or place < 0 or not values else values[min(place, len(values) - 1)]
+    return of_kind(operands[min(number, len(operands) - 1)].value, *operands)
 
 
-OPERATORS: Mapping[str, Callable[[Value, Value], Result]] = MappingProxyType(
+def _sum(*operands: Operand) -> Result:
+    total: Result = Operand(0, operands[0].kind)
+    for operand in operands:
+        total = total if isinstance(total, str) else OPERATORS["+"](total, operand)
+    return total
+
+
+OPERATORS: Mapping[str, Callable[[Operand, Operand], Result]] = MappingProxyType(
     {
-        "+": operator.add,
-        "-": operator.sub,
-        "*": operator.mul,
-        "/": quotient,
-        "MOD": _remainder,
-        "AND": _bitwise(operator.and_),
-        "&": _bitwise(operator.and_),
-        "AND_THEN": _bitwise(operator.and_),
-        "OR": _bitwise(operator.or_),
-        "OR_ELSE": _bitwise(operator.or_),
-        "XOR": _bitwise(operator.xor),
-        "=": operator.eq,
-        "<>": operator.ne,
-        "<": operator.lt,
-        ">": operator.gt,
-        "<=": operator.le,
-        ">=": operator.ge,
+        "+": _arithmetic(operator.add),
+        "-": _arithmetic(operator.sub),
+        "*": _arithmetic(operator.mul),
+        "/": _divided(quotient),
+        "MOD": _divided(_remainder),
+        **BITWISE,
+        "=": _compared(operator.eq),
+        "<>": _compared(operator.ne),
+        "<": _compared(operator.lt),
+        ">": _compared(operator.gt),
+        "<=": _compared(operator.le),
+        ">=": _compared(operator.ge),
     }
 )
 """Operators between two values, in capitals; what is divided by is not 0."""
 
 FUNCTIONS: Mapping[tuple[str, int | None], Callable[..., Result]] = MappingProxyType(
     {
-        ("NOT", 1): _negated,
-        ("ABS", 1): abs,
-        ("MIN", None): lambda *values: min(values),
-        ("MAX", None): lambda *values: max(values),
-        ("LIMIT", 3): lambda low, value, high: min(max(value, low), high),
+        ("NOT", 1): negated,
+        ("ABS", 1): _absolute,
+        ("MIN", None): _one_of(lambda *values: min(values)),
+        ("MAX", None): _one_of(lambda *values: max(values)),
+        ("LIMIT", 3): _one_of(lambda low, value, high: min(max(value, low), high)),
         ("SEL", 3): _selected,
         ("MUX", None): _multiplexed,
         ("EXPT", 2): _power,
-        ("SHL", 2): _whole(_shifted_left),
-        ("SHR", 2): _whole(operator.rshift),
-        ("ROL", 2): _whole(lambda value, places: _rotated(value, places, left=True)),
-        ("ROR", 2): _whole(lambda value, places: _rotated(value, places, left=False)),
-        ("ADD", None): lambda *values: sum(values),
-        ("SUB", 2): operator.sub,
+        **{(name, 2): compute for name, compute in SHIFTS.items()},
+        ("ADD", None): _sum,
+        ("SUB", 2): OPERATORS["-"],
     }
 )
 """Functions by name in capitals and number of arguments (None: any)."""

@@ -53,17 +53,19 @@ FOREIGN_FILES = (
     ),
     ForeignFile("a PDF, no definition file", _EXPORTS, rb"%PDF-"),
     ForeignFile("JSON, no definition file", _KNOWN, rb"\{\s*[\"}]|\[\s*[\[{\"\d\]]"),
-    # In both byte orders, and pcapng. The rooms of captures and of definitions do not know each other.
+    # In both byte orders with its version, and pcapng: a text may begin with their first four bytes. The rooms of
+    # captures and of definitions do not know each other.
     ForeignFile(
         "a capture, no definition file",
         f"Name captures without an option. {_KNOWN}",
-        rb"\xa1\xb2\xc3\xd4|\xd4\xc3\xb2\xa1|\xa1\xb2\x3c\x4d|\x4d\x3c\xb2\xa1|\r\r\n",
+        rb"(?:\xa1\xb2\xc3\xd4|\xa1\xb2\x3c\x4d)\x00\x02|(?:\xd4\xc3\xb2\xa1|\x4d\x3c\xb2\xa1)\x02\x00"
+        rb"|\r\r\n.{4}(?:\x1a\x2b\x3c\x4d|\x4d\x3c\x2b\x1a)",
     ),
     ForeignFile(
         "a project of CODESYS, which only CODESYS reads", _EXPORTS,
         suffixes=(".project", ".projectarchive", ".library", ".compiled-library", ".pro", ".lib"),
     ),
-    ForeignFile("a packed archive", "Unpack it, and name the directory.", rb"PK\x03\x04|7z\xbc\xaf|\x1f\x8b"),
+    ForeignFile("a packed archive", "Unpack it, and name the directory.", rb"PK\x03\x04|7z\xbc\xaf|\x1f\x8b\x08"),
 )  # fmt: skip
 """The kinds; the first that fits is meant."""
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from nvscope.definition.model import ListDefinition
-from nvscope.definition.packing import TelegramLayout, first_unknown, known_front, pack
+from nvscope.definition.packing import TelegramLayout, known_fronts, pack
 from nvscope.definition.pdos import frames_of, unplaced
 from nvscope.definition.variables import Element
 
@@ -43,7 +43,8 @@ def known_telegrams(entry: ListDefinition) -> KnownTelegrams:
     """Return what is known of a list's telegrams; ConfigurationError where it cannot be packed.
 
     A packed list is known up to an element of unknown size, one on CAN also up to an element that no frame holds.
-    Without packing each element has a telegram of its own, so that those behind such an element are known too.
+    Without packing each element has a telegram of its own, so that those behind such an element are known too, unless
+    nobody knows how many elements it is.
     """
     layouts = pack(entry)
     if entry.on_can:
@@ -54,14 +55,9 @@ def known_telegrams(entry: ListDefinition) -> KnownTelegrams:
         own = layouts[len(frames)]
         front = TelegramLayout(entry, own.subindex, own.elements[: own.elements.index(element)])
         return KnownTelegrams((*frames, KnownTelegram(front, element)), whole=False)
-    if not any(layout.unknown for layout in layouts):
-        return KnownTelegrams(tuple(map(KnownTelegram, layouts)))
-    first = first_unknown(layouts)
-    if entry.pack:
-        last = KnownTelegram(*known_front(layouts, first, first))
-        return KnownTelegrams((*map(KnownTelegram, layouts[:first]), last), whole=False)
-    fronts = (known_front(layouts, subindex, first) for subindex in range(len(layouts)))
-    # Each of them is one item, known or not.
-    return KnownTelegrams(
-        tuple(KnownTelegram(TelegramLayout(entry, own.subindex, own.elements, 1), cause) for own, cause in fronts)
-    )
+    known = known_fronts(layouts)
+    fronts = known.by_subindex
+    if not entry.pack:
+        # Each of them is one item, known or not.
+        fronts = tuple((replace(own, sent_items=1), cause) for own, cause in fronts)
+    return KnownTelegrams(tuple(KnownTelegram(*front) for front in fronts), whole=known.beyond is None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope.definition.model import Definition, ListDefinition
-from nvscope.definition.packing import TelegramLayout, known_part, pack
+from nvscope.definition.packing import TelegramLayout, known_part, pack, unknown_of
 from nvscope.definition.pdos import frames_of, unplaced
 from nvscope.definition.variables import Element
 from nvscope.list_key import ListKey, told_of
@@ -15,7 +15,7 @@ class Layouts:
     """The telegrams of all lists of a definition, by what they are sent over and list identifier.
 
     Of a list on CAN they are its frames; one that is defined for any channel is found on each. ``left_out`` are the
-    lists with an element whose size nobody knows, with the first of them: what stands behind it cannot be told apart.
+    lists with elements whose size nobody knows: see ``packing.unknown_of``.
     ``unplaced`` are lists on CAN with the first element that no frame holds, or whose size nobody knows: frames up to
     there are known.
     """
@@ -39,9 +39,7 @@ class Layouts:
                 else:
                     self._candidates.setdefault(key, []).append(layouts)
         self.left_out = {
-            key: next(layout.unknown for layout in layouts if layout.unknown)
-            for key, layouts in self._partly.items()
-            if key not in self._candidates
+            key: unknown_of(layouts) for key, layouts in self._partly.items() if key not in self._candidates
         }
 
     def lists(self) -> list[tuple[ListKey, ListDefinition]]:

@@ -23,7 +23,7 @@ LIBRARY_TYPES: Mapping[str, Scalar | String | Structure] = MappingProxyType(
         "T_MAXSTRING": String(255),
         "T_AMSNETID": String(23),
         "HRESULT": SCALARS["DINT"],
-        "PVOID": unknown_raw("PVOID"),
+        "PVOID": unknown_raw("PVOID", is_one=True),
         "T_FILETIME": _of_words("T_FILETIME", SCALARS["DWORD"], "dwLowDateTime dwHighDateTime"),
         "DCTIMESTRUCT": _of_words(
             "DCTIMESTRUCT", SCALARS["WORD"],

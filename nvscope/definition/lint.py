@@ -171,6 +171,12 @@ RULES = (
         searches.find_sizes_by_name,
     ),
     Rule(
+        "initial-value", "warning", "an initial value that its type, or subrange, cannot hold",
+        "No controller compiles it, so that the file is not what runs on one.",
+        "Correct the value, or export the list again.",
+        searches.find_initial_values,
+    ),
+    Rule(
         "assumed-base", "note", "an enumeration whose base type the export leaves out",
         "PLCopen XML has no place for it: where it is not INT, everything behind the variable lies elsewhere.",
         "Declare the enumeration in ST text, or compare its size with the project.",

@@ -14,6 +14,7 @@ from itertools import pairwise
 from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.cob_ids import CobIds, canopen_uses, overlaps, taken_by
 from nvscope.definition.difference import list_difference
+from nvscope.definition.initial_values import misfits
 from nvscope.definition.model import AssumedBase, ListDefinition, Problem
 from nvscope.definition.named_sizes import named_sizes
 from nvscope.definition.packing import TelegramLayout, capacity_bytes, pack, placed
@@ -52,7 +53,7 @@ class Packed:
     @property
     def cob_ids(self) -> CobIds | None:
         """What the list takes on CAN; None where it is not there, or its identifier is unknown."""
-        return taken_by(self.list, self.telegrams)
+        return taken_by(self.list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +88,15 @@ def find_left_out(subject: Subject) -> Iterator[Place]:
 def find_contradictions(subject: Subject) -> Iterator[Place]:
     """Find what lists need and cannot be."""
     return (Place(problem.position, "", problem.what) for problem in subject.problems)
+
+
+def find_initial_values(subject: Subject) -> Iterator[Place]:
+    """Find initial values that do not fit; what bounds need is a contradiction already."""
+    told = {problem.position for problem in subject.problems}
+    for found in misfits(entry for file in subject.files for entry in file.lists):
+        if found.position not in told:
+            message = f"the initial value {found.value} of {found.variable} does not fit into {found.kind.name}"
+            yield Place(found.position, found.list_name, message)
 
 
 def find_assumed_bases(subject: Subject) -> Iterator[Place]:
@@ -184,12 +194,12 @@ def _goes_to_many(entry: ListDefinition) -> bool:
 
 def find_cut(subject: Subject) -> Iterator[Place]:
     for packed in subject.lists:
-        if len(packed.telegrams) < 2 or packed.on_can:
+        if packed.on_can:
             continue  # on CAN every array is cut: nobody can help it
-        composite = [entry for entry in packed.list.variables if isinstance(entry.type, Array | Structure)]
         if not packed.list.pack:
+            composite = [entry for entry in packed.list.variables if isinstance(entry.type, Array | Structure)]
             names = [variable.name for variable in composite]
-            if names:
+            if names and (len(packed.telegrams) > 1 or not packed.whole):
                 more = f" and {count_of(len(names) - 1, 'more variable')}" if len(names) > 1 else ""
                 message = f"{names[0]}{more} of {packed.list.name} go in a telegram for each element: it is not packed"
                 yield Place(composite[0].position, packed.list.name, message)

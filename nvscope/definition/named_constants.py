@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from nvscope.definition.constant_functions import as_type
-from nvscope.definition.constants import Names, Value, evaluate, integer
+from nvscope.definition.constants import INTEGERS, Names, Operand, as_kind, check_fits, evaluate, integer
 from nvscope.definition.nearest_files import nearest
 from nvscope.definition.position import Position
-from nvscope.definition.scalars import find_scalar
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import EnumerationType, Expression, ListSyntax, Name, NamedType, TypeOperand
 from nvscope.definition.variables import Scalar, ScalarKind
+
+_KINDS = INTEGERS | {ScalarKind.REAL, ScalarKind.BOOL}
 
 MOST_COMPARED = 10_000
 """So many names are looked through for one that was perhaps meant."""
@@ -51,7 +51,7 @@ class UnknownConstant(Exception):
 class _Constant:
     """A constant, or a value of an enumeration: ``before`` is what it counts on from where it has no expression.
 
-    ``kind`` is its type where that is an elementary one.
+    ``type`` is what it is declared as where that has a name.
     """
 
     expression: Expression | None
@@ -59,22 +59,28 @@ class _Constant:
     source: Source
     scope: str
     before: _Constant | None = None
-    kind: Scalar | None = None
+    type: NamedType | None = None
 
 
 class NamedConstants:
     """The constants of all files. A name may be that of several: then it takes that of its list or enumeration.
 
     Of those of several files it takes that of the nearest. ``size_of`` tells the bytes of a type, which stands in a
-    file and scope.
+    file and scope, ``kind_of`` what values of a type are, None where it is not elementary, or unknown.
     """
 
-    def __init__(self, depth: CallDepth, size_of: Callable[[Name | TypeOperand, Source, str], int]) -> None:
+    def __init__(
+        self,
+        depth: CallDepth,
+        size_of: Callable[[Name | TypeOperand, Source, str], int],
+        kind_of: Callable[[NamedType, Source, str], Scalar | None],
+    ) -> None:
         self._depth = depth
         self._size_of = size_of
+        self._kind_of = kind_of
         self._named: dict[str, list[_Constant]] = {}
         self._variables: dict[str, tuple[Name, Source]] = {}
-        self._values: dict[int, Value] = {}
+        self._values: dict[int, Operand] = {}
         self._open: list[_Constant] = []
 
     def add_enumeration(self, syntax: EnumerationType, name: str, source: Source) -> None:
@@ -94,9 +100,9 @@ class NamedConstants:
                     for name in declaration.names:
                         self._variables.setdefault(name.text.upper(), (name, entry.source))
                     continue
-                kind = find_scalar(declaration.type.name.text) if isinstance(declaration.type, NamedType) else None
+                kind = declaration.type if isinstance(declaration.type, NamedType) else None
                 for name in declaration.names:
-                    constant = _Constant(declaration.initial, name, entry.source, scope, kind=kind)
+                    constant = _Constant(declaration.initial, name, entry.source, scope, type=kind)
                     for key in (name.text.upper(), f"{scope}.{name.text.upper()}"):
                         self._named.setdefault(key, []).append(constant)
 
@@ -107,7 +113,7 @@ class NamedConstants:
         """
         return integer(self._evaluated(expression, source, scope), expression, source)
 
-    def _evaluated(self, expression: Expression, source: Source, scope: str) -> Value:
+    def _evaluated(self, expression: Expression, source: Source, scope: str) -> Operand:
         calls = expression.depth + 5
         self._depth.descend(calls, source, expression.offset)
         try:
@@ -123,10 +129,10 @@ class NamedConstants:
         near = difflib.get_close_matches(text.upper()[:60], list(self._named)[:MOST_COMPARED], n=1, cutoff=0.7)
         return near[0] if near else ""
 
-    def _value_of(self, name: Name, source: Source, scope: str) -> Value:
+    def _value_of(self, name: Name, source: Source, scope: str) -> Operand:
         upper = name.text.upper()
         if upper in {"TRUE", "FALSE"}:
-            return upper == "TRUE"
+            return Operand(upper == "TRUE")
         found: Sequence[_Constant] | None = self._named.get(f"{scope}.{upper}") or self._named.get(upper)
         if not found and "." in upper:
             # A namespace before the list does not matter.
@@ -139,14 +145,15 @@ class NamedConstants:
         if not found:
             raise UnknownConstant(name.text, source.position(name.offset))
         found = nearest(found[:_MOST_NAMESAKES], source.file, lambda constant: constant.source.file)
-        values = {self._constant(constant, name, source) for constant in found}
+        operands = {self._constant(constant, name, source) for constant in found}
+        values = {operand.value for operand in operands}
         if len(values) > 1:
             places = " and ".join(str(found[i].source.position(found[i].name.offset)) for i in (0, 1))
             what = f"the constant '{name.text[:60]}' has several values"
             raise source.error(what, name.offset, f"Write the name of its list before it: {places}.")
-        return values.pop()
+        return operands.pop() if len(operands) == 1 else Operand(values.pop())
 
-    def _constant(self, constant: _Constant, name: Name, source: Source) -> Value:
+    def _constant(self, constant: _Constant, name: Name, source: Source) -> Operand:
         known = self._values.get(id(constant))
         if known is not None:
             return known
@@ -156,15 +163,29 @@ class NamedConstants:
         steps, start = 0, constant
         while start.expression is None and start.before is not None:
             steps, start = steps + 1, start.before
-        value: Value = steps
+        operand = Operand(steps)
         if start.expression is not None:
             self._open.append(constant)
             try:
-                first = self._evaluated(start.expression, start.source, start.scope)
+                operand = self._evaluated(start.expression, start.source, start.scope)
+                if steps:
+                    operand = Operand(operand.value + steps)
+                declared = constant.type
+                kind = self._kind_of(declared, constant.source, constant.scope) if declared is not None else None
             finally:
                 self._open.pop()
-            value = first + steps if steps else first
-        if constant.kind is not None and constant.kind.kind in {ScalarKind.REAL, ScalarKind.BOOL}:
-            value = as_type(value, constant.kind)
-        self._values[id(constant)] = value
-        return value
+            operand = Operand(operand.value) if kind is None else _as_constant(operand, kind, start)
+        self._values[id(constant)] = operand
+        return operand
+
+
+def _as_constant(operand: Operand, kind: Scalar, constant: _Constant) -> Operand:
+    """Return the value of a constant of a type; DefinitionError where that, or its subrange, does not hold it."""
+    assert constant.expression is not None
+    if kind.kind not in _KINDS:
+        return Operand(operand.value)
+    whole = replace(kind, low=None, high=None)
+    if kind.kind in INTEGERS:
+        value = integer(operand, constant.expression, constant.source)
+        check_fits(value, kind, constant.source, constant.expression.offset)
+    return as_kind(operand, whole, constant.expression, constant.source)

@@ -20,7 +20,16 @@ from functools import cached_property
 from dissectors.layout import Field, Layout
 from dissectors.netvar import HEADER
 from nvscope.definition.model import ListDefinition
-from nvscope.definition.variables import MAX_ELEMENTS, Element, Elementary, Scalar, ScalarKind, elements, scalar_of
+from nvscope.definition.variables import (
+    MAX_ELEMENTS,
+    Element,
+    Elementary,
+    Scalar,
+    ScalarKind,
+    elements,
+    is_one,
+    scalar_of,
+)
 from nvscope.errors import ConfigurationError
 from nvscope.units import count
 
@@ -81,51 +90,91 @@ class TelegramLayout:
             yield self.layout.offset_of(str(place)), element
 
 
+Front = tuple[TelegramLayout, Element | None]
+"""What is known of a telegram: the elements in front, and the element of unknown size behind them, from which on
+nothing can be placed; None where all is known.
+"""
+
+
 def placed(telegrams: Sequence[TelegramLayout]) -> tuple[tuple[TelegramLayout, ...], tuple[Element, ...]]:
     """Return what is known of where the elements of a list lie: telegrams, and elements that have no place.
 
-    In a packed list these are the first one whose size nobody knows, and all behind it: more than is told may lie in
-    the last telegram, and follow it. Without packing each element has a telegram of its own, whatever its size.
+    These are the first one of which nobody knows in how many telegrams it is, and all behind it: more than is told may
+    lie in the last telegram of a packed list, and follow it.
     """
-    if not any(layout.unknown for layout in telegrams) or not telegrams[0].list.pack:
+    first = first_open(telegrams)
+    if first == len(telegrams):
         return tuple(telegrams), ()
-    first = first_unknown(telegrams)
-    front, _ = known_front(telegrams, first, first)
-    behind = [element for layout in telegrams[first:] for element in layout.elements][len(front.elements) :]
-    return (*telegrams[:first], *([front] if front.elements else [])), tuple(behind)
+    known = telegrams[first].elements[: _place_of_unknown(telegrams[first])]
+    front = [TelegramLayout(telegrams[first].list, first, known)] if known else []
+    behind = [element for layout in telegrams[first:] for element in layout.elements][len(known) :]
+    return (*telegrams[:first], *front), tuple(behind)
 
 
-def known_fronts(telegrams: Sequence[TelegramLayout]) -> list[tuple[TelegramLayout, Element | None]]:
-    """Return what is known of the telegrams of a list, by SubIndex, where sizes of some elements are not.
+@dataclass(frozen=True, slots=True)
+class KnownFronts:
+    """What is known of the telegrams of a list where sizes of some elements are not.
 
-    Of each it is the elements in front, and the element of unknown size behind them, from which on nothing can be
-    placed; None where all is known. The last entry is that of all further SubIndexes.
+    ``by_subindex`` are those that the list surely has. ``beyond`` is that of all further SubIndexes, None where it has
+    none.
     """
-    first = first_unknown(telegrams)
-    count = first + 1 if telegrams[0].list.pack else len(telegrams)
-    return [known_front(telegrams, subindex, first) for subindex in range(count + 1)]
+
+    by_subindex: tuple[Front, ...]
+    beyond: Front | None
+
+    def of(self, subindex: int) -> Front | None:
+        """Return what is known of one telegram, None where the list has none of this SubIndex."""
+        return self.by_subindex[subindex] if subindex < len(self.by_subindex) else self.beyond
 
 
-def first_unknown(telegrams: Sequence[TelegramLayout]) -> int:
-    """Return the SubIndex of the first telegram that has an element of unknown size; there has to be one."""
-    return next(number for number, layout in enumerate(telegrams) if layout.unknown)
+def known_fronts(telegrams: Sequence[TelegramLayout]) -> KnownFronts:
+    """Return what is known of the telegrams of a list."""
+    first = first_open(telegrams)
+    fronts = (known_front(telegrams, subindex, first) for subindex in range(min(first + 1, len(telegrams))))
+    return KnownFronts(tuple(filter(None, fronts)), known_front(telegrams, max(first + 1, len(telegrams)), first))
 
 
-def known_front(
-    telegrams: Sequence[TelegramLayout], subindex: int, first: int
-) -> tuple[TelegramLayout, Element | None]:
-    """Return what is known of one telegram; ``first`` is the first one with an element of unknown size.
+def first_open(telegrams: Sequence[TelegramLayout]) -> int:
+    """Return the SubIndex from which on nobody knows what telegrams hold: their number where that is known of all.
 
-    It is the elements in front, and the element of unknown size behind them, from which on nothing can be placed; None
-    where all is known.
+    Packed, this is where the first element of unknown size is. Without packing each element has a telegram of its own,
+    whatever its size: there it is the first of which nobody knows how many elements it is. On CAN, where an element
+    may be too long for a frame, it is as where the list is packed.
     """
-    definition = telegrams[0].list
-    own = telegrams[subindex] if subindex < len(telegrams) and (subindex <= first or not definition.pack) else None
-    cause = (own or telegrams[first]).unknown
-    if own is not None and cause is None:
+    for number, layout in enumerate(telegrams):
+        unknown = layout.unknown
+        if unknown and (layout.list.pack or layout.list.on_can or not is_one(unknown.type)):
+            return number
+    return len(telegrams)
+
+
+def unknown_of(telegrams: Sequence[TelegramLayout]) -> tuple[Element, bool]:
+    """Return the element of unknown size to tell of, and whether what stands behind it cannot be told apart.
+
+    It is the one from which on SubIndexes are not known, the first of all where there is none; there has to be one.
+    """
+    first = first_open(telegrams)
+    unknown = (layout.unknown for layout in telegrams[first % len(telegrams) :])
+    return next(filter(None, unknown)), first < len(telegrams)
+
+
+def known_front(telegrams: Sequence[TelegramLayout], subindex: int, first: int) -> Front | None:
+    """Return what is known of one telegram, None where the list has none of this SubIndex; ``first`` is the first open.
+
+    Where nothing is known of it, it is no element in front of the one from which on SubIndexes are not known.
+    """
+    own = telegrams[subindex] if subindex <= first and subindex < len(telegrams) else None
+    if own is None:
+        cause = telegrams[first].unknown if first < len(telegrams) else None
+        return (TelegramLayout(telegrams[0].list, subindex, ()), cause) if cause else None
+    if own.unknown is None:
         return own, None
-    known = own.elements[: own.elements.index(cause)] if own and cause else ()
-    return TelegramLayout(definition, subindex, known), cause
+    return TelegramLayout(own.list, subindex, own.elements[: _place_of_unknown(own)]), own.unknown
+
+
+def _place_of_unknown(layout: TelegramLayout) -> int:
+    """Return how many elements of a telegram are in front of the first one of unknown size."""
+    return next(place for place, element in enumerate(layout.elements) if not element.type.size_bytes)
 
 
 def undescribed(cause: Element, size_bytes: int) -> Element:
@@ -140,9 +189,13 @@ def known_part(
     """Return what is known of a telegram with these Items and bytes of data, where sizes of some elements are not.
 
     The elements in front of the first such one stand where they are declared; from there on, all bytes are one element
-    that nobody has described. None where the telegram is too short for what is known, or is all known and differs.
+    that nobody has described. None where the list has no such telegram, or one that differs: it is too short for what
+    is known, or all of it is known.
     """
-    front, cause = known_front(telegrams, subindex, first_unknown(telegrams))
+    known = known_front(telegrams, subindex, first_open(telegrams))
+    if known is None:
+        return None
+    front, cause = known
     if cause is None:
         return front if (items, size_bytes) == front.shape else None
     rest = size_bytes - front.layout.size_bytes

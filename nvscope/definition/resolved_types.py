@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
 
 from nvscope.definition.constants import INTEGERS, check_fits
@@ -13,6 +13,7 @@ from nvscope.definition.model import AssumedBase, Flaw, Problem, UnknownName
 from nvscope.definition.named_constants import CallDepth, NamedConstants, UnknownConstant
 from nvscope.definition.reached_types import reached
 from nvscope.definition.scalars import LIBRARY_BLOCKS, SCALARS, find_scalar, unknown_raw
+from nvscope.definition.sized import Sized
 from nvscope.definition.source import DefinitionError, Source
 from nvscope.definition.syntax import (
     ArrayType,
@@ -36,7 +37,6 @@ from nvscope.definition.variables import (
     Scalar,
     String,
     Structure,
-    Type,
     Union,
     size_bytes_of,
 )
@@ -58,26 +58,6 @@ class _Flawed(Exception):
         self.flaw = flaw
 
 
-@dataclass(frozen=True, slots=True)
-class Sized:
-    """A resolved type. ``parts`` bounds both its elements and what has to be visited to describe it.
-
-    ``depth`` is how many types lie within it, one in another, ``characters`` what all its elements add to their names,
-    ``flaws`` why it, or something in it, is not known.
-    """
-
-    type: Type
-    parts: int = 1
-    depth: int = 0
-    characters: int = 0
-    flaws: frozenset[Flaw] = frozenset()
-
-    @property
-    def unknown(self) -> bool:
-        """Whether nothing is known of it, not even its size."""
-        return isinstance(self.type, Scalar) and not self.type.size_bytes
-
-
 class ResolvedTypes:
     """The types of all files, each resolved when it is first asked for. What cannot be resolved is of unknown size."""
 
@@ -87,7 +67,7 @@ class ResolvedTypes:
         self._meant: dict[tuple[int, ...], Sized] = {}
         self._unknown: dict[tuple[str, bool], UnknownName] = {}
         self._depth = CallDepth()
-        self.constants = NamedConstants(self._depth, self._size_of)
+        self.constants = NamedConstants(self._depth, self._size_of, self._kind_of)
         self._open: list[TypeDeclaration] = []
 
     def resolve_reached(self, syntaxes: Iterable[tuple[TypeSyntax, str]]) -> None:
@@ -128,7 +108,9 @@ class ResolvedTypes:
         return Sized(SCALARS[syntax.keyword])
 
     def _flawed(self, syntax: TypeSyntax, *flaws: Flaw) -> Sized:
-        return Sized(unknown_raw(type_text(syntax)), flaws=frozenset(flaws))
+        # However long a text is, and of whatever base an enumeration, it is one element.
+        is_one = isinstance(syntax, StringType | EnumerationType)
+        return Sized(unknown_raw(type_text(syntax), is_one=is_one), flaws=frozenset(flaws))
 
     def _named(self, syntax: NamedType, source: Source, scope: str) -> Sized:
         if syntax.generic:
@@ -140,6 +122,8 @@ class ResolvedTypes:
         sized = self._of_name(syntax.name, source)
         if syntax.low is None or syntax.high is None:
             return sized
+        if sized.unknown:
+            sized = sized.as_one()  # only integers have subranges
         try:
             return self._subrange(sized, syntax, syntax.low, syntax.high, source, scope)
         except DefinitionError as error:
@@ -235,6 +219,18 @@ class ResolvedTypes:
             raise source.error(what, operand.offset, "Write the number.")
         return size_bytes_of(sized.type)
 
+    def _kind_of(self, syntax: NamedType, source: Source, scope: str) -> Scalar | None:
+        """Return what values of a type are, an enumeration's those of its base; None where nobody knows."""
+        if syntax.low is None and (scalar := find_scalar(syntax.name.text)) is not None:
+            return scalar
+        try:
+            kind = self._named(syntax, source, scope).type
+        except DefinitionError:
+            return None  # told where it is needed
+        if isinstance(kind, Enumeration):
+            return kind.base
+        return kind if isinstance(kind, Scalar) and kind.size_bytes else None
+
     def _value(self, expression: Expression, source: Source, scope: str) -> int | Flaw:
         """Return the value of a constant expression, or why it is not known: what no file declares."""
         try:
@@ -327,7 +323,7 @@ class ResolvedTypes:
         if syntax.base is not None:
             base = self._of_name(syntax.base, source)
             if base.unknown:
-                return base
+                return base.as_one()
         if not isinstance(base.type, Scalar) or base.type.kind not in INTEGERS:
             assert syntax.base is not None
             what = f"{syntax.base.text} is no integer"

@@ -11,9 +11,9 @@ _MS_NS = 1_000_000
 _S_NS = 1_000_000_000
 
 
-def unknown_raw(name: str) -> Scalar:
-    """Return a type about which nothing is known, not even its size: 0."""
-    return Scalar(name, ScalarKind.RAW, "V0", 0)
+def unknown_raw(name: str, *, is_one: bool = False) -> Scalar:
+    """Return a type about which nothing is known, not even its size: 0; ``is_one``: but that it is one element."""
+    return Scalar(name, ScalarKind.RAW, "V0", 0, is_one=is_one)
 
 
 def _scalars() -> Iterator[Scalar]:
@@ -42,8 +42,9 @@ def _scalars() -> Iterator[Scalar]:
     yield Scalar("CHAR", ScalarKind.RAW, "V1", 1)
     yield Scalar("WCHAR", ScalarKind.RAW, "V2", 2)
     # How a BIT is packed, and how large an address is, depends on the controller.
-    for name in ("BIT", "POINTER", "REFERENCE", "__XWORD", "__UXINT", "__XINT"):
-        yield unknown_raw(name)
+    yield unknown_raw("BIT")
+    for name in ("POINTER", "REFERENCE", "__XWORD", "__UXINT", "__XINT"):
+        yield unknown_raw(name, is_one=True)
 
 
 SCALARS = MappingProxyType({scalar.name: scalar for scalar in _scalars()})

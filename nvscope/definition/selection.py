@@ -18,6 +18,9 @@ from nvscope.units import cob_id, count, list_key
 _MOST_NEAR = 3
 _MOST_LISTS = 6
 _MOST_NAMED = 4
+_LONGEST_NAME = 1_000
+_MOST_COMPARED = 1_000
+_SEPARATORS = re.compile(r"[.:/\\]+|->|::")
 
 
 @dataclass(slots=True)
@@ -66,8 +69,11 @@ def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selecti
     """
     listed, colon, rest = name.rpartition(":")
     lists = names_of_lists(layouts)
-    for given in [listed.strip()] if colon else []:
-        lists = lists_named(lists, given)
+    if colon:
+        try:
+            lists = lists_named(lists, listed.strip())
+        except UsageError as error:
+            raise _list_or_variable(error, layouts, name) from None
     if list_name is not None:
         lists = lists_named(lists, list_name)
     wanted = _plain(rest)
@@ -100,15 +106,17 @@ def _select_known(
     chosen: Callable[[Iterable[Element]], frozenset[str]],
 ) -> None:
     """Add what is meant of a list of which not all is known."""
-    fronts = known_fronts(telegrams)
-    for subindex, (front, cause) in enumerate(fronts):
-        meant = chosen([*front.elements, *([undescribed(cause, 1)] if cause else [])])
-        if subindex < len(fronts) - 1:
-            found.telegrams[key, subindex] = meant
-        else:
-            found.others[key] = meant
+    known = known_fronts(telegrams)
+
+    def chosen_of(front: TelegramLayout, cause: Element | None) -> frozenset[str]:
+        return chosen([*front.elements, *([undescribed(cause, 1)] if cause else [])])
+
+    for subindex, one in enumerate(known.by_subindex):
+        found.telegrams[key, subindex] = chosen_of(*one)
+    if known.beyond:
+        found.others[key] = chosen_of(*known.beyond)
     for layout in telegrams:
-        front, cause = fronts[min(layout.subindex, len(fronts) - 1)]
+        front, cause = known.of(layout.subindex) or (layout, None)
         # What has an unknown size is told by its bytes, what follows it cannot be told.
         behind = [element for element in layout.elements[len(front.elements) :] if element != cause]
         if cause:
@@ -136,12 +144,38 @@ def _nothing_named(rest: str, wanted: str, names: Mapping[str, str], found: Sele
     for text, name in names.items():
         front = text.split(".")[0].split("[")[0].removesuffix("…")
         whole.setdefault(front, name[: len(front)])
-    near = get_close_matches(wanted, whole, _MOST_NEAR, 0.5)
-    told = ", ".join(whole[text] for text in near)
+    near = dict.fromkeys([*_same_behind(wanted, whole), *get_close_matches(wanted, whole, _MOST_NEAR, 0.5)])
+    told = ", ".join(whole[text] for text in list(near)[:_MOST_NEAR])
     return UsageError(
         f"no variable is named '{rest.strip()[:80]}'",
         next_step=f"near it: {told}" if told else "`nvscope gvl layout` shows all names of the definition files",
     )
+
+
+def _same_behind(wanted: str, names: Iterable[str]) -> list[str]:
+    """Return the names that end as what a person wrote, whose prefix or separators are others; the nearest first."""
+    parts = [part for part in _SEPARATORS.split(wanted[:_LONGEST_NAME]) if part]
+    known = list(names)
+    for first in range(len(parts)):
+        end = ".".join(parts[first:])
+        found = [name for name in known if name == end or name.endswith(f".{end}")]
+        if found:
+            return get_close_matches(wanted, found[:_MOST_COMPARED], _MOST_NEAR, 0.0)
+    return []
+
+
+def _list_or_variable(error: UsageError, layouts: Layouts, name: str) -> UsageError:
+    """Return the error that no list has the name in front of a colon, with variables that it is perhaps a part of."""
+    elements = (
+        element.name
+        for key, _ in layouts.lists()
+        for telegrams in [*layouts.candidates_of(key), layouts.partly_of(key)]
+        for layout in telegrams
+        for element in layout.elements
+    )
+    whole = {_plain(text): text for text in elements}
+    near = ", ".join(whole[text] for text in _same_behind(_plain(name), whole))
+    return UsageError(error.what, next_step=f"near it: {near}; {error.next_step}") if near else error
 
 
 def names_of_lists(layouts: Layouts) -> list[tuple[ListKey, ListDefinition]]:
@@ -168,6 +202,9 @@ def keys_named(lists: Sequence[tuple[ListKey, str]], given: str) -> set[ListKey]
         named = [f"{name} ({list_key(str(key))})" if name else list_key(str(key)) for key, name in lists]
         more = f" and {len(lists) - _MOST_LISTS} more" if len(lists) > _MOST_LISTS else ""
         next_step = f"there are {', '.join(named[:_MOST_LISTS]) or 'none'}{more}"
+        by_name = {name.lower(): place for place, (_, name) in enumerate(lists) if name} if more else {}
+        if near := get_close_matches(wanted, by_name, _MOST_NEAR, 0.6):
+            next_step = f"near it: {', '.join(named[by_name[name]] for name in near)}; {next_step}"
         if channel := _channel_of(given.strip(), lists):
             next_step += f"; frames of one channel are chosen by -Y 'can.channel == \"{channel}\"'"
         raise UsageError(f"no list is named '{given[:80]}'", next_step=next_step)

@@ -12,7 +12,7 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.definition.element_names import ElementNames, first_parts, folded
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.packing import TelegramLayout, first_unknown, known_front
+from nvscope.definition.packing import TelegramLayout, first_open, known_front
 from nvscope.definition.variables import Element
 from nvscope.list_key import ListKey
 
@@ -102,8 +102,8 @@ class _List:
         self._fronts: dict[int, tuple[TelegramLayout, bool]] = {}
 
     @cached_property
-    def _first_unknown(self) -> int:
-        return first_unknown(self._partly)
+    def _first_open(self) -> int:
+        return first_open(self._partly)
 
     def names_of(self, which: int) -> ElementNames:
         """Return the names in one of the definitions."""
@@ -140,7 +140,10 @@ class _List:
             layout = self._whole[which][subindex]
             return (layout, False) if self._first_with(subindex)[layout.shape] == which else None
         if subindex not in self._fronts:
-            layout, cause = known_front(self._partly, subindex, self._first_unknown)
+            known = known_front(self._partly, subindex, self._first_open)
+            if known is None:
+                return None
+            layout, cause = known
             self._fronts[subindex] = layout, cause is not None
         return self._fronts[subindex]
 

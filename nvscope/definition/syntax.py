@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from nvscope.definition.model import Problem
 from nvscope.definition.source import Source
+from nvscope.definition.variables import Scalar
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,10 +25,11 @@ class Name:
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A literal integer."""
+    """A literal integer; ``kind`` is the type in front of it, as in ``BYTE#5``, which need not hold it."""
 
     value: int
     offset: int
+    kind: Scalar | None = None
     depth: ClassVar[int] = 0
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from lark import Token, Transformer, v_args
 
+from nvscope.definition.scalars import find_scalar
 from nvscope.definition.source import Source
 from nvscope.definition.syntax import (
     ArrayType,
@@ -30,6 +31,7 @@ from nvscope.definition.syntax import (
     TypeOperand,
     TypeSyntax,
 )
+from nvscope.definition.variables import ScalarKind
 
 MAX_DEPTH = 100
 """How deep types may be nested; beyond it an expression counts as no constant."""
@@ -38,6 +40,7 @@ _BASED = re.compile(r"(2|8|10|16)#([0-9A-Fa-f]+)")
 _MOST_DIGITS = 80
 _LONGEST_NAME = 1_000
 _MOST_ARGUMENTS = 10
+_COUNTED = frozenset({ScalarKind.UNSIGNED, ScalarKind.SIGNED, ScalarKind.BOOL})
 
 
 class TooDeepError(Exception):
@@ -149,7 +152,7 @@ class SyntaxNodes(Transformer[Token, Any]):
     product = operation
 
     def sign(self, sign: Token, value: Expression) -> Expression:
-        if isinstance(value, Number):
+        if isinstance(value, Number) and value.kind is None:
             return Number(-value.value if sign == "-" else value.value, _offset(sign))
         return self.operation(Number(0, _offset(sign)), sign, value)
 
@@ -232,9 +235,13 @@ def _typed(text: str, offset: int) -> Expression:
     if prefix.upper() in {"REAL", "LREAL"}:
         return _real(value, offset)
     if prefix.upper() == "BOOL" and value.upper() in {"TRUE", "FALSE"}:
-        return Number(int(value.upper() == "TRUE"), offset)
+        return Name(value, offset)
     unsigned = value.lstrip("+-")
     if not unsigned[:1].isdecimal():
         return Name(f"{prefix}.{value}", offset) if unsigned == value and value.isidentifier() else Opaque(offset)
     number = _number(unsigned, offset)
-    return Number(-number.value, offset) if isinstance(number, Number) and value[0] == "-" else number
+    if not isinstance(number, Number):
+        return number
+    kind = find_scalar(prefix)
+    typed = kind if kind is not None and kind.kind in _COUNTED else None
+    return Number(-number.value if value[0] == "-" else number.value, offset, typed)

@@ -35,6 +35,7 @@ class Scalar:
     """An elementary type, under its IEC name; ``dtype`` is that of numpy, little-endian. ``unit_ns`` is 0 for numbers.
 
     ``low`` and ``high`` bound a subrange. ``size_bytes`` is 0 where nobody knows it: pointers, BIT, function blocks.
+    ``is_one`` is False where nobody knows either how many elements it is, as of a type that no file declares.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Scalar:
     unit_ns: int = 0
     low: int | None = None
     high: int | None = None
+    is_one: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +145,11 @@ def scalar_of(kind: Elementary) -> Scalar | None:
     if isinstance(kind, Enumeration):
         return kind.base
     return kind if isinstance(kind, Scalar) else None
+
+
+def is_one(kind: Elementary) -> bool:
+    """Return whether what is told as one element surely is one; of a UNION it is taken for granted with its size."""
+    return kind.is_one if isinstance(kind, Scalar) else bool(kind.size_bytes)
 
 
 def size_bytes_of(kind: Type) -> int:

@@ -9,6 +9,7 @@ from nvscope.definition.syntax import (
     Expression,
     Name,
     NamedType,
+    Number,
     Operation,
     PointerType,
     StringType,
@@ -54,4 +55,6 @@ def expression_text(expression: Expression) -> str:
         return f"{expression.function}({', '.join(map(expression_text, expression.arguments))})"
     if isinstance(expression, TypeOperand):
         return _type_text(expression.type)
+    if isinstance(expression, Number) and expression.kind is not None:
+        return f"{expression.kind.name}#{expression.value}"
     return expression.text if isinstance(expression, Name) else str(getattr(expression, "value", "?"))

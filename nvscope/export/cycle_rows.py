@@ -7,6 +7,7 @@ its sender begins, so that any cut into tables gives the same rows in the same o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,16 +60,20 @@ class _Rows:
 
 
 class CycleRows:
-    """Takes tables of one list in the order of the capture; ``schema`` is that of these tables."""
+    """Takes tables of one list in the order of the capture; ``schema`` is that of these tables.
 
-    def __init__(self, schema: Any, interval_ns: int | None) -> None:
+    The columns ``without`` which rows of cycles are, are left out.
+    """
+
+    def __init__(self, schema: Any, interval_ns: int | None, without: Sequence[str] = ()) -> None:
         self._gap_ns = interval_ns // 2 if interval_ns else USUAL_GAP_NS
-        self.schema = schema.set(_SUBINDEX, TELEGRAMS)
+        self._kept = [name for name in schema.names if name not in without]
+        self.schema = pa.schema([schema.field(name) for name in self._kept]).set(_SUBINDEX, TELEGRAMS)
         self._open: _Rows | None = None
 
     def take(self, table: Any) -> Any:
         """Return the rows of the cycles that ended with a table's telegrams."""
-        return self._ended(_rows_of(table.combine_chunks()), last=False)
+        return self._ended(_rows_of(table.select(self._kept).combine_chunks()), last=False)
 
     def finish(self) -> Any:
         """Return the rows of the cycles that are open."""

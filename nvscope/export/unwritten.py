@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 
 from nvscope.findings.can import DLC_MISMATCH
@@ -49,6 +50,18 @@ def left_out(telegrams: DefinedTelegrams) -> list[str]:
         summed = {reason: number for reason, number in total.items() if number}
         told.append(f"{count_of(len(others), 'more list')}: {_counted(summed)}.")
     return told
+
+
+def no_part_of_cycles(telegrams: DefinedTelegrams) -> list[str]:
+    """Return which bytes rows of cycles do not have: those of several telegrams of a list that nobody has described."""
+    several = Counter((place.number, place.rest.name) for place in telegrams.places if place.rest is not None)
+    names = {place.number: place.layout.list.name for place in telegrams.places}
+    return [
+        f"{visible(names[number])}: {visible(name)} are bytes of several telegrams, which a row of a cycle does not "
+        "have; --rows telegram has them."
+        for (number, name), places in several.items()
+        if places > 1
+    ][:_MOST_NAMED]
 
 
 def beyond_time(number: int, instead: str = "the long form") -> str:

@@ -35,9 +35,10 @@ def write_wide(
 ) -> list[tuple[int, int]]:
     """Write the ``rows`` of each list to the file of its number; return how many there are of each.
 
-    With ``by_cycle`` it is a row a cycle and not a telegram (``CycleRows``). The second number is how many times no
-    column of times holds: they are null. Raises UsageError for more lists or columns than can be written side by
-    side.
+    With ``by_cycle`` it is a row a cycle and not a telegram (``CycleRows``), without the bytes that nobody has
+    described of several telegrams of a list: they have one column, and a row would hold the last of them. The second
+    number is how many times no column of times holds: they are null. Raises UsageError for more lists or columns than
+    can be written side by side.
     """
     if len(paths) > MAX_FILES:
         raise UsageError(
@@ -65,7 +66,7 @@ def write_wide(
     named = Existing.REPLACED if len(paths) == 1 else Existing.KEPT
     opened = [files.open(path, named) for path in paths]
     cycles = [
-        CycleRows(table.schema, first.layout.list.interval_ns if first.layout.list.cyclic else None)
+        CycleRows(table.schema, first.layout.list.interval_ns if first.layout.list.cyclic else None, table.of_several)
         for table, (first, *_) in zip(tables, places, strict=True)
         if by_cycle
     ]

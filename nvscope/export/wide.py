@@ -5,6 +5,7 @@ A list of several definitions has the variables of all of them as columns, one w
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -79,6 +80,16 @@ class WideTable:
         self._columns, self._column_of = _columns(places, head)
         self.schema = pa.schema([*head, *(field for column in self._columns for field in column.fields())])
         self.rows = self.held_bytes = self.beyond_time = 0
+
+    @property
+    def of_several(self) -> list[str]:
+        """The columns of bytes that nobody has described, and that several telegrams have."""
+        shared = Counter(
+            numbers[-1]
+            for part, numbers in zip(self._parts, self._column_of, strict=True)
+            if part.place.rest is not None
+        )
+        return [self._columns[number].name for number, telegrams in shared.items() if telegrams > 1]
 
     @property
     def variables(self) -> int:

@@ -46,6 +46,13 @@ def test_with_definitions_the_variables_are_listed_too() -> None:
     entries = {entry["name"]: entry for entry in document["fields"]}
     assert entries["var.stAxis.pos"]["type"] == entries["var.axis.stAxis.pos"]["type"] == "real"
     assert entries["var.aLimits[3]"]["help"] == "DINT of list axis"
+    # As for all verbs, they need no option.
+    named = [str(peers / name) for name in ("axis.gvl", "axis_types.st")]
+    assert json.loads(keys("--fields", "--json", *named).stdout) == document
+    assert json.loads(keys("--fields", "--json", "--gvl", *named).stdout) == document
+    missing = keys("--fields", str(peers / "axs.gvl"))
+    assert (missing.returncode, missing.stdout) == (2, "")
+    assert f"  perhaps {peers / 'axis.gvl'}" in missing.stderr
 
 
 def test_without_an_option_the_fields_are_shown_and_that_there_are_no_keys_yet() -> None:

@@ -193,3 +193,37 @@ def test_captures_that_lie_days_apart_are_told(tmp_path: Path) -> None:
     together = nvscope("report", "peers.pcap", "plant.pcapng.gz", "--json", cwd=tmp_path).stdout
     assert sorted(stopped(together)) == sorted(stopped(apart[0]) + stopped(apart[1])) != []
     assert nvscope("report", "peers.pcap", "peers.pcap", "-q", cwd=tmp_path).stderr == ""
+
+
+MAGICS = [b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d", b"\n\r\r\n", b"LOGG", b"MDF     ", b"\x1f\x8b", b"\x28\xb5\x2f\xfd"]
+
+
+@pytest.mark.parametrize("magic", MAGICS)
+def test_a_text_that_begins_with_the_bytes_of_a_capture_is_none(magic: bytes, tmp_path: Path) -> None:
+    """It is a definition by what it is called, or by --gvl, and as such told to be damaged where it is."""
+    text = magic + (PEERS / "axis.gvl").read_bytes().replace(b"\xef\xbb\xbf", b"")
+    for name in ("axis.gvl", "axis.txt"):
+        (tmp_path / name).write_bytes(text)
+    first = (PEERS / "batch.gvl").read_bytes()
+    (tmp_path / "batch.gvl").write_bytes(first)
+    for arguments in (["axis.gvl"], ["--gvl", "axis.gvl"], ["--gvl", "axis.txt"]):
+        path = arguments[-1]
+        done = nvscope("report", str(CAPTURE), *arguments, "--gvl", "batch.gvl", "-q", cwd=tmp_path)
+        assert done.returncode == 0
+        if not text.lstrip().startswith(b"<"):
+            assert f"nvscope: left out: {path}, line 1, column " in done.stderr
+            alone = nvscope("report", str(CAPTURE), *arguments, cwd=tmp_path)
+            assert (alone.returncode, alone.stdout) == (2, "")
+            assert alone.stderr.startswith(f"nvscope: {path}, line 1, column ")
+        else:
+            assert "left out" not in done.stderr
+
+
+def test_a_capture_that_is_named_as_a_definition_is_told(tmp_path: Path) -> None:
+    for name in ("first.pcap", "axis.gvl"):
+        (tmp_path / name).write_bytes((PEERS / "peers.pcap").read_bytes())
+    done = nvscope("report", "first.pcap", "--gvl", "axis.gvl", cwd=tmp_path)
+    assert "nvscope: axis.gvl is a capture, and read as one: --gvl names definitions.\n" in done.stderr
+    assert "axis.gvl (pcap" in done.stdout
+    # A shell makes this of --gvl *.
+    assert nvscope("report", "--gvl", "axis.gvl", "-q", cwd=tmp_path).stderr == ""

@@ -178,7 +178,7 @@ def test_types_of_unknown_size_say_so(tmp_path: Path) -> None:
         "AXIS": 16, "SLOW": 18, "LATER": 19, "COLOUR": 2, "LEVEL": 1, "SPEED": 2, "SPEEDS": 4, "BOTH": 2, "HANDLE": 0,
         "OUTER": 0, "MOTOR": 0,
     }  # fmt: skip
-    assert types["MOTOR"] == Scalar("Motor", ScalarKind.RAW, "V0", 0)
+    assert types["MOTOR"] == Scalar("Motor", ScalarKind.RAW, "V0", 0, is_one=False)
 
 
 def test_scalars_are_those_of_the_wire() -> None:

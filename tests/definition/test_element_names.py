@@ -81,7 +81,7 @@ def all_elements(layouts: Layouts) -> Iterator[tuple[str, SentElement]]:
                 shapes.add((layout.subindex, *layout.shape))
                 found.append((layout, False))
         if partly := layouts.partly_of(key):
-            found += [(layout, cause is not None) for layout, cause in known_fronts(partly)]
+            found += [(layout, cause is not None) for layout, cause in known_fronts(partly).by_subindex]
         for layout, is_front in found:
             for offset, element in layout.spans():
                 sent = SentElement(key, layout, offset, element, is_front)
@@ -175,8 +175,8 @@ def test_a_list_with_elements_of_unknown_size_is_gone_through_once(monkeypatch: 
     asked: list[int] = []
     monkeypatch.setattr(
         sent_elements,
-        "first_unknown",
-        lambda telegrams: asked.append(len(telegrams)) or packing.first_unknown(telegrams),
+        "first_open",
+        lambda telegrams: asked.append(len(telegrams)) or packing.first_open(telegrams),
     )
     sent = SentElements(layouts)
     assert [len(sent.named(f"v{number}")) for number in range(301)] == [1] * 300 + [0]

@@ -227,6 +227,38 @@ SAMPLES: list[tuple[str, list[str], str, list[str]]] = [
         [gvl("x : INT := n;"), CONSTANT],
     ),
     (
+        "initial-value",
+        [gvl("a : INT := 5; b, c : BYTE := 300;")],
+        "a.gvl:4:30 the initial value 300 of b does not fit into BYTE",
+        # The bits of a type may be meant.
+        [gvl("a : INT := 16#FFFF; b : SINT := -128; c : REAL := 300; d : USINT(0..n) := 9; e : T := 300;"), CONSTANT],
+    ),
+    (
+        "initial-value",
+        [gvl("a : INT(0..3) := 9;")],
+        "a.gvl:4:18 the initial value 9 of a does not fit into INT",
+        [gvl("a : INT(0..9) := 9;")],
+    ),
+    (
+        "initial-value",
+        [gvl("a : WORD := USINT#-1;")],
+        "a.gvl:4:13 the initial value -1 of a does not fit into USINT",
+        [gvl("a : WORD := USINT#255;")],
+    ),
+    (
+        "initial-value",
+        [gvl("a : INT;"), "VAR_GLOBAL CONSTANT many : BYTE := 300; END_VAR"],
+        "b.st:1:36 the initial value 300 of many does not fit into BYTE",
+        # A bound that needs it cannot be.
+        [gvl("a : ARRAY [0..many] OF INT;"), "VAR_GLOBAL CONSTANT many : BYTE := 300; END_VAR"],
+    ),
+    (
+        "contradiction",
+        [gvl("a : ARRAY [0..many] OF INT;"), "VAR_GLOBAL CONSTANT many : BYTE := 300; END_VAR"],
+        "b.st:1:36 300 does not fit into BYTE",
+        [gvl("a : INT;"), "VAR_GLOBAL CONSTANT many : BYTE := 300; END_VAR"],
+    ),
+    (
         "acknowledge-broadcast",
         [gvl(Acknowledge="True")],
         "a.gvl:3:1 a wants acknowledgements, and is sent to 255.255.255.255",

@@ -125,3 +125,30 @@ def test_a_list_that_is_not_packed_by_cycle(tmp_path: Path) -> None:
     done = run_text("export", capture, "flags.gvl", *both, "-w", "o.csv", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("nvscope: --rows cycle is for --form wide\n")
+
+
+def test_bytes_of_several_telegrams_are_no_column_of_cycles(tmp_path: Path) -> None:
+    """How many telegrams an array of unknown bounds takes, nobody knows: a row would have the bytes of the last."""
+    declared = "VAR_GLOBAL p : POINTER TO INT; arr : ARRAY[0..N] OF WORD; last : DINT; END_VAR"
+    (tmp_path / "open.gvl").write_text(
+        f"<GVL><Declarations>{declared}</Declarations><NetvarSettings Protocol='UDP'><ListIdentifier>5</ListIdentifier>"
+        "<Pack>False</Pack><Interval>T#100ms</Interval></NetvarSettings></GVL>"
+    )
+    frames = [
+        telegram(data, 1, subindex=subindex, counter=1, ts_ns=1_700_000_000_000_000_000 + subindex * 10_000, list_id=5)
+        for subindex, data in enumerate([b"\1\2", b"\7\0", b"\x08\0", b"\1\0\0\0"])
+    ]
+    capture = written(tmp_path, frames)
+    done = run_text("export", capture, "open.gvl", "--rows", "cycle", "-w", "-", cwd=tmp_path)
+    assert done.returncode == 0
+    assert [row.partition(",")[2] for row in done.stdout.splitlines()] == [
+        "frame.number,ip.src,nv.telegrams,p …", "1,10.0.0.1,4,0102",
+    ]  # fmt: skip
+    assert "open: arr … are bytes of several telegrams, which a row of a cycle does not have" in done.stderr
+    assert (
+        "open: nobody knows how many bytes arr : ARRAY[0..N] OF WORD has; from there on, bytes are bytes" in done.stderr
+    )
+    done = run_text("export", capture, "open.gvl", "--rows", "telegram", "-w", "-", cwd=tmp_path)
+    assert [row.partition(",10.0.0.1,")[2] for row in done.stdout.splitlines()[1:]] == [
+        "0,0102,", "1,,0700", "2,,0800", "3,,01000000",
+    ]  # fmt: skip

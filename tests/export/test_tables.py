@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import HealthCheck, given
+from hypothesis import HealthCheck, assume, given
 from hypothesis import strategies as st
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import known_fronts, known_part, pack
-from nvscope.definition.scalars import SCALARS
+from nvscope.definition.scalars import SCALARS, unknown_raw
 from nvscope.definition.value import value_of
 from nvscope.definition.variables import Enumeration, String, Type, Union
 from nvscope.errors import UsageError
@@ -237,7 +237,7 @@ def test_a_union_is_bytes_and_nan_stays_nan(tmp_path: Path) -> None:
     assert isnan(table["v1"][0])
 
 
-POINTER = SCALARS["POINTER"]
+POINTER, MISSING = SCALARS["POINTER"], unknown_raw("ST_MISSING")
 
 
 def known_of(entry: ListDefinition, frame: Frame) -> dict[str, Any]:
@@ -254,7 +254,7 @@ def known_of(entry: ListDefinition, frame: Frame) -> dict[str, Any]:
 
 @examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    st.lists(st.sampled_from([INT, LREAL, String(130), POINTER]), max_size=5), st.booleans(),
+    st.lists(st.sampled_from([INT, LREAL, String(130), POINTER, MISSING]), max_size=5), st.booleans(),
     st.lists(st.tuples(st.integers(0, 6), st.integers(0, 40), st.integers(0, 255)), min_size=1, max_size=20),
     st.integers(1, 8),
 )  # fmt: skip
@@ -265,7 +265,9 @@ def test_of_unknown_sizes_both_forms_hold_what_is_known(
     fronts = known_fronts(pack(entry))
     frames = []
     for number, (subindex, more, byte) in enumerate(seeds):
-        front, cause = fronts[min(subindex, len(fronts) - 1)]
+        known = fronts.of(subindex)
+        assume(known)
+        front, cause = known
         size = front.layout.size_bytes + (more if cause else 0)
         frames.append(
             telegram(

@@ -179,7 +179,7 @@ def _expected(layouts: Layouts, key: ListKey, newest: LastTelegram | None) -> Se
         return next(own, candidates[0])
     if newest is not None:
         return ()
-    front, cause = known_fronts(layouts.partly_of(key))[0]
+    front, cause = known_fronts(layouts.partly_of(key)).by_subindex[0]
     elements = (*front.elements, *([undescribed(cause, 1)] if cause else []))
     return [TelegramLayout(front.list, front.subindex, elements)]
 

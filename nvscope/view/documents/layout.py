@@ -15,9 +15,10 @@ def layout_document(definition: Definition) -> dict[str, Any]:
     """Return the byte map of every telegram of every list; offsets count from the first byte behind the header.
 
     ``unknown`` is the first element of a list whose size nobody knows. In a packed list nobody knows in which telegram
-    it lies, and what stands behind it: they are in a last one whose ``subindex`` is null. A list on CAN has no port and
-    no header: its telegrams have a ``cob_id``, and ``length`` is the DLC. ``assumed`` says that nobody has described
-    how such a list is packed; an element longer than a frame has no place in it, nor has what follows.
+    it lies, and what stands behind it: they are in a last one whose ``subindex`` is null. In a list that is not packed
+    these are the first element of which nobody knows how many it is, and what stands behind that. A list on CAN has no
+    port and no header: its telegrams have a ``cob_id``, and ``length`` is the DLC. ``assumed`` says that nobody has
+    described how such a list is packed; an element longer than a frame has no place in it, nor has what follows.
     """
     return {**head("nvscope.layout/1"), "lists": [_list(entry) for entry in definition.lists]}
 
@@ -49,7 +50,7 @@ def _telegrams(
     known = True  # up to an element that no CAN frame holds
     for layout in layouts:
         telegram = _telegram(layout)
-        if unplaced and layout is layouts[-1]:
+        if unplaced and entry.pack and layout is layouts[-1]:
             telegram |= {"items": None, "length": None}  # more may lie in it
         if entry.on_can:
             known &= layout.layout.size_bytes <= PDO_DATA_BYTES

@@ -107,6 +107,20 @@ class DefinedRows:
         return SpanColumn(offset, data)
 
 
+@dataclass(frozen=True, slots=True)
+class _Fronts:
+    """The places of a list of which not all is known, by SubIndex; ``is_open``: the last is that of all others."""
+
+    places: range
+    is_open: bool
+
+    def place_of(self, subindex: int) -> int | None:
+        """Return the place of a telegram, None where the list has none of this SubIndex."""
+        if subindex >= len(self.places) and not self.is_open:
+            return None
+        return self.places[min(subindex, len(self.places) - 1)]
+
+
 class DefinedTelegrams:
     """The data telegrams of the lists of ``layouts``, batch by batch.
 
@@ -126,7 +140,7 @@ class DefinedTelegrams:
         self.keys = list(keys)
         self.places: list[Place] = []
         self._whole: dict[tuple[int, int, tuple[int, int]], int] = {}
-        self._fronts: dict[int, range] = {}
+        self._fronts: dict[int, _Fronts] = {}
         for number, key in enumerate(self.keys):
             self._find_places(number, layouts, key)
         self._number = {key: number for number, key in enumerate(self.keys)}
@@ -146,17 +160,19 @@ class DefinedTelegrams:
                 self.places.append(Place(number, layout))
         if partly := layouts.partly_of(key):
             first = len(self.places)
-            self.places += [
-                Place(number, layout, cause and undescribed(cause, 0)) for layout, cause in known_fronts(partly)
-            ]
-            self._fronts[number] = range(first, len(self.places))
+            known = known_fronts(partly)
+            fronts = [*known.by_subindex, *([known.beyond] if known.beyond else [])]
+            self.places += [Place(number, layout, cause and undescribed(cause, 0)) for layout, cause in fronts]
+            self._fronts[number] = _Fronts(range(first, len(self.places)), is_open=known.beyond is not None)
 
     def _place_of(self, number: int, subindex: int, shape: tuple[int, int]) -> int | None:
         """Return which place a telegram of a list is, None where it has the shape of none."""
         fronts = self._fronts.get(number)
         if fronts is None:
             return self._whole.get((number, subindex, shape))
-        place = fronts[min(subindex, len(fronts) - 1)]
+        place = fronts.place_of(subindex)
+        if place is None:
+            return None
         (items, size_bytes), known = self.places[place].layout.shape, self.places[place].rest is None
         fits = shape == (items, size_bytes) if known else shape[0] >= items and shape[1] >= size_bytes
         return place if fits else None
