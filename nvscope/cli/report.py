@@ -97,9 +97,8 @@ def report(
             "--max-streams",
             metavar="NUMBER",
             min=1,
-            help="How many streams by sender, receiver, list and SubIndex are told apart, how many other kinds of "
-            "telegrams, and how many identifiers on CAN; 200000, unless the project says otherwise. What is left out "
-            "is told (NV906).",
+            help="How many streams by sender, list and SubIndex are told apart, how many other kinds of telegrams, and "
+            "how many identifiers on CAN; 200000, unless the project says otherwise. What is left out is told (NV906).",
             show_default=False,
         ),
     ] = None,

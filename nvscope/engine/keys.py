@@ -33,8 +33,9 @@ from dissectors.netvar import (
 from dissectors.sorter import SortedPackets
 from dissectors.transport import QuotedBatch
 from dissectors.varieties import NO_TELEGRAM, Varieties
+from nvscope.engine.flow_columns import FlowColumns
 from nvscope.engine.keyed_columns import KeyedColumns
-from nvscope.engine.limit import MAX_STREAMS, flows_with_room
+from nvscope.engine.limit import ELSEWHERE, MAX_STREAMS, LeftOut, Missing, pairs, with_room
 from nvscope.list_key import ListKey
 
 
@@ -50,11 +51,14 @@ class FrameKind(IntEnum):
     PARAMETER = 6  # of the Parameter Manager: belongs to no list and is no flow
     NOTHING = 7  # no telegram at all, and CAN frames that carry no data
     PDO = 8  # on CAN: data without sender and receiver
-    LEFT_OUT = 9  # of a flow beyond the limit: counted, and nothing else
+    LEFT_OUT = 9  # of a stream or flow beyond the limit: counted, and nothing else
 
 
 _FLOWS = (*range(FrameKind.HEADER_CUT + 1), FrameKind.PDO)
 _DATA = (FrameKind.DATA, FrameKind.PDO)
+_MISSING = np.zeros(len(FrameKind), np.uint8)
+_MISSING[[*_FLOWS]] = Missing.OTHERS
+_MISSING[[*_DATA]], _MISSING[FrameKind.ACKNOWLEDGEMENT] = Missing.DATA, Missing.ACKNOWLEDGEMENTS
 
 NOBODY = -1
 """The node of what has no address."""
@@ -83,7 +87,8 @@ class VarietyColumns(KeyedColumns):
     """One row a variety of telegrams (``dissectors.varieties``): what it is to the tracker.
 
     ``flow``, ``stream``, ``place``, ``list`` and ``subindex`` are -1 where it is of none; ``node`` is who sends it and
-    ``receiver`` to whom alone, ``NOBODY`` where that is not one; ``signature`` has a Counter of 0. ``odd`` says that
+    ``receiver`` to whom alone, ``NOBODY`` where that is not one, ``ELSEWHERE`` beyond the limit; ``signature`` has a
+    Counter of 0. ``odd`` says that
     something in its header is to be noted, ``wants`` that a well-formed data telegram wants to be acknowledged,
     ``signed`` that it has a checksum.
     """
@@ -113,20 +118,6 @@ class VarietyColumns(KeyedColumns):
         "odd": (np.False_, 1),
         "wants": (np.False_, 1),
         "signed": (np.False_, 1),
-    }
-
-
-class FlowColumns(KeyedColumns):
-    """One row a flow; ``destination`` is -1 for broadcasts, ``stream`` -1 for flows that are no well-formed data."""
-
-    kind: I64
-    list: I64
-    place: I64
-    stream: I64
-    source: I64
-    destination: I64
-    COLUMNS: ClassVar = {
-        name: (np.int64(0), 1) for name in ("kind", "list", "place", "stream", "source", "destination")
     }
 
 
@@ -198,8 +189,10 @@ class Keys:
     destination, place, kind). ``varieties`` tells of each variety of the batch observed last what it is here. A stream
     on CAN has the node ``NOBODY``. ``pdos`` know what CAN channels are called.
 
-    No more than ``most`` flows of data, and so many others, are numbered, the first ones of the capture, and nothing
-    that further ones alone are of; so many pairs that speak of parameters; so many kinds of telegrams that came back.
+    No more than ``most`` streams, and so many flows of other telegrams, are numbered, the first ones of the capture,
+    and nothing that further ones alone are of; so many receivers of data beside the first one of each stream; so many
+    pairs that speak of parameters; so many kinds of telegrams that came back. ``bites`` says that the limit was met by
+    telegrams, ``left_out`` knows of whom something was left out.
     """
 
     def __init__(self, pdos: PdoRules | None = None, most: int = MAX_STREAMS) -> None:
@@ -213,6 +206,8 @@ class Keys:
         self.streams = KeyTable()
         self.flows = KeyTable(4)
         self.columns = FlowColumns()
+        self.bites = False
+        self.left_out = LeftOut()
         self.varieties = VarietyColumns()
         self._described: Varieties | None = None
 
@@ -243,6 +238,7 @@ class Keys:
         )  # fmt: skip
         left_out = datagram.row[number < 0]
         if len(left_out):
+            self.left_out.note_rejected(datagram.destination_port[number < 0], quoted.header["index"][number < 0])
             quoted = quoted.take(number >= 0)
             datagram = quoted.datagram
             assert isinstance(datagram, QuotedBatch)
@@ -316,28 +312,32 @@ class Keys:
         kind = np.empty(len(new), np.uint8)
         kind[on_udp] = self._describe_telegrams(varieties, new[on_udp])
         kind[~on_udp] = self._describe_frames(varieties, new[~on_udp])
-        left_out = ~self._has_room(varieties, new, kind)
+        room, elsewhere = self._room(varieties, new, kind)
+        left_out, of_what = ~room, kind[~room]
+        self.bites |= bool(len(of_what) or elsewhere.any())
         kind[left_out] = FrameKind.LEFT_OUT
         columns.kind[new] = kind
         for name in ("odd", "wants", "signed"):
             getattr(columns, name)[new[left_out]] = False
+        columns.receiver[new[elsewhere]] = ELSEWHERE
         self._number_nodes(varieties, new[on_udp & ~left_out])
         own = np.flatnonzero(np.isin(kind, _FLOWS))
-        return self._number(varieties, new[own], row[own])
+        begun = self._number(varieties, new[own], row[own])
+        if len(of_what):
+            self.left_out.note(varieties, new[left_out], _MISSING[of_what], self.nodes)
+        return begun
 
-    def _has_room(self, varieties: Varieties, new: I64, kind: U8) -> Bool:
-        """Tell which new varieties are of flows, or of pairs of nodes, that are among the first ``most``."""
-        room = np.ones(len(new), np.bool_)
+    def _room(self, varieties: Varieties, new: I64, kind: U8) -> tuple[Bool, Bool]:
+        """Tell which new varieties are of what is told apart, and which of these not by their receiver."""
+        room, elsewhere = np.ones(len(new), np.bool_), np.zeros(len(new), np.bool_)
         asked = np.flatnonzero(kind == FrameKind.PARAMETER)
         if len(asked):
-            datagram = varieties.telegrams.datagram.take(varieties.part[new[asked]])
-            pair = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
-            room[asked] = self._partners.numbers_within(self.most, *pair) >= 0
+            room[asked] = self._partners.numbers_within(self.most, *pairs(varieties, new[asked])) >= 0
         own = np.flatnonzero(np.isin(kind, _FLOWS))
-        if len(self.flows) + len(own) <= self.most:
-            return room
-        room[own] = flows_with_room(self, varieties, new[own], kind[own], NOBODY, np.isin(kind[own], _DATA))
-        return room
+        if len(self.flows) + len(own) > self.most:
+            is_data = np.isin(kind[own], _DATA)
+            room[own], elsewhere[own] = with_room(self, varieties, new[own], kind[own], NOBODY, is_data)
+        return room, elsewhere
 
     def _describe_telegrams(self, varieties: Varieties, new: I64) -> U8:
         """Fill in what headers tell of varieties on UDP; return what they are (``FrameKind``)."""
@@ -361,7 +361,7 @@ class Keys:
         """Number who sends varieties on UDP, and to whom alone."""
         columns, datagram = self.varieties, varieties.telegrams.datagram.take(varieties.part[new])
         columns.node[new] = self.nodes.numbers(datagram.source_hi, datagram.source_lo)
-        alone = np.flatnonzero(~datagram.broadcast)
+        alone = np.flatnonzero(~datagram.broadcast & (columns.receiver[new] != ELSEWHERE))
         columns.receiver[new[alone]] = self.nodes.numbers(
             datagram.destination_hi[alone], datagram.destination_lo[alone]
         )

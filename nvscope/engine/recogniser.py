@@ -11,6 +11,7 @@ from dissectors.batch import PacketBatch
 from dissectors.claims import Claims
 from dissectors.sorter import SortedPackets, Sorter
 from nvscope.engine.keys import FrameKind, Keys
+from nvscope.engine.limit import ELSEWHERE
 from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.reading import Reading
 from nvscope.engine.rows import StreamMemory
@@ -70,7 +71,10 @@ class Recogniser:
         pdos = self._memory.rows(batch, count, keys, FrameKind.PDO)
         parameters = ParameterRows.in_batch(batch, count, keys)
         rejected, left_out = keys.rejected(batch.quoted)
-        beyond = keys.varieties.column("kind") == FrameKind.LEFT_OUT
-        if count[beyond].any():
+        elsewhere = np.empty(0, np.int64)
+        if keys.bites:
+            varieties = keys.varieties
+            beyond = varieties.column("kind") == FrameKind.LEFT_OUT
             left_out = np.sort(np.append(left_out, np.flatnonzero(beyond[batch.variety])))
-        return Laid(keys, begun, count, data, pdos, parameters, rejected, left_out, self._memory)
+            elsewhere = np.flatnonzero((varieties.column("receiver") == ELSEWHERE)[batch.variety])
+        return Laid(keys, begun, count, data, pdos, parameters, rejected, left_out, elsewhere, self._memory)

@@ -34,7 +34,8 @@ class Laid:
     ``keys`` number what they are of, ``begun`` are the flows that begin here, ``count`` is how many telegrams there are
     of each variety. ``data`` are the well-formed data telegrams, ``pdos`` the data frames of CAN, ``parameters`` the
     telegrams of the Parameter Manager, ``rejected`` the telegrams that came back. ``left_out`` are the packets of what
-    is beyond the limit (``Keys``), rising. ``memory`` is what is known of the streams up to the end of the batch.
+    is beyond the limit (``Keys``), ``elsewhere`` those of streams to receivers that are, both rising. ``memory`` is
+    what is known of the streams up to the end of the batch.
     """
 
     keys: Keys
@@ -45,6 +46,7 @@ class Laid:
     parameters: ParameterRows
     rejected: Rejected
     left_out: I64
+    elsewhere: I64
     memory: StreamMemory
 
 

@@ -11,7 +11,7 @@ from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count, count_of, duration
 
 if TYPE_CHECKING:
-    from nvscope.findings.facts import Facts
+    from nvscope.findings.facts import Facts, Logged, Place
     from nvscope.tracker.summary import ListSummary
 
 NO_ACKNOWLEDGEMENT = FindingKind(
@@ -120,24 +120,35 @@ def judge_answers(facts: Facts) -> Iterator[Finding]:
 
     Where the limit of streams has left out what was to come, nobody knows that it is missing.
     """
-    from nvscope.list_key import Transport
-
     lists = {entry.number: entry for entry in facts.summary.lists}
-    left_out = {
-        NO_ACKNOWLEDGEMENT: facts.answers_left_out,
-        UNEXPECTED_ACKNOWLEDGEMENT: Transport.UDP in facts.left_out,
-        BOOT_UP_UNANSWERED: Transport.UDP in facts.left_out,
+    misses = {
+        NO_ACKNOWLEDGEMENT: facts.misses_acknowledgements,
+        UNEXPECTED_ACKNOWLEDGEMENT: facts.misses_data,
+        BOOT_UP_UNANSWERED: facts.misses_data,
     }
     for kind, sentence in _SENTENCES.items():
-        if left_out.get(kind):
-            continue
-        for list_number, node, subindex, events in facts.logged(kind):
+        for list_number, node, subindex, events in _logged(facts, kind):
             assert list_number is not None
+            if kind in misses and misses[kind](list_number):
+                continue
             message = sentence(facts, lists[list_number], node, subindex, events)
             yield Finding(
                 kind, message, events.count, events.first_ns, events.last_ns, events.frames,
                 list_number, node, subindex,
             )  # fmt: skip
+
+
+def _logged(facts: Facts, kind: FindingKind) -> list[Logged]:
+    """Return the events of a kind by place; whom a reader speaks of is not known where other senders are left out."""
+    logged = facts.logged(kind)
+    if kind is not NEGATIVE_ACKNOWLEDGEMENT:
+        return logged
+    blamed: dict[Place, Events] = {}
+    for list_number, node, subindex, events in logged:
+        assert list_number is not None
+        place = (list_number, None if facts.misses_data(list_number) else node, subindex)
+        blamed[place] = blamed[place].among(events) if place in blamed else events
+    return [(*place, events) for place, events in blamed.items()]
 
 
 def _missing(facts: Facts, entry: ListSummary, node: int | None, subindex: int | None, events: Events) -> str:

@@ -97,12 +97,13 @@ def _load(facts: Facts, bus: CanBusSummary) -> Iterator[Finding]:
         return
     data = f" and {units.bit_rate(rate.data)} in the data phase" if rate.data else ""
     busiest = ", ".join(_share(entry) for entry in bus.identifiers[:_NAMED])
+    told_apart = " of identifiers that are told apart" if facts.identifiers_left_out else ""
     message = (
         f"Channel {bus.channel} at {units.bit_rate(rate.nominal)}{data} ({how}): "
         f"{units.count_of(len(above), 'second')} of {units.count(bus.seconds)} "
         f"above {facts.limits.bus_load_percent} %; "
         f"load {units.load(load.mean)} in the mean, {units.load(load.peak)} at the peak ({units.load(load.worst)} with "
-        f"all stuff bits there can be). The largest shares: {busiest}."
+        f"all stuff bits there can be). The largest shares{told_apart}: {busiest}."
     )
     yield Finding(
         BUS_LOAD, message, len(above), int(above[0]), int(above[-1]) + _S_NS, channel=bus.channel

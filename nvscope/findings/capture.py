@@ -101,7 +101,8 @@ LIMIT_REACHED = FindingKind(
     meaning=(
         "There was more of something (streams, identifiers, connections) than is kept: memory is bounded, so that no "
         "traffic can use it up. What came beyond the limit is left out of the figures; it is said of what, and how "
-        "much."
+        "much. What cannot be known without it is unknown ('?', null in JSON), and no finding: the counters of a "
+        "sender of which streams are missing, and the acknowledgements and errors of a list that is not all there."
     ),
     causes=(
         "a scan of ports or addresses, or traffic made to look like many senders",
@@ -190,13 +191,14 @@ def _unsupported(facts: Facts) -> Iterator[Finding]:
 def _mirrored(facts: Facts) -> Iterator[Finding]:
     """Compare the repeated telegrams with the others: of traffic that is mirrored twice, half are repeated.
 
-    A sender that does not count repeats its telegrams by itself, as long as its values stay what they are.
+    A sender that does not count repeats its telegrams by itself, as long as its values stay what they are. What the
+    limit has left out may all have been others.
     """
     streams = facts.state.senders.loss.streams
     counting = streams.column("counting")
     repeated = int(streams.column("repeated")[counting].sum())
     others = int(facts.state.memory.columns.column("telegrams")[: len(counting)][counting].sum()) - repeated
-    if 100 * repeated > facts.limits.mirrored_percent * others:
+    if 100 * repeated > facts.limits.mirrored_percent * (others + facts.telegrams_left_out):
         message = (
             f"{count(repeated)} of {count_of(repeated + others, 'telegram')} equal the one before, byte for byte: "
             "the capture seems to see each frame more than once."
@@ -210,6 +212,7 @@ def _left_out(facts: Facts) -> Iterator[Finding]:
     from nvscope.tracker.event_kinds import FRAMES_KEPT
 
     log, identifiers = facts.state.capture.left_out, facts.state.buses.load.identifiers.left_out
+    elsewhere = facts.state.capture.elsewhere.rows
     told: list[Events] = []
     parts = []
     by_carrier = {carrier: events_of(log.rows, row) for row, carrier in enumerate(log.keys.high.tolist())}
@@ -225,11 +228,14 @@ def _left_out(facts: Facts) -> Iterator[Finding]:
         told += (events_of(identifiers.rows, row) for row in range(len(identifiers.rows)))
         beyond = sum(events.count for events in told[-len(identifiers.rows) :])
         parts.append(f"{count_of(beyond, 'frame')} of further identifiers on CAN")
+    if len(elsewhere):
+        told.append(events_of(elsewhere, 0))
+        parts.append(f"{count_of(told[-1].count, 'telegram')} to further receivers, counted for their streams alone")
     if not told:
         return
     frames = sorted(frame for events in told for frame in events.frames)[:FRAMES_KEPT]
     message = (
-        f"The first {count(facts.state.keys.most)} streams, and as many other kinds of telegrams, are told apart. "
+        f"The first {count_of(facts.state.keys.most, 'stream')}, and as many other kinds of telegrams, are told apart. "
         f"Left out: {'; '.join(parts)}."
     )
     yield Finding(

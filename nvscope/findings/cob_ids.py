@@ -134,6 +134,8 @@ def _findings(
         )  # fmt: skip
     if not somewhere:
         none = " No such frame was seen." if facts.summary.can.buses else ""
+        if facts.identifiers_left_out:
+            none = " Whether there were such frames is not known: the limit was reached (NV906)."
         key = ListKey.can(taken.list.channel, taken.first)
         yield Finding(kind, message + none, 1, None, None, key=key, channel=taken.list.channel or None)
 

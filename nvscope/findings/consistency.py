@@ -114,8 +114,9 @@ def _several_senders(facts: Facts, entry: ListSummary) -> Finding:
     further = sorted(entry.sender_since)[1:]
     names = [facts.address(node) for node in entry.senders]
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    at_least = "At least " if facts.misses_data(entry.number) else ""
     return Finding(
-        SEVERAL_SENDERS, f"{count(len(names))} nodes send this list: {shown}.", len(further),
+        SEVERAL_SENDERS, f"{at_least}{count(len(names))} nodes send this list: {shown}.", len(further),
         further[0][1], further[-1][1], tuple(frame for frame, _ in further[:FRAMES_KEPT]), entry.number,
     )  # fmt: skip
 

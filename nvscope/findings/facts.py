@@ -16,6 +16,7 @@ from nvscope.capture.recordings import Recording, recordings
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.engine.keys import NOBODY_KEY
+from nvscope.engine.limit import Missing
 from nvscope.findings.finding import Events, all_events
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.torn_cycles import CycleSizes
@@ -71,11 +72,30 @@ class Facts:
             frames[stream] = min(first, known[0]), max(last, known[1])
         return frames
 
+    def misses_data(self, list_number: int) -> bool:
+        """Tell whether the limit of streams has left out data of a list, or may have."""
+        return bool(self._parts_left_out[list_number] & Missing.DATA)
+
+    def misses_acknowledgements(self, list_number: int) -> bool:
+        """The same of acknowledgements."""
+        return bool(self._parts_left_out[list_number] & Missing.ACKNOWLEDGEMENTS)
+
+    @property
+    def identifiers_left_out(self) -> bool:
+        """Whether there were more identifiers on CAN than are told apart."""
+        return bool(len(self.state.buses.load.identifiers.left_out.rows))
+
+    @property
+    def telegrams_left_out(self) -> int:
+        """How many telegrams the limit of streams has left out."""
+        log = self.state.capture.left_out
+        return int(log.rows.column("count")[log.keys.high == np.uint64(Carrier.UDP)].sum())
+
     @cached_property
-    def answers_left_out(self) -> bool:
-        """Whether the limit of streams may have left out what answers data telegrams."""
-        flows = self.state.keys.columns.column("stream")
-        return Transport.UDP in self.left_out and int(np.count_nonzero(flows < 0)) >= self.state.keys.most
+    def _parts_left_out(self) -> list[int]:
+        keys = self.state.keys
+        parts: list[int] = keys.left_out.of_lists(keys.lists).tolist()
+        return parts
 
     @cached_property
     def left_out(self) -> set[Transport]:

@@ -65,6 +65,12 @@ class Events:
         frames = (self.frames + later.frames)[:FRAMES_KEPT]
         return Events(self.count + later.count, self.first_ns, later.last_ns, frames)
 
+    def among(self, others: Events) -> Events:
+        """Return these events and others that happened meanwhile."""
+        frames = tuple(sorted(self.frames + others.frames)[:FRAMES_KEPT])
+        first_ns, last_ns = min(self.first_ns, others.first_ns), max(self.last_ns, others.last_ns)
+        return Events(self.count + others.count, first_ns, last_ns, frames)
+
 
 def events_of(rows: EventRows, row: int) -> Events:
     """Return one row of an event log."""

@@ -143,7 +143,7 @@ def judge_loss(facts: Facts) -> Iterator[Finding]:
     for entry, stream in facts.streams():
         if stream.counter_scope == SCOPE_UNUSED:
             yield _finding(COUNTER_UNUSED, entry, stream, _unused(facts, stream), _unused_sentence(stream))
-        if not loss.streams.counting[stream.stream]:
+        if stream.scope is None or not loss.streams.counting[stream.stream]:
             continue
         # Of a Counter that does not count, this is all that can be said: its other steps mean nothing.
         for step, kind, sentence in _ERRATIC if stream.erratic else _STEPS:
@@ -158,7 +158,9 @@ def _missing(facts: Facts, stream: StreamSummary) -> bool:
 
     What a sender counts beyond one stream may be lost in one and come late in another: it is filled in sum.
     """
-    return stream.figures["lost"] > 0 and (stream.scope == Scope.STREAM or facts.lost_of_node[stream.node] > 0)
+    lost = stream.figures["lost"]
+    assert lost is not None, "what a sender counts is known of the streams that are judged"
+    return lost > 0 and (stream.scope == Scope.STREAM or facts.lost_of_node[stream.node] > 0)
 
 
 def _finding(kind: FindingKind, entry: ListSummary, stream: StreamSummary, events: Events, message: str) -> Finding:
@@ -169,7 +171,7 @@ def _finding(kind: FindingKind, entry: ListSummary, stream: StreamSummary, event
 
 
 def _gaps(_: Facts, stream: StreamSummary, events: Events) -> str:
-    lost, longest = stream.figures["lost"], stream.figures["longest_gap"]
+    lost, longest = stream.figures["lost"] or 0, stream.figures["longest_gap"] or 0
     sent = stream.telegrams + max(lost, 0)
     what = "sends" if stream.scope == Scope.NODE_SEND else "telegrams"
     if events.count == 1:
@@ -195,7 +197,7 @@ def _restarts(_: Facts, stream: StreamSummary, events: Events) -> str:
 def _erratic(facts: Facts, stream: StreamSummary, _: Events) -> str:
     span = duration(stream.last_ns - stream.first_ns)
     claim = (
-        f"The Counter claims {count(stream.figures['lost'])} lost for {count_of(stream.telegrams, 'telegram')} in "
+        f"The Counter claims {count(stream.figures['lost'] or 0)} lost for {count_of(stream.telegrams, 'telegram')} in "
         f"{span}"
     )
     if not stream.byte_swapped:

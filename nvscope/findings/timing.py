@@ -219,7 +219,7 @@ def _jitter(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding
     )
     hint = ""
     rest = jitter._replace(p99=facts.intervals.p99_without_loss(stream) or jitter.p50)
-    if not rest.exceeds(facts.limits.jitter_percent):
+    if facts.intervals.knows_loss(stream) and not rest.exceeds(facts.limits.jitter_percent):
         message += f" It comes from loss: where no telegram is missing, jitter is {rest.text}."
         hint = f"Look after the loss ({TELEGRAM_GAP.code}); the sender keeps its interval."
     place = (entry.number, stream.node, stream.subindex)
@@ -246,6 +246,8 @@ def _torn(facts: Facts) -> Iterator[Finding]:
             for stream in entry.streams:
                 streams[entry.number, stream.node].append(stream)
     for (number, node), own in streams.items():
+        if own[0].scope is None and facts.misses_data(number):
+            continue  # how many SubIndexes it has, nobody knows
         if len(own) < 2 or not all(s.intervals.nominal for s in own) or not any(s.items > 1 for s in own):
             continue
         torn = facts.cycles.torn_whole([stream.stream for stream in own])

@@ -68,9 +68,14 @@ class UnusualIntervals:
         """Return in how many intervals of a stream, at most, telegrams were lost."""
         if isinstance(stream, CanStreamSummary):
             return 0  # nobody counts there
-        if stream.scope == Scope.STREAM:
-            return stream.figures["gaps"]
-        return int(self._state.senders.loss.nodes.gaps[stream.node])
+        loss = self._state.senders.loss
+        if _counted_by_node(stream):
+            return int(loss.nodes.gaps[stream.node])
+        return int(loss.streams.gaps[stream.stream, Scope.STREAM])
+
+    def knows_loss(self, stream: AnyStream) -> bool:
+        """Tell whether it is known which intervals have a loss in them, and which have none."""
+        return isinstance(stream, CanStreamSummary) or stream.scope is not None
 
     def p99_without_loss(self, stream: AnyStream) -> int | None:
         """Return the 99th percentile of the intervals that have no loss in them, None where all have."""
@@ -78,5 +83,9 @@ class UnusualIntervals:
 
 
 def _loss_bit(stream: AnyStream) -> int:
-    counted_by_node = isinstance(stream, StreamSummary) and stream.scope != Scope.STREAM
-    return LOSS_OF_NODE if counted_by_node else LOSS_OF_STREAM
+    return LOSS_OF_NODE if _counted_by_node(stream) else LOSS_OF_STREAM
+
+
+def _counted_by_node(stream: AnyStream) -> bool:
+    """Tell whether a sender counts beyond its streams; where nobody knows, +1 along a stream is no loss in any case."""
+    return isinstance(stream, StreamSummary) and stream.scope not in (None, Scope.STREAM)

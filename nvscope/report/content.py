@@ -143,7 +143,8 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     left_out = sum(finding["count"] for finding in report["findings"] if finding["code"] == LIMIT_REACHED.code)
     if left_out:
         verb = "is" if left_out == 1 else "are"
-        told = f"{units.count_of(left_out, 'frame')} {verb} in no figure: the limit was reached ({LIMIT_REACHED.code})"
+        frames = units.count_of(left_out, "frame")
+        told = f"{frames} {verb} left out of figures: the limit was reached ({LIMIT_REACHED.code})"
         lines.append([Cell(told, Tone.WARNING)])
     if chosen := report.get("filter"):
         telegrams = capture["telegrams"] + capture.get("can_frames", 0)

@@ -14,7 +14,7 @@ from nvscope import units
 from nvscope.findings.kind import Severity
 from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, severity_of, status
 from nvscope.tracker.counters import SCOPE_UNUSED
-from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, Of
+from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, LIST_COUNTERS, Of
 from nvscope.tracker.jitter import Jitter
 from nvscope.view.documents.figures import lookup
 from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column, Tone
@@ -126,6 +126,11 @@ def used(measures: Sequence[Measure], rows: Sequence[Row]) -> list[Measure]:
 
 _IEC_TYPE = {16: "UINT", 32: "UDINT"}
 
+UNKNOWN = Cell("?", Tone.FAINT)
+"""What stands for a figure that there is, and that nobody knows."""
+
+_COUNTED = {"nErrorCount", *(one.name for one in LIST_COUNTERS)}
+
 
 def diagnosis_rows(diags: Sequence[Row], clock: Clock) -> list[list[Cell]]:
     """Return a NetVarUDPDiagStruct table: a row for each component, a column for each of ``diags``.
@@ -142,11 +147,14 @@ def diagnosis_rows(diags: Sequence[Row], clock: Clock) -> list[list[Cell]]:
             rows.append([label, *(_known(time, clock.moment, NOTHING) for time in times)])
             below = [Cell("  since start", Tone.FAINT), *(_known(time, clock.since_start, "") for time in times)]
         elif counter.width_bits:
-            rows.append([label, *(count_cell(value) for value in values)])
+            rows.append([label, *(UNKNOWN if value is None else count_cell(value) for value in values)])
             below = [Cell(f"  as {_IEC_TYPE[counter.width_bits]}", Tone.FAINT)]
             below += (_wrapped(value, 1 << counter.width_bits) for value in values)
         else:
-            rows.append([label, *(_error_name(value) for value in values)])
+            rows.append([label, *(UNKNOWN if value is None else _error_name(value) for value in values)])
+        if counter.name == "tLastError":  # of errors that nobody knows, nobody knows when the last one was
+            told = zip(diags, rows[-1][1:], strict=True)
+            rows[-1][1:] = [UNKNOWN if diag["nErrorCount"] is None else cell for diag, cell in told]
         if any(cell.text for cell in below[1:]):
             rows.append(below)
     return rows
@@ -156,20 +164,25 @@ def counter_parts(entry: Row) -> tuple[list[str], list[str]]:
     """Return the counters of a list that have counted, each with its number, and the names of those that have not."""
     counters = dict(entry["counters"])
     # Where they are believed, what the counters claim is what was lost.
-    claimed, unknown = counters.pop("lost_claimed"), counters["lost"] is None and entry["transport"] == "udp"
-    unknown |= not claimed and _counts_nothing(entry)
-    told = [f"{name}{NO_BREAK}{units.count(number)}" for name, number in counters.items() if number]
-    if unknown:
-        told.insert(0, f"lost{NO_BREAK}? ({units.count(claimed)}{NO_BREAK}claimed)")
-    return told, [name for name, number in counters.items() if not number and not (unknown and name == "lost")]
+    on_udp, claimed = entry["transport"] == "udp", counters.pop("lost_claimed")
+    unknown = {name for name, number in counters.items() if number is None and on_udp}
+    unknown |= {"lost"} if not claimed and _counts_nothing(entry) else set()
+    told = [
+        f"{name}{NO_BREAK}{'?' if name in unknown else units.count(number)}"
+        for name, number in counters.items()
+        if number or name in unknown
+    ]
+    if "lost" in unknown and claimed is not None:
+        told[0] += f" ({units.count(claimed)}{NO_BREAK}claimed)"
+    return told, [name for name, number in counters.items() if not number and name not in unknown]
 
 
 def _known(time_ns: int | None, told: Callable[[int], str], otherwise: str) -> Cell:
     return Cell(otherwise, Tone.FAINT) if time_ns is None else Cell(told(time_ns))
 
 
-def _wrapped(number: int, modulus: int) -> Cell:
-    return Cell(units.count(number % modulus) if number >= modulus else "")
+def _wrapped(number: int | None, modulus: int) -> Cell:
+    return Cell(units.count(number % modulus) if number is not None and number >= modulus else "")
 
 
 def _first_of(addresses: Sequence[str], names: Mapping[str, str]) -> str:
@@ -210,6 +223,8 @@ def _error_name(name: object) -> Cell:
 
 
 def _last_error(entry: Row) -> Cell:
+    if _error_count(entry) is None:
+        return UNKNOWN
     return _error_name(_last_error_of(entry) if _error_count(entry) else None)
 
 
@@ -234,15 +249,18 @@ def _spread(durations_ns: Sequence[int]) -> Cell:
 
 def _lost(of: Of) -> Callable[[Row], Cell]:
     """Return what tells the loss of a list or a stream; nobody knows it of a sender that does not count."""
-    lost, claimed = lookup(BY_NAME["lost"], of), lookup(BY_NAME["lost_claimed"], of)
+    lost = lookup(BY_NAME["lost"], of)
 
     def cell(row: Row) -> Cell:
-        unknown = lost(row) is None and claimed(row) is not None
-        if unknown or (not lost(row) and _counts_nothing(row)):
-            return Cell("?", Tone.FAINT)
+        if (lost(row) is None and _is_on_udp(row)) or (not lost(row) and _counts_nothing(row)):
+            return UNKNOWN
         return count_cell(lost(row), Tone.ERROR)
 
     return cell
+
+
+def _is_on_udp(row: Row) -> bool:
+    return bool(row["transport"] == "udp" if "transport" in row else row["node"] is not None)
 
 
 def _counts_nothing(row: Row) -> bool:
@@ -319,7 +337,10 @@ def _figure(
     look, show = lookup(figure, of), duration_cell if figure.unit == "ns" else count_cell
 
     def cell(row: Row) -> Cell:
-        return show(look(row), tone if isinstance(tone, Tone) else tone(row))
+        value = look(row)
+        if value is None and name in _COUNTED and _is_on_udp(row):
+            return UNKNOWN
+        return show(value, tone if isinstance(tone, Tone) else tone(row))
 
     return Measure(Column(title, right=True, importance=importance), cell)
 
@@ -362,7 +383,7 @@ _STREAMS = (
     Measure(Column("items", right=True, importance=3), lambda row: _text(row["items"])),
     Measure(Column("length", right=True, importance=3), lambda row: _text(row["length"])),
     Measure(Column("checksum", right=True, importance=2), lambda row: _checksum(row["checksum"])),
-    Measure(Column("counter", importance=1), lambda row: _text(row["counter_scope"])),
+    Measure(Column("counter", importance=1), lambda row: _text(row["counter_scope"] or "?" * _is_on_udp(row))),
 )
 
 _INTERVALS = (

@@ -12,7 +12,7 @@ from dissectors.batch import I64, Bool
 from dissectors.netvar import CHECKSUM_INVALID
 from nvscope.engine.clock import Clock
 from nvscope.engine.dealing import Share
-from nvscope.engine.keys import Keys
+from nvscope.engine.keys import NOBODY, Keys
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import stable_order
@@ -143,7 +143,7 @@ class Acknowledgement:
         begun = kept >= len(open_streams)
         peer[~begun] = waits.peer[open_streams[kept[~begun]]]
         variety = rows.variety[row[opens[kept[begun] - len(open_streams)]]]
-        peer[begun] = keys.columns.destination[keys.varieties.flow[variety]]
+        peer[begun] = np.maximum(keys.columns.destination[keys.varieties.flow[variety]], NOBODY)
         waits.open[open_streams] = False
         waits.open[wait_stream[stays]] = True
         waits.since_ns[wait_stream[stays]] = wait_since[stays]

@@ -47,7 +47,7 @@ class CaptureState:
     up to when a source says that time has passed, None where only frames tell. ``steps_back`` are the frames whose time
     is more than ``CLOCK_STEP_NS`` before that of the frame in front, under one key. ``unsupported`` counts frames by
     link types that nothing reads. ``left_out`` are the frames of what is beyond the limit of streams, by what carries
-    them, as in ``dissectors``.
+    them, as in ``dissectors``; ``elsewhere`` those to receivers beyond it, under one key.
     """
 
     SPLIT_BY: ClassVar = SplitBy.NOTHING
@@ -66,6 +66,7 @@ class CaptureState:
         self.steps_back = EventLog()
         self.longest_step_back_ns = 0
         self.left_out = EventLog(words=1)
+        self.elsewhere = EventLog(words=1)
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -89,11 +90,13 @@ class CaptureState:
                 self.unsupported[int(link)] = self.unsupported.get(int(link), 0) + int(count)
 
     def _observe_left_out(self, told: Told) -> None:
-        row = told.laid.left_out
-        if len(row):
-            carrier = told.varieties.carried.carrier[told.variety[row]]
-            self.left_out.record(told.packets.ts_ns[row], row + told.first_frame, carrier.astype(np.uint64))
-            self.left_out.settle()
+        beyond, elsewhere = told.laid.left_out, told.laid.elsewhere
+        carrier = told.varieties.carried.carrier[told.variety[beyond]].astype(np.uint64)
+        one_key = np.zeros(len(elsewhere), np.uint64)
+        for log, row, word in ((self.left_out, beyond, carrier), (self.elsewhere, elsewhere, one_key)):
+            if len(row):
+                log.record(told.packets.ts_ns[row], row + told.first_frame, word)
+                log.settle()
 
     def summary(self, can_frames: int) -> CaptureSummary:
         """Return what was counted so far."""

@@ -130,6 +130,7 @@ def _keys(keys: Keys) -> Keys:
     kept = copy(keys)
     for name in ("nodes", "lists", "places", "streams", "flows", "columns"):
         setattr(kept, name, copy(getattr(keys, name)))
+    kept.left_out = keys.left_out.copied()
     return kept
 
 

@@ -7,16 +7,19 @@ from typing import NamedTuple
 
 
 class Diagnosis(NamedTuple):
-    """NetVarUDPDiagStruct; times are absolute ns or None, the error a name."""
+    """NetVarUDPDiagStruct; times are absolute ns or None, the error a name.
+
+    Error and number of errors are None where nobody knows of them: something that makes them was left out.
+    """
 
     nSendCount: int = 0  # noqa: N815  # the document's name
     tLastSend: int | None = None  # noqa: N815
     nReceiveCount: int = 0  # noqa: N815
     tLastReceive: int | None = None  # noqa: N815
     nWriteCount: int = 0  # noqa: N815
-    sLastError: str = "NOERROR"  # noqa: N815
+    sLastError: str | None = "NOERROR"  # noqa: N815
     tLastError: int | None = None  # noqa: N815
-    nErrorCount: int = 0  # noqa: N815
+    nErrorCount: int | None = 0  # noqa: N815
     nAcknowledges: int = 0  # noqa: N815
 
     @property

@@ -72,6 +72,7 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
         "frames": SUM, "bits": SUM, "fast_bits": SUM, "first_ns": LAST, "last_ns": LAST, "first_frame": LAST,
         "lengths": LAST, "longest": LAST,
     },
+    "buses.load.identifiers.left_out.rows": _COUNTED_EVENTS,
     "buses.errors.columns": {
         "off": LAST, "off_since_ns": LAST, "bus_offs": SUM, "restarts": SUM, "returns": SUM, "off_ns": SUM,
         "longest_off_ns": MOST, "states": SUM, "tx_errors": MOST, "rx_errors": MOST,
@@ -90,8 +91,8 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
 
 KEYS = (
     "lists.errors.members", "lists.acknowledgement.latencies.keys", "senders.timing.unusual.keys", "buses.load.keys",
-    "buses.load.identifiers.keys", "buses.errors.channels", "buses.errors.all.keys", "buses.errors.classes.keys",
-    "buses.canopen.nodes", "buses.remotes.keys",
+    "buses.load.identifiers.keys", "buses.load.identifiers.left_out.keys", "buses.errors.channels",
+    "buses.errors.all.keys", "buses.errors.classes.keys", "buses.canopen.nodes", "buses.remotes.keys",
 )  # fmt: skip
 """What numbers the rows of those that streams, lists and nodes do not number."""
 

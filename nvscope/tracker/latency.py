@@ -25,12 +25,18 @@ _PERCENTS = (50, 99)
 
 @dataclass(frozen=True, slots=True)
 class LatencyFigures:
-    """How long acknowledgements took, in ns; None where there were none. Percentiles are within 0.5 %."""
+    """How long acknowledgements took, in ns; None where there were none. Percentiles are within 0.5 %.
 
-    count: int = 0
+    ``count`` is None where nobody knows: acknowledgements were left out.
+    """
+
+    count: int | None = 0
     p50: int | None = None
     p99: int | None = None
     maximum: int | None = None
+
+
+UNKNOWN_LATENCY = LatencyFigures(count=None)
 
 
 class LatencyColumns(KeyedColumns):

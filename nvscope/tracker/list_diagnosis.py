@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.engine.keys import FrameKind
+from nvscope.engine.keys import NOBODY, FrameKind
 from nvscope.engine.runs import distinct
 from nvscope.list_key import ListKey
 from nvscope.tracker.diagnosis import ERROR_ORDER, Diagnosis
@@ -63,12 +63,13 @@ def diagnose(
     heard = _Tally.of(np.searchsorted(every, target), flows.where(direct), len(every))
     is_reader = np.zeros(len(every), np.bool_)
     is_reader[np.searchsorted(every, readers)] = True
-    _hear_broadcasts(heard, every, is_reader, flows.where(flows.destination < 0), members)
+    _hear_broadcasts(heard, every, is_reader, flows.where(flows.destination == NOBODY), members)
     acknowledged = np.zeros(len(every), np.int64)
     np.add.at(acknowledged, np.searchsorted(every, source[acknowledges]), flows.telegrams[acknowledges])
     row = np.full(len(every), _NEVER)
     row[np.searchsorted(every, blamed)] = np.arange(len(blamed))
-    found = _diagnoses(sent, heard, acknowledged, errors.of_member, row)
+    whole_lists = state.keys.left_out.of_lists(state.keys.lists) == 0
+    found = _diagnoses(sent, heard, acknowledged, errors.of_member, row, whole_lists[members.lists(every)])
     told = np.flatnonzero(~np.array([diagnosis.blank for diagnosis in found], np.bool_))
     nodes = list(zip(members.nodes(every[told]), map(found.__getitem__, told.tolist()), strict=True))
 
@@ -76,7 +77,7 @@ def diagnose(
     everything_sent = _Tally.of(flows.of_list[is_data], flows.where(is_data), len(lists))
     of_list = np.zeros(len(lists), np.int64)
     np.add.at(of_list, flows.of_list[acknowledges], flows.telegrams[acknowledges])
-    whole = _diagnoses(everything_sent, everything, of_list, errors.of_list, np.arange(len(lists)))
+    whole = _diagnoses(everything_sent, everything, of_list, errors.of_list, np.arange(len(lists)), whole_lists)
     since = flows.where(is_data).first_of(np.searchsorted(sending, source[is_data]), len(sending))
     for senders, own_readers, diagnosis, own_nodes, own_since in zip(
         members.by_list(sending, members.nodes(sending)),
@@ -227,9 +228,14 @@ def _hear_broadcasts(heard: _Tally, every: I64, is_reader: Bool, sent: _Flows, m
     heard.frame[reader[later]], heard.time_ns[reader[later]] = frame[later], own.time_ns[last[later]]
 
 
-def _diagnoses(sent: _Tally, received: _Tally, acknowledges: I64, errors: LastError, row: I64) -> list[Diagnosis]:
-    """Return the diagnosis of each group; its errors are those of a row of their table, if it is there."""
-    known = np.flatnonzero((row >= 0) & (row < len(errors)))
+def _diagnoses(
+    sent: _Tally, received: _Tally, acknowledges: I64, errors: LastError, row: I64, whole: Bool
+) -> list[Diagnosis]:  # fmt: skip
+    """Return the diagnosis of each group; its errors are those of a row of their table, if it is there.
+
+    They are unknown where not the ``whole`` list was looked at: what is left out may have been an answer, or an error.
+    """
+    known = np.flatnonzero((row >= 0) & (row < len(errors)) & whole)
     known = known[errors.count[row[known]] > 0]
     found = [
         Diagnosis(count, last_ns, heard, heard_ns, written, nAcknowledges=own)
@@ -245,4 +251,6 @@ def _diagnoses(sent: _Tally, received: _Tally, acknowledges: I64, errors: LastEr
             ERROR_ORDER[int(errors.error[own])].name, int(errors.time_ns[own]), int(errors.count[own]),
             told.nAcknowledges,
         )  # fmt: skip
+    for place in np.flatnonzero(~whole).tolist():
+        found[place] = found[place]._replace(sLastError=None, tLastError=None, nErrorCount=None)
     return found

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
-    """Return, by node with streams, the scope in which most steps of its Counter are regular."""
+    """Return, by node with streams, the scope in which most steps of its Counter are regular.
+
+    Nodes of which the limit has left out streams are not there: what those have counted, nobody knows.
+    """
     keys, loss = state.keys, state.senders.loss
     stream = np.flatnonzero(keys.streams.low != np.uint64(NOBODY_KEY))
     if not len(stream):
@@ -50,7 +53,10 @@ def scopes_in_force(state: TrackerState) -> dict[int, Scope]:
     np.minimum.at(first, node, stream)
     known = np.flatnonzero(streams)
     known = known[np.argsort(first[known])]
-    return dict(zip(known.tolist(), map(_SCOPES.__getitem__, best[known].tolist()), strict=True))
+    scopes = dict(zip(known.tolist(), map(_SCOPES.__getitem__, best[known].tolist()), strict=True))
+    for doubtful in keys.left_out.senders & scopes.keys():
+        del scopes[doubtful]
+    return scopes
 
 
 _SCOPES = tuple(Scope)

@@ -12,6 +12,9 @@ from nvscope.tracker.intervals import IntervalFigures
 class StreamSummary(NamedTuple):
     """One stream: who sends which SubIndex, and what its counters and intervals say.
 
+    ``scope`` is None where nobody knows what its sender counts, since the limit has left out other streams of it: then
+    ``figures`` are None, unless its Counter never moved.
+
     ``byte_swapped``: nearly all steps of its Counter are +1 once its two bytes are swapped. ``erratic``: its counters
     are not believed, here or, of a window, in all that was seen up to its end.
     """
@@ -22,9 +25,9 @@ class StreamSummary(NamedTuple):
     telegrams: int
     first_ns: int
     last_ns: int
-    scope: Scope
-    counter_scope: str
-    figures: Mapping[str, int]
+    scope: Scope | None
+    counter_scope: str | None
+    figures: Mapping[str, int | None]
     intervals: IntervalFigures
     items: int
     length: int

@@ -18,6 +18,7 @@ from dissectors.batch import I64, Bool
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.definition.buses import Buses
 from nvscope.engine.keys import CHECKSUM_SHIFT, FLAGS_SHIFT, LENGTH_SHIFT, NOBODY_KEY, FrameKind
+from nvscope.engine.limit import Missing
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
@@ -32,7 +33,7 @@ from nvscope.tracker.loss import StreamSequences
 from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.stream_summary import StreamSummary
-from nvscope.tracker.together import Together, counted_together, taken_together
+from nvscope.tracker.together import NOTHING_KNOWN_TOGETHER, Together, counted_together, taken_together
 
 UNUSED_FROM_TELEGRAMS = 8
 
@@ -152,7 +153,7 @@ def _streams(
     unused = ~counting & (telegrams >= UNUSED_FROM_TELEGRAMS)
     signature = memory.signature[known]
     signed = (signature >> FLAGS_SHIFT & np.uint64(CHECKSUM_PRESENT.mask)) != 0
-    figures = _figures(loss, known, np.array([scopes[one] for one in node.tolist()], np.int64))
+    figures = _figures(loss, known, np.array([scopes.get(one, Scope.STREAM) for one in node.tolist()], np.int64))
     columns = (
         known, of_list, node, subindex, telegrams, memory.first_ns[known], memory.last_ns[known], counting, unused,
         signature & np.uint64(0xFFFF), signature >> LENGTH_SHIFT & np.uint64(0xFFFF), signed,
@@ -164,16 +165,20 @@ def _streams(
         stream, number, own_node, part, own_telegrams, first_ns, last_ns, counts, is_unused, items, length, has, check,
         swapped,
     ), row in zip(zip(*(column.tolist() for column in columns), strict=True), figures, strict=True):  # fmt: skip
-        scope, timed = scopes[own_node], intervals.of(stream, nominal[number])
-        counted = MappingProxyType(dict(zip(BY_SCOPE, row, strict=True))) if counts else _NOTHING_COUNTED
+        scope, timed = scopes.get(own_node), intervals.of(stream, nominal[number])
+        counted: Mapping[str, int | None] = _NOTHING_COUNTED
+        if counts:
+            counted = _NOTHING_KNOWN if scope is None else MappingProxyType(dict(zip(BY_SCOPE, row, strict=True)))
+        lost, duration_ns = counted["lost"], last_ns - first_ns
         if erratic is None:
-            believed = not is_erratic(counted["lost"], own_telegrams, last_ns - first_ns, timed.p50, swapped=swapped)
+            believed = lost is None or not is_erratic(lost, own_telegrams, duration_ns, timed.p50, swapped=swapped)
         else:
             believed = stream not in erratic
         found.append(
             StreamSummary(
                 stream, own_node, part, own_telegrams, first_ns, last_ns, scope,
-                SCOPE_UNUSED if is_unused else SCOPE_NAMES[scope], counted, timed, items, length,
+                SCOPE_UNUSED if is_unused else None if scope is None else SCOPE_NAMES[scope], counted, timed, items,
+                length,
                 check if has else None, swapped, not believed,
             )
         )  # fmt: skip
@@ -182,6 +187,7 @@ def _streams(
 
 
 _NOTHING_COUNTED: Mapping[str, int] = MappingProxyType(dict.fromkeys(BY_SCOPE, 0))
+_NOTHING_KNOWN: Mapping[str, None] = MappingProxyType(dict.fromkeys(BY_SCOPE))
 
 
 def _figures(loss: StreamSequences, stream: I64, scope: I64) -> Iterator[tuple[int, ...]]:
@@ -203,22 +209,44 @@ def _counters(state: TrackerState, streams: Sequence[Sequence[StreamSummary]]) -
         return told
 
     malformed = (kind == FrameKind.MALFORMED_DATA) | (kind == FrameKind.MALFORMED_OTHER)
-    of_list = {
+    of_list: dict[str, list[int] | list[int | None]] = {
         "malformed": summed(count, malformed),
         **_padded(table, len(streams), "truncated", "missing_acknowledgements", "negative_acknowledgements"),
         "checksum_mismatches": summed(mismatches, np.ones(len(kind), np.bool_)),
         "bootup_requests": summed(count, kind == FrameKind.BOOT_UP_REQUEST),
         **_padded(table, len(streams), "bootup_unanswered", "send_rejected"),
     }
+    left_out = state.keys.left_out.of_lists(state.keys.lists)
+    for name, part in _UNKNOWN_WITHOUT.items():
+        of_list[name] = _known_where(of_list[name], left_out & part == 0)
+    in_part = (left_out & Missing.DATA != 0).tolist()
     # Of hundreds of thousands of lists, most have counted the same, and those on CAN nothing.
+    zeros = [0] * len(of_list)
     nothing = MappingProxyType({**counted_together([]), **dict.fromkeys(of_list, 0)})
     alike: dict[tuple[int | None, ...], Mapping[str, int | None]] = {}
-    for own, *others in zip(streams, *of_list.values(), strict=True):
-        if not own and not any(others):
+    for own, misses_streams, *others in zip(streams, in_part, *of_list.values(), strict=True):
+        if not own and not misses_streams and others == zeros:
             yield nothing
             continue
-        counters = {**counted_together(own), **dict(zip(of_list, others, strict=True))}
+        of_streams = NOTHING_KNOWN_TOGETHER if misses_streams else counted_together(own)
+        counters = {**of_streams, **dict(zip(of_list, others, strict=True))}
         yield alike.setdefault(tuple(counters.values()), MappingProxyType(counters))
+
+
+_UNKNOWN_WITHOUT = {
+    "missing_acknowledgements": Missing.ACKNOWLEDGEMENTS,
+    "checksum_mismatches": Missing.DATA,
+    "bootup_unanswered": Missing.DATA,
+}
+"""What nobody knows of a list of which the limit has left out something, beside the counters of its streams."""
+
+
+def _known_where(amounts: Sequence[int | None], known: Bool) -> list[int | None]:
+    """Return amounts, None of those that are not known."""
+    told = list(amounts)
+    for place in np.flatnonzero(~known).tolist():
+        told[place] = None
+    return told
 
 
 def _padded(table: ListColumns, lists: int, *names: str) -> dict[str, list[int]]:

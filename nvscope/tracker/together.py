@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nvscope.engine.keys import NOBODY_KEY
+from nvscope.engine.limit import Missing
 from nvscope.engine.runs import distinct
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import IntervalFigures, StreamIntervals
-from nvscope.tracker.latency import LatencyFigures
+from nvscope.tracker.latency import UNKNOWN_LATENCY, LatencyFigures
 
 if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
@@ -62,6 +63,17 @@ def taken_together(state: TrackerState, intervals: StreamIntervals, intervals_ns
     member_of[sent] = np.where(alone, -1, np.arange(len(members)))[np.searchsorted(found, word)]
     nominal_of_member = {one: nominal.get(own_list) for one, (own_list, _) in enumerate(members)} if nominal else {}
     of_member, latency_of_member = intervals.together(member_of, nominal_of_member), latencies.figures(member_of)
+    latency_of_stream = latencies.figures(np.arange(len(list_of)))
+    latency_of_node = {member: latency_of_list[member[0]] for member in alike if member[0] in latency_of_list} | {
+        members[one]: row for one, row in latency_of_member.items()
+    }
+    unheard = np.flatnonzero(keys.left_out.of_lists(keys.lists) & Missing.ACKNOWLEDGEMENTS).tolist()
+    if unheard:
+        # What seems to be the first acknowledgement may have been a later one.
+        latency_of_list |= dict.fromkeys(unheard, UNKNOWN_LATENCY)
+        concerned = np.flatnonzero(np.isin(list_of, unheard)).tolist()
+        latency_of_stream |= dict.fromkeys(concerned, UNKNOWN_LATENCY)
+        latency_of_node |= {member: UNKNOWN_LATENCY for member in members if member[0] in set(unheard)}
     return Together(
         MappingProxyType(of_list),
         MappingProxyType(
@@ -69,22 +81,30 @@ def taken_together(state: TrackerState, intervals: StreamIntervals, intervals_ns
             | {members[one]: row for one, row in of_member.items()}
         ),
         MappingProxyType(latency_of_list),
-        MappingProxyType(
-            {member: latency_of_list[member[0]] for member in alike if member[0] in latency_of_list}
-            | {members[one]: row for one, row in latency_of_member.items()}
-        ),
-        MappingProxyType(latencies.figures(np.arange(len(list_of)))),
+        MappingProxyType(latency_of_node),
+        MappingProxyType(latency_of_stream),
     )
 
 
+NOTHING_KNOWN_TOGETHER: Mapping[str, None] = MappingProxyType(dict.fromkeys((*BY_SCOPE, "lost_claimed")))
+"""The counters of streams that are not all there."""
+
+
 def counted_together(streams: Collection[StreamSummary]) -> dict[str, int | None]:
-    """Return the counters of streams, by name; how many are lost is unknown where one of them is not believed."""
+    """Return the counters of streams, by name; what is unknown of one of them is unknown of all.
+
+    How many are lost is unknown where one of them is not believed.
+    """
     if len(streams) == 1:
         (alone,) = streams
         counters: dict[str, int | None] = {**alone.figures}
     else:
-        counters = {name: sum([stream.figures[name] for stream in streams]) for name in BY_SCOPE}
-        counters["longest_gap"] = max([stream.figures["longest_gap"] for stream in streams], default=0)
+        counters = {}
+        for name in BY_SCOPE:
+            own = [stream.figures[name] for stream in streams]
+            known = [number for number in own if number is not None]
+            total = max(known, default=0) if name == "longest_gap" else sum(known)
+            counters[name] = total if len(known) == len(own) else None
     counters["lost_claimed"] = counters["lost"]
     if any(stream.erratic for stream in streams):
         counters["lost"] = None

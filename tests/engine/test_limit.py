@@ -10,17 +10,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import LinkType, PacketBatch
 from dissectors.carried import Carrier
-from nvscope.engine.keys import FrameKind
+from dissectors.keys import KeyTable
+from nvscope.engine.keys import NOBODY, FrameKind
+from nvscope.engine.limit import ELSEWHERE, MAX_STREAMS, LeftOut, Missing
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.engine.told import Told
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import summarize
 from tests import program
 from tests.engine.test_dealing import at_once_and_joined, shown
 from tests.engine.traffic import CHANNELS, batches_of, can_batches, reading_of
@@ -35,8 +39,11 @@ CAPTURE = Path(__file__).parents[2] / "captures" / "plant.pcapng.gz"
 LIMITS = st.sampled_from([1, 2, 5, 9, 17, 40])
 
 
+ANYBODY, OTHERS = "anybody", "others"
+
+
 def flows_of(state: TrackerState) -> dict[Any, tuple[int, int]]:
-    """Return the first frame of each flow, and how many telegrams it has."""
+    """Return the first frame of each flow, and how many telegrams it has; its receiver is the last part of its key."""
     keys, flows = state.keys, state.lists.flows
     nodes = list(zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True))
     found = {}
@@ -46,10 +53,31 @@ def flows_of(state: TrackerState) -> dict[Any, tuple[int, int]]:
         )
         key = (
             kind, keys.list_key(int(keys.places.high[place])), int(keys.places.low[place]),
-            None if source < 0 else nodes[source], None if destination < 0 else nodes[destination],
+            None if source < 0 else nodes[source],
+            {NOBODY: ANYBODY, ELSEWHERE: OTHERS}.get(destination) or nodes[destination],
         )  # fmt: skip
         found[key] = int(flows.column("first_frame")[flow]), int(flows.column("count")[flow])
     return found
+
+
+def kept(flows: dict[Any, tuple[int, int]], most: int) -> dict[Any, tuple[int, int]]:
+    """Return what is told apart of all flows of a capture."""
+    in_order = sorted(flows.items(), key=lambda entry: entry[1])
+    others = [entry for entry in in_order if entry[0][0] not in DATA][:most]
+    told: dict[Any, tuple[int, int]] = dict(others)
+    streams: set[Any] = set()
+    further = 0
+    for key, (frame, count) in in_order:
+        stream = key[:-1]
+        begins = stream not in streams
+        if key[0] not in DATA or (begins and len(streams) == most):
+            continue
+        streams.add(stream)
+        further += not begins
+        known = key if begins or further <= most else (*stream, OTHERS)
+        begun, before = told.get(known, (frame, 0))
+        told[known] = begun, before + count
+    return told
 
 
 class Asked:
@@ -80,17 +108,17 @@ def left_out(state: TrackerState) -> dict[int, int]:
 def test_the_first_flows_are_counted_as_without_a_limit_and_the_rest_is_told(seed: int, most: int) -> None:
     batches = batches_of(seed, random.Random(seed))
     (every, asked), (some, asked_some) = (counted_with(batches, number) for number in (1 << 20, most))
-    in_order = sorted(flows_of(every).items(), key=lambda entry: entry[1])
-    data, others = ([entry for entry in in_order if (entry[0][0] in DATA) is own][:most] for own in (True, False))
-    assert flows_of(some) == dict(data + others)
+    assert flows_of(some) == kept(flows_of(every), most)
     assert not left_out(every)
+    elsewhere = sum(count for key, (_, count) in flows_of(some).items() if key[-1] == OTHERS)
+    assert int(some.capture.elsewhere.rows.column("count").sum()) == elsewhere
     counted, beyond = (sum(count for _, count in flows_of(state).values()) for state in (every, some))
     told = left_out(some)
     assert counted - beyond + asked - asked_some == told.get(Carrier.UDP, 0) + told.get(Carrier.CAN, 0)
     for name in ("frames", "telegrams", "start_ns", "end_ns"):
         assert getattr(some.capture, name) == getattr(every.capture, name)
     findings = [finding for finding in judge(some) if finding.code == "NV906"]
-    assert [finding.count for finding in findings] == ([sum(told.values())] if told else [])
+    assert [finding.count for finding in findings] == ([sum(told.values()) + elsewhere] if told or elsewhere else [])
 
 
 @given(st.integers(0, 10_000), LIMITS, st.randoms(use_true_random=False))
@@ -144,10 +172,11 @@ def test_a_state_that_is_full_keeps_no_further_nodes_lists_or_streams() -> None:
         keys = tracked([batch_of(generate(seed, frames=400, link=LinkType.ETHERNET))], Reading(max_streams=4)).keys
         is_data = keys.columns.column("stream") >= 0
         data, others = int(is_data.sum()), int((~is_data).sum())
-        full += data == 4 or others == 4
-        assert max(data, others, len(keys.streams), len(keys._partners), len(keys._rejections)) <= 4
+        full += len(keys.streams) == 4 or others == 4
+        assert data <= 3 * 4  # the first receiver of each stream, 4 further ones, and all others of each stream
+        assert max(others, len(keys.streams), len(keys._partners), len(keys._rejections)) <= 4
         assert len(keys.lists) <= 2 * 4 + 4
-        assert len(keys.nodes) <= 2 * 2 * 4 + 2 * 4 + 3 * 4
+        assert len(keys.nodes) <= 2 * 4 + 4 + 2 * 4 + 2 * 4 + 3 * 4
     assert full
 
 
@@ -158,7 +187,7 @@ def test_the_option_the_project_and_what_is_said(tmp_path: Any) -> None:
     assert "NV906 limit-reached, 9 times" in shown
     assert "The first 5 streams" in shown
     assert "9 data frames of further identifiers" in " ".join(shown.split())
-    assert "9 frames are in no figure: the limit was reached (NV906)" in shown
+    assert "9 frames are left out of figures: the limit was reached (NV906)" in shown
     assert "NV906" not in program.run("report", log).stdout.decode()
     (tmp_path / "nvscope.toml").write_text("[limits]\nmax_streams = 7\n")
     shown = program.run("report", log, "--project", tmp_path / "nvscope.toml").stdout.decode()
@@ -175,16 +204,29 @@ def test_remote_frames_of_further_identifiers_are_told_too() -> None:
     assert len(state.buses.remotes.rows) == 3
 
 
-def test_unicast_to_an_unknown_node_is_not_taken_for_the_broadcast_that_is_known() -> None:
+def test_a_known_stream_keeps_its_telegrams_whoever_receives_them() -> None:
     known = bytes.fromhex(
         "ffffffffffff02000000000108004500003200000000401100000a0000010a0000ff04b204b2001e0000"
         "002d53330000000007000000010016002a0000001027"
     )
-    other = bytes.fromhex("020000000009") + known[6:30] + bytes([10, 0, 0, 9]) + known[34:]
-    frames = [Frame(second, LinkType.ETHERNET, data, len(data)) for second, data in enumerate([known, other, known])]
-    state = tracked(cut(batch_of(frames), 1), Reading(max_streams=1))
-    assert [count for _, count in flows_of(state).values()] == [2]
-    assert left_out(state) == {Carrier.UDP: 1}
+    alone = [bytes([2, 0, 0, 0, 0, last]) + known[6:30] + bytes([10, 0, 0, last]) + known[34:] for last in range(2, 11)]
+    sent = [
+        datagram[:58] + bytes([counter]) + datagram[59:]
+        for counter, datagram in enumerate([known, *alone, known, *alone, alone[0]])
+    ]
+    frames = [Frame(second, LinkType.ETHERNET, data, len(data)) for second, data in enumerate(sent)]
+    for size in (1, 7, len(frames)):
+        state = tracked(cut(batch_of(frames), size), Reading(max_streams=1))
+        # Broadcasts, those to the first node alone, and those to all others.
+        assert [count for _, count in flows_of(state).values()] == [2, 3, 16]
+        assert not left_out(state)
+        findings = judge(state)
+        assert [(finding.code, finding.count) for finding in findings] == [("NV906", 16)]
+        assert "16 telegrams to further receivers" in findings[0].message
+        (entry,) = summarize(state).lists
+        (stream,) = entry.streams
+        assert (stream.telegrams, stream.counters["lost"], entry.diagnosis.nSendCount) == (21, 0, 21)
+        assert [diagnosis.nReceiveCount for _, diagnosis in entry.nodes] == [0, 3]
 
 
 def test_nothing_is_called_missing_that_may_be_left_out() -> None:
@@ -198,7 +240,6 @@ def test_nothing_is_called_missing_that_may_be_left_out() -> None:
     every = told(200_000)
     some = [told(most) for most in range(1, 12)]
     assert all(part <= every for part in some)
-    assert set() in some
     assert any(some)
 
 
@@ -215,3 +256,21 @@ def test_lists_that_may_be_left_out_are_not_called_silent_or_incomplete() -> Non
         found = told("--max-streams", str(most))
         assert "NV906" in found
         assert not {"NV407", "NV604"} & found
+
+
+def test_where_too_many_lists_are_left_out_none_is_known_to_be_whole() -> None:
+    first, last = (np.arange(MAX_STREAMS, MAX_STREAMS + number, dtype=np.uint64) for number in (1, 2))
+    lists = KeyTable(3)
+    lists.numbers(
+        np.zeros(3, np.uint64), np.zeros(3, np.uint64), np.array([1, MAX_STREAMS, 7 * MAX_STREAMS], np.uint64)
+    )
+    left_out = LeftOut()
+    for identifier, expected in (
+        (np.arange(MAX_STREAMS, dtype=np.uint64), [1, 0, 0]),
+        (first, [7, 7, 7]),
+        (last, [7, 7, 7]),
+    ):
+        nothing = np.zeros(len(identifier), np.uint64)
+        left_out.add(np.full(len(identifier), Missing.DATA, np.uint8), nothing, nothing, identifier)
+        assert left_out.of_lists(lists).tolist() == expected
+        assert left_out.copied().of_lists(lists).tolist() == expected

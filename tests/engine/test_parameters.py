@@ -104,3 +104,19 @@ def test_each_is_dealt_to_one_part(seed: int, parts: int) -> None:
         for by in (SplitBy.SENDER, SplitBy.LIST):
             dealt = [row for _, own in deal(told, by, parts) for row in told_of(own)]
             assert sorted(dealt) == told_of(told)
+
+
+def test_of_further_pairs_requests_and_replies_are_left_out_together() -> None:
+    """One without the other would look as if nobody had answered, or asked."""
+    frames = [
+        data_frame(number, source, destination, telegram(service, counter=number))
+        for number, (source, destination, service) in enumerate([
+            ("10.0.0.1", "10.0.0.9", 1), ("10.0.0.2", "10.0.0.9", 1), ("10.0.0.3", "10.0.0.9", 1),
+            ("10.0.0.9", "10.0.0.3", 2), ("10.0.0.9", "10.0.0.2", 2), ("10.0.0.9", "10.0.0.1", 2),
+        ])
+    ]  # fmt: skip
+    for size in (1, 6):
+        recogniser = Recogniser(Reading(max_streams=2))
+        batches = cut(batch_of(frames), size)
+        told = [row[0] for batch in batches for told in recogniser.tell(batch) for row in told_of(told)]
+        assert told == [1, 2, 5, 6]

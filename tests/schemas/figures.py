@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 
 from nvscope.tracker.diagnosis import DiagError
-from nvscope.tracker.figures import DIAGNOSIS, INTERVALS, LATENCIES, LIST_COUNTERS, Figure, Of
+from nvscope.tracker.figures import BY_SCOPE, DIAGNOSIS, INTERVALS, LATENCIES, LIST_COUNTERS, Figure, Of
 from tests.schemas.shapes import Properties, Schema, duration, maybe, number, record, time, unknown, whole, word
 
 _MAY_BE_UNKNOWN = {
@@ -38,6 +38,19 @@ def figure(one: Figure) -> Schema:
         # Who counts across streams may lose on one and take back on another: less than nothing is missing there.
         found = whole(told, None if one.name in ("lost", "lost_claimed") else 0)
     return maybe(found) if one.name in _MAY_BE_UNKNOWN else found
+
+
+_LEFT_OUT = {
+    "missing_acknowledgements", "checksum_mismatches", "bootup_unanswered", "sLastError", "nErrorCount",
+    "latency_count", "lost_claimed", *BY_SCOPE,
+}  # fmt: skip
+"""The figures that can be null besides where the limit of streams has left out what they hang on (NV906)."""
+
+
+def limited(one: Figure) -> Schema:
+    """Return what a figure is in a report, of which a limit may leave out something."""
+    found = figure(one)
+    return maybe(found) if one.name in _LEFT_OUT - _MAY_BE_UNKNOWN else found
 
 
 def known_to_none(one: Figure) -> Schema:

@@ -11,10 +11,12 @@ from pathlib import Path
 from nvscope.capture.open import open_sink
 from tests.definition.lists import telegram
 from tests.packets import batch_of
+from tests.simulate.simulation import simulated
 
 _START_NS = 1_700_000_000_000_000_000
 _MS = 1_000_000
 _SENT = 12
+_TWO_READERS = Path(__file__).parents[1] / "scenarios" / "acknowledgement-two-readers.toml"
 _NOT_A_NUMBER = (_SENT // 2 - 1, _SENT - 1)
 _VALUES = struct.Struct("<hBIfI4s")
 _GVL = """<GVL>
@@ -54,6 +56,7 @@ def make_odd_plant(folder: Path) -> None:
     _write(folder / "eth.pcap", frames)
     _write(folder / "one.pcap", frames[:1])
     (folder / "cut.pcap").write_bytes((folder / "one.pcap").read_bytes()[:40])
+    simulated(_TWO_READERS).write(folder / "two_readers.pcap")
     lines = []
     for number, data in enumerate(values):
         at_s = (_START_NS + (number * 10 + 2) * _MS) / 1e9

@@ -30,7 +30,7 @@ from nvscope.tracker.figures import (
 )
 from nvscope.view.documents.buses import MOST_SECONDS
 from nvscope.view.documents.verdicts import SEVERITIES, STATUSES
-from tests.schemas.figures import figures, known_to_none
+from tests.schemas.figures import figures, known_to_none, limited
 from tests.schemas.shapes import (
     CAN_KEY,
     LIST_KEY,
@@ -61,6 +61,7 @@ _JUDGED = [kind for kind in CATALOGUE.values() if kind.judged]
 _OF_COMPARE = ("hops", "hops_of_other_types")
 _STATUS = word(STATUSES, "that of the worst finding on it")
 _NOT_OF_CAN = "null: no frame on CAN tells it"
+_NOT_OF_PARTS = "null where the limit of streams has left out others of the sender (NV906)"
 
 
 def report() -> Schema:
@@ -135,11 +136,11 @@ def _list() -> Schema:
             "status": _STATUS,
             "senders": several(text()),
             "readers": several(text()),
-            **figures((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST),
+            **figures((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST, shape=limited),
             "nodes": several(shared("node")),
             "streams": several(shared("stream")),
             "values": several(shared("value"), "with definitions"),
-            **figures(PACE, Of.LIST),
+            **figures(PACE, Of.LIST, shape=limited),
         },
         optional=("values",),
     )
@@ -150,7 +151,7 @@ def _node() -> Schema:
         {
             "address": text(),
             "name": maybe(text("that of the project file")),
-            **figures((*DIAGNOSIS, *PACE), Of.NODE),
+            **figures((*DIAGNOSIS, *PACE), Of.NODE, shape=limited),
         }
     )
 
@@ -161,12 +162,12 @@ def _stream() -> Schema:
             "node": text("address of the sender"),
             "subindex": SUBINDEX,
             **figures((TELEGRAMS,), Of.STREAM),
-            "counter_scope": word(SCOPES, "what its sender's Counter counts"),
-            **figures((*STREAM_COUNTERS, *INTERVALS), Of.STREAM),
+            "counter_scope": maybe(word(SCOPES, f"what its sender's Counter counts; {_NOT_OF_PARTS}")),
+            **figures((*STREAM_COUNTERS, *INTERVALS), Of.STREAM, shape=limited),
             "items": whole("Items of the last telegram", 0, 0xFFFF),
             "length": whole("Length of the last telegram, bytes with header", 0, 0xFFFF),
             "checksum": maybe(whole("of the last telegram, null if it has none", 0, 0xFF)),
-            **figures(PACE, Of.STREAM),
+            **figures(PACE, Of.STREAM, shape=limited),
         }
     )
 

@@ -21,6 +21,7 @@ NUMBERED = {
     "senders.timing.unusual.rows": "senders.timing.unusual.keys",
     "buses.load.columns": "buses.load.keys",
     "buses.load.identifiers.columns": "buses.load.identifiers.keys",
+    "buses.load.identifiers.left_out.rows": "buses.load.identifiers.left_out.keys",
     "buses.errors.columns": "buses.errors.channels",
     "buses.errors.all.rows": "buses.errors.all.keys",
     "buses.errors.classes.rows": "buses.errors.classes.keys",

@@ -13,7 +13,7 @@ from dissectors.can.pdo import EXTENDED
 from nvscope.definition.buses import Buses, BusSettings
 from nvscope.tracker.can.canopen import NO_EVIDENCE, CanOpenNode, Evidence
 from nvscope.tracker.can.errors import BusErrors
-from nvscope.tracker.can.identifiers import IdentifierColumns
+from nvscope.tracker.can.identifiers import CanIdentifiers
 from nvscope.tracker.can.load import BEFORE_1970, rows_by_channel
 from nvscope.tracker.can.state import BusState
 
@@ -157,7 +157,7 @@ def _bus(
         worst = _percent(rate, columns.worst_bits[rows], columns.worst_fast_bits[rows])
         busy_s = rate.seconds(int(exact.sum()), int(fast.sum()))
         partial = bool(fast.any()) and not rate.data
-        mean = 100 * busy_s / _duration_s(state.load.identifiers.columns, identifiers)
+        mean = 100 * busy_s / _duration_s(state.load.identifiers, identifiers, number)
         for column in (began_ns, percent, worst):
             column.flags.writeable = False
         load = BusLoad(
@@ -179,10 +179,15 @@ def _rate(state: BusState, number: int, given: BusSettings) -> BitRate | None:
     return None if found is None else BitRate(found, given.data_bit_rate, False)
 
 
-def _duration_s(columns: IdentifierColumns, own: I64) -> float:
-    if not len(own):
+def _duration_s(identifiers: CanIdentifiers, own: I64, channel: int) -> float:
+    """Return from the first frame of a channel to its last, whether their identifiers are told apart or not."""
+    columns, left_out = identifiers.columns, identifiers.left_out
+    beyond = np.flatnonzero(left_out.keys.high == np.uint64(channel))
+    first_ns = np.append(columns.first_ns[own], left_out.rows.first_ns[beyond])
+    last_ns = np.append(columns.last_ns[own], left_out.rows.last_ns[beyond])
+    if not len(first_ns):
         return 1.0
-    return max(1.0, int(columns.last_ns[own].max() - columns.first_ns[own].min()) / _S_NS)
+    return max(1.0, int(last_ns.max() - first_ns.min()) / _S_NS)
 
 
 def _identifiers(
