@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from nvscope.capture.compressed import compression_of
 from nvscope.capture.content import STDIN
 from nvscope.capture.formats import TEXT_HEAD_BYTES, format_of
+from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
 from nvscope.errors import UnreadableInput, UsageError
-from nvscope.whole_files import refuse_stdout_onto
+from nvscope.whole_files import identity_of
 
 _MOST_LOOKED_AT = 1_000
-_STDOUT = 1
+_STDOUT, _STDERR = 1, 2
 _BINARY = {"pcap", "pcapng"}
 
 
@@ -42,7 +43,7 @@ def named_files(
     for path in gvl or ():
         (captures if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
     named = _expanded(sources or ())
-    files = {identity for path in (*captures, *named) if (identity := _identity(path))}
+    files = {identity for path in (*captures, *named) if (identity := identity_of(path))}
     for path in named:
         (definitions if _is_definition(path, files) else captures).append(path)
     if not captures:
@@ -52,7 +53,7 @@ def named_files(
                 next_step=f"name the capture, too; `nvscope gvl layout {definitions[0]}` shows what a definition says",
             )
         raise UsageError("no source is given", next_step="name a capture file, or - to read one from stdin")
-    refuse_stdout_onto(_read([*captures, *definitions]))
+    refuse_streams_onto(_read([*captures, *definitions]))
     if not definitions:
         for path in captures:
             if _is_directory(path) and _holds_definitions(path):
@@ -61,14 +62,13 @@ def named_files(
 
 
 def _read(paths: Sequence[str]) -> Iterator[str]:
-    """Yield the paths, and behind a directory the capture in it to which stdout goes, if there is one."""
+    """Yield the paths, and behind a directory the captures in it to which stdout and stderr go, if there are any."""
+    written = {identity for stream in (_STDOUT, _STDERR) if (identity := identity_of(stream)) is not None}
     for path in paths:
         yield path
-        if _is_directory(path):
+        if written and _is_directory(path):
             with suppress(OSError), os.scandir(path) as entries:
-                yield from (
-                    one.path for one in entries if _identity(one.path) == _identity(_STDOUT) and _is_capture(one.path)
-                )
+                yield from (one.path for one in entries if identity_of(one.path) in written and _is_capture(one.path))
 
 
 def _expanded(sources: Sequence[str]) -> list[str]:
@@ -151,14 +151,6 @@ def _is_capture(path: str) -> bool:
     return True
 
 
-def _identity(path: str | int) -> tuple[int, int] | None:
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError):
-        return None
-    return (status.st_dev, status.st_ino) if stat.S_ISREG(status.st_mode) else None
-
-
 def _holds_captures(directory: str, named: Collection[tuple[int, int]]) -> bool:
     """Return whether a capture is in a directory that was not named; as where captures are read, not below it."""
     try:
@@ -166,7 +158,7 @@ def _holds_captures(directory: str, named: Collection[tuple[int, int]]) -> bool:
             paths = sorted(entry.path for entry in entries if entry.is_file())
     except OSError:
         return True  # opening it will say what is wrong
-    return any(_identity(path) not in named and _is_capture(path) for path in paths)
+    return any(identity_of(path) not in named and _is_capture(path) for path in paths)
 
 
 def _holds_definitions(directory: str) -> bool:

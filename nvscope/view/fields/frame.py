@@ -181,8 +181,8 @@ EITHER_OF = MappingProxyType(
 PROTOCOL_TESTS = MappingProxyType(
     {
         "frame": "frame.number", "eth": "eth.dst", "vlan": "vlan.id", "ieee8021ad": "ieee8021ad.id",
-        "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "udp.dstport", "tcp": "tcp.dstport", "nv": "nv.id", "can": "can.channel",
-        "canfd": "can.fd", "canopen": "canopen.function",
+        "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "udp.dstport", "tcp": "tcp.dstport", "nv": "nv.id",
+        "can": "can.channel", "canfd": "can.fd", "canopen": "canopen.function",
     }
 )  # fmt: skip
 """Names of protocols, each with the expression that chooses the telegrams that have it; as in Wireshark, ``ip`` is
@@ -228,7 +228,7 @@ class _Names(Words[Named]):
 
 
 def _every(field: TelegramField) -> tuple[str, ...]:
-    """Return what expressions read of a field that a frame may have several times; nobody can write more than its name."""
+    """Return what expressions read of a field that a frame may have several times: what nobody can write, but one."""
     return (field.name, *(f"{field.name}{_FURTHER}{place}" for place in range(len(field.further))))
 
 

@@ -50,7 +50,7 @@ def _tags(rows: FrameRows) -> Iterator[tuple[I64, I64, I64]]:
 
 
 def _numbers(rows: FrameRows, types: Collection[int], place: int) -> I64:
-    """Return the numbers in those tags of some types that ``place`` others of these surround, -1 where there is none."""
+    """Return the numbers in the tags of some types that ``place`` others of these surround; -1 without one."""
     numbers, seen = np.full(len(rows), -1), np.zeros(len(rows), np.int64)
     for own, kind, number in _tags(rows):
         meant = np.isin(kind, list(types))
