@@ -29,6 +29,8 @@ class CanLineWriter:
     ``wording`` names the lists, and what is CANopen's.
     """
 
+    ends = False
+
     def __init__(self, moment: Moment = "r", width: int | None = None, wording: Wording = NO_WORDING) -> None:
         self._moment: Moment = moment
         self._width = width
