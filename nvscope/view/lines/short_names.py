@@ -5,6 +5,7 @@ Takes visible text; widths are columns of a terminal.
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain, count
@@ -12,6 +13,11 @@ from itertools import chain, count
 from nvscope.view.lines.text_width import beside_escape, display_width, head, shorten, tail
 
 _ELLIPSIS = "…"
+_HEXADECIMAL = re.compile(
+    r"0x[0-9a-f]+|16#[0-9a-f]+|(?<![0-9a-z])(?:[0-9]+[a-f]|[a-f]+[0-9])[0-9a-f]*(?![0-9a-z])", re.IGNORECASE
+)
+"""Numbers with letters in them, which stand alone or say what they are."""
+
 _LEAST_GAIN = 2
 """So many characters a common part must have: the ellipsis takes the place of one."""
 
@@ -93,10 +99,15 @@ def _alike(names: Sequence[str]) -> int:
 
 
 def _is_border(name: str, at: int, *, whole_words: bool) -> bool:
-    """Tell whether a word or a number begins or ends there; ``whole_words`` have the number behind them."""
+    """Tell whether a word or a number begins or ends there; ``whole_words`` have the number behind them.
+
+    No number ends inside: 0x18FE, a group 1a2b of an IPv6 or hardware address, and 12 are each one.
+    """
     if at in (0, len(name)):
         return True
     if beside_escape(name, at) != at:
+        return False
+    if any(begin < at < end for begin, end in map(re.Match.span, _HEXADECIMAL.finditer(name))):
         return False
     last, following = name[at - 1], name[at]
     if following.isdigit():
