@@ -10,9 +10,10 @@ import unicodedata
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain, count
 
-from nvscope.view.lines.text_width import beside_escape, display_width, head, shorten, tail
+from nvscope.view.lines.text_width import beside_escape, display_width, head, tail
 
 _ELLIPSIS = "…"
+_DIGITS = "0123456789"
 _HEXADECIMAL = re.compile(
     r"0x[0-9a-f]+|16#[0-9a-f]+|(?<![0-9a-z])(?:[0-9]+[a-f]|[a-f]+[0-9])[0-9a-f]*(?![0-9a-z])", re.IGNORECASE
 )
@@ -117,6 +118,19 @@ def _is_border(name: str, at: int, *, whole_words: bool) -> bool:
     return not unicodedata.category(following).startswith("M")
 
 
+def _ends(text: str, width: int) -> str:
+    """Return both ends of a text; of a number all or nothing, unless nothing else were: axis12 is not axis1."""
+    if display_width(text) <= width:
+        return text
+    first = head(text, width // 2)
+    if text[len(first)].isdecimal():
+        first = first.rstrip(_DIGITS) or first
+    last = tail(text, width - 1 - display_width(first))
+    if text[-len(last) - 1].isdecimal():
+        last = last.lstrip(_DIGITS) or last
+    return f"{first}{_ELLIPSIS}{last}"
+
+
 def _mostly_end(text: str, width: int) -> str:
     if display_width(text) <= width:
         return text
@@ -131,7 +145,7 @@ def _mostly_start(text: str, width: int) -> str:
     return f"{head(text, width - 1 - last)}{_ELLIPSIS}{tail(text, last)}"
 
 
-_CUTS: tuple[Callable[[str, int], str], ...] = (shorten, _mostly_end, _mostly_start)
+_CUTS: tuple[Callable[[str, int], str], ...] = (_ends, _mostly_end, _mostly_start)
 
 
 def _numbered(shown: Mapping[str, str], width: int) -> dict[str, str]:

@@ -21,24 +21,15 @@ def _character_width(character: str) -> int:
     return 2 if unicodedata.east_asian_width(character) in "WF" else 1
 
 
-_DIGITS = "0123456789"
 _ESCAPE = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|.)")
 
 
 def shorten(text: str, width: int) -> str:
-    """Return ``text``, with an ellipsis in place of its middle where it is wider than ``width`` (at least 1).
-
-    Of a number all is left or nothing, unless nothing else were: axis12 does not become axis1.
-    """
+    """Return ``text``, with an ellipsis in place of its middle where it is wider than ``width`` (at least 1)."""
     if display_width(text) <= width:
         return text
-    first = head(text, width // 2)
-    if text[len(first)].isdecimal():
-        first = first.rstrip(_DIGITS) or first
-    last = tail(text, width - 1 - display_width(first))
-    if text[-len(last) - 1].isdecimal():
-        last = last.lstrip(_DIGITS) or last
-    return f"{first}…{last}"
+    head_width = width // 2
+    return f"{head(text, head_width)}…{tail(text, width - 1 - head_width)}"
 
 
 def head(text: str, width: int) -> str:
