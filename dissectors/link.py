@@ -6,8 +6,9 @@ the rows that go on. Rows that do not are not lost: what is nothing here is one 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -41,7 +42,7 @@ from dissectors.headers import (
     VLAN,
     VLAN_TYPES,
 )
-from dissectors.layout import take_rows
+from dissectors.layout import Layout, take_rows
 from dissectors.transport import (
     GROUP_UNKNOWN,
     NO_DATAGRAMS,
@@ -55,6 +56,11 @@ from dissectors.transport import (
     datagrams,
     segments,
 )
+
+LAYOUTS_WITH_TYPE: Mapping[int, Layout] = MappingProxyType(
+    {LinkType.ETHERNET: ETHERNET, LinkType.LINUX_SLL: SLL, LinkType.LINUX_SLL2: SLL2}
+)
+"""Headers of link layers that tell by ``type`` what is inside: an EtherType, or what they have in its place."""
 
 MAX_VLAN_TAGS = 8
 MAX_EXTENSIONS = 16

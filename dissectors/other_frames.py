@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from dissectors.arp import NO_ARP, ArpBatch, read_arp
-from dissectors.batch import I64, U8, Bool, LinkType, PacketBatch
+from dissectors.batch import I64, U8, Bool, PacketBatch
 from dissectors.columns import Columns
 from dissectors.headers import (
-    ETHERNET,
     IPV4,
     IPV4_HIGH,
     IPV4_LOW,
@@ -26,16 +25,14 @@ from dissectors.headers import (
     PROTOCOL_ICMPV6,
     PROTOCOL_TCP,
     PROTOCOL_UDP,
-    SLL,
-    SLL2,
     TYPE_ARP,
     TYPE_IPV4,
     TYPE_IPV6,
     VLAN_TYPES,
 )
 from dissectors.icmp import NO_ICMP, IcmpBatch, read_icmp
-from dissectors.layout import Layout, take_rows
-from dissectors.link import ip_packets, network_layers, step_over_tags
+from dissectors.layout import take_rows
+from dissectors.link import LAYOUTS_WITH_TYPE, ip_packets, network_layers, step_over_tags
 from dissectors.transport import (
     NO_DATAGRAMS,
     NO_SEGMENTS,
@@ -102,13 +99,6 @@ class OtherFrames:
     tcp: SegmentBatch
 
 
-_WITH_TYPE: dict[int, Layout] = {
-    LinkType.ETHERNET: ETHERNET,
-    LinkType.LINUX_SLL: SLL,
-    LinkType.LINUX_SLL2: SLL2,
-}
-
-
 def read_other_frames(packets: PacketBatch, rows: I64) -> OtherFrames:
     """Read some frames of a batch, rising, which has a margin (``PacketBatch.with_margin``). Total: no bytes raise."""
     reader = _Reader(packets, rows)
@@ -133,7 +123,7 @@ class _Reader:
 
     def read(self, link: int, position: I64) -> None:
         """Read the frames at some positions, which are of one link type."""
-        layout = _WITH_TYPE.get(link)
+        layout = LAYOUTS_WITH_TYPE.get(link)
         if layout is None:
             for is_ipv4, network in network_layers(self._packets, link, self._rows[position]):
                 row = np.searchsorted(self._rows, network.row)

@@ -42,18 +42,6 @@ def is_stdout(path: str) -> bool:
     return _descriptor_of(path) == _STDOUT
 
 
-def refuse_stdout_onto(inputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Raise UsageError where stdout goes to one of the files that are read: what is printed would end up in it.
-
-    A shell has emptied a file that stands behind ``>``, and only what stands behind ``>>`` can still be saved.
-    """
-    shown = _identity(_STDOUT)
-    for path in inputs if shown else ():
-        read: Path | int = _STDIN if path == "-" else Path(path)
-        if _identity(read) == shown:
-            raise _is_input(f"stdout, which is {os.fspath(path)}")
-
-
 _LIVE: WeakSet[WholeFiles] = WeakSet()
 
 
@@ -72,7 +60,7 @@ class WholeFiles:
 
     def __init__(self, inputs: Iterable[str | os.PathLike[str]] = (), *, force: bool = False) -> None:
         read: list[Path | int] = [_STDIN, *map(Path, inputs)]
-        self._inputs = {identity for one in read if (identity := _identity(one))}
+        self._inputs = {identity for one in read if (identity := identity_of(one))}
         self._force = force
         self._files: list[WholeFile] = []
         _LIVE.add(self)
@@ -117,7 +105,7 @@ class WholeFiles:
             raise UsageError("the name of a file to write is empty", next_step="name one, or leave the option out")
         identity = file.identity()
         if identity is not None and identity in self._inputs:
-            raise _is_input(file.path)
+            raise is_input(file.path)
         if any(file.place == other.place or (identity and identity == other.identity()) for other in self._files):
             raise UsageError("two outputs have this name", where=file.path, next_step="name another file")
         if existing is Existing.KEPT and not self._force and file.is_replacing():
@@ -127,7 +115,8 @@ class WholeFiles:
         return file
 
 
-def _is_input(where: str) -> UsageError:
+def is_input(where: str) -> UsageError:
+    """Return that an output, of this name, would take the place of an input or be written into it."""
     what = "the output is one of the inputs"
     return UsageError(what, where=where, next_step="name another file; inputs are never written")
 
@@ -166,7 +155,7 @@ class WholeFile:
 
     def identity(self) -> tuple[int, int] | None:
         """Return what the file that has the name is known by, None where it is no regular one."""
-        return _identity(self.target if self._descriptor is None else self._descriptor)
+        return identity_of(self.target if self._descriptor is None else self._descriptor)
 
     @property
     def place(self) -> str:
@@ -292,7 +281,7 @@ def _descriptor_of(path: str) -> int | None:
     return int(match[1]) if match else _STREAMS.get(path) if os.name == "posix" else None
 
 
-def _identity(file: Path | int) -> tuple[int, int] | None:
+def identity_of(file: str | os.PathLike[str] | int) -> tuple[int, int] | None:
     """Return what a regular file is known by whatever it is called, or the one that is open; None without one."""
     try:
         status = os.stat(file)

@@ -71,6 +71,12 @@ def test_an_output_that_is_an_input_is_refused(words: str, plant: Path) -> None:
     assert content(plant) == before
 
 
+def in_shell(words: str, redirection: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
+    command = f"{shlex.join([*COMMAND, *words.split()])} {redirection}"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(["sh", "-c", command], cwd=folder, env=environment, capture_output=True, check=False)
+
+
 REDIRECTED = {
     "export - -w peers.pcap.csv": "< peers.pcap.csv",
     "export -r - -w same.ndjson": "< peers.pcap.csv",
@@ -95,10 +101,7 @@ def test_what_the_shell_opened_is_an_input_or_an_output_like_any_other(words: st
     shutil.copy(plant / "peers.pcap", plant / "peers.pcap.csv")
     (plant / "same.ndjson").hardlink_to(plant / "peers.pcap.csv")
     before = content(plant)
-    command = shlex.join([*COMMAND, *words.split()]) + " " + REDIRECTED[words]
-    done = subprocess.run(
-        ["sh", "-c", command], cwd=plant, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, check=False
-    )  # fmt: skip
+    done = in_shell(words, REDIRECTED[words], plant)
     assert done.returncode == 2, done.stderr
     assert b"the output is one of the inputs\n  name another file; inputs are never written\n" in done.stderr
     assert content(plant) == before
@@ -108,12 +111,71 @@ def test_what_the_shell_opened_is_an_input_or_an_output_like_any_other(words: st
 @pytest.mark.parametrize("redirection", ["> days/report.txt", ">> days/notes.txt", "< days/notes.txt"])
 def test_a_report_may_lie_beside_its_captures(redirection: str, plant: Path) -> None:
     (plant / "days" / "notes.txt").write_text("Monday: press stood.\n")
-    done = subprocess.run(
-        ["sh", "-c", f"{shlex.join(COMMAND)} report days {redirection}"], cwd=plant, capture_output=True, check=False,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    done = in_shell("report days", redirection, plant)
     assert (done.returncode, done.stderr) == (0, b"")
     assert (plant / "days" / "notes.txt").read_text().startswith("Monday: press stood.\n")
+
+
+MESSAGES_ONTO_INPUTS = {
+    "report peers.pcap": "2>> peers.pcap",
+    "packets -r peers.pcap": "2>> link.csv",
+    "report -": "< peers.pcap 2>> peers.pcap",
+    "vars peers.pcap": "2>> nvscope.toml",
+    "vars peers.pcap --gvl batch.gvl": "2>> batch.gvl",
+    "report days": "2>> days/monday.csv",
+    "export peers.pcap -w v.csv": "2>> hard.csv",
+    "gvl lint batch.gvl": "2>> batch.gvl",
+    "gvl diff batch.gvl batch.gvl": "2>> gvl.csv",
+    "simulate late.toml -w x.pcap": "2>> late.toml",
+}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these words are of its shell")
+@pytest.mark.parametrize("words", MESSAGES_ONTO_INPUTS)
+def test_messages_are_not_written_into_inputs_but_told_on_stdout(words: str, plant: Path) -> None:
+    before = content(plant)
+    done = in_shell(words, MESSAGES_ONTO_INPUTS[words], plant)
+    assert (done.returncode, done.stderr) == (2, b"")
+    assert done.stdout.startswith(b"nvscope: stderr, which is ")
+    assert done.stdout.endswith(b"the output is one of the inputs\n  name another file; inputs are never written\n")
+    assert content(plant) == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these words are of its shell")
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        ("report missing-*.pcap peers.pcap", 4, b"no file matches"),
+        ("report peers.pcap --no-such-option", 2, b"--no-such-option"),
+        ("packets -rpeers.pcap -t sometime", 2, b"sometime"),
+        ("packets --gvl=peers.pcap -c none", 2, b"none"),
+    ],
+)
+def test_neither_are_mistakes_that_are_found_before_it_is_known_what_is_read(
+    words: str, code: int, told: bytes, plant: Path
+) -> None:
+    before = content(plant)
+    done = in_shell(words, "2>> peers.pcap", plant)
+    assert (done.returncode, done.stderr) == (code, b"")
+    assert told in done.stdout
+    assert content(plant) == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these words are of its shell")
+@pytest.mark.parametrize("redirection", [">> peers.pcap 2>&1", "2>> peers.pcap >> link.csv"])
+@pytest.mark.parametrize("words", ["report peers.pcap", "report peers.pcap --no-such-option"])
+def test_where_both_go_to_an_input_nothing_is_told(words: str, redirection: str, plant: Path) -> None:
+    before = content(plant)
+    done = in_shell(words, redirection, plant)
+    assert (done.returncode, done.stdout, done.stderr) == (2, b"", b"")
+    assert content(plant) == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these words are of its shell")
+def test_messages_may_go_to_any_other_file_whatever_it_is_called(plant: Path) -> None:
+    assert in_shell("report peers.pcap", "2>> report", plant).returncode == 0
+    assert in_shell("report peers.pcap", "2>> days/notes.txt", plant).returncode == 0
+    assert (plant / "report").read_bytes() == (plant / "days" / "notes.txt").read_bytes()
 
 
 EXISTING = {

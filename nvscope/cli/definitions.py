@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
 from nvscope.errors import UsageError
 
@@ -51,7 +52,7 @@ def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
 
     ``path`` is that of --project; without it the file is looked for upwards from the working directory. Files of
     ``gvl`` take the place of the project's definitions; all else that it says stays. Raises ConfigurationError;
-    UsageError where stdout goes to one of the files.
+    UsageError where stdout or stderr goes to one of the files.
     """
     from nvscope.definition.project import Project
 
@@ -62,10 +63,10 @@ def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
     if found is None and not gvl:
         return Project()
     from nvscope.definition.project_file import read_project
-    from nvscope.whole_files import refuse_stdout_onto
 
+    refuse_streams_onto([*([found] if found else []), *(gvl or ())])
     project = read_project(found, gvl or None)
-    refuse_stdout_onto(project.inputs)
+    refuse_streams_onto(project.inputs)
     return project
 
 

@@ -11,6 +11,7 @@ import typer
 
 from nvscope.cli.definitions import ProjectOption, project_of, tell_of_flaws
 from nvscope.cli.help import Command, Group
+from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, tables_are_wide, tell, width
 from nvscope.errors import ExitCode, UsageError
 
@@ -133,9 +134,8 @@ def diff(
     from nvscope.definition.load import load_definitions
     from nvscope.report import difference as face
     from nvscope.view.documents.difference import difference_document
-    from nvscope.whole_files import refuse_stdout_onto
 
-    refuse_stdout_onto([a, b, *(types or ()), *(a_types or ()), *(b_types or ())])
+    refuse_streams_onto([a, b, *(types or ()), *(a_types or ()), *(b_types or ())])
     sides = [load_definitions([file, *(types or ()), *(own or ())]) for file, own in ((a, a_types), (b, b_types))]
     for file, side in zip((a, b), sides, strict=True):
         tell_of_flaws(side)

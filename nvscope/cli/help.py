@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -70,6 +71,13 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
 """Command lines by verb, each with what it shows."""
 
 _GAP = "   "
+_OPTION = re.compile(r"(?<![\w-])--?[a-z]+(?:-[a-z]+)*")
+_HYPHEN = "\ue000"
+
+
+def _whole(text: str) -> str:
+    """Return a text in which no line ends within an option: between its hyphens stands what is none yet."""
+    return _OPTION.sub(lambda option: option[0].replace("-", _HYPHEN), text)
 
 
 class Command(TyperCommand):
@@ -83,13 +91,21 @@ class Command(TyperCommand):
         with numbers(as_json=bool(asked.get("as_json")), as_markdown=bool(asked.get("as_markdown"))):
             return super().invoke(ctx)
 
+    def get_help(self, ctx: Any) -> str:
+        told, self.help = self.help, _whole(self.help or "")
+        try:
+            return super().get_help(ctx).replace(_HYPHEN, "-")
+        finally:
+            self.help = told
+
     def format_options(self, ctx: Any, formatter: Any) -> None:
         groups: dict[str, list[tuple[str, str]]] = {title: [] for title in ORDER}
         arguments: list[tuple[str, str]] = []
         for parameter in self.get_params(ctx):
-            record = parameter.get_help_record(ctx)
-            if record is None:
+            described = parameter.get_help_record(ctx)
+            if described is None:
                 continue
+            record = (described[0], _whole(described[1]))
             if parameter.param_type_name == "argument":
                 arguments.append(record)
             else:

@@ -15,7 +15,7 @@ import typer
 from nvscope.capture.bus_error import end_in_words
 from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
 from nvscope.cli.program import VERBS, program
-from nvscope.cli.streams import drop_output, prepare
+from nvscope.cli.streams import drop_output, prepare, spare_inputs
 from nvscope.cli.terminal import notice
 from nvscope.cli.threads import start_no_threads
 from nvscope.cli.words import in_order
@@ -90,6 +90,7 @@ def main() -> NoReturn:
             sys.exit(short.exit_code)
         import traceback
 
+        spare_inputs(_named())
         traceback.print_exc()
         print("nvscope: this is a bug of nvscope; please report it with the lines above.", file=sys.stderr)
         sys.exit(ExitCode.BUG)
@@ -128,6 +129,7 @@ def _end_in_order() -> None:
 
 def _show_usage(error: Exception) -> None:
     """Show what the command line lacks; Typer escapes some of what a terminal would obey, and not all."""
+    spare_inputs(_named())
     told = io.StringIO()
     error.show(file=told)  # type: ignore[attr-defined]
     parts = {part for word in sys.argv[1:] for part in (word, *word.split("=", 1))}
@@ -138,7 +140,13 @@ def _show_usage(error: Exception) -> None:
     print("".join(one if one.isprintable() or one == "\n" else visible(one) for one in text), end="", file=sys.stderr)
 
 
+def _named() -> set[str]:
+    """Return what may be a file on the command line: as a word, behind = or behind the letter of an option."""
+    return {part for word in sys.argv[1:] for part in (word, word.partition("=")[2], word[2:])}
+
+
 def _show(error: NvscopeError) -> None:
+    spare_inputs(_named())
     where = f"{visible(error.where)}: " if error.where else ""
     print(notice(f"nvscope: {where}{visible(error.what)}"), file=sys.stderr)
     for line in error.excerpt:

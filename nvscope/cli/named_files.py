@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from nvscope.capture.compressed import compression_of
 from nvscope.capture.content import STDIN
 from nvscope.capture.formats import TEXT_HEAD_BYTES, format_of
+from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
 from nvscope.errors import UnreadableInput, UsageError
-from nvscope.whole_files import refuse_stdout_onto
+from nvscope.whole_files import identity_of
 
 _MOST_LOOKED_AT = 1_000
-_STDOUT = 1
+_STDOUT, _STDERR = 1, 2
 _BINARY = {"pcap", "pcapng"}
 
 
@@ -44,7 +45,7 @@ def named_files(
         (misnamed if _is_file(path) and not _is_worth_reading(path) and _is_capture(path) else definitions).append(path)
     captures += misnamed
     named = _expanded(sources or ())
-    files = {identity for path in (*captures, *named) if (identity := _identity(path))}
+    files = {identity for path in (*captures, *named) if (identity := identity_of(path))}
     for path in named:
         (definitions if _is_definition(path, files) else captures).append(path)
     if not captures:
@@ -54,13 +55,13 @@ def named_files(
                 next_step=f"name the capture, too; `nvscope gvl layout {definitions[0]}` shows what a definition says",
             )
         raise UsageError("no source is given", next_step="name a capture file, or - to read one from stdin")
+    refuse_streams_onto(_read([*captures, *definitions]))
     # Where it is the only one, --gvl took from the shell what stands first.
     if len(captures) > 1 and misnamed:
         from nvscope.view.escape import visible
 
         for path in misnamed:
             echo(f"nvscope: {visible(path)} is a capture, and read as one: --gvl names definitions.", err=True)
-    refuse_stdout_onto(_read([*captures, *definitions]))
     if not definitions:
         for path in captures:
             if _is_directory(path) and _holds_definitions(path):
@@ -71,14 +72,13 @@ def named_files(
 
 
 def _read(paths: Sequence[str]) -> Iterator[str]:
-    """Yield the paths, and behind a directory the capture in it to which stdout goes, if there is one."""
+    """Yield the paths, and behind a directory the captures in it to which stdout and stderr go, if there are any."""
+    written = {identity for stream in (_STDOUT, _STDERR) if (identity := identity_of(stream)) is not None}
     for path in paths:
         yield path
-        if _is_directory(path):
+        if written and _is_directory(path):
             with suppress(OSError), os.scandir(path) as entries:
-                yield from (
-                    one.path for one in entries if _identity(one.path) == _identity(_STDOUT) and _is_capture(one.path)
-                )
+                yield from (one.path for one in entries if identity_of(one.path) in written and _is_capture(one.path))
 
 
 def _expanded(sources: Sequence[str]) -> list[str]:
@@ -173,14 +173,6 @@ def _only_begins_like_a_capture(path: str) -> bool:
     return known is not None and bool(known.magics) and b"\0" not in head
 
 
-def _identity(path: str | int) -> tuple[int, int] | None:
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError):
-        return None
-    return (status.st_dev, status.st_ino) if stat.S_ISREG(status.st_mode) else None
-
-
 def _holds_captures(directory: str, named: Collection[tuple[int, int]]) -> bool:
     """Return whether a capture is in a directory that was not named; as where captures are read, not below it."""
     try:
@@ -188,7 +180,7 @@ def _holds_captures(directory: str, named: Collection[tuple[int, int]]) -> bool:
             paths = sorted(entry.path for entry in entries if entry.is_file())
     except OSError:
         return True  # opening it will say what is wrong
-    return any(_identity(path) not in named and _is_capture(path) for path in paths)
+    return any(identity_of(path) not in named and _is_capture(path) for path in paths)
 
 
 def _holds_definitions(directory: str) -> bool:

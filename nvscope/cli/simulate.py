@@ -11,6 +11,7 @@ import typer
 
 from nvscope.capture.formats import suffixes_that
 from nvscope.cli.sources import ForceOption
+from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
 from nvscope.errors import CaptureError, NvscopeError, UsageError
 
@@ -65,12 +66,12 @@ def simulate(
     from nvscope.simulate.simulator import open_capture
     from nvscope.simulate.simulator import simulate as run
     from nvscope.view.escape import json_ascii, visible
-    from nvscope.whole_files import Existing, WholeFiles, refuse_stdout_onto
+    from nvscope.whole_files import Existing, WholeFiles
 
     texts = can_definitions(plan)
     definitions = _definition_files(plan, gvl, texts) if gvl is not None else {}
     # The same scenario gives the same files again. All others that have these names may be somebody's recordings.
-    refuse_stdout_onto([scenario])
+    refuse_streams_onto([scenario])
     files = WholeFiles([scenario], force=force)
     try:
         capture = files.reserve(write, Existing.SAME)

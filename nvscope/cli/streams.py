@@ -6,11 +6,13 @@ import contextlib
 import io
 import os
 import sys
+from collections.abc import Iterable
 from typing import Any, cast
 
 from nvscope.cli.encodings import adapt
 
 _NAMES = ("stdin", "stdout", "stderr")
+_STDIN, _STDOUT, _STDERR = range(len(_NAMES))
 _KEPT: list[Any] = []
 
 
@@ -31,6 +33,43 @@ def prepare() -> None:
 def drop_output() -> None:
     """Let what is left of the output go nowhere; Python would complain once more when it flushes at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def refuse_streams_onto(inputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Raise UsageError where stdout or stderr goes to one of the files that are read: what is told would end up in it.
+
+    A shell has emptied a file that stands behind ``>``, and only what stands behind ``>>`` can still be saved. Where it
+    is stderr, stdout tells the error.
+    """
+    streams = {identity: number for number in (_STDERR, _STDOUT) if (identity := _regular(number)) is not None}
+    if not streams:
+        return
+    from nvscope.whole_files import is_input
+
+    read = list(inputs)
+    for path in read:
+        identity = _regular(_STDIN if os.fspath(path) == "-" else path)
+        number = None if identity is None else streams.get(identity)
+        if number is not None:
+            spare_inputs(read)
+            raise is_input(f"{_NAMES[number]}, which is {os.fspath(path)}")
+
+
+def spare_inputs(named: Iterable[str | os.PathLike[str]]) -> None:
+    """Let stdout tell what goes wrong where stderr is one of some files; nobody, where stdout is one of them too."""
+    told = _regular(_STDERR)
+    if told is None:
+        return
+    known = {_regular(_STDIN if os.fspath(path) == "-" else path) for path in named}
+    if told in known:
+        instead = os.open(os.devnull, os.O_WRONLY) if _regular(_STDOUT) in known - {None} else _STDOUT
+        os.dup2(instead, _STDERR)
+
+
+def _regular(file: str | os.PathLike[str] | int) -> tuple[int, int] | None:
+    from nvscope.whole_files import identity_of
+
+    return identity_of(file)
 
 
 def _let_wait(name: str) -> None:

@@ -3,9 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import MappingProxyType
 
 from nvscope.tracker.figures import FIGURES, PLACES, Figure, Of
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
+
+COLUMNS = MappingProxyType(
+    {
+        "sent": "nSendCount", "no ack": "missing_acknowledgements", "last error": "sLastError", "dup": "duplicates",
+        "interval": "interval_p50", "median": "interval_p50", "defined": "interval_nominal",
+        **{
+            name: f"interval_{name}"
+            for name in ("nominal", "min", "p50", "p95", "p99", "max", "mean", "stddev", "count")
+        },
+    }
+)  # fmt: skip
+"""Columns of reports that have another title than the figure that stands in them."""
 
 _OF_WIDTH = max(len(of.value) for of in Of) + 2
 _UNITS = {"time": "a time", "ns": "a duration in ns", "percent": "percent", "": "a text"}
@@ -13,8 +26,8 @@ _UNITS = {"time": "a time", "ns": "a duration in ns", "percent": "percent", "": 
 
 
 def figure_called(name: str) -> Figure | None:
-    """Return the figure of a name in any case, or of a word of expressions such as ``list.lost``; None if none is."""
-    of, _, rest = name.rpartition(".")
+    """Return the figure of a name in lower case, of a column of reports or of a word such as ``list.lost``, or None."""
+    of, _, rest = COLUMNS.get(" ".join(name.split()), name).lower().rpartition(".")
     for figure in FIGURES:
         if figure.name.lower() == rest and (not of or of in {one.value for one in figure.of}):
             return figure

@@ -50,7 +50,7 @@ def overview(report: Report, *, details: bool = False, most: int | None = None) 
     ``details`` adds what is of the diagnosis structure of a list, and no count of what was found. Of more than ``most``
     lists, those are shown of which the worst was found, in the order of all.
     """
-    measures = [*_OVERVIEW[:-1], _ERRORS, *_OVERVIEW[-1:]] if details else _OVERVIEW
+    measures = [*OVERVIEW[:-1], ERRORS, *OVERVIEW[-1:]] if details else OVERVIEW
     names = node_names(report)
     lists: Sequence[Row] = report["lists"]
     left_worst = None
@@ -105,13 +105,13 @@ class _With(Mapping[str, Any]):
 
 def streams(entry: Row) -> tuple[list[Measure], list[Row]]:
     """Return columns and rows of the table of a list's streams: what was counted."""
-    return used(_STREAMS, entry["streams"]), entry["streams"]
+    return used(STREAMS, entry["streams"]), entry["streams"]
 
 
 def intervals(entry: Row) -> tuple[list[Measure], list[Row]]:
     """Return columns and rows of the table of a list's streams: how regularly they were sent."""
     rows: list[Row] = [stream for stream in entry["streams"] if _count(stream)]
-    return used(_INTERVALS, rows), rows
+    return used(INTERVALS, rows), rows
 
 
 def cells(measures: Sequence[Measure], row: Row) -> list[Cell]:
@@ -349,7 +349,7 @@ def _tone_of_median(stream: Row) -> Tone:
     return Tone.WARNING if _Timed.of(stream).departs else Tone.PLAIN
 
 
-_OVERVIEW = (
+OVERVIEW = (
     Measure(Column("status"), lambda row: status(severity_of(row["status"]))),
     Measure(Column("list", shortest=16, identifier=True), lambda row: _text(units.list_key(row["key"]), Tone.STRONG)),
     Measure(Column("name", importance=7, shortest=12, identifier=True), _name),
@@ -365,7 +365,7 @@ _OVERVIEW = (
     Measure(Column("last error", importance=3), _last_error),
 )
 
-_ERRORS = _figure("nErrorCount", Of.LIST, "nErrorCount", 5, Tone.ERROR)
+ERRORS = _figure("nErrorCount", Of.LIST, "nErrorCount", 5, Tone.ERROR)
 """What a controller counts as errors: not what is found, so that it is called as there."""
 
 _STREAM = (
@@ -373,7 +373,7 @@ _STREAM = (
     Measure(Column("sub", right=True), lambda row: Cell(str(row["subindex"]))),
 )
 
-_STREAMS = (
+STREAMS = (
     *_STREAM,
     _figure("telegrams", Of.STREAM, "telegrams"),
     Measure(Column("lost", right=True), _lost(Of.STREAM)),
@@ -386,7 +386,7 @@ _STREAMS = (
     Measure(Column("counter", importance=1), lambda row: _text(row["counter_scope"] or "?" * _is_on_udp(row))),
 )
 
-_INTERVALS = (
+INTERVALS = (
     *_STREAM,
     _figure("interval_nominal", Of.STREAM, "nominal", 8),
     _figure("interval_min", Of.STREAM, "min", 6),

@@ -14,7 +14,7 @@ from nvscope.engine.told import Told
 from nvscope.expression.expression import compile_expression
 from nvscope.expression.typed_columns import Column
 from nvscope.view.fields.field import TelegramField, blank
-from nvscope.view.fields.frame import CARRIER_FIELDS, FIELDS, expression_names
+from nvscope.view.fields.frame import CARRIER_FIELDS, FIELDS, expression_names, field_read
 from nvscope.view.fields.verdicts import Verdicts
 from nvscope.view.rows.frames import NETVAR, FrameRows
 
@@ -35,7 +35,7 @@ class DisplayFilter:
         self._fields = fields
         self._verdicts = verdicts
         self._expression = compile_expression(text, expression_names(fields))
-        named = [fields[name] for name in self._expression.fields]
+        named = [field_read(name, fields) for name in self._expression.fields]
         self.constant = all(field.constant for field in named)
         """It chooses all telegrams of a variety or none."""
         self.judged = [field.name for field in named if field.judged]
@@ -70,7 +70,7 @@ class DisplayFilter:
             return number in self._chosen
 
         def read(name: str) -> tuple[Column, Bool | None]:
-            field = self._fields[name]
+            field = field_read(name, self._fields)
             if name.startswith("finding."):
                 return field.column(FrameRows.nothing(1).looked_at_with(np.array([number]))), None
             return blank(field.type, 1), np.zeros(1, np.bool_)
@@ -79,7 +79,7 @@ class DisplayFilter:
 
     def _ask(self, rows: FrameRows) -> Bool:
         def read(name: str) -> tuple[Column, Bool | None]:
-            field = self._fields[name]
+            field = field_read(name, self._fields)
             return field.column(rows), field.exists(rows)
 
         return self._expression.mask(read)

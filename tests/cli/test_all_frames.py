@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import re
 import shutil
+import struct
 import subprocess
 from pathlib import Path
 
@@ -13,8 +15,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissectors.batch import LinkType
 from nvscope.expression.typed_columns import FieldType
 from nvscope.view.fields.other_frames import OTHER_FIELDS
+from tests.cli.test_widths import on_terminal
 from tests.laws import examples
 from tests.oracle.frame import ETHERNET, Frame
 from tests.oracle.pcap import write_pcap
@@ -104,6 +108,56 @@ def test_what_is_cut_says_so(tmp_path: Path) -> None:
 def test_without_being_asked_telegrams_only(capture: Path) -> None:
     (line,) = run_text("packets", capture).stdout.splitlines()
     assert "list 7 sub 0" in line
+
+
+@pytest.mark.parametrize("more", [(), ("--color", "always"), ("-t", "ad")])
+def test_ends_stand_in_columns_whatever_a_frame_is_of(capture: Path, more: tuple[str, ...]) -> None:
+    done = run_text("packets", "-q", capture, "--all-frames", *more)
+    plain = re.sub("\x1b\\[[0-9;]*m", "", done.stdout)
+    lines = plain.splitlines()
+    assert len({line.index(" → ") for line in lines}) == 1
+    behind = [re.split(r"(?<= → )(\S+ +)", line, maxsplit=1) for line in lines]
+    assert {"ARP", "list", "ICMP", "UDP"} <= {rest.split()[0] for _, _, rest in behind}
+    assert len({len(destination) for _, destination, _ in behind}) == 1
+
+
+def test_pieces_that_follow_keep_the_columns(tmp_path: Path) -> None:
+    """A piece of telegrams alone behind one of several kinds: pieces are of some thousand frames."""
+    known = {name: bytes(frame) for name, frame in kinds()}
+    frames = [known["arp request"], *[known["telegram"]] * 9000, known["echo v6"]]
+    write_pcap([Frame(START_S * 10**9, ETHERNET, data, len(data)) for data in frames], tmp_path / "a.pcap")
+    done = run_text("packets", "-q", tmp_path / "a.pcap", "--all-frames")
+    assert len({line.index(" → ") for line in done.stdout.splitlines()}) == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a terminal of POSIX")
+@pytest.mark.parametrize("columns", [60, 80, 100])
+def test_telegrams_lose_nothing_for_it_on_narrow_terminals(capture: Path, columns: int) -> None:
+    told = on_terminal(["packets", str(capture), "--all-frames"], columns).splitlines()
+    (alone,) = on_terminal(["packets", str(capture)], columns).splitlines()
+    assert [line.split() for line in told if " list 7" in line] == [alone.split()]
+    assert max(map(len, told)) <= columns
+
+
+@pytest.mark.parametrize(
+    ("link", "data", "told"),
+    [
+        (LinkType.NULL, struct.pack("<I", 16) + bytes(40), "AppleTalk address family 16, 44 bytes"),
+        (LinkType.NULL, struct.pack(">I", 23) + bytes(40), "IPX address family 23, 44 bytes"),
+        (LinkType.NULL, struct.pack("<I", 10) + bytes(40), "IPv6 of Linux address family 10, 44 bytes"),
+        (LinkType.NULL, struct.pack("<I", 99) + bytes(40), "NULL address family 99, 44 bytes"),
+        (LinkType.NULL, b"\7\0", "link cut short: 2 bytes"),
+        (LinkType.LOOP, struct.pack(">I", 7) + bytes(40), "OSI address family 7, 44 bytes"),
+        (LinkType.LOOP, struct.pack(">I", 0x10000) + bytes(4), "LOOP address family 65536, 8 bytes"),
+        (LinkType.RAW, b"\x50" + bytes(20), "RAW neither IPv4 nor IPv6: version 5, 21 bytes"),
+        (LinkType.RAW, b"", "link cut short: 0 bytes"),
+        (147, bytes(10), "link type 147 10 bytes, not read here"),
+    ],
+)
+def test_what_is_not_ip_is_named(link: int, data: bytes, told: str, tmp_path: Path) -> None:
+    write_pcap([Frame(START_S * 10**9, link, data, len(data))], tmp_path / "a.pcap")
+    done = run_text("packets", tmp_path / "a.pcap", "--all-frames")
+    assert done.stdout.split("→ ?")[1].split() == told.split()
 
 
 @needs_tshark

@@ -52,7 +52,7 @@ def test_fields_are_those_of_tshark(tmp_path: Path, link: LinkType) -> None:
         if err == "1":
             assert their[3] == "1"  # whose identifier and data tshark shows as what they mean
             continue
-        assert (int(identifier, 16), xtd, data) == (int(their[0]), their[1], their[7])
+        assert (identifier, xtd, data) == (their[0], their[1], their[7])
         assert (brs, esi) == (their[5], their[6]) if fd == "1" else (rtr, err) == (their[2], their[3])
 
 
@@ -74,4 +74,4 @@ def test_fields_are_those_of_python_can(tmp_path: Path) -> None:
         flags = [bool(int(flag)) for flag in (xtd, rtr, err, fd)]
         if flags[2]:
             continue  # of these, python-can knows those of one class only
-        assert (int(identifier, 16), *flags, int(length)) == (their[2], *their[3:6], their[7], their[6])
+        assert (int(identifier), *flags, int(length)) == (their[2], *their[3:6], their[7], their[6])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import shutil
 from pathlib import Path
@@ -203,3 +204,11 @@ def test_what_explain_tells_is_there_for_programs_too() -> None:
     assert finding in whole["findings"]
     assert len(whole["findings"]) > 40
     assert run_text("explain", "nothing", "--json").returncode == 2
+
+
+@pytest.mark.parametrize("columns", [50, 60, 80, 100])
+@pytest.mark.parametrize("verb", ["report", "packets", "vars", "export", "gvl lint", "keys", "simulate", "schema"])
+def test_no_line_of_help_ends_within_an_option(verb: str, columns: int) -> None:
+    done = run_text(*verb.split(), "--help", environment={"COLUMNS": str(columns), "TERMINAL_WIDTH": str(columns)})
+    assert not re.search(r"(?:^|[\s(])--?[a-z-]*-$", done.stdout, re.MULTILINE)
+    assert done.stdout.isascii()

@@ -82,10 +82,10 @@ def written(inquiry: Inquiry, face: Text | JsonLines, expression: str | None = N
 def test_lines(inquiry: Inquiry) -> None:
     assert written(inquiry, Text(protocols=inquiry.protocols)).splitlines() == [
         "1  0.000000  10.0.0.1 → 10.0.0.255:1202  list 7 sub 0  data  1 item   22 B  #1",
-        "2  0.001000  10.0.0.2 → 10.0.0.255  beacon  alive #1, 1500 rpm",
-        "4  0.003000  10.0.0.2 → 10.0.0.255  beacon  leaving #2, 0 rpm",
+        "2  0.001000  10.0.0.2 → 10.0.0.255       beacon  alive #1, 1500 rpm",
+        "4  0.003000  10.0.0.2 → 10.0.0.255       beacon  leaving #2, 0 rpm",
         "5  0.004000  10.0.0.1 → 10.0.0.255:1202  list 7 sub 0  data  1 item   22 B  #2",
-        "6  0.005000  10.0.0.2 → 10.0.0.255  beacon  kind 7 #4, 1500 rpm",
+        "6  0.005000  10.0.0.2 → 10.0.0.255       beacon  kind 7 #4, 1500 rpm",
     ]
 
 

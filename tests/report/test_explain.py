@@ -2,14 +2,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from nvscope.errors import ExitCode, UsageError
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.report import explain
+from nvscope.report.tables import ERRORS, INTERVALS, OVERVIEW, STREAMS
 from nvscope.tracker.figures import FIGURES, PLACES, Figure, Of
 from nvscope.view.lines.text_width import display_width
+
+NAMING = {"status", "list", "name", "sender", "reader", "node", "sub", "items", "length", "checksum", "counter"}
+"""Columns that tell what something is, and no figure of it."""
+
+
+def titles() -> list[str]:
+    return list(dict.fromkeys(one.column.title for one in (*OVERVIEW, ERRORS, *STREAMS, *INTERVALS)))
 
 
 @pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "lost", "jitter"])
@@ -57,6 +66,23 @@ def test_a_figure_may_be_written_as_in_expressions(word: str) -> None:
 def test_a_word_that_expressions_do_not_have_is_no_figure(word: str) -> None:
     with pytest.raises(UsageError):
         explain.render(word)
+
+
+@pytest.mark.parametrize("title", [title for title in titles() if title not in NAMING])
+def test_columns_of_reports_are_known_by_their_titles(title: str) -> None:
+    assert "  figure, " in explain.render(title)
+
+
+@pytest.mark.parametrize(("title", "figure"), [("sent", "nSendCount"), ("No  Ack", "missing_acknowledgements")])
+def test_they_tell_the_figure_that_stands_in_them(title: str, figure: str) -> None:
+    assert explain.render(title).startswith(f"{figure}  figure, ")
+
+
+def test_readme_tells_of_the_columns_of_lists() -> None:
+    section = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8").partition("## Read a report")[2]
+    rows = re.findall(r"^\| ([^|]+) \| .* \|$", section.partition("## ")[0], re.MULTILINE)
+    told = {title for row in rows[1:] for title in row.split(", ")}
+    assert {measure.column.title for measure in (*OVERVIEW, ERRORS)} == told
 
 
 def test_a_name_of_both_tells_finding_and_figure() -> None:

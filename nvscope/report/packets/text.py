@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS
 from nvscope.report.ansi import paint
-from nvscope.view.lines.fit import cut
 from nvscope.view.lines.hexdump import dump
+from nvscope.view.lines.mixed_lines import MixedLines
 from nvscope.view.lines.moments import Moment
 from nvscope.view.lines.netvar_line import LineWriter
 from nvscope.view.lines.shown import Spans, Wording
-from nvscope.view.lines.table import Cell, Line, Tone
+from nvscope.view.lines.table import Line, Tone
 from nvscope.view.lines.tree import Trees
 from nvscope.view.rows.frames import FrameRows
 
@@ -50,11 +50,11 @@ class Text:
         self._trees = trees
         self._dumps = dumps
         self._width = width
-        self._number_width = 0
         self._colour = colour
         self._wording = Wording(names, layouts, pdos, canopen)
         self._make_trees = {protocol.name: protocol.tree() for protocol in protocols}
         self._lines = {protocol.name: protocol.lines()(moment, width, self._wording) for protocol in protocols}
+        self._mixed = MixedLines(self._lines, width)
 
     def begin(self) -> str:
         return ""
@@ -64,7 +64,7 @@ class Text:
         if self._trees or self._dumps:
             yield from self._one_by_one(rows)
             return
-        writer = self._lines[rows.protocols[0]] if len(rows.protocols) == 1 else None
+        writer = self._lines[rows.protocols[0]] if len(rows.protocols) == 1 and not self._mixed.mixed else None
         if isinstance(writer, LineWriter) and not self._colour:
             yield "\n".join(writer.texts(rows)) + "\n"
         else:
@@ -74,17 +74,8 @@ class Text:
         return ""
 
     def _lines_of(self, rows: FrameRows) -> Iterator[Line]:
-        """Yield the lines of the frames of each protocol in turn, as they were captured."""
-        made = {name: self._lines[name].lines(own) for name, _, own in rows.by_protocol()}
-        if len(made) == 1:
-            yield from next(iter(made.values()))
-            return
-        # Each line begins with the frame's number, which is as wide in all of them.
-        self._number_width = max(self._number_width, len(str(int(rows.frame_number.max(initial=0)))))
-        for row in range(len(rows)):
-            number, *others = next(made[rows.name_of(row)])
-            line = [Cell(f"{number.text.lstrip(' '):>{self._number_width}}", number.tone), *others]
-            yield line if self._width is None else cut(line, self._width)
+        """Return the lines of the frames, as they were captured."""
+        return self._mixed.lines(rows)
 
     def _one_by_one(self, rows: FrameRows) -> Iterator[str]:
         trees = Trees(rows, self._make_trees, self._wording, self._width, dumps=not self._dumps)

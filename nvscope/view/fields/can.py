@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from nvscope.expression.typed_columns import BytesColumn, FieldType, Numbers, Te
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import CAN, FrameRows
 
+_OF_ANY = frozenset({"can.direction", "can.fault"})
 _FAULTS = tuple("" if fault is Fault.NONE else fault.name.lower().replace("_", "-") for fault in Fault)
 
 
@@ -28,6 +30,20 @@ def _channel(rows: FrameRows) -> TextColumn:
         code[found.positions(len(rows))] = own
         texts = tuple(rows.channel(one) for one in number.tolist())
     return TextColumn(code, texts)
+
+
+def _where_told(field: TelegramField) -> Callable[[CanBatch], Bool | None]:
+    """Return where a field exists: of a frame that was cut off within its header nothing is known."""
+    known, of_its_state = field.known, field.name in _OF_ANY
+
+    def told(frames: CanBatch) -> Bool | None:
+        own = known(frames)
+        whole: Bool = frames.fault != Fault.SHORT
+        if not of_its_state and own is not None:
+            whole &= own
+        return own if of_its_state else whole
+
+    return told
 
 
 def _data(frames: CanBatch) -> BytesColumn:
@@ -95,11 +111,11 @@ CAN_FIELDS = (
         "can.channel", _TEXT, "Channel", "name of the channel, such as can0", _channel, lambda rows: rows.have(CAN)
     ),
     *(
-        replace(field, of=CAN)
+        replace(field, of=CAN, known=_where_told(field))
         for field in (
             TelegramField(
                 "can.id", _UNSIGNED, "Identifier", "of 11 or 29 bits; an error frame has none",
-                lambda frames: frames.identifier, lambda frames: ~frames.error, hex_digits=3,
+                lambda frames: frames.identifier, lambda frames: ~frames.error,
             ),
             TelegramField(
                 "can.flags.xtd", _BOOL, "Extended", "identifier of 29 bits", lambda frames: frames.extended

@@ -1,11 +1,11 @@
-"""The fields of Ethernet headers: who sent a frame to whom, by hardware address, and on which VLAN."""
+"""The fields of Ethernet headers: who sent a frame to whom, by hardware address."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from dissectors.batch import I64, Bool, LinkType
-from dissectors.headers import ETHERNET, VLAN, VLAN_TYPES
+from dissectors.headers import ETHERNET
 from dissectors.layout import gather_bytes
 from nvscope.expression.typed_columns import BytesColumn, FieldType, Numbers
 from nvscope.view.fields.field import TelegramField
@@ -14,12 +14,11 @@ from nvscope.view.rows.frames import FrameRows
 _ADDRESS_BYTES = 6
 _TYPE_AT = ETHERNET.size_bytes - 2
 _LEAST_TYPE = 0x600  # below it is a length (IEEE 802.3)
-_VLAN_ID = 0x0FFF
 
 
-def _on_ethernet(rows: FrameRows, size_bytes: int = ETHERNET.size_bytes) -> Bool:
+def _on_ethernet(rows: FrameRows) -> Bool:
     packets = rows.packets
-    told: Bool = (packets.link[rows.row] == LinkType.ETHERNET) & (packets.captured[rows.row] >= size_bytes)
+    told: Bool = (packets.link[rows.row] == LinkType.ETHERNET) & (packets.captured[rows.row] >= ETHERNET.size_bytes)
     return told
 
 
@@ -46,20 +45,6 @@ def _has_type(rows: FrameRows) -> Bool:
     return told
 
 
-def _tagged(rows: FrameRows) -> Bool:
-    told = _on_ethernet(rows, ETHERNET.size_bytes + VLAN.size_bytes)
-    own = np.flatnonzero(told)
-    told[own] = np.isin(_words(rows, own, _TYPE_AT), VLAN_TYPES)
-    return told
-
-
-def _vlan(rows: FrameRows) -> Numbers:
-    numbers = np.zeros(len(rows), np.int64)
-    own = np.flatnonzero(_tagged(rows))
-    numbers[own] = _words(rows, own, ETHERNET.size_bytes) & _VLAN_ID
-    return numbers
-
-
 ETHERNET_FIELDS = (
     TelegramField(
         "eth.src", FieldType.BYTES, "Source hardware address", "of who sent the frame on this network",
@@ -72,9 +57,6 @@ ETHERNET_FIELDS = (
     TelegramField(
         "eth.type", FieldType.UNSIGNED, "EtherType", "of what is inside, 0x8100 of a VLAN tag", _type, _has_type,
         hex_digits=4,
-    ),
-    TelegramField(
-        "vlan.id", FieldType.UNSIGNED, "VLAN", "number in the outermost tag", _vlan, _tagged,
     ),
 )  # fmt: skip
 """Of the frame as it was captured; what a switch took off or put on is not seen."""

@@ -30,6 +30,8 @@ class TelegramField:
     whole capture was read. ``values`` are names of its numbers, ``texts`` the only ones it holds, empty where it
     may hold any. ``separator`` stands between bytes. ``refused`` says why the name can be neither filtered
     by nor written out, ``instead`` which can. ``beyond`` counts in rows the values that the column cannot hold.
+    ``further``: a frame may have the field several times; these are the second, the third and so on, each of which
+    exists only where the one before it does.
     """
 
     name: str
@@ -50,6 +52,7 @@ class TelegramField:
     refused: str = ""
     instead: str = ""
     beyond: Callable[[FrameRows], int] | None = None
+    further: tuple[TelegramField, ...] = ()
 
     @property
     def in_nanoseconds(self) -> bool:

@@ -29,6 +29,7 @@ from nvscope.view.fields.ethernet import ETHERNET_FIELDS
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.netvar import NETVAR_FIELDS
 from nvscope.view.fields.other_frames import DEFAULT_OTHER, OTHER_FIELDS
+from nvscope.view.fields.vlan import VLAN_FIELDS
 from nvscope.view.rows.frames import IP, TCP, UDP, FrameRows
 
 
@@ -128,6 +129,7 @@ CARRIER_FIELDS = (
         lambda rows: rows.packets.captured[rows.row],
     ),
     *ETHERNET_FIELDS,
+    *VLAN_FIELDS,
     *_IP_FIELDS,
     *_UDP_FIELDS,
     _tcp_port("srcport", "source_port"),
@@ -178,13 +180,16 @@ EITHER_OF = MappingProxyType(
 
 PROTOCOL_TESTS = MappingProxyType(
     {
-        "frame": "frame.number", "eth": "eth.dst", "vlan": "vlan.id", "ip": "ip.version == 4",
-        "ipv6": "ip.version == 6", "udp": "udp.dstport", "tcp": "tcp.dstport", "nv": "nv.id", "can": "can.len",
-        "canfd": "can.fd", "canopen": "canopen.function",
+        "frame": "frame.number", "eth": "eth.dst", "vlan": "vlan.id", "ieee8021ad": "ieee8021ad.id",
+        "ip": "ip.version == 4", "ipv6": "ip.version == 6", "udp": "udp.dstport", "tcp": "tcp.dstport", "nv": "nv.id",
+        "can": "can.channel", "canfd": "can.fd", "canopen": "canopen.function",
     }
 )  # fmt: skip
 """Names of protocols, each with the expression that chooses the telegrams that have it; as in Wireshark, ``ip`` is
 version 4 alone."""
+
+
+_FURTHER = "\0"
 
 
 class _Names(Words[Named]):
@@ -210,6 +215,7 @@ class _Names(Words[Named]):
         field = self._fields[name]
         return Named(
             field.type,
+            _every(field) if field.further else (),
             values=field.values,
             texts=field.texts,
             refused=field.refused,
@@ -219,6 +225,17 @@ class _Names(Words[Named]):
     def __iter__(self) -> Iterator[str]:
         yield from self._further
         yield from (name for name in self._fields if name not in self._further)
+
+
+def _every(field: TelegramField) -> tuple[str, ...]:
+    """Return what expressions read of a field that a frame may have several times: what nobody can write, but one."""
+    return (field.name, *(f"{field.name}{_FURTHER}{place}" for place in range(len(field.further))))
+
+
+def field_read(name: str, fields: Mapping[str, TelegramField]) -> TelegramField:
+    """Return the field that an expression reads under a name, be it a further one of those a frame has."""
+    name, further, place = name.partition(_FURTHER)
+    return fields[name].further[int(place)] if further else fields[name]
 
 
 def expression_names(fields: Mapping[str, TelegramField]) -> Words[Named]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dissectors.can.frame import MAX_DATA_BYTES
+from dissectors.can.frame import MAX_DATA_BYTES, Fault
 from nvscope.view.escape import visible
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments
-from nvscope.view.lines.can_words import Meanings, flags_of, identifier_text
+from nvscope.view.lines.can_words import UNTOLD, Meanings, flags_of, identifier_texts
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
 from nvscope.view.lines.shown import NO_WORDING, Wording
@@ -29,6 +29,8 @@ class CanLineWriter:
     ``wording`` names the lists, and what is CANopen's.
     """
 
+    ends = False
+
     def __init__(self, moment: Moment = "r", width: int | None = None, wording: Wording = NO_WORDING) -> None:
         self._moment: Moment = moment
         self._width = width
@@ -44,13 +46,11 @@ class CanLineWriter:
             cells.texts(FIELDS["frame.number"], rows),
             moments.told(rows, self._moment, _TIME_DIGITS),
             [names[number] for number in frames.channel.tolist()],
+            identifier_texts(frames),
             [
-                identifier_text(identifier, extended)
-                for identifier, extended in zip(
-                    frames.identifier.tolist(), (frames.extended | frames.error).tolist(), strict=True
-                )
+                f"[{UNTOLD if fault == Fault.SHORT else length}]"
+                for length, fault in zip(frames.length.tolist(), frames.fault.tolist(), strict=True)
             ],
-            [f"[{length}]" for length in frames.length.tolist()],
         ]
         self._widths = [
             max(width, max(map(len, column), default=0)) for width, column in zip(self._widths, columns, strict=True)

@@ -13,7 +13,7 @@ from nvscope import units
 from nvscope.findings.can import DLC_MISMATCH
 from nvscope.list_key import ListKey
 from nvscope.view.escape import visible
-from nvscope.view.lines.can_words import Meanings, flags_of, identifier_text
+from nvscope.view.lines.can_words import Meanings, flags_of, identifier_texts
 from nvscope.view.lines.layers import Layer, link_layers
 from nvscope.view.lines.shown import Spans, Wording
 from nvscope.view.lines.table import Cell, Tone
@@ -59,7 +59,7 @@ class CanTree:
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
         at = self._frame_at(place)
         frame = self._frames.take(slice(place, place + 1))
-        identifier = identifier_text(int(frame.identifier[0]), bool(frame.extended[0] or frame.error[0]))
+        (identifier,) = identifier_texts(frame)
         name = self._channel(int(frame.channel[0]))
         channel = visible(name)
         kind = f", {flags}" if (flags := flags_of(frame, 0)) else ""

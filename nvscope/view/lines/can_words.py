@@ -24,6 +24,10 @@ FAULT_WORDS = {
 }
 
 
+UNTOLD = "?"
+"""In place of what is not known of a frame that was cut off within its header."""
+
+
 @dataclass(frozen=True, slots=True)
 class Meaning:
     """What a frame is, and how it stands in a line."""
@@ -32,9 +36,13 @@ class Meaning:
     tone: Tone = Tone.PLAIN
 
 
-def identifier_text(identifier: int, extended: bool) -> str:
-    """Return an identifier in hexadecimal digits, as candump writes it: 3, or 8 of an extended one."""
-    return f"{identifier:08X}" if extended else f"{identifier:03X}"
+def identifier_texts(frames: CanBatch) -> list[str]:
+    """Return identifiers in hexadecimal digits, as candump writes them: 3, or 8 of extended ones; ? where unknown."""
+    columns = frames.identifier, frames.extended | frames.error, frames.fault == Fault.SHORT
+    return [
+        UNTOLD if short else f"{identifier:08X}" if extended else f"{identifier:03X}"
+        for identifier, extended, short in zip(*(column.tolist() for column in columns), strict=True)
+    ]
 
 
 def flags_of(frames: CanBatch, row: int) -> str:

@@ -25,9 +25,23 @@ def texts(
     """Return a field as Wireshark writes it; empty where it does not exist.
 
     Numbers decimal or with 0x, times in seconds, bytes as hexadecimal digits, bits as 0 and 1; of real numbers that are
-    no numbers, NaN, inf and -inf. ``shown`` makes what a text may hold safe for where it is written. ``raw``: numbers
-    are those of JSON, decimal (programs take one with 0x for a text), and times but dates in nanoseconds.
+    no numbers, NaN, inf and -inf; of a field that a frame has several times all of them, with commas in between.
+    ``shown`` makes what a text may hold safe for where it is written. ``raw``: numbers are those of JSON, decimal
+    (programs take one with 0x for a text), times but dates in nanoseconds, and the first one only.
     """
+    cells = _own_texts(field, rows, shown, raw=raw)
+    if not raw:
+        for one in field.further:
+            further = one.exists(rows)
+            if further is not None and not further.any():
+                break
+            cells = [
+                f"{cell},{more}" if more else cell for cell, more in zip(cells, texts(one, rows, shown), strict=True)
+            ]
+    return cells
+
+
+def _own_texts(field: TelegramField, rows: FrameRows, shown: Callable[[str], str], *, raw: bool) -> list[str]:
     column = field.column(rows)
     if isinstance(column, AddressColumn):
         cells = addresses(column)
@@ -46,7 +60,7 @@ def json_texts(field: TelegramField, rows: FrameRows) -> list[str]:
 
     Numbers and bits are what they are in JSON, null where they are not finite. Absolute times are strings of
     nanoseconds, since JavaScript cannot hold them as numbers, or of the date; durations are numbers of nanoseconds.
-    Bytes are strings of hexadecimal digits.
+    Bytes are strings of hexadecimal digits. Of a field that a frame has several times, it is the first one.
     """
     column = field.column(rows)
     if isinstance(column, AddressColumn):

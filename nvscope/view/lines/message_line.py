@@ -24,6 +24,8 @@ class MessageLines:
     ``tell`` is given the part of the protocol and returns a text for each message; it need not be safe to print.
     """
 
+    ends = True
+
     def __init__(
         self, name: str, tell: Callable[[Any], Sequence[str]], moment: Moment = "r", width: int | None = None,
         wording: Wording = NO_WORDING,
@@ -53,7 +55,9 @@ class MessageLines:
         for number, time, source, destination, text in zip(*columns, told, strict=True):
             line = [
                 Cell(f"{number:>{number_width}}", Tone.FAINT),
-                Cell(f"{_GAP}{time:>{time_width}}{_GAP}{source:<{ends[0]}} → {destination:<{ends[1]}}"),
+                Cell(f"{_GAP}{time:>{time_width}}"),
+                Cell(f"{_GAP}{source:<{ends[0]}}"),
+                Cell(f" → {destination:<{ends[1]}}"),
                 Cell(f"{_GAP}{self._name}", Tone.STRONG),
                 Cell(f"{_GAP}{visible(text)}"),
             ]

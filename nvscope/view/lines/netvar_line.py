@@ -122,6 +122,8 @@ class LineWriter:
     ``wording`` has names for are called by these.
     """
 
+    ends = True
+
     def __init__(self, moment: Moment = "r", width: int | None = None, wording: Wording = NO_WORDING) -> None:
         self._moment: Moment = moment
         self._names = {node: visible(name) for node, name in wording.names.items()}

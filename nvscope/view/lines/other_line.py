@@ -25,6 +25,8 @@ class OtherLines:
     Addresses are those of IP, without one those of the hardware.
     """
 
+    ends = True
+
     def __init__(self, moment: Moment = "r", width: int | None = None, wording: Wording = NO_WORDING) -> None:
         self._moment: Moment = moment
         self._width = width
@@ -48,7 +50,9 @@ class OtherLines:
         for number, time, source, destination, protocol, words in zip(*columns, told, strict=True):
             line = [
                 Cell(f"{number:>{number_width}}", Tone.FAINT),
-                Cell(f"{_GAP}{time:>{time_width}}{_GAP}{source:<{ends[0]}} → {destination:<{ends[1]}}"),
+                Cell(f"{_GAP}{time:>{time_width}}"),
+                Cell(f"{_GAP}{source:<{ends[0]}}"),
+                Cell(f" → {destination:<{ends[1]}}"),
                 Cell(f"{_GAP}{protocol:<{protocol_width}}", Tone.STRONG),
                 Cell(f"{_GAP}{words.info}", words.tone),
             ]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from dissectors import address
 from dissectors.arp import OPERATIONS, REPLY, REQUEST
 from dissectors.batch import LinkType
-from dissectors.headers import TCP, UDP
+from dissectors.headers import NULL, TCP, UDP
 from dissectors.icmp import IP_PROTOCOLS, IcmpBatch, Quoted, describe, quoted_in
 from dissectors.other_frames import LEAST_TYPE, FrameKind, OtherBatch
 from dissectors.transport import SegmentBatch
@@ -20,7 +20,12 @@ from nvscope.view.rows.frames import ICMP, ICMPV6, OTHER, FrameRows
 from nvscope.view.rows.frames import TCP as OVER_TCP
 
 ETHERTYPES = {
+    0x0842: "Wake-on-LAN",
     0x8035: "RARP",
+    0x809B: "AppleTalk",
+    0x80F3: "AppleTalk ARP",
+    0x8137: "IPX",
+    0x8809: "LACP",
     0x8847: "MPLS",
     0x8863: "PPPoE",
     0x8864: "PPPoE",
@@ -41,6 +46,14 @@ ETHERTYPES = {
 }
 """EtherTypes that have a name here (IEEE registration authority)."""
 
+FAMILIES = {7: "OSI", 10: "IPv6 of Linux", 16: "AppleTalk", 23: "IPX"}
+"""Address families of BSD's loopback that have a name here (LINKTYPE_NULL), and what Linux calls IPv6."""
+
+COOKED = {1: "IEEE 802.3", 4: "IEEE 802.2"}
+"""What cooked frames say in place of an EtherType (LINKTYPE_LINUX_SLL)."""
+
+_WITH_FAMILY = frozenset({LinkType.NULL, LinkType.LOOP})
+_MOST_FAMILY = 0xFFFF
 _BROKEN = "header cut short, or contradicts itself"
 _NOBODY = "0.0.0.0"
 
@@ -61,13 +74,13 @@ def words_of(rows: FrameRows) -> list[Words]:
     arp, icmp = _arp(rows), {FrameKind.ICMP: _icmp(rows, ICMP), FrameKind.ICMPV6: _icmp(rows, ICMPV6)}
     columns = (
         links, frames.kind.tolist(), frames.ethertype.tolist(), frames.version.tolist(), frames.protocol.tolist(),
-        (frames.end - frames.at).tolist(), frames.fault.tolist(),
+        (frames.end - frames.at).tolist(), frames.fault.tolist(), frames.at.tolist(),
     )  # fmt: skip
     told = []
-    for row, (link, number, ethertype, version, protocol, size, fault) in enumerate(zip(*columns, strict=True)):
+    for row, (link, number, ethertype, version, protocol, size, fault, at) in enumerate(zip(*columns, strict=True)):
         kind = FrameKind(number)
         if kind is FrameKind.LINK:
-            told.append(_of_link(link, size, fault=fault))
+            told.append(_of_link(link, size, rows.packets.data[at : at + NULL.size_bytes].tobytes(), fault=fault))
         elif kind is FrameKind.TYPE:
             told.append(_of_type(link, ethertype, size, fault=fault))
         elif kind is FrameKind.ARP:
@@ -126,11 +139,23 @@ def _tone(*, fault: bool) -> Tone:
     return Tone.WARNING if fault else Tone.PLAIN
 
 
-def _of_link(link: int, size: int, *, fault: bool) -> Words:
+def _of_link(link: int, size: int, head: bytes, *, fault: bool) -> Words:
     known = LinkType(link).name if link in set(LinkType) else ""
-    if fault:
-        return Words("link", f"cut short: {count_of(size, 'byte')}", Tone.WARNING)
-    return Words(f"link type {link}", f"{f'{known}, ' if known else ''}{count_of(size, 'byte')}, not read here")
+    counted = count_of(size, "byte")
+    if fault or (link in _WITH_FAMILY and size < NULL.size_bytes) or (link == LinkType.RAW and not size):
+        return Words("link", f"cut short: {counted}", Tone.WARNING)
+    if link in _WITH_FAMILY:
+        family = _family(link, head)
+        return Words(FAMILIES.get(family, known), f"address family {family}, {counted}")
+    if link == LinkType.RAW:
+        return Words(known, f"neither IPv4 nor IPv6: version {head[0] >> 4}, {counted}")
+    return Words(f"link type {link}", f"{f'{known}, ' if known else ''}{counted}, not read here")
+
+
+def _family(link: int, head: bytes) -> int:
+    """Return the address family: LOOP has it in network byte order, NULL in that of the capturing host."""
+    little = int.from_bytes(head, "little")
+    return little if link == LinkType.NULL and little <= _MOST_FAMILY else int.from_bytes(head, "big")
 
 
 def _of_type(link: int, ethertype: int, size: int, *, fault: bool) -> Words:
@@ -141,7 +166,7 @@ def _of_type(link: int, ethertype: int, size: int, *, fault: bool) -> Words:
         return Words(name or "EtherType", f"{'EtherType ' if name else ''}0x{ethertype:04x}, {count_of(size, 'byte')}")
     if link == LinkType.ETHERNET:
         return Words("IEEE 802.3", count_of(size, "byte"))
-    return Words("link", f"protocol 0x{ethertype:04x}, {count_of(size, 'byte')}")
+    return Words(COOKED.get(ethertype, "link"), f"protocol 0x{ethertype:04x}, {count_of(size, 'byte')}")
 
 
 def _udp(rows: FrameRows) -> dict[int, str]:

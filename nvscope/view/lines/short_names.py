@@ -5,13 +5,20 @@ Takes visible text; widths are columns of a terminal.
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain, count
 
-from nvscope.view.lines.text_width import beside_escape, display_width, head, shorten, tail
+from nvscope.view.lines.text_width import beside_escape, display_width, head, tail
 
 _ELLIPSIS = "…"
+_DIGITS = "0123456789"
+_HEXADECIMAL = re.compile(
+    r"0x[0-9a-f]+|16#[0-9a-f]+|(?<![0-9a-z])(?:[0-9]+[a-f]|[a-f]+[0-9])[0-9a-f]*(?![0-9a-z])", re.IGNORECASE
+)
+"""Numbers with letters in them, which stand alone or say what they are."""
+
 _LEAST_GAIN = 2
 """So many characters a common part must have: the ellipsis takes the place of one."""
 
@@ -93,10 +100,15 @@ def _alike(names: Sequence[str]) -> int:
 
 
 def _is_border(name: str, at: int, *, whole_words: bool) -> bool:
-    """Tell whether a word or a number begins or ends there; ``whole_words`` have the number behind them."""
+    """Tell whether a word or a number begins or ends there; ``whole_words`` have the number behind them.
+
+    No number ends inside: 0x18FE, a group 1a2b of an IPv6 or hardware address, and 12 are each one.
+    """
     if at in (0, len(name)):
         return True
     if beside_escape(name, at) != at:
+        return False
+    if any(begin < at < end for begin, end in map(re.Match.span, _HEXADECIMAL.finditer(name))):
         return False
     last, following = name[at - 1], name[at]
     if following.isdigit():
@@ -104,6 +116,19 @@ def _is_border(name: str, at: int, *, whole_words: bool) -> bool:
     if last.isalpha() and following.isalpha():
         return last.islower() and following.isupper()
     return not unicodedata.category(following).startswith("M")
+
+
+def _ends(text: str, width: int) -> str:
+    """Return both ends of a text; of a number all or nothing, unless nothing else were: axis12 is not axis1."""
+    if display_width(text) <= width:
+        return text
+    first = head(text, width // 2)
+    if text[len(first)].isdecimal():
+        first = first.rstrip(_DIGITS) or first
+    last = tail(text, width - 1 - display_width(first))
+    if text[-len(last) - 1].isdecimal():
+        last = last.lstrip(_DIGITS) or last
+    return f"{first}{_ELLIPSIS}{last}"
 
 
 def _mostly_end(text: str, width: int) -> str:
@@ -120,7 +145,7 @@ def _mostly_start(text: str, width: int) -> str:
     return f"{head(text, width - 1 - last)}{_ELLIPSIS}{tail(text, last)}"
 
 
-_CUTS: tuple[Callable[[str, int], str], ...] = (shorten, _mostly_end, _mostly_start)
+_CUTS: tuple[Callable[[str, int], str], ...] = (_ends, _mostly_end, _mostly_start)
 
 
 def _numbered(shown: Mapping[str, str], width: int) -> dict[str, str]:

@@ -43,7 +43,16 @@ class Spans(NamedTuple):
 
 
 class LineMaker(Protocol):
-    """Makes the lines of pieces that follow each other; columns never get narrower, so that lines stay aligned."""
+    """Makes the lines of pieces that follow each other; columns never get narrower, so that lines stay aligned.
+
+    A line begins with cells of the frame's number and of its time; with ``ends``, of its source and of " → " and its
+    destination too.
+    """
+
+    @property
+    def ends(self) -> bool:
+        """Whether lines tell from where to where frames went."""
+        ...
 
     def lines(self, rows: FrameRows) -> Iterator[Line]:
         """Yield the lines of rows that are all of the protocol."""
