@@ -165,6 +165,7 @@ def _finding(kind: FindingKind, entry: ListSummary, stream: StreamSummary, event
     return Finding(
         kind, message, events.count, events.first_ns, events.last_ns, events.frames,
         entry.number, stream.node, stream.subindex,
+        extent=stream.figures["lost"] if kind in (TELEGRAM_GAP, COUNTER_ERRATIC) else None,
     )  # fmt: skip
 
 

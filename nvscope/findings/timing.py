@@ -13,7 +13,7 @@ from nvscope.units import count, count_of, duration, percent
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import AnyList, Facts
-    from nvscope.findings.unusual_intervals import AnyStream, Choice
+    from nvscope.findings.unusual_intervals import AnyStream, Beyond
 
 LATE = FindingKind(
     "NV501",
@@ -132,9 +132,12 @@ def _late(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     longest_ns = (stream.intervals.nominal or 0) * facts.limits.late_percent // 100
     if stream.intervals.maximum is not None and stream.intervals.maximum <= longest_ns:
         return
+    found = facts.intervals.beyond(stream, lambda low, _: low > longest_ns, lossless=True)
+    if found is None:
+        return
     message = (
         f"longer than {duration(longest_ns)} without a loss; {_nominal(facts, entry, stream)}, "
-        f"the longest was {duration(stream.intervals.maximum or 0)}."
+        f"the longest was {duration(found.longest_ns)}."
     )
     median_ns, hint = stream.intervals.p50 or 0, ""
     # Where many telegrams are missing, nobody knows how often the sender sends.
@@ -142,7 +145,7 @@ def _late(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     if median_ns > longest_ns and seldom_lost and _told(facts, entry, stream):
         message += f" {_other_setting(median_ns)}"
         hint = _COMPARE_INTERVAL
-    yield from _beyond(facts, entry, stream, LATE, message, lambda low, _: low > longest_ns, hint)
+    yield _beyond(entry, stream, LATE, found, message, found.longest_ns, hint)
 
 
 def _burst(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
@@ -162,13 +165,15 @@ def _burst(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]
         # What is sent on change too may well be sent more often.
         if defined and not defined.on_change and not defined.on_event and _told(facts, entry, stream):
             why = _other_setting(median_ns)
-    message = f"shorter than {limit} the shortest was {duration(max(stream.intervals.minimum or 0, 0))}."
+    found = facts.intervals.beyond(stream, lambda low, high: (low >= 0) & (high < shortest_ns))
+    if found is None:
+        return
+    message = f"shorter than {limit} the shortest was {duration(found.shortest_ns)}."
     hint = ""
     if why and 0 < median_ns < shortest_ns:
         message += f" {why}"
         hint = _COMPARE_INTERVAL
-    choose = lambda low, high: (low >= 0) & (high < shortest_ns)  # noqa: E731
-    yield from _beyond(facts, entry, stream, BURST, message, choose, hint)
+    yield _beyond(entry, stream, BURST, found, message, found.shortest_ns, hint)
 
 
 _MOST_LOST = 10
@@ -196,16 +201,14 @@ def _nominal(facts: Facts, entry: AnyList, stream: AnyStream) -> str:
 
 
 def _beyond(
-    facts: Facts, entry: AnyList, stream: AnyStream, kind: FindingKind, message: str, chosen: Choice, hint: str
-) -> Iterator[Finding]:
-    """Yield a finding about the intervals that are chosen; where they are late, without those that have a loss."""
-    found = facts.intervals.beyond(stream, chosen, lossless=kind is LATE)
-    if found is None:
-        return
-    events, at_least = found
-    yield Finding(
-        kind, f"{'At least ' if at_least else ''}{count_of(events.count, 'interval')} {message}", events.count,
+    entry: AnyList, stream: AnyStream, kind: FindingKind, found: Beyond, message: str, extent_ns: int, hint: str
+) -> Finding:
+    """Return a finding about intervals that were found."""
+    events = found.events
+    return Finding(
+        kind, f"{'At least ' if found.at_least else ''}{count_of(events.count, 'interval')} {message}", events.count,
         events.first_ns, events.last_ns, events.frames, entry.number, stream.node, stream.subindex, hint,
+        extent=extent_ns,
     )  # fmt: skip
 
 
@@ -223,7 +226,9 @@ def _jitter(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding
         message += f" It comes from loss: where no telegram is missing, jitter is {rest.text}."
         hint = f"Look after the loss ({TELEGRAM_GAP.code}); the sender keeps its interval."
     place = (entry.number, stream.node, stream.subindex)
-    yield Finding(JITTER, message, 1, stream.first_ns, stream.last_ns, (), *place, hint)
+    yield Finding(
+        JITTER, message, 1, stream.first_ns, stream.last_ns, (), *place, hint, extent=round(jitter.percent, 3)
+    )
 
 
 def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
@@ -234,7 +239,7 @@ def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Findin
     message = f"Silent for the last {duration(silent_ns)}; {_nominal(facts, entry, stream)}."
     yield Finding(
         STOPPED, message, 1, stream.last_ns, stream.last_ns, facts.frames_of_stream[stream.stream][1:],
-        entry.number, stream.node, stream.subindex,
+        entry.number, stream.node, stream.subindex, extent=silent_ns,
     )  # fmt: skip
 
 

@@ -255,3 +255,28 @@ def test_few_intervals_are_no_cycle(intervals: int) -> None:
     assert (nominal(silent, Definition()) is not None) == (intervals >= 5)
     assert set(judged(silent)) == ({"NV504"} if intervals >= 5 else set())
     assert set(judged(silent, defined(100))) >= {"NV504"}
+
+
+def test_how_far_each_goes_is_told_in_figures() -> None:
+    intervals = [50] * 20 + [300] + [50] * 20 + [1] + [50] * 20 + [200]
+    other = sent([50] * 100, list_id=8)
+    found = judged(sorted([*sent(intervals), *other], key=lambda frame: frame.ts_ns), defined(50))
+    silent_ns = other[-1].ts_ns - START_NS - round(sum(intervals) * MS)
+    assert {code: found[code].extent for code in ("NV501", "NV503", "NV504")} == {
+        "NV501": 300 * MS, "NV503": MS, "NV504": silent_ns,
+    }  # fmt: skip
+
+
+def test_the_longest_interval_is_one_without_a_loss_and_the_shortest_is_none_of_a_clock_that_steps() -> None:
+    frames = sent([50] * 20 + [200] + [50] * 20)
+    later = [
+        telegram(b"\0", 1, subindex=0, counter=number, ts_ns=frames[-1].ts_ns + ns)
+        for number, ns in ((90, 2000 * MS), (91, 2050 * MS), (92, 2051 * MS), (93, 2000 * MS), (94, 2050 * MS))
+    ]
+    found = judged([*frames, *later], defined(50))
+    late, burst = found["NV501"], found["NV503"]
+    assert late.count == 1
+    assert late.extent is not None
+    assert late.extent == pytest.approx(200 * MS, rel=0.008)
+    assert "the longest was 20" in late.message
+    assert burst.extent == pytest.approx(MS, rel=0.008)

@@ -243,6 +243,7 @@ class _FindingRow(DrawnRow):
         "node": lambda row: None if row.finding.node is None else row.summary.addresses[row.finding.node],
         "subindex": lambda row: row.finding.subindex,
         "count": lambda row: row.finding.count,
+        "extent": lambda row: row.finding.extent,
         "first_ns": lambda row: time_text(row.finding.first_ns),
         "last_ns": lambda row: time_text(row.finding.last_ns),
         "frames": lambda row: list(row.finding.frames),
@@ -276,15 +277,25 @@ class _CanFindingRow(_FindingRow):
     READS: ClassVar = _with(_FindingRow.READS, {"channel": lambda row: _channel_of(row.finding, row.list_keys)})
 
 
+_OF_PARTS = ("list", "subindex", "count", "extent", "first_ns", "last_ns", "frames", "frames_cut", "message", "hint")
+"""What each of many identifiers has of its own."""
+
+
 class _FoldedFindingRow(_FindingRow):
-    """The same with its channel, and the lists that it is about."""
+    """The same with its channel, the lists that it is about, and what is said of each of their identifiers."""
 
     __slots__ = ()
+
+    def part(self, finding: Finding) -> dict[str, Any]:
+        row = _FindingRow(finding, self.list_keys, self.summary)
+        return {key: row[key] for key in _OF_PARTS}
+
     READS: ClassVar = _with(
         _FindingRow.READS,
         {
             "channel": lambda row: _channel_of(row.finding, row.list_keys),
             "lists": lambda row: [row.list_keys[number] for number in row.finding.lists],
+            "parts": lambda row: [row.part(finding) for finding in row.finding.parts],
         },
     )
 
