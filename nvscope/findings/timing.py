@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
+from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.findings.loss import TELEGRAM_GAP
+from nvscope.findings.loss import OVERTAKEN_TELEGRAM, TELEGRAM_GAP, still_missing
 from nvscope.units import count, count_of, duration, percent
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import AnyList, Facts
     from nvscope.findings.unusual_intervals import AnyStream, Beyond
+    from nvscope.tracker.jitter import Jitter
+    from nvscope.tracker.stream_summary import StreamSummary
 
 LATE = FindingKind(
     "NV501",
@@ -135,11 +139,14 @@ def _late(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     found = facts.intervals.beyond(stream, lambda low, _: low > longest_ns, lossless=True)
     if found is None:
         return
+    without_loss = " without a loss" if _tells_loss(stream, facts) else ""
     message = (
-        f"longer than {duration(longest_ns)} without a loss; {_nominal(facts, entry, stream)}, "
+        f"longer than {duration(longest_ns)}{without_loss}; {_nominal(facts, entry, stream)}, "
         f"the longest was {duration(found.longest_ns)}."
     )
     median_ns, hint = stream.intervals.p50 or 0, ""
+    if not without_loss:
+        message += " No Counter tells whether telegrams were late or are missing."
     # Where many telegrams are missing, nobody knows how often the sender sends.
     seldom_lost = _MOST_LOST * facts.intervals.gaps(stream) <= stream.intervals.count
     if median_ns > longest_ns and seldom_lost and _told(facts, entry, stream):
@@ -221,14 +228,56 @@ def _jitter(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding
         f"where half of them are at most {duration(jitter.p50)}."
     )
     hint = ""
-    rest = jitter._replace(p99=facts.intervals.p99_without_loss(stream) or jitter.p50)
+    if _tells_loss(stream, facts) and not stream.erratic:
+        rest = jitter._replace(p99=facts.intervals.p99_without_loss(stream) or jitter.p50)
+        told, step = _from_gaps(facts, stream, rest)
+    else:
+        rest = jitter._replace(p99=facts.intervals.p99_without_multiples(stream) or jitter.p50)
+        told, step = _from_multiples(entry, rest)
     if not rest.exceeds(facts.limits.jitter_percent):
-        message += f" It comes from loss: where no telegram is missing, jitter is {rest.text}."
-        hint = f"Look after the loss ({TELEGRAM_GAP.code}); the sender keeps its interval."
+        message += f" {told}"
+        hint = step
     place = (entry.number, stream.node, stream.subindex)
     yield Finding(
         JITTER, message, 1, stream.first_ns, stream.last_ns, (), *place, hint, extent=round(jitter.percent, 3)
     )
+
+
+def _tells_loss(stream: AnyStream, facts: Facts) -> TypeGuard[StreamSummary]:
+    """Tell whether a Counter says which intervals have no loss in them: on CAN there is none."""
+    from nvscope.tracker.stream_summary import StreamSummary
+
+    counting = facts.state.senders.loss.streams.counting
+    return isinstance(stream, StreamSummary) and bool(counting[stream.stream])
+
+
+def _from_gaps(facts: Facts, stream: StreamSummary, rest: Jitter) -> tuple[str, str]:
+    """Say that irregular intervals are those in which the Counter has gaps, and what to do next."""
+    if not still_missing(facts, stream):
+        return (
+            f"It comes from telegrams that were overtaken: where none was, jitter is {rest.text}.",
+            f"Find out what overtakes telegrams ({OVERTAKEN_TELEGRAM.code}); the sender keeps its interval.",
+        )
+    return (
+        f"It comes from loss: where no telegram is missing, jitter is {rest.text}.",
+        f"Look after the loss ({TELEGRAM_GAP.code}); the sender keeps its interval.",
+    )
+
+
+def _from_multiples(entry: AnyList, rest: Jitter) -> tuple[str, str]:
+    """Say that irregular intervals are about whole multiples of the nominal one, and what to do next."""
+    from nvscope.list_key import Transport
+
+    told = (
+        f"It comes from intervals of two and more times the nominal one, as where telegrams are missing; without "
+        f"these, jitter is {rest.text}."
+    )
+    if entry.key.transport is Transport.CAN:
+        return told, (
+            "See whether frames are missing, which no Counter tells on CAN: cycles that are incomplete "
+            f"({INCOMPLETE_CYCLE.code}), bus load ({BUS_LOAD.code}), error frames ({ERROR_FRAMES.code})."
+        )
+    return told, "See whether telegrams are missing: capture at the sender and at the reader at the same time."
 
 
 def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:

@@ -6,6 +6,7 @@ An interval that has a loss in it is long because of the loss: the sender kept i
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,10 @@ from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
 AnyStream = StreamSummary | CanStreamSummary
 Choice = Callable[[I64, I64], Bool]
 """Says of buckets, by their least and greatest intervals in ns, which are looked for."""
+
+
+_NEAR = 5
+"""An interval within a fifth of the nominal one of a multiple of it is about that."""
 
 
 class Beyond(NamedTuple):
@@ -96,6 +101,15 @@ class UnusualIntervals:
     def p99_without_loss(self, stream: AnyStream) -> int | None:
         """Return the 99th percentile of the intervals that have no loss in them, None where all have."""
         return self._histograms.without_loss(stream.stream, _loss_bit(stream)).percentile_ns(99)
+
+    def p99_without_multiples(self, stream: AnyStream) -> int | None:
+        """Return the same of those that are not about two, three … times the nominal one, None where all are."""
+        whole, nominal_ns = self._histograms.of(stream.stream), stream.intervals.nominal or 1
+        low, high = bucket_bounds(whole.bucket)
+        middle = low + (high - low) // 2
+        times = np.maximum((2 * middle + nominal_ns) // (2 * nominal_ns), 2)
+        multiple = np.abs(middle - times * nominal_ns) * _NEAR <= nominal_ns
+        return replace(whole, bucket=whole.bucket[~multiple], count=whole.count[~multiple]).percentile_ns(99)
 
 
 def _loss_bit(stream: AnyStream) -> int:

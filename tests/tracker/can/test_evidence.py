@@ -110,6 +110,17 @@ def test_what_is_said_of_many_identifiers_is_that_of_the_worst() -> None:
     assert " and 28 more. 0x310: Jitter 90 %" in one["message"]
 
 
+def test_frames_that_are_missing_are_called_neither_late_nor_irregular() -> None:
+    missing = {40, 41, 42, 80, 120}
+    frames = [(START_NS + 10 * MS * number, 0, 0x300, bytes(8)) for number in range(200) if number not in missing]
+    found = {finding["code"]: finding for finding in report(frames, 10_000)["findings"]}
+    assert set(found) == {"NV501", "NV502"}
+    assert "without a loss" not in found["NV501"]["message"]
+    assert "No Counter tells whether" in found["NV501"]["message"]
+    assert "as where telegrams are missing; without these, jitter is 0" in found["NV502"]["message"]
+    assert "NV604" in found["NV502"]["hint"]
+
+
 def test_few_identifiers_and_other_channels_have_their_own_findings() -> None:
     frames = sorted(jittery(range(0x300, 0x304)) + jittery(range(0x300, 0x306), channel=1))
     told = [one for one in report(frames, 10_000)["findings"] if one["code"] == "NV502"]
