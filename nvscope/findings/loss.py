@@ -147,15 +147,13 @@ def judge_loss(facts: Facts) -> Iterator[Finding]:
             continue
         # Of a Counter that does not count, this is all that can be said: its other steps mean nothing.
         for step, kind, sentence in _ERRATIC if stream.erratic else _STEPS:
-            if stream.stream in streams[step, stream.scope] and (
-                kind is not TELEGRAM_GAP or still_missing(facts, stream)
-            ):
+            if stream.stream in streams[step, stream.scope] and (kind is not TELEGRAM_GAP or _missing(facts, stream)):
                 events = events_of(noted[step, stream.scope], stream.stream)
                 yield _finding(kind, entry, stream, events, sentence(facts, stream, events))
     yield from _scopes(facts)
 
 
-def still_missing(facts: Facts, stream: StreamSummary) -> bool:
+def _missing(facts: Facts, stream: StreamSummary) -> bool:
     """Tell whether counters of a stream's gaps are still missing: gaps that overtaken telegrams filled are no loss.
 
     What a sender counts beyond one stream may be lost in one and come late in another: it is filled in sum.

@@ -10,7 +10,8 @@ from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.findings.loss import OVERTAKEN_TELEGRAM, TELEGRAM_GAP, still_missing
+from nvscope.findings.loss import OVERTAKEN_TELEGRAM, TELEGRAM_GAP
+from nvscope.tracker.counters import Scope
 from nvscope.units import count, count_of, duration, percent
 
 if TYPE_CHECKING:
@@ -253,7 +254,9 @@ def _tells_loss(stream: AnyStream, facts: Facts) -> TypeGuard[StreamSummary]:
 
 def _from_gaps(facts: Facts, stream: StreamSummary, rest: Jitter) -> tuple[str, str]:
     """Say that irregular intervals are those in which the Counter has gaps, and what to do next."""
-    if not still_missing(facts, stream):
+    # Who counts beyond one stream has its loss booked on the next one that it sends.
+    of_node = 0 if stream.scope == Scope.STREAM else facts.lost_of_node[stream.node]
+    if stream.figures["lost"] <= 0 and of_node <= 0:
         return (
             f"It comes from telegrams that were overtaken: where none was, jitter is {rest.text}.",
             f"Find out what overtakes telegrams ({OVERTAKEN_TELEGRAM.code}); the sender keeps its interval.",

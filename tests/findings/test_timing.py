@@ -324,3 +324,16 @@ def test_where_nothing_counts_nobody_knows_whether_a_late_telegram_is_a_lost_one
 def test_intervals_that_scatter_are_no_missing_frames() -> None:
     jitter = judged(sent([40, 60, 70, 20] * 60, step=0), defined(50))["NV502"]
     assert "It comes from" not in jitter.message
+
+
+def test_jitter_from_loss_that_is_booked_on_another_list_is_none_of_overtaken_telegrams() -> None:
+    frames = [
+        telegram(b"\0", 1, subindex=0, counter=1 + number, ts_ns=START_NS + number * 25 * MS, list_id=7 + number % 2)
+        for number in range(400)
+        if number not in (100, 150, 200, 250)
+    ]
+    found = judge(tracked([batch_of(frames)]))
+    assert "NV206" in {finding.code for finding in found}
+    (jitter,) = (finding for finding in found if finding.code == "NV502")
+    assert "It comes from loss" in jitter.message
+    assert "(NV201)" in jitter.hint
