@@ -22,7 +22,7 @@ def taken_together(findings: Iterable[Finding], keys: Mapping[int, ListKey]) -> 
     """Return findings with those of one code and channel, where many lists on CAN have them, as one.
 
     ``keys`` are those of the lists that were seen, by number. What is said of the worst (``badness``) stands for all,
-    with how many there are.
+    with how many there are; all of them are its ``parts``.
     """
     left, alike = [], defaultdict(list)
     for finding in findings:
@@ -37,7 +37,7 @@ def taken_together(findings: Iterable[Finding], keys: Mapping[int, ListKey]) -> 
 
 
 def _one(found: Sequence[Finding], channel: str, keys: Mapping[int, ListKey]) -> Finding:
-    worst = max(found, key=lambda finding: badness(finding.code, finding.message, finding.count))
+    worst = max(found, key=lambda finding: badness(finding.code, finding.extent, finding.count))
     named = ", ".join(_identifier(finding, keys) for finding in found[:_NAMED])
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     message = (
@@ -58,7 +58,7 @@ def _one(found: Sequence[Finding], channel: str, keys: Mapping[int, ListKey]) ->
         node=None,
         subindex=None,
         channel=channel,
-        lists=tuple(dict.fromkeys(finding.list_number for finding in found if finding.list_number is not None)),
+        parts=tuple(found),
     )
 
 

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-import re
+from nvscope.findings.loss import COUNTER_ERRATIC, TELEGRAM_GAP
+from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED
 
-from nvscope.findings.loss import TELEGRAM_GAP
-from nvscope.findings.timing import JITTER
+EXTENTS = {
+    TELEGRAM_GAP.code: "telegrams or sends lost",
+    COUNTER_ERRATIC.code: "counters that would be lost",
+    LATE.code: "the longest interval in ns",
+    JITTER.code: "the jitter in percent",
+    BURST.code: "the shortest interval in ns",
+    STOPPED.code: "the silence in ns",
+}
+"""What the ``extent`` of a finding is, by code: how bad it is. All others are as bad as they are often."""
 
-_FIGURE_FIRST = {TELEGRAM_GAP.code, JITTER.code}
-"""What these say has first the figure that tells how bad it is: telegrams lost, percent of jitter."""
-
-_FIGURE = re.compile(r"\d+(?: \d{3})*(?:\.\d+)?")
+_LEAST_IS_WORST = {BURST.code}
 
 
-def badness(code: str, message: str, count: int) -> float:
-    """Return a number that is larger the worse a finding of a kind is: what was lost, the jitter, else its events."""
-    figure = _FIGURE.search(message) if code in _FIGURE_FIRST else None
-    return float(figure[0].replace(" ", "") if figure else count)
+def badness(code: str, extent: float | None, count: int) -> float:
+    """Return a number that is larger the worse a finding of a kind is; ``count`` is how many events it has."""
+    if extent is None:
+        return count
+    return -extent if code in _LEAST_IS_WORST else extent

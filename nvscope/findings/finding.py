@@ -37,13 +37,20 @@ class Finding:
     """The list that it is about, where no frame of it was seen: then it has no number."""
     channel: str | None = None
     """The CAN channel that it is about, where it is about no one list of it."""
-    lists: tuple[int, ...] = ()
-    """The lists of which it says the same, by number, where it is one finding for many."""
+    parts: tuple[Finding, ...] = ()
+    """Those that it stands for, in their order, where it is one finding for many lists."""
+    extent: float | None = None
+    """How far it goes, of kinds in ``nvscope.findings.badness.EXTENTS``."""
 
     @property
     def code(self) -> str:
         """The code of its kind, as reports have it: ``NV201``."""
         return self.kind.code
+
+    @property
+    def lists(self) -> tuple[int, ...]:
+        """The lists of which it says the same, by number, where it is one finding for many."""
+        return tuple(dict.fromkeys(part.list_number for part in self.parts if part.list_number is not None))
 
     @property
     def frames_cut(self) -> int:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
+from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.findings.loss import TELEGRAM_GAP
+from nvscope.findings.loss import OVERTAKEN_TELEGRAM, TELEGRAM_GAP
+from nvscope.tracker.counters import Scope
 from nvscope.units import count, count_of, duration, percent
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import AnyList, Facts
-    from nvscope.findings.unusual_intervals import AnyStream, Choice
+    from nvscope.findings.unusual_intervals import AnyStream, Beyond
+    from nvscope.tracker.jitter import Jitter
+    from nvscope.tracker.stream_summary import StreamSummary
 
 LATE = FindingKind(
     "NV501",
@@ -132,17 +137,23 @@ def _late(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     longest_ns = (stream.intervals.nominal or 0) * facts.limits.late_percent // 100
     if stream.intervals.maximum is not None and stream.intervals.maximum <= longest_ns:
         return
+    found = facts.intervals.beyond(stream, lambda low, _: low > longest_ns, lossless=True)
+    if found is None:
+        return
+    without_loss = " without a loss" if _tells_loss(stream, facts) else ""
     message = (
-        f"longer than {duration(longest_ns)} without a loss; {_nominal(facts, entry, stream)}, "
-        f"the longest was {duration(stream.intervals.maximum or 0)}."
+        f"longer than {duration(longest_ns)}{without_loss}; {_nominal(facts, entry, stream)}, "
+        f"the longest was {duration(found.longest_ns)}."
     )
     median_ns, hint = stream.intervals.p50 or 0, ""
+    if not without_loss:
+        message += " No Counter tells whether telegrams were late or are missing."
     # Where many telegrams are missing, nobody knows how often the sender sends.
     seldom_lost = _MOST_LOST * facts.intervals.gaps(stream) <= stream.intervals.count
     if median_ns > longest_ns and seldom_lost and _told(facts, entry, stream):
         message += f" {_other_setting(median_ns)}"
         hint = _COMPARE_INTERVAL
-    yield from _beyond(facts, entry, stream, LATE, message, lambda low, _: low > longest_ns, hint)
+    yield _beyond(entry, stream, LATE, found, message, found.longest_ns, hint)
 
 
 def _burst(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
@@ -162,13 +173,15 @@ def _burst(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]
         # What is sent on change too may well be sent more often.
         if defined and not defined.on_change and not defined.on_event and _told(facts, entry, stream):
             why = _other_setting(median_ns)
-    message = f"shorter than {limit} the shortest was {duration(max(stream.intervals.minimum or 0, 0))}."
+    found = facts.intervals.beyond(stream, lambda low, high: (low >= 0) & (high < shortest_ns))
+    if found is None:
+        return
+    message = f"shorter than {limit} the shortest was {duration(found.shortest_ns)}."
     hint = ""
     if why and 0 < median_ns < shortest_ns:
         message += f" {why}"
         hint = _COMPARE_INTERVAL
-    choose = lambda low, high: (low >= 0) & (high < shortest_ns)  # noqa: E731
-    yield from _beyond(facts, entry, stream, BURST, message, choose, hint)
+    yield _beyond(entry, stream, BURST, found, message, found.shortest_ns, hint)
 
 
 _MOST_LOST = 10
@@ -196,16 +209,14 @@ def _nominal(facts: Facts, entry: AnyList, stream: AnyStream) -> str:
 
 
 def _beyond(
-    facts: Facts, entry: AnyList, stream: AnyStream, kind: FindingKind, message: str, chosen: Choice, hint: str
-) -> Iterator[Finding]:
-    """Yield a finding about the intervals that are chosen; where they are late, without those that have a loss."""
-    found = facts.intervals.beyond(stream, chosen, lossless=kind is LATE)
-    if found is None:
-        return
-    events, at_least = found
-    yield Finding(
-        kind, f"{'At least ' if at_least else ''}{count_of(events.count, 'interval')} {message}", events.count,
+    entry: AnyList, stream: AnyStream, kind: FindingKind, found: Beyond, message: str, extent_ns: int, hint: str
+) -> Finding:
+    """Return a finding about intervals that were found."""
+    events = found.events
+    return Finding(
+        kind, f"{'At least ' if found.at_least else ''}{count_of(events.count, 'interval')} {message}", events.count,
         events.first_ns, events.last_ns, events.frames, entry.number, stream.node, stream.subindex, hint,
+        extent=extent_ns,
     )  # fmt: skip
 
 
@@ -218,12 +229,58 @@ def _jitter(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding
         f"where half of them are at most {duration(jitter.p50)}."
     )
     hint = ""
-    rest = jitter._replace(p99=facts.intervals.p99_without_loss(stream) or jitter.p50)
-    if facts.intervals.knows_loss(stream) and not rest.exceeds(facts.limits.jitter_percent):
-        message += f" It comes from loss: where no telegram is missing, jitter is {rest.text}."
-        hint = f"Look after the loss ({TELEGRAM_GAP.code}); the sender keeps its interval."
+    if _tells_loss(stream, facts) and not stream.erratic and facts.intervals.knows_loss(stream):
+        rest = jitter._replace(p99=facts.intervals.p99_without_loss(stream) or jitter.p50)
+        told, step = _from_gaps(facts, stream, rest)
+    else:
+        rest = jitter._replace(p99=facts.intervals.p99_without_multiples(stream) or jitter.p50)
+        told, step = _from_multiples(entry, rest)
+    if not rest.exceeds(facts.limits.jitter_percent):
+        message += f" {told}"
+        hint = step
     place = (entry.number, stream.node, stream.subindex)
-    yield Finding(JITTER, message, 1, stream.first_ns, stream.last_ns, (), *place, hint)
+    yield Finding(
+        JITTER, message, 1, stream.first_ns, stream.last_ns, (), *place, hint, extent=round(jitter.percent, 3)
+    )
+
+
+def _tells_loss(stream: AnyStream, facts: Facts) -> TypeGuard[StreamSummary]:
+    """Tell whether a Counter says which intervals have no loss in them: on CAN there is none."""
+    from nvscope.tracker.stream_summary import StreamSummary
+
+    counting = facts.state.senders.loss.streams.counting
+    return isinstance(stream, StreamSummary) and bool(counting[stream.stream])
+
+
+def _from_gaps(facts: Facts, stream: StreamSummary, rest: Jitter) -> tuple[str, str]:
+    """Say that irregular intervals are those in which the Counter has gaps, and what to do next."""
+    # Who counts beyond one stream has its loss booked on the next one that it sends.
+    of_node = 0 if stream.scope == Scope.STREAM else facts.lost_of_node[stream.node]
+    if not stream.figures["lost"] and of_node <= 0:
+        return (
+            f"It comes from telegrams that were overtaken: where none was, jitter is {rest.text}.",
+            f"Find out what overtakes telegrams ({OVERTAKEN_TELEGRAM.code}); the sender keeps its interval.",
+        )
+    return (
+        f"It comes from loss: where no telegram is missing, jitter is {rest.text}.",
+        f"Look after the loss ({TELEGRAM_GAP.code}); the sender keeps its interval.",
+    )
+
+
+def _from_multiples(entry: AnyList, rest: Jitter) -> tuple[str, str]:
+    """Say that irregular intervals are about whole multiples of the nominal one, and what to do next."""
+    from nvscope.list_key import Transport
+
+    told = (
+        f"It comes from intervals of two and more times the nominal one, as where telegrams are missing; without "
+        f"these, jitter is {rest.text}."
+    )
+    if entry.key.transport is Transport.CAN:
+        return told, (
+            "See whether frames are missing, which no Counter tells on CAN: cycles that are incomplete "
+            f"({INCOMPLETE_CYCLE.code}), bus load ({BUS_LOAD.code}), error frames ({ERROR_FRAMES.code})."
+        )
+    return told, "See whether telegrams are missing: capture at the sender and at the reader at the same time."
 
 
 def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
@@ -234,7 +291,7 @@ def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Findin
     message = f"Silent for the last {duration(silent_ns)}; {_nominal(facts, entry, stream)}."
     yield Finding(
         STOPPED, message, 1, stream.last_ns, stream.last_ns, facts.frames_of_stream[stream.stream][1:],
-        entry.number, stream.node, stream.subindex,
+        entry.number, stream.node, stream.subindex, extent=silent_ns,
     )  # fmt: skip
 
 

@@ -6,6 +6,8 @@ An interval that has a loss in it is long because of the loss: the sender kept i
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +28,22 @@ Choice = Callable[[I64, I64], Bool]
 """Says of buckets, by their least and greatest intervals in ns, which are looked for."""
 
 
+_NEAR = 5
+"""An interval within a fifth of the nominal one of a multiple of it is about that."""
+
+
+class Beyond(NamedTuple):
+    """Intervals beyond a limit: their events, ``at_least`` so many, and the shortest and the longest one.
+
+    Of these two, one that is no extreme of the stream is within 0.8 %.
+    """
+
+    events: Events
+    at_least: bool
+    shortest_ns: int
+    longest_ns: int
+
+
 class UnusualIntervals:
     """A look at the intervals of all streams of a state."""
 
@@ -33,8 +51,8 @@ class UnusualIntervals:
         self._state = state
         self._histograms = Histograms(state.senders.timing)
 
-    def beyond(self, stream: AnyStream, chosen: Choice, *, lossless: bool = False) -> tuple[Events, bool] | None:
-        """Return the intervals of the chosen buckets, and whether they are at least so many; None where there are none.
+    def beyond(self, stream: AnyStream, chosen: Choice, *, lossless: bool = False) -> Beyond | None:
+        """Return the intervals of the chosen buckets; None where there are none.
 
         With ``lossless``, only those without a loss. A bucket is chosen or not as a whole, so that intervals within
         0.8 % of a limit may count as kept. Of intervals near the usual one nobody knows when they were: they are as old
@@ -44,7 +62,8 @@ class UnusualIntervals:
         bucket, bits, row = histograms.unusual(stream.stream)
         wanted = chosen(*bucket_bounds(bucket))
         usual_bucket, usual_count = histograms.usual(stream.stream)
-        usual = int(usual_count[chosen(*bucket_bounds(usual_bucket))].sum())
+        near = chosen(*bucket_bounds(usual_bucket))
+        usual = int(usual_count[near].sum())
         first_bucket, first_bits, first_frames = histograms.first_usual(stream.stream)
         first = chosen(*bucket_bounds(first_bucket))
         doubtful = 0
@@ -62,7 +81,14 @@ class UnusualIntervals:
         if not usual:
             first_ns, last_ns = int(rows.first_ns[row].min()), int(rows.last_ns[row].max())
         frames = distinct(np.append(rows.frames[row], first_frames[first]))
-        return Events(count, first_ns, last_ns, tuple(frames[frames > 0][:FRAMES_KEPT].tolist())), doubtful > 0
+        events = Events(count, first_ns, last_ns, tuple(frames[frames > 0][:FRAMES_KEPT].tolist()))
+        low, high = bucket_bounds(np.append(bucket[wanted], usual_bucket[near]))
+        shortest_ns, longest_ns = int(low.min()), int(high.max())
+        least_ns, most_ns = stream.intervals.minimum, stream.intervals.maximum
+        return Beyond(
+            events, doubtful > 0, shortest_ns if least_ns is None else max(shortest_ns, least_ns),
+            longest_ns if most_ns is None else min(longest_ns, most_ns),
+        )  # fmt: skip
 
     def gaps(self, stream: AnyStream) -> int:
         """Return in how many intervals of a stream, at most, telegrams were lost."""
@@ -80,6 +106,15 @@ class UnusualIntervals:
     def p99_without_loss(self, stream: AnyStream) -> int | None:
         """Return the 99th percentile of the intervals that have no loss in them, None where all have."""
         return self._histograms.without_loss(stream.stream, _loss_bit(stream)).percentile_ns(99)
+
+    def p99_without_multiples(self, stream: AnyStream) -> int | None:
+        """Return the same of those that are not about two, three … times the nominal one, None where all are."""
+        whole, nominal_ns = self._histograms.of(stream.stream), stream.intervals.nominal or 1
+        low, high = bucket_bounds(whole.bucket)
+        middle = low + (high - low) // 2
+        times = np.maximum((2 * middle + nominal_ns) // (2 * nominal_ns), 2)
+        multiple = np.abs(middle - times * nominal_ns) * _NEAR <= nominal_ns
+        return replace(whole, bucket=whole.bucket[~multiple], count=whole.count[~multiple]).percentile_ns(99)
 
 
 def _loss_bit(stream: AnyStream) -> int:

@@ -75,6 +75,12 @@ class Entry:
             "frames_cut": self.frames_cut,
         }
 
+    @property
+    def parts(self) -> list[Row]:
+        """What is said of each identifier, as findings of their own, where the finding is about many lists."""
+        whole = {key: value for key, value in self.shown.items() if key not in ("lists", "parts")}
+        return [{**whole, **part} for part in self.shown.get("parts", ())]
+
     def title(self) -> str:
         """Return what stands behind code and name: how many findings there are, and how many events they have."""
         told = [units.count_of(len(self.places), "finding")] if len(self.places) > 1 else []
@@ -88,11 +94,19 @@ class Entry:
             return content.about(self.shown, lists, nodes)
         keys = _distinct(key for key, _, _ in self.places)
         addresses = _distinct(node for _, node, _ in self.places)
-        parts = _distinct(part for _, _, part in self.places)
+        parts = _distinct(part for _, _, part in self.places) if self._has_cob_ids_beside_keys else []
         named = _lists(keys, lists) + _nodes(addresses, nodes)
         if parts and all(part.isdecimal() for part in parts):
             return named, [f"SubIndex {_enumerated(units.ranges(map(int, parts)))}"]
         return named, parts if len(parts) <= _MOST_NAMED else []
+
+    @property
+    def _has_cob_ids_beside_keys(self) -> bool:
+        """Whether some part is more than the identifier of its list, which the list's key tells already."""
+        return any(
+            part is not None and (key is None or part != f"COB-ID {units.list_key(key).rpartition('/')[2]}")
+            for key, _, part in self.places
+        )
 
     def message(self, lists: Mapping[str, str | None], nodes: Mapping[str, str]) -> str:
         """Return the sentence with the figures, and whether these are of each place or of which one."""
@@ -102,6 +116,7 @@ class Entry:
         if not self.differ:
             return f"Each: {message}"
         named, part = content.about(self.shown, lists, nodes)
+        part = part if self._has_cob_ids_beside_keys else []
         return f"{'Worst' if self.worst else 'For example'}: {', '.join(named + part)}: {message}"
 
 
@@ -120,12 +135,18 @@ def entries(findings: Iterable[Row], *, each: bool = False) -> list[Entry]:
     return sorted((entry for same in alike.values() for entry in _folded(same)), key=lambda entry: entry.order)
 
 
+def identifier(finding: Row) -> str:
+    """Return the COB-ID that a finding on CAN is about."""
+    return "".join(content.part(finding)) or f"COB-ID {units.list_key(finding['list']).rpartition('/')[2]}"
+
+
 def remark(shown: Sequence[Entry]) -> str:
     """Return what is said of folded findings, "" where there are none."""
-    folded = [entry for entry in shown if len(entry.places) > 1]
+    folded = {place: len(entry.parts) or len(entry.places) for place, entry in enumerate(shown)}
+    folded = {place: number for place, number in folded.items() if number > 1}
     if not folded:
         return ""
-    findings = units.count_of(sum(len(entry.places) for entry in folded), "finding")
+    findings = units.count_of(sum(folded.values()), "finding")
     entries = units.count_of(len(folded), "entry", "entries")
     return f"{findings} are folded into {entries}: -v shows each."
 
@@ -134,7 +155,7 @@ def _entry(order: int, finding: Row) -> Entry:
     part = content.part(finding)
     subindex = None if not part else part[0].removeprefix("SubIndex ")
     return Entry(
-        order, finding, badness(finding["code"], finding["message"], finding["count"]),
+        order, finding, badness(finding["code"], finding["extent"], finding["count"]),
         [(finding["list"], finding["node"], subindex)], finding["count"],
         content.nanoseconds(finding["first_ns"]), content.nanoseconds(finding["last_ns"]), list(finding["frames"]),
         finding["frames_cut"],

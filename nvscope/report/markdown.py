@@ -115,5 +115,11 @@ def _findings(report: content.Report, clock: content.Clock, details: bool) -> It
         evidence = content.evidence(finding, clock)
         if evidence:
             yield f"  - {evidence}"
+        for one in entry.parts if details else ():
+            yield f"  - {folding.identifier(one)}: {markdown_safe(one['message'])}"
+            if one["hint"] != finding["hint"]:
+                yield f"    - **Next:** {markdown_safe(one['hint'])}"
+            if evidence := content.evidence(one, clock):
+                yield f"    - {evidence}"
     if remark := folding.remark(entries):
         yield from ("", remark)

@@ -149,6 +149,14 @@ def _findings(report: content.Report, width: int, clock: content.Clock, details:
         evidence = content.evidence(finding, clock)
         if evidence:
             yield from wrap([Cell(evidence, Tone.FAINT)], width, _BODY_INDENT)
+        for one in entry.parts if details else ():
+            yield from wrap(
+                [Cell(f"{folding.identifier(one)}: {one['message']}")], width, _BODY_INDENT, _BODY_INDENT + 2
+            )
+            if one["hint"] != finding["hint"]:
+                yield from wrap([Cell("Next: ", Tone.STRONG), Cell(one["hint"])], width, _BODY_INDENT + 2)
+            if evidence := content.evidence(one, clock):
+                yield from wrap([Cell(evidence, Tone.FAINT)], width, _BODY_INDENT + 2)
     left = sum(len(entry.places) for entry in entries[len(shown) :])
     if left > 0:
         yield []

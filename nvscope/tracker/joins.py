@@ -34,6 +34,8 @@ SUM, LEAST, MOST, LAST = Join.SUM, Join.LEAST, Join.MOST, Join.LAST
 
 _COUNTED_EVENTS = {"count": SUM, "first_ns": LAST, "last_ns": LAST, "frames": LAST}
 
+_MAJORITIES = {"own": LAST, "strays": LAST, "shown": LAST, "since": LAST, "until": LAST}
+
 TABLES: Mapping[str, Mapping[str, Join]] = {
     "memory.columns": {"telegrams": SUM, "first_ns": LAST, "last_ns": LAST, "signature": LAST},
     "lists.flows.counts": {
@@ -82,9 +84,10 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "buses.canopen.columns": {
         "heartbeats": SUM, "strays": SUM, "boot_ups": SUM, "changes": SUM, "state": LAST, "since_ns": LAST,
         "last_ns": LAST, "emergencies": SUM, "emergency": LAST, "emergency_ns": LAST, "commands": SUM, "command": LAST,
-        "command_ns": LAST, "command_frame": LAST, "beats_from": LAST, "told_from": LAST, "asked_from": LAST,
-        "answered_from": LAST, "doubted_from": LAST,
+        "command_ns": LAST, "command_frame": LAST, "beats_from": LAST, "told_from": LAST, "doubted_from": LAST,
     },
+    "buses.canopen.sdo": _MAJORITIES,
+    "buses.canopen.nmt": _MAJORITIES,
     "buses.remotes.rows": _COUNTED_EVENTS,
 }  # fmt: skip
 """Each table of a ``TrackerState`` that figures are read from, by its path, and how each of its columns joins."""
@@ -92,7 +95,8 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
 KEYS = (
     "lists.errors.members", "lists.acknowledgement.latencies.keys", "senders.timing.unusual.keys", "buses.load.keys",
     "buses.load.identifiers.keys", "buses.load.identifiers.left_out.keys", "buses.errors.channels",
-    "buses.errors.all.keys", "buses.errors.classes.keys", "buses.canopen.nodes", "buses.remotes.keys",
+    "buses.errors.all.keys", "buses.errors.classes.keys", "buses.canopen.nodes", "buses.canopen.channels",
+    "buses.remotes.keys",
 )  # fmt: skip
 """What numbers the rows of those that streams, lists and nodes do not number."""
 

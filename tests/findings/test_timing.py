@@ -255,3 +255,85 @@ def test_few_intervals_are_no_cycle(intervals: int) -> None:
     assert (nominal(silent, Definition()) is not None) == (intervals >= 5)
     assert set(judged(silent)) == ({"NV504"} if intervals >= 5 else set())
     assert set(judged(silent, defined(100))) >= {"NV504"}
+
+
+def test_how_far_each_goes_is_told_in_figures() -> None:
+    intervals = [50] * 20 + [300] + [50] * 20 + [1] + [50] * 20 + [200]
+    other = sent([50] * 100, list_id=8)
+    found = judged(sorted([*sent(intervals), *other], key=lambda frame: frame.ts_ns), defined(50))
+    silent_ns = other[-1].ts_ns - START_NS - round(sum(intervals) * MS)
+    assert {code: found[code].extent for code in ("NV501", "NV503", "NV504")} == {
+        "NV501": 300 * MS, "NV503": MS, "NV504": silent_ns,
+    }  # fmt: skip
+
+
+def test_the_longest_interval_is_one_without_a_loss_and_the_shortest_is_none_of_a_clock_that_steps() -> None:
+    frames = sent([50] * 20 + [200] + [50] * 20)
+    later = [
+        telegram(b"\0", 1, subindex=0, counter=number, ts_ns=frames[-1].ts_ns + ns)
+        for number, ns in ((90, 2000 * MS), (91, 2050 * MS), (92, 2051 * MS), (93, 2000 * MS), (94, 2050 * MS))
+    ]
+    found = judged([*frames, *later], defined(50))
+    late, burst = found["NV501"], found["NV503"]
+    assert late.count == 1
+    assert late.extent is not None
+    assert late.extent == pytest.approx(200 * MS, rel=0.008)
+    assert "the longest was 20" in late.message
+    assert burst.extent == pytest.approx(MS, rel=0.008)
+
+
+JITTERY = [number for number in range(260) if number not in {101, 141, 201}]
+"""Counters of telegrams that come each 50 ms, without those that are missing."""
+
+
+def counted(counters: Iterable[int], **fields: int) -> list[Frame]:
+    return [
+        telegram(b"\0", 1, subindex=0, counter=number, ts_ns=START_NS + number * 50 * MS, **fields)
+        for number in counters
+    ]
+
+
+def test_jitter_that_comes_from_loss_says_so() -> None:
+    jitter = judged(counted(JITTERY))["NV502"]
+    assert "It comes from loss: where no telegram is missing, jitter is 0" in jitter.message
+    assert "(NV201)" in jitter.hint
+
+
+def test_jitter_that_comes_from_overtaken_telegrams_speaks_of_no_loss() -> None:
+    frames = counted(JITTERY)
+    for number in (101, 141, 201):
+        late = telegram(b"\0", 1, subindex=0, counter=number, ts_ns=START_NS + (number + 1) * 50 * MS + MS)
+        frames.append(late)
+    found = judge(tracked([batch_of(sorted(frames, key=lambda frame: frame.ts_ns))]))
+    assert {"NV203", "NV502"} <= {finding.code for finding in found}
+    (jitter,) = (finding for finding in found if finding.code == "NV502")
+    assert "It comes from telegrams that were overtaken: where none was, jitter is 0" in jitter.message
+    assert "(NV203)" in jitter.hint
+    assert "loss" not in jitter.message + jitter.hint
+
+
+def test_where_nothing_counts_nobody_knows_whether_a_late_telegram_is_a_lost_one() -> None:
+    frames = [frame for number, frame in enumerate(sent([50] * 200, step=0)) if number not in (60, 61, 62, 120, 150)]
+    found = judged(frames)
+    assert found["NV501"].message.startswith("1 interval longer than ")
+    assert "without a loss" not in found["NV501"].message
+    assert found["NV501"].message.endswith("No Counter tells whether telegrams were late or are missing.")
+    assert "It comes from intervals of two and more times the nominal one" in found["NV502"].message
+
+
+def test_intervals_that_scatter_are_no_missing_frames() -> None:
+    jitter = judged(sent([40, 60, 70, 20] * 60, step=0), defined(50))["NV502"]
+    assert "It comes from" not in jitter.message
+
+
+def test_jitter_from_loss_that_is_booked_on_another_list_is_none_of_overtaken_telegrams() -> None:
+    frames = [
+        telegram(b"\0", 1, subindex=0, counter=1 + number, ts_ns=START_NS + number * 25 * MS, list_id=7 + number % 2)
+        for number in range(400)
+        if number not in (100, 150, 200, 250)
+    ]
+    found = judge(tracked([batch_of(frames)]))
+    assert "NV206" in {finding.code for finding in found}
+    (jitter,) = (finding for finding in found if finding.code == "NV502")
+    assert "It comes from loss" in jitter.message
+    assert "(NV201)" in jitter.hint

@@ -66,7 +66,7 @@ def udp_list(port: int, index: int, name: str | None = None, **parts: Any) -> di
 def finding(code: str, name: str, severity: str, message: str, hint: str, **parts: Any) -> dict[str, Any]:
     return {
         "code": code, "name": name, "severity": severity, "list": None, "node": None, "subindex": None, "count": 1,
-        "first_ns": None, "last_ns": None, "frames": [], "message": message, "hint": hint, **parts,
+        "extent": None, "first_ns": None, "last_ns": None, "frames": [], "message": message, "hint": hint, **parts,
         "frames_cut": parts["count"] - len(parts["frames"]) if "frames" in parts and "count" in parts else 0,
     }  # fmt: skip
 
@@ -303,7 +303,7 @@ ALIKE = report(
             finding("NV201", "telegram-gap", "error", f"{1 + index % 3} of 120 telegrams lost, all in one gap.",
                     "First rule out the capture: drops in the capture (NV901).", list=f"udp/1202/{index}",
                     node=f"192.168.1.{10 + index % 2}", subindex=0, first_ns=at(4 * S + index * 100 * MS),
-                    last_ns=at(4 * S + index * 100 * MS), frames=[1_600 + index])
+                    last_ns=at(4 * S + index * 100 * MS), frames=[1_600 + index], extent=1 + index % 3)
             for index in range(1, 13)
         ),
         *(

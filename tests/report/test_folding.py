@@ -21,7 +21,10 @@ def stopped(index: int, message: str = SILENT, **parts: Any) -> dict[str, Any]:
 
 def lost(index: int, telegrams: str, events: int = 1) -> dict[str, Any]:
     message = f"{telegrams} of 90 000 telegrams lost."
-    return finding("NV201", "telegram-gap", "error", message, "", list=f"udp/1202/{index}", count=events)
+    extent = int(telegrams.replace(" ", ""))
+    return finding(
+        "NV201", "telegram-gap", "error", message, "", list=f"udp/1202/{index}", count=events, extent=extent
+    )  # fmt: skip
 
 
 def shown(findings: list[dict[str, Any]], *, width: int = 100, details: bool = False) -> str:
@@ -62,6 +65,18 @@ def test_the_worst_is_told_by_what_was_lost_and_not_by_the_number_of_gaps() -> N
     assert one(others).message({}, {}) == "Worst: udp/1202/3, 10.0.0.1: 3 times."
 
 
+def test_the_worst_burst_is_the_shortest_and_else_what_goes_furthest_is() -> None:
+    def found(code: str) -> list[dict[str, Any]]:
+        extents = enumerate([5, 2, 9, 3], 1)
+        return [
+            {**stopped(index, f"{extent} ns.", extent=extent, count=index), "code": code} for index, extent in extents
+        ]
+
+    for code in ("NV501", "NV502", "NV504", "NV207"):
+        assert one(found(code)).message({}, {}) == "Worst: udp/1202/3, 10.0.0.1: 9 ns."
+    assert one(found("NV503")).message({}, {}) == "Worst: udp/1202/2, 10.0.0.1: 2 ns."
+
+
 def test_times_and_frames_are_those_of_all() -> None:
     findings = [
         stopped(index, first_ns=at(index * S), last_ns=at((index + 5) * S), frames=[20 - index, 30 + index], count=4)
@@ -98,7 +113,23 @@ def test_lists_on_can_are_told_by_their_cob_ids() -> None:
     ]
     named, parts = one(findings).about({}, {})
     assert named == ["can/can0/0x110 to 0x112, 0x120, can/can0/0x18FF0201 (5 lists)"]
-    assert parts == ["COB-ID 0x110", "COB-ID 0x111", "COB-ID 0x112", "COB-ID 0x120"]
+    assert parts == []  # the lists have told them
+    findings[1] |= {"subindex": 1, "list": "can/can0/272"}
+    assert one(findings).about({}, {})[1] == ["COB-ID 0x110", "COB-ID 0x111", "COB-ID 0x112", "COB-ID 0x120"]
+
+
+def test_few_identifiers_are_told_once() -> None:
+    findings = [
+        finding(
+            "NV504", "stopped", "error", f"{number}.", "", list=f"can/can0/{number}", subindex=0, channel="can0",
+            extent=number,
+        )
+        for number in range(272, 276)
+    ]  # fmt: skip
+    told = shown(findings)
+    assert [told.count(f"0x11{place}") for place in range(4)] == [1, 1, 1, 2]
+    assert "Worst: can/can0/0x113: 275." in told
+    assert "COB-ID" not in told
 
 
 def test_more_ranges_and_nodes_than_anybody_reads_are_cut_and_counted() -> None:
@@ -132,7 +163,7 @@ def test_a_report_with_equal_findings_is_short_at_any_width() -> None:
         st.builds(
             lambda code, index, node, part, figure: finding(
                 code, CODES[code], "error", f"{figure} of 9 lost.", "", list=f"udp/1202/{index}", node=node,
-                subindex=part, count=figure,
+                subindex=part, count=figure, extent=None if code == "NV504" else figure,
             ),
             st.sampled_from(["NV201", "NV502", "NV504"]), st.integers(1, 9), st.sampled_from([None, "10.0.0.1", "b"]),
             st.none() | st.integers(0, 2), st.integers(1, 5),

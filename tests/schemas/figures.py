@@ -35,8 +35,7 @@ def figure(one: Figure) -> Schema:
         assert one.name == "sLastError"
         found = word([error.name for error in DiagError], told)
     else:
-        # Who counts across streams may lose on one and take back on another: less than nothing is missing there.
-        found = whole(told, None if one.name in ("lost", "lost_claimed") else 0)
+        found = whole(told)
     return maybe(found) if one.name in _MAY_BE_UNKNOWN else found
 
 

@@ -8,6 +8,7 @@ from dissectors.can.canopen import ERROR_REGISTER, NODE_STATES
 from dissectors.can.error import CLASS_LABELS, CONTROLLER_BITS
 from nvscope.capture.formats import FORMATS
 from nvscope.capture.source import DropsPart
+from nvscope.findings.badness import EXTENTS
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.list_key import Transport
 from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED
@@ -220,6 +221,17 @@ def _can_stream() -> Schema:
 
 
 def _finding() -> Schema:
+    extents = "; ".join(f"{code}: {what}" for code, what in EXTENTS.items())
+    events = {
+        "count": whole("how often", 1),
+        "extent": maybe(number(f"how far it goes, by which the worst of several is told. {extents}. Else null")),
+        "first_ns": maybe(time()),
+        "last_ns": maybe(time()),
+        "frames": several(whole("", 1), "the first of its frames") | {"maxItems": FRAMES_KEPT},
+        "frames_cut": whole("how many more there are behind those that are named"),
+        "message": text(),
+        "hint": text(),
+    }
     found = record(
         {
             "code": word([kind.code for kind in _JUDGED]),
@@ -230,17 +242,17 @@ def _finding() -> Schema:
             "subindex": maybe(SUBINDEX),
             "channel": text("that of CAN it is about"),
             "lists": several(LIST_KEY, "where it is about many"),
-            "count": whole("how often", 1),
-            "first_ns": maybe(time()),
-            "last_ns": maybe(time()),
-            "frames": several(whole("", 1), "the first of its frames") | {"maxItems": FRAMES_KEPT},
-            "frames_cut": whole("how many more there are behind those that are named"),
-            "message": text(),
-            "hint": text(),
+            "parts": several(
+                record(
+                    {"list": LIST_KEY, "subindex": maybe(SUBINDEX), **events, "first_ns": time(), "last_ns": time()}
+                ),
+                "where it is about many lists: what is said of each of their identifiers",
+            ),
+            **events,
         },
-        optional=("channel", "lists"),
+        optional=("channel", "lists", "parts"),
     )
-    return found | {"dependentRequired": {"lists": ["channel"]}}
+    return found | {"dependentRequired": {"lists": ["channel", "parts"], "parts": ["lists"]}}
 
 
 def _bus() -> Schema:

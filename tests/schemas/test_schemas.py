@@ -93,6 +93,8 @@ UNSEEN = {
     "report/capture.drops_by.queue integer": "what is captured live",
     "report/capture.drops_by.ring integer": "the same",
     "report/capture.until_ns string": "the same",
+    "report/findings[].parts[].extent number": "many identifiers of one channel that are irregular",
+    "report/findings[].parts[].subindex null": "many lists of one channel with incomplete cycles",
     "diff/only_a[].id null": "a list of many whose file does not tell it",
     "diff/only_b[].id null": "the same",
     "report/lists[].diag.tLastReceive null": "a list of which nothing was received but that it could not be delivered",

@@ -26,6 +26,8 @@ NUMBERED = {
     "buses.errors.all.rows": "buses.errors.all.keys",
     "buses.errors.classes.rows": "buses.errors.classes.keys",
     "buses.canopen.columns": "buses.canopen.nodes",
+    "buses.canopen.sdo": "buses.canopen.nodes",
+    "buses.canopen.nmt": "buses.canopen.channels",
     "buses.remotes.rows": "buses.remotes.keys",
 }
 """What numbers the rows of tables that have keys of their own; in which order may depend on batches."""

@@ -1,9 +1,10 @@
 """CanOpen: the CANopen nodes of each channel, by their heartbeats and emergencies, and what the NMT master told them.
 
 Frames are taken by identifier and length, and many a bus has such frames without any CANopen. A node is told only with
-evidence: a heartbeat or boot-up of its own, an NMT command, or SDO requests and answers (CiA 301, 7.2.4 and 7.2.8).
-Heartbeats are none any more from the frame on with which, from the first of them on, half of the frames of their COB-ID
-are no heartbeats: a counter of another protocol meets the states now and then.
+evidence: a heartbeat or boot-up of its own, an NMT command, or an SDO request with its answer (CiA 301, 7.2.4 and
+7.2.8). Each is some only while most frames of its COB-IDs are such: a counter of another protocol meets the states and
+commands now and then. Heartbeats are none any more from the frame on with which half of the frames from the first of
+them on are no heartbeats; of NMT commands and SDOs, all frames count (``nvscope.tracker.can.majority``).
 """
 
 from __future__ import annotations
@@ -11,29 +12,28 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, U32, U64, Bool
+from dissectors.batch import I64, U8, U16, U32, Bool
 from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STATES, PREDEFINED, Service, use_of
 from dissectors.can.frame import CanBatch
 from dissectors.keys import KeyTable
 from dissectors.layout import gather_bytes
 from nvscope.engine.events import EventBatch
-from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
+from nvscope.tracker.can.canopen_columns import NO_STATE, NodeColumns
+from nvscope.tracker.can.majority import NEVER, Majorities
+from nvscope.tracker.can.sdo import LastSdo, weighed
 from nvscope.tracker.event_kinds import EventKind
 
 _SERVICES = {service.name: service for service in PREDEFINED}
 _NMT, _EMCY, _HEARTBEAT = (_SERVICES[name] for name in ("NMT", "EMCY", "heartbeat"))
 _ASKED, _ANSWERED = (_SERVICES[name] for name in ("SDO request", "SDO answer"))
 _OTHER, _IS_NMT, _IS_EMCY, _IS_HEARTBEAT, _IS_ASKED, _IS_ANSWERED = range(6)
-_BYTES = {_IS_NMT: 2, _IS_EMCY: 8, _IS_HEARTBEAT: 1, _IS_ASKED: 8, _IS_ANSWERED: 8}
-_NO_STATE = -1
-NEVER = int(np.iinfo(np.int64).max)
-"""In place of a frame number that there is not yet."""
+_NMT_BYTES, _EMCY_BYTES, _HEARTBEAT_BYTES, _SDO_BYTES = 2, 8, 1, 8
 _STATE_BITS = 0x7F
 _AFTER_COMMAND = {1: 5, 2: 4, 128: 127, 129: 0, 130: 0}
 """The state that a node has after an NMT command, by the command's code."""
@@ -50,56 +50,6 @@ def _kinds() -> U8:
 
 
 _KIND = _kinds()
-
-
-class _NodeColumns(KeyedColumns):
-    """One row a channel and node; node 0 has the commands to all. Frame numbers are 0, states -1 where there are none.
-
-    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest. ``strays`` are the frames
-    behind the first heartbeat, of its COB-ID, that are none. The last five are the frames in which a heartbeat, a
-    command, an SDO request and an answer came first, and with which heartbeats ceased to be evidence; else ``NEVER``.
-    """
-
-    heartbeats: I64
-    strays: I64
-    boot_ups: I64
-    changes: I64
-    state: I64
-    since_ns: I64
-    last_ns: I64
-    emergencies: I64
-    emergency: U64
-    emergency_ns: I64
-    commands: I64
-    command: I64
-    command_ns: I64
-    command_frame: I64
-    beats_from: I64
-    told_from: I64
-    asked_from: I64
-    answered_from: I64
-    doubted_from: I64
-    COLUMNS: ClassVar = {
-        "heartbeats": (np.int64(0), 1),
-        "strays": (np.int64(0), 1),
-        "boot_ups": (np.int64(0), 1),
-        "changes": (np.int64(0), 1),
-        "state": (np.int64(_NO_STATE), 1),
-        "since_ns": (np.int64(0), 1),
-        "last_ns": (np.int64(0), 1),
-        "emergencies": (np.int64(0), 1),
-        "emergency": (np.uint64(0), 1),
-        "emergency_ns": (np.int64(0), 1),
-        "commands": (np.int64(0), 1),
-        "command": (np.int64(0), 1),
-        "command_ns": (np.int64(0), 1),
-        "command_frame": (np.int64(0), 1),
-        "beats_from": (np.int64(NEVER), 1),
-        "told_from": (np.int64(NEVER), 1),
-        "asked_from": (np.int64(NEVER), 1),
-        "answered_from": (np.int64(NEVER), 1),
-        "doubted_from": (np.int64(NEVER), 1),
-    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,26 +102,29 @@ class CanOpenNode:
 
 
 class Since(NamedTuple):
-    """Of nodes, the frames from which on there is evidence of them; ``NEVER`` where there is none.
+    """Of nodes, the frames from which on there is evidence of them, and up to which, by what it is.
 
-    ``lasting`` is evidence that stays; heartbeats are some from ``beats`` on, until ``doubted``.
+    Each has the frames of heartbeats, NMT commands and SDOs; ``NEVER`` where there are none.
     """
 
-    lasting: I64
-    beats: I64
-    doubted: I64
+    since: tuple[I64, ...]
+    until: tuple[I64, ...]
 
     def at(self, frame: int) -> Bool:
         """Return of which nodes there is evidence by all that came up to a frame, with itself."""
-        return (self.lasting <= frame) | ((self.beats <= frame) & (frame < self.doubted))
+        shown = [(one <= frame) & (frame < end) for one, end in zip(self.since, self.until, strict=True)]
+        any_of: Bool = np.logical_or.reduce(shown)
+        return any_of
 
 
 class CanOpen:
-    """The CANopen nodes that were seen; ``nodes`` number the rows of ``columns``."""
+    """CANopen nodes: ``nodes`` number the rows of ``columns`` and ``sdo``, ``channels`` those of ``nmt``."""
 
     def __init__(self) -> None:
-        self.nodes = KeyTable()
-        self.columns = _NodeColumns()
+        self.nodes, self.channels = KeyTable(), KeyTable(1)
+        self.columns = NodeColumns()
+        self.sdo, self.nmt = Majorities(), Majorities()
+        self._last_sdo = LastSdo()
 
     def observe(self, told: Told, batch: CanBatch) -> None:
         """Take the CAN frames of what is told."""
@@ -180,28 +133,33 @@ class CanOpen:
         if not len(row):
             return
         other = batch.extended[row] | batch.error[row] | batch.remote[row] | (batch.fault[row] != 0)
-        beats = row[(kind[row] == _IS_HEARTBEAT) & ~other]
-        if len(beats):
-            self._observe_heartbeats(told, batch, beats)
-        other |= batch.fd[row]
-        kind, length = kind[row], batch.length[row]
-        for code, observe in (
-            (_IS_EMCY, self._observe_emergencies),
-            (_IS_NMT, self._observe_commands), (_IS_ASKED, self._observe_requests),
-            (_IS_ANSWERED, self._observe_answers),
+        row = row[~other]
+        kind = kind[row]
+        for codes, observe in (
+            ((_IS_HEARTBEAT, _IS_HEARTBEAT), self._observe_heartbeats),
+            ((_IS_EMCY, _IS_EMCY), self._observe_emergencies), ((_IS_NMT, _IS_NMT), self._observe_commands),
+            ((_IS_ASKED, _IS_ANSWERED), self._observe_sdos),
         ):  # fmt: skip
-            own = row[(kind == code) & (length == _BYTES[code]) & ~other]
+            own = row[(kind >= codes[0]) & (kind <= codes[1])]
             if len(own):
                 observe(told, batch, own)
 
     def take(self, part: CanOpen) -> None:
         """Take over the nodes of other channels."""
-        self.columns.take_keyed(self.nodes, part.columns, part.nodes.words)
+        row = self.columns.take_keyed(self.nodes, part.columns, part.nodes.words)
+        self._resize()
+        self.sdo.put(row, part.sdo)
+        self._last_sdo.put(row, part._last_sdo)
+        self.nmt.take_keyed(self.channels, part.nmt, part.channels.words)
 
     def _numbers(self, channel: U16, node: U32 | U8) -> I64:
         number = self.nodes.numbers(channel.astype(np.uint64), node.astype(np.uint64))
-        self.columns.resize(len(self.nodes))
+        self._resize()
         return number
+
+    def _resize(self) -> None:
+        for table in (self.columns, self.sdo, self._last_sdo):
+            table.resize(len(self.nodes))
 
     def _tell(self, told: Told, kind: EventKind, batch: CanBatch, row: I64, number: I64, amount: I64) -> None:
         """Tell of some frames, of the nodes that are numbered so."""
@@ -211,7 +169,7 @@ class CanOpen:
 
     def _observe_heartbeats(self, told: Told, batch: CanBatch, row: I64) -> None:
         state = (batch.data[batch.at[row]] & np.uint8(_STATE_BITS)).astype(np.int64)  # node guarding toggles bit 7
-        known = np.isin(state, list(NODE_STATES)) & (batch.length[row] == _BYTES[_IS_HEARTBEAT]) & ~batch.fd[row]
+        known = np.isin(state, list(NODE_STATES)) & (batch.length[row] == _HEARTBEAT_BYTES) & ~batch.fd[row]
         number = self._numbers(batch.channel[row], _node_of(batch, row, _HEARTBEAT))
         order = stable_order(number, len(self.nodes))
         number, state, row, known = number[order], state[order], row[order], known[order]
@@ -234,7 +192,7 @@ class CanOpen:
         columns.heartbeats[run] += stop - start
         np.minimum.at(columns.beats_from, number, batch.row[row] + told.first_frame)
         np.add.at(columns.boot_ups, number[state == 0], 1)
-        np.add.at(columns.changes, number[changed & (before != _NO_STATE)], 1)
+        np.add.at(columns.changes, number[changed & (before != NO_STATE)], 1)
         if told.is_heard:
             trusted = batch.row[row] + told.first_frame < columns.doubted_from[number]
             new = np.flatnonzero((changed | (state == 0)) & trusted)
@@ -257,6 +215,9 @@ class CanOpen:
         columns.strays[run] = strays[stop - 1]
 
     def _observe_emergencies(self, told: Told, batch: CanBatch, row: I64) -> None:
+        row = row[_has_bytes(batch, row, _EMCY_BYTES)]
+        if not len(row):
+            return
         number = self._numbers(batch.channel[row], _node_of(batch, row, _EMCY))
         order = stable_order(number, len(self.nodes))
         number, row = number[order], row[order]
@@ -270,12 +231,21 @@ class CanOpen:
             self._tell(told, EventKind.EMERGENCY, batch, row, number, code)
 
     def _observe_commands(self, told: Told, batch: CanBatch, row: I64) -> None:
-        command, node = batch.data[batch.at[row]], batch.data[batch.at[row] + 1]
-        known = np.isin(command, list(NMT_COMMANDS)) & (node <= MAX_NODES)
-        row, command, node = row[known], command[known], node[known]
+        channel = self.channels.numbers(batch.channel[row].astype(np.uint64))
+        self.nmt.resize(len(self.channels))
+        order = stable_order(channel, len(self.channels))
+        channel, row = channel[order], row[order]
+        known = _has_bytes(batch, row, _NMT_BYTES)
+        command, node = batch.data[batch.at[row] * known], batch.data[(batch.at[row] + 1) * known]
+        known &= np.isin(command, list(NMT_COMMANDS)) & (node <= MAX_NODES)
+        own = known.astype(np.int64)
+        self.nmt.weigh(channel, batch.row[row] + told.first_frame, own, 1 - own, known)
+        channel, row, command, node = channel[known], row[known], command[known], node[known]
+        if not len(row):
+            return
         number = self._numbers(batch.channel[row], node)
         order = stable_order(number, len(self.nodes))
-        number, row, command = number[order], row[order], command[order]
+        number, row, command, channel = number[order], row[order], command[order], channel[order]
         start, stop = runs_of(number)
         run, last, columns = number[start], stop - 1, self.columns
         columns.commands[run] += stop - start
@@ -284,31 +254,49 @@ class CanOpen:
         columns.command_frame[run] = batch.row[row[last]] + told.first_frame
         np.minimum.at(columns.told_from, number, batch.row[row] + told.first_frame)
         if told.is_heard:
+            trusted = self.nmt.has_shown(channel, batch.row[row] + told.first_frame)
+            row, number, command = row[trusted], number[trusted], command[trusted]
             self._tell(told, EventKind.NODE_COMMAND, batch, row, number, command.astype(np.int64))
 
-    def _observe_requests(self, told: Told, batch: CanBatch, row: I64) -> None:
-        number = self._numbers(batch.channel[row], _node_of(batch, row, _ASKED))
-        np.minimum.at(self.columns.asked_from, number, batch.row[row] + told.first_frame)
-
-    def _observe_answers(self, told: Told, batch: CanBatch, row: I64) -> None:
-        number = self._numbers(batch.channel[row], _node_of(batch, row, _ANSWERED))
-        np.minimum.at(self.columns.answered_from, number, batch.row[row] + told.first_frame)
+    def _observe_sdos(self, told: Told, batch: CanBatch, row: I64) -> None:
+        asks = _KIND[batch.identifier[row]] == _IS_ASKED
+        node = batch.identifier[row] - np.where(asks, _ASKED.first - 1, _ANSWERED.first - 1).astype(np.uint32)
+        number = self._numbers(batch.channel[row], node)
+        order = stable_order(number, len(self.nodes))
+        number, row, asks = number[order], row[order], asks[order]
+        fits = _has_bytes(batch, row, _SDO_BYTES)
+        word = np.zeros(len(row), np.int64)
+        word[fits] = gather_bytes(batch.data, batch.at[row[fits]], 4).view("<u4").reshape(-1)
+        weights = weighed(self._last_sdo, number, batch.ts_ns[row], word, asks, fits)
+        self.sdo.weigh(number, batch.row[row] + told.first_frame, *weights)
 
     def since(self, lists: Collection[int] = ()) -> Since:
         """Return of each of ``nodes`` the frames from which on there is evidence of it.
 
         The COB-IDs of ``lists`` are not CANopen's.
         """
-        count, columns = len(self.nodes), self.columns
+        count, columns, sdo = len(self.nodes), self.columns, self.sdo
         node, taken = self.nodes.low.astype(np.int64), np.array(sorted(lists), np.int64)
+        row_of = self._rows_of_channels()
+        channel = np.array([row_of.get(one, -1) for one in self.nodes.high.tolist()], np.int64)
 
-        def first(frame: I64, service: Service) -> I64:
-            cob_id = node + (service.first - 1) if service.by_node else np.full(count, service.first)
-            return np.where(np.isin(cob_id, taken), NEVER, frame[:count])
+        def of_channel(frame: I64) -> I64:
+            return np.append(frame, NEVER)[channel]  # -1: nothing of NMT was seen there
 
-        talks = np.maximum(first(columns.asked_from, _ASKED), first(columns.answered_from, _ANSWERED))
-        lasting = np.minimum(talks, first(columns.told_from, _NMT))
-        return Since(lasting, first(columns.beats_from, _HEARTBEAT), columns.doubted_from[:count].copy())
+        def first(frame: I64, *services: Service) -> I64:
+            for service in services:
+                cob_id = node + (service.first - 1) if service.by_node else np.full(count, service.first)
+                frame = np.where(np.isin(cob_id, taken), NEVER, frame)
+            return frame
+
+        told_from = np.maximum(columns.column("told_from"), of_channel(self.nmt.column("since")))
+        return Since(
+            (
+                first(columns.column("beats_from"), _HEARTBEAT), first(told_from, _NMT),
+                first(sdo.column("since"), _ASKED, _ANSWERED),
+            ),
+            (columns.column("doubted_from").copy(), of_channel(self.nmt.column("until")), sdo.column("until").copy()),
+        )  # fmt: skip
 
     def evidence(self, lists: Collection[int] = ()) -> dict[int, Evidence]:
         """Return by channel of which nodes there is evidence; the COB-IDs of ``lists`` are not CANopen's."""
@@ -326,14 +314,30 @@ class CanOpen:
             rows[channel][node] = row
         found = {}
         for channel, row_of in rows.items():
-            nodes = (self._node(node, row_of[node], row_of.get(0), lists) for node in sorted(row_of) if node)
+            commanded = _NMT.first not in lists and self._is_commanded(channel)
+            nodes = (
+                self._node(node, row_of[node], (row_of[node], row_of.get(0)) if commanded else (), lists)
+                for node in sorted(row_of) if node
+            )  # fmt: skip
             seen = evidence.get(channel, NO_EVIDENCE)
             found[channel] = [
                 node for node in nodes if seen.of_node(node.node) and (node.heartbeats or node.emergencies)
             ]
         return found
 
-    def _node(self, node: int, row: int, everybody: int | None, lists: Collection[int]) -> CanOpenNode:
+    def _rows_of_channels(self) -> dict[int, int]:
+        """Return the row of each channel; of a copy, the table finds what came later too."""
+        return {channel: row for row, channel in enumerate(self.channels.words[0].tolist())}
+
+    def _is_commanded(self, channel: int) -> bool:
+        """Tell whether most frames on a channel with the COB-ID of NMT are commands."""
+        row = self._rows_of_channels().get(channel)
+        return row is not None and bool(self.nmt.has_shown(np.array([row]), np.array([NEVER - 1]))[0])
+
+    def _node(
+        self, node: int, row: int, commands: tuple[int | None, ...], lists: Collection[int]
+    ) -> CanOpenNode:  # fmt: skip
+        """Return a node; ``commands`` are the rows of what it was commanded."""
         columns = self.columns
         is_known = _cob_id(_HEARTBEAT, node) not in lists and columns.doubted_from[row] == NEVER
         heartbeats = int(columns.heartbeats[row]) if is_known else 0
@@ -341,9 +345,9 @@ class CanOpen:
         state = since_ns = None
         if heartbeats:
             state, since_ns = int(columns.state[row]), int(columns.since_ns[row])
-        elif _NMT.first not in lists:
+        elif commands:
             told = max(
-                (place for place in (row, everybody) if place is not None),
+                (place for place in commands if place is not None),
                 key=lambda place: int(columns.command_frame[place]),
             )
             if columns.commands[told]:
@@ -363,6 +367,12 @@ class CanOpen:
 def _node_of(batch: CanBatch, row: I64, service: Service) -> U32:
     node: U32 = batch.identifier[row] - np.uint32(service.first - 1)
     return node
+
+
+def _has_bytes(batch: CanBatch, row: I64, length: int) -> Bool:
+    """Tell which frames are classic ones of so many bytes."""
+    has: Bool = (batch.length[row] == length) & ~batch.fd[row]
+    return has
 
 
 def _cob_id(service: Service, node: int) -> int:

@@ -253,6 +253,7 @@ class _FindingRow(DrawnRow):
         ),
         fields(
             count=lambda row: row.finding.count,
+            extent=lambda row: row.finding.extent,
             first_ns=lambda row: time_text(row.finding.first_ns),
             last_ns=lambda row: time_text(row.finding.last_ns),
             frames=lambda row: list(row.finding.frames),
@@ -281,13 +282,23 @@ class _CanFindingRow(_FindingRow):
     )
 
 
+_OF_PARTS = ("list", "subindex", "count", "extent", "first_ns", "last_ns", "frames", "frames_cut", "message", "hint")
+"""What each of many identifiers has of its own."""
+
+
 class _FoldedFindingRow(_CanFindingRow):
-    """The same with the lists that it is about."""
+    """The same with the lists that it is about, and what is said of each of their identifiers."""
 
     __slots__ = ()
+
+    def part(self, finding: Finding) -> dict[str, Any]:
+        row = _FindingRow(finding, self.list_keys, self.summary)
+        return {key: row[key] for key in _OF_PARTS}
+
     PARTS: ClassVar[Sequence[Part]] = (
         *_CanFindingRow.PARTS[:2],
         fields(lists=lambda row: [row.list_keys[number] for number in row.finding.lists]),
+        lists(parts=lambda row: [row.part(finding) for finding in row.finding.parts]),
         _FindingRow.PARTS[1],
     )
 

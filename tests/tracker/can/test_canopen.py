@@ -31,12 +31,72 @@ def nodes_of(frames: list[Frame], cut: int = 1 << 17, channel: int = 0, **more: 
     return seen.by_channel(**more).get(channel, [])
 
 
+class Majority:
+    """Whether most frames were CANopen's, frame by frame."""
+
+    def __init__(self) -> None:
+        self.own = self.strays = 0
+        self.shown = self.since = self.ended = False
+
+    def weigh(self, own: int, strays: int, *, shows: bool) -> None:
+        self.own, self.strays, self.shown = self.own + own, self.strays + strays, self.shown or shows
+        if self.own <= self.strays:
+            self.ended |= self.since
+        elif self.shown:
+            self.since = True
+
+
+BEGINNINGS = {
+    **{first: {0x60, 0x80} for first in range(0x20, 0x30)},
+    0x40: {*range(0x40, 0x50), 0x80},
+    **{first: {0xA0, 0xA4, 0x80} for first in (0xC0, 0xC2, 0xC4, 0xC6)},
+    **{first: {0xC0, 0xC2, 0xC4, 0xC6, 0x80} for first in (0xA0, 0xA4)},
+}
+"""By the first byte of an SDO request that names an object, those of the answers to it."""
+
+SEGMENTS = {
+    **{first: {0x20 | first & 0x10, 0x80} for first in range(0x20)},
+    **{first: {*range(first & 0x10, (first & 0x10) + 16), 0x80} for first in (0x60, 0x70)},
+}
+
+
+class Dialogue:
+    """The SDOs of a node, frame by frame."""
+
+    def __init__(self) -> None:
+        self.majority = Majority()
+        self.asked: tuple[int, bytes] | None = None
+        self.in_block = self.asked_in_block = False
+
+    def take(self, time_ns: int, data: bytes, *, asks: bool) -> None:
+        asked, strays = self.asked, 0
+        answers = False
+        shows = False
+        if asked is not None and not asks and len(data) == 8 == len(asked[1]) and time_ns - asked[0] <= 2000 * MS:
+            request, object_ = asked[1][0], asked[1][1:4]
+            shows = data[1:4] == object_ and data[0] in BEGINNINGS.get(request, ())
+            answers = shows or data[0] in SEGMENTS.get(request, ())
+        if asked is not None and not answers and not self.asked_in_block:
+            lone = asked[1][0] if len(asked[1]) == 8 else -1
+            strays += lone not in BEGINNINGS and lone != 0x80
+        if shows:
+            assert asked is not None
+            self.in_block = asked[1][0] >= 0xA0 and data[0] != 0x80
+        strays += not asks and not answers and not self.in_block
+        self.majority.weigh(2 * answers, strays, shows=shows)
+        self.asked = (time_ns, data) if asks else None
+        self.asked_in_block = self.in_block
+
+
 def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
     """Follow channel 0 frame by frame."""
     nodes: dict[int, dict[str, Any]] = defaultdict(
         lambda: {"heartbeats": 0, "changes": 0, "boot_ups": 0, "state": None, "since_ns": None, "emergencies": 0}
     )
-    evident: dict[str, set[int]] = defaultdict(set)
+    doubted: set[int] = set()
+    commanded: set[int] = set()
+    dialogues: dict[int, Dialogue] = defaultdict(Dialogue)
+    commands = Majority()
     strays: dict[int, int] = defaultdict(int)
     for time_ns, channel, word, data in frames:
         if channel or word > 0x7FF:
@@ -52,19 +112,21 @@ def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
             number = word - 0x700
             strays[number] += number in nodes and nodes[number]["heartbeats"] > 0
             if strays[number] and strays[number] >= nodes[number]["heartbeats"]:
-                evident["doubted"].add(number)
+                doubted.add(number)
         elif 0x81 <= word <= 0xFF and len(data) == 8:
             nodes[word - 0x80]["emergencies"] += 1
-        elif 0x601 <= word <= 0x67F and len(data) == 8:
-            evident["asked"].add(word - 0x600)
-        elif 0x581 <= word <= 0x5FF and len(data) == 8:
-            evident["answered"].add(word - 0x580)
-        elif word == 0 and len(data) == 2 and data[0] in (1, 2, 128, 129, 130) and data[1] < 128:
-            evident["commanded"].add(data[1])
+        elif 0x601 <= word <= 0x67F or 0x581 <= word <= 0x5FF:
+            dialogues[word & 0x7F].take(time_ns, data, asks=word > 0x600)
+        elif word == 0:
+            is_command = len(data) == 2 and data[0] in (1, 2, 128, 129, 130) and data[1] < 128
+            commands.weigh(is_command, not is_command, shows=is_command)
+            if is_command:
+                commanded.add(data[1])
     # Without a heartbeat of it, a command, or an SDO with its answer, nobody knows that a node is one of CANopen.
-    for number in evident["doubted"]:
+    for number in doubted:
         nodes[number] |= {"heartbeats": 0, "changes": 0, "boot_ups": 0}
-    known = evident["commanded"] | (evident["asked"] & evident["answered"])
+    known = commanded if commands.since and not commands.ended else set()
+    known |= {number for number, one in dialogues.items() if one.majority.since and not one.majority.ended}
     return {
         number: node
         for number, node in nodes.items()
@@ -78,10 +140,31 @@ def talk(seed: int, count: int) -> list[Frame]:
     for _ in range(count):
         time_ns += choice.randrange(1, 10 * MS)
         word = choice.choice(
-            [0x701, 0x702, 0x77F, 0x81, 0x82, 0, 0x181, 0x8000_0701, 0x700, 0x780, 0x80, 0x601, 0x581, 0x602]
+            [
+                0x701,
+                0x702,
+                0x77F,
+                0x81,
+                0x82,
+                0,
+                0,
+                0x181,
+                0x8000_0701,
+                0x700,
+                0x780,
+                0x80,
+                *[0x601, 0x581] * 4,
+                0x602,
+            ]
         )
         length = choice.choice([1, 1, 8]) if word & 0x700 == 0x700 else choice.choice([8, 8, 2, 0])
         data = bytes(choice.choice([0, 4, 5, 5, 127, 0x85, 3]) for _ in range(length))
+        if word in (0x601, 0x581, 0x602):
+            at = choice.choice([0, 0, 0, 1])
+            first = choice.choice(
+                [0x40, 0x40, 0x2F, 0xC2, 0x60, 0x10] if word > 0x600 else [0x43, 0x60, 0xA4, 0x30, 0x80]
+            )
+            data = (bytes([first, 0, 0x10, at]) + bytes(4))[: choice.choice([8, 8, 8, 4])]
         frames.append((time_ns, choice.choice([0, 0, 1]), word, data))
     return frames
 
@@ -152,3 +235,88 @@ def test_heartbeats_among_other_frames_are_no_evidence(data: list[bytes], is_nod
 def test_the_frames_of_a_list_are_no_heartbeats() -> None:
     frames: list[Frame] = [(START_NS, 0, 0x705, b"\5"), (START_NS, 0, 0x85, bytes(8)), (START_NS, 0, 0x706, b"\5")]
     assert [node.node for node in nodes_of(frames, lists={0x705, 0x85})] == [6]
+
+
+def dialogue(*frames: str) -> list[Frame]:
+    """Return SDOs of node 5, of which the text begins with > or <, and an emergency of it."""
+    told = [(0x605 if one[0] == ">" else 0x585, bytes.fromhex(one[1:])) for one in frames]
+    said: list[Frame] = [(START_NS + place * MS, 0, word, data) for place, (word, data) in enumerate(told)]
+    return [*said, (START_NS + len(said) * MS, 0, 0x85, bytes(8))]
+
+
+READ, TOLD = ">40 0010 00 00000000", "<43 0010 00 91010000"
+
+
+@pytest.mark.parametrize(
+    ("said", "is_node"),
+    [
+        ((READ, TOLD), True),
+        ((">2B 1710 00 E8030000", "<60 1710 00 00000000"), True),
+        ((READ, "<80 0010 00 00000206"), True),
+        ((">2F 1710 00 01000000", "<80 1710 00 02000106"), True),
+        # Segmented: the segments have a toggle bit and no object.
+        (
+            (">40 0810 00 00000000", "<41 0810 00 0A000000", ">60" + " 00" * 7, "<00" + " 41" * 7,
+             ">70" + " 00" * 7, "<19" + " 41" * 7), True,
+        ),
+        ((">21 0810 00 0A000000", "<60 0810 00 00000000", ">00" + " 41" * 7, "<20" + " 00" * 7), True),
+        # A block transfer: nobody answers its segments one by one.
+        (
+            (">C6 0810 00 0A000000", "<A4 0810 00 7F000000", *(f">{place:02X}" + " 41" * 7 for place in range(1, 20)),
+             "<A2 13 7F" + " 00" * 5, ">C1" + " 00" * 7, "<A1" + " 00" * 7), True,
+        ),
+        # A capture may begin behind a request; a request may be lost on a node that is away, again and again.
+        ((TOLD, READ, TOLD), True),
+        ((READ, TOLD, *[READ] * 20), True),
+        ((READ,), False),
+        ((TOLD,), False),
+        ((TOLD, READ), False),
+        ((READ, "<43 0110 00 91010000"), False),  # another object
+        ((READ, "<43 0010 01 91010000"), False),
+        ((READ, "<60 0010 00 00000000"), False),  # the answer to a write
+        ((READ, "<40 0010 00"), False),
+        ((">2B 1710 00 E8030000", "<43 1710 00 00000000"), False),
+        ((">60" + " 00" * 7, "<00" + " 41" * 7), False),  # a segment alone names no object
+        ((">00" + " 00" * 7, "<00" + " 00" * 7) * 9, False),
+        # Counters of another protocol, which meet a pair now and then.
+        (tuple(f"{'<>'[place % 2]}{place % 256:02X}" + " 00" * 7 for place in range(600)), False),
+        ((READ, TOLD, *(f"<{place:02X} 0010 00 00000000" for place in range(2)), READ, TOLD), False),
+    ],
+)  # fmt: skip
+def test_sdos_are_evidence_where_answers_fit_their_requests(said: tuple[str, ...], is_node: bool) -> None:
+    for cut in (1, 2, 1000):
+        assert [node.node for node in nodes_of(dialogue(*said), cut)] == [5] * is_node
+
+
+def test_an_answer_that_comes_too_late_is_none() -> None:
+    (asked, answered, *rest), wait_ns = dialogue(READ, TOLD), 2000 * MS
+    for late, is_node in ((0, True), (1, False)):
+        frames = [asked, (asked[0] + wait_ns + late, *answered[1:]), *rest]
+        assert [node.node for node in nodes_of(frames)] == [5] * is_node
+
+
+@pytest.mark.parametrize(
+    ("data", "is_node"),
+    [
+        ([b"\1\0"], True),
+        ([b"\7\0", b"\1\0", b"\2\0"], True),
+        ([bytes((value, 0)) for value in range(256)], False),
+        ([bytes((value, 0)) for value in range(1, 4)], True),
+        ([bytes((value, 0)) for value in range(1, 5)], False),
+        ([b"\1\0\0", b"\1\0"], False),
+        ([b"\1\x80"], False),
+        ([b"\1"], False),
+        ([b""], False),
+    ],
+)
+def test_commands_are_evidence_where_most_frames_of_their_identifier_are_some(data: list[bytes], is_node: bool) -> None:
+    frames: list[Frame] = [(START_NS + place, 0, 0, one) for place, one in enumerate(data)]
+    frames.append((START_NS + 1000, 0, 0x82, bytes(8)))
+    for cut in (1, 2, 1000):
+        assert [(node.node, node.commanded) for node in nodes_of(frames, cut)] == [(2, True)] * is_node
+
+
+def test_a_node_is_in_no_state_that_a_counter_commanded() -> None:
+    counter: list[Frame] = [(START_NS + value, 0, 0, bytes((value, 0))) for value in range(9)]
+    (node,) = nodes_of([*counter, *dialogue(READ, TOLD)])
+    assert (node.node, node.state, node.commanded) == (5, None, False)

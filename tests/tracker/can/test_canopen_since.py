@@ -89,3 +89,20 @@ def test_heartbeats_of_one_node_name_no_other(tmp_path: Path) -> None:
     told = lines(tmp_path, "701#05\n181#0102\n182#0102\n081#0000000000000000\n082#0000000000000000")
     assert ["node 1" in line for line in told] == [True, True, False, True, False]
     assert "node 2" not in "\n".join(told)
+
+
+@pytest.mark.parametrize(
+    "shown_by",
+    [
+        "\n".join(f"000#{value:02X}00" for value in range(16)),
+        "581#4300100000000000\n601#4000100000000000",
+        "601#4000100000000000\n581#4300110000000000",
+        "601#0100000000000000\n581#0100000000000000",
+    ],
+)
+def test_what_looks_like_canopen_now_and_then_names_nothing(shown_by: str, tmp_path: Path) -> None:
+    told = lines(tmp_path, f"{shown_by}\n080#\n181#0102\n081#0000000000000000")
+    assert not [word for word in WORDS if word in "\n".join(told[-3:])]
+    done = run_text("report", tmp_path / "a.log", "--json")
+    assert '"canopen_nodes": []' in done.stdout
+    assert not [word for word in WORDS if word in done.stdout]

@@ -9,7 +9,7 @@ import pytest
 from nvscope.definition.buses import Buses, BusSettings
 from nvscope.definition.model import Definition
 from nvscope.findings.judge import judge
-from nvscope.report import text
+from nvscope.report import markdown, text
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.units import list_key
@@ -85,12 +85,21 @@ def test_what_many_identifiers_have_alike_is_one_finding() -> None:
     (one,) = [finding for finding in found["findings"] if finding["code"] == "NV502"]
     assert (one["list"], one["subindex"], one["channel"], one["count"]) == (None, None, "can0", 32)
     assert one["lists"] == [entry["key"] for entry in found["lists"]]
+    assert [(part["list"], part["count"], part["extent"]) for part in one["parts"]] == [
+        (key, 1, one["extent"]) for key in one["lists"]
+    ]
     assert one["message"].startswith(
         "32 identifiers of can0 show this: 0x300, 0x301, 0x302, 0x303 and 28 more. 0x300: "
     )
     shown = text.render(found, width=100, utc=True)
     assert "channel can0" in shown
     assert "32 lists, all with warnings" in shown
+    assert "-v shows each." in shown
+    details = text.render(found, width=100, utc=True, details=True)
+    assert [f"COB-ID 0x{0x300 + place:03X}: Jitter" in details for place in range(32)] == [True] * 32
+    assert [f"COB-ID 0x{0x300 + place:03X}: Jitter" in markdown.render(found, details=True) for place in (0, 31)] == [
+        True
+    ] * 2
 
 
 def test_what_is_said_of_many_identifiers_is_that_of_the_worst() -> None:
@@ -99,6 +108,17 @@ def test_what_is_said_of_many_identifiers_is_that_of_the_worst() -> None:
     )
     (one,) = [finding for finding in report(frames, 10_000)["findings"] if finding["code"] == "NV502"]
     assert " and 28 more. 0x310: Jitter 90 %" in one["message"]
+
+
+def test_frames_that_are_missing_are_called_neither_late_nor_irregular() -> None:
+    missing = {40, 41, 42, 80, 120}
+    frames = [(START_NS + 10 * MS * number, 0, 0x300, bytes(8)) for number in range(200) if number not in missing]
+    found = {finding["code"]: finding for finding in report(frames, 10_000)["findings"]}
+    assert set(found) == {"NV501", "NV502"}
+    assert "without a loss" not in found["NV501"]["message"]
+    assert "No Counter tells whether" in found["NV501"]["message"]
+    assert "as where telegrams are missing; without these, jitter is 0" in found["NV502"]["message"]
+    assert "NV604" in found["NV502"]["hint"]
 
 
 def test_few_identifiers_and_other_channels_have_their_own_findings() -> None:
