@@ -71,6 +71,7 @@ class PacketBatch:
     ``until_ns``: time has passed up to here, behind the packets, and nothing comes any more from before; an empty batch
     with it says "nothing until then". None where nobody says so; of a slice, unless it is the whole batch.
     ``direction`` (``Direction``, uint8) is None where it is unknown of all.
+    ``hole``: nobody listened between the packets before this batch, which has none, and those behind it.
     Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
     """
 
@@ -83,6 +84,7 @@ class PacketBatch:
     channel: U16 | None = None
     until_ns: int | None = None
     direction: U8 | None = None
+    hole: bool = False
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -94,6 +96,7 @@ class PacketBatch:
         return PacketBatch(
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows],
             channel, self.until_ns if whole else None, None if self.direction is None else self.direction[rows],
+            self.hole,
         )  # fmt: skip
 
     @staticmethod
@@ -115,6 +118,11 @@ class PacketBatch:
             np.zeros(PAD_BYTES, np.uint8), none, np.empty(0, np.int32), none, none, PacketBatch.link_column(0, 0),
             until_ns=until_ns,
         )  # fmt: skip
+
+    @staticmethod
+    def of_hole() -> PacketBatch:
+        """Return a batch without packets, which says that nobody listened between those before and those behind it."""
+        return replace(PacketBatch.nothing(), hole=True)
 
     def with_margin(self, lead_bytes: int = 0, rows: I64 | None = None) -> PacketBatch:
         """Return the batch over a buffer with at least ``MARGIN_BYTES`` bytes behind the end of every packet.

@@ -36,8 +36,11 @@ class TimeSpan:
     def part(self, batch: PacketBatch) -> PacketBatch | None:
         """Return the packets of a batch that lie in the span, in their order; None where there is nothing to say.
 
-        ``until_ns`` goes no further than the end, since nobody looks behind it, and is kept without packets too.
+        ``until_ns`` goes no further than the end, since nobody looks behind it, and is kept without packets too; so are
+        holes.
         """
+        if batch.hole:
+            return batch
         until_ns = batch.until_ns
         if until_ns is not None:
             until_ns = None if until_ns < self.start_ns else min(until_ns, self.end_ns)

@@ -4,6 +4,8 @@ Every capture keeps its own order, also where its clock steps back. That is the 
 latest time of their capture so far, then by capture, then by place in it; so it is computed, a stretch at a time.
 Captures are ordered by their first time, then by path, so that the order in which they are given does not matter.
 
+Where no capture goes on for long (``nvscope.capture.recordings``), a batch says that there is a hole.
+
 A capture that is silent says so by ``until_ns``: no packet up to there will come of it. It counts like the time of a
 packet, so that the others need not wait for one.
 """
@@ -24,6 +26,7 @@ from dissectors.batch import I64, PAD_BYTES, U8, PacketBatch
 from dissectors.can.frame import channels_of
 from dissectors.can.pdo import channel_name
 from nvscope.capture.between import Between
+from nvscope.capture.recordings import APART_NS
 from nvscope.capture.source import Attachment, FileSource, Source, SourceInfo
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, stretches
 from nvscope.capture.stoppable import StoppableBatches
@@ -220,6 +223,8 @@ class Timeline:
             bound = min((head.bound for head in heads), default=None)
             if bound is None or (waiting and (waiting[-1][0], waiting[-1]) < bound):
                 rank = waiting.pop()
+                if not heads and _NEVER_NS < passed_ns <= rank[0] - APART_NS:
+                    yield PacketBatch.of_hole()
                 track = self._tracks[rank[2]]
                 batches = track.read(share * max(1, len(heads)), span)
                 head = _Head(rank, self._named(track, batches), eager=self._files[rank[2]] is not None)

@@ -40,9 +40,11 @@ class Recogniser:
     def tell(self, packets: PacketBatch) -> Iterator[Told]:
         """Yield what is to be told of the packets that follow those before, a limited number of them at a time.
 
-        Of a batch that says nothing at all, nothing is told; of one without packets, that time has passed.
+        Of a batch that says nothing at all, nothing is told; of one without packets, that time has passed, or that
+        nobody listened.
         """
-        starts = range(0, len(packets), MAX_BATCH) or (range(1) if packets.until_ns is not None else ())
+        says_something = packets.until_ns is not None or packets.hole
+        starts = range(0, len(packets), MAX_BATCH) or range(int(says_something))
         for start in starts:
             last = start + MAX_BATCH >= len(packets)
             yield self._tell(packets[start : start + MAX_BATCH], packets.until_ns if last else None)
@@ -56,8 +58,10 @@ class Recogniser:
             pdos=self._reading.pdos, choose=self._reading.choose,
             laid=None if self._keys is None else self._lay_out(batch, self._keys), until_ns=until_ns,
             dissectors=self._reading.dissectors, timeout_ns=self._reading.timeout_ns,
-            max_streams=self._reading.max_streams, all_frames=self._reading.all_frames,
+            max_streams=self._reading.max_streams, all_frames=self._reading.all_frames, hole=packets.hole,
         )  # fmt: skip
+        if packets.hole:
+            self._memory.resume()
         if len(batch):
             self._frames += len(batch)
             self._last_ns = int(batch.packets.ts_ns[-1])

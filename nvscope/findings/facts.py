@@ -188,10 +188,10 @@ class Facts:
         return told_of(self.defined, entry.key) if self.defined else None
 
     def reference_checksum(self, list_number: int, subindex: int) -> int:
-        """Return the checksum with which all others of a list and SubIndex are compared."""
+        """Return the checksum that another one of a list and SubIndex differed from first."""
         places = self.state.keys.places
         place = places.find(np.array([list_number], np.uint64), np.array([subindex], np.uint64))[0]
-        return int(self.state.lists.consistency.places.reference[place])
+        return int(self.state.lists.consistency.places.differed_from[place])
 
     def logged(self, kind: FindingKind) -> list[Logged]:
         """Return the events that are this kind of finding, by place: what the tracker logged, and what is overdue."""

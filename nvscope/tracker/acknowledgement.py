@@ -24,6 +24,7 @@ from nvscope.tracker.waits import (
     NEVER,
     NO_REQUESTS,
     NO_WAITS_ENDED,
+    NOBODY_YET,
     Answers,
     BootUpWaits,
     Messages,
@@ -71,6 +72,12 @@ class Acknowledgement:
         errors.append(negative)
         errors.append(ErrorEvents(answered_error, False, unanswered.list, nobody, unanswered.deadline_ns, seen))
         return Answers(errors, missing, answered, negative_node, unexpected, unanswered)
+
+    def resume(self) -> None:
+        """Go on behind a hole: what was open before it stays without an end, and nobody has sent anything yet."""
+        self.waits.open[:] = False
+        self.boot_up_waits = NO_REQUESTS
+        self.places.sender[:] = NOBODY_YET
 
     def take(self, part: Acknowledgement, share: Share) -> None:
         """Take over the waits of a part for its share of the lists."""

@@ -22,7 +22,7 @@ from nvscope.engine.runs import distinct, runs_of, stable_order
 from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.whole_cycles import Over, PairCounts, StreamCounts, count_cycles
+from nvscope.tracker.whole_cycles import Over, PairCounts, StreamCounts, count_cycles, end_counting
 
 AnyColumn = TypeVar("AnyColumn", I64, U16)
 
@@ -37,7 +37,8 @@ class PairColumns(KeyedColumns):
 
     ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle,
     ``last_frame`` is that of its last telegram. ``seen`` are the streams of the pair, ``ready`` those of them whose
-    interval is known, all from frame ``ready_from`` on.
+    interval is known, all from frame ``ready_from`` on;
+    behind a hole, it has to be known anew.
     ``partial``: the open cycle may have begun before the capture. ``skew_ns`` is the longest time between the first and
     the last telegram of a cycle. ``present`` are bits of the SubIndexes in the open one, where somebody listens.
     """
@@ -168,6 +169,17 @@ class Cycles:
         self.streams.pair[known] = number[part.streams.pair[known]]
         pair, size = part.events.keys.words
         self.events.take(part.events, number[pair.astype(np.int64)].astype(np.uint64), size)
+
+    def resume(self) -> None:
+        """Go on behind a hole: what is open is no cycle, and those that follow count once all streams are there again.
+
+        A recording may end, and begin, inside a cycle.
+        """
+        self.columns.size[:] = 0
+        self.columns.ready[:] = 0
+        self.columns.ready_from[:] = 0
+        self.streams.ready_from[:] = NEVER
+        end_counting(self.pair_counts, self.stream_counts, self.streams.column("pair"))
 
     def _number(self, rows: DataRows, keys: Keys, first_frame: int, several: Bool | None) -> None:
         """Number the pairs of new streams, and note from when on a pair has several."""

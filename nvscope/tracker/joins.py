@@ -35,7 +35,7 @@ SUM, LEAST, MOST, LAST = Join.SUM, Join.LEAST, Join.MOST, Join.LAST
 _COUNTED_EVENTS = {"count": SUM, "first_ns": LAST, "last_ns": LAST, "frames": LAST}
 
 TABLES: Mapping[str, Mapping[str, Join]] = {
-    "memory.columns": {"telegrams": SUM, "first_ns": LAST, "last_ns": LAST, "signature": LAST},
+    "memory.columns": {"telegrams": SUM, "first_ns": LAST, "last_ns": LAST, "signature": LAST, "heard": LAST},
     "lists.flows.counts": {
         "count": SUM, "mismatches": SUM, "chosen": SUM,
         "first_ns": LAST, "first_frame": LAST, "last_ns": LAST, "last_frame": LAST,

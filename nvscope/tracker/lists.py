@@ -100,6 +100,9 @@ class ListState:
         """Take a batch, which follows those observed so far."""
         errors: list[ErrorEvents] = []
         self.acknowledgement.timeout_ns = told.timeout_ns
+        if told.hole:
+            self.acknowledgement.resume()
+            self.consistency.resume()
         if len(told):
             self.flows.observe(told)
             errors += self._observe_rejected(told)

@@ -34,6 +34,9 @@ class SenderState:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         rows, keys = told.laid.data, told.keys
+        if told.hole:
+            for part in (self.loss, self.timing, self.cycles, self.can_cycles):
+                part.resume()
         if len(rows):
             own, nodes = self.loss.observe(told, rows)
             intervals = self._observe_intervals(told, rows, own, nodes)

@@ -41,6 +41,8 @@ _SHORT_NS = 1 << 32
 
 UNUSUAL_STREAM_BIT = 32
 
+NEVER = np.iinfo(np.int64).min
+
 LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 """Bits of an unusual interval's key: there was a gap in it, by the stream's counters or by the node's."""
 
@@ -48,6 +50,7 @@ LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 class IntervalColumns(KeyedColumns):
     """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares.
 
+    ``last_ns`` is when its last telegram came that was not skipped, ``NEVER`` before the first, and behind a hole.
     ``usual_ns`` is the median of the first intervals, 0 before these are known. ``usual_frames`` are the frames that
     ended the first ``usual_kept`` intervals of the dense buckets, ``usual_keys`` their keys as in ``Timing.unusual``.
     """
@@ -67,7 +70,7 @@ class IntervalColumns(KeyedColumns):
     usual_frames: I64
     usual_keys: I64
     COLUMNS: ClassVar = {
-        "last_ns": (np.int64(0), 1),
+        "last_ns": (np.int64(NEVER), 1),
         "node_gaps": (np.int64(0), 1),  # of the node's sequence, at the last telegram
         "count": (np.int64(-1), 1),  # of intervals; -1 before the first telegram
         "total_ns": (np.int64(0), 1),
@@ -152,15 +155,16 @@ class Timing:
         time_ns = np.delete(rows.time_ns, kept.absent) if len(kept.absent) else rows.time_ns
         interval = np.empty_like(time_ns)
         np.subtract(time_ns[1:], time_ns[:-1], out=interval[1:])
-        interval[start] = time_ns[start] - columns.last_ns[run]
+        before_ns = columns.last_ns[run]
+        interval[start] = time_ns[start] - before_ns
         columns.last_ns[run] = time_ns[last]
         loss = _LossBefore(kept, own, nodes, columns.node_gaps[run])
         columns.node_gaps[run] = nodes.gaps(kept.rows(last))
         ends = kept
-        fresh = columns.count[run] < 0
+        fresh = before_ns == NEVER
         if fresh.any():
             # The first telegram of a stream ends no interval.
-            columns.count[run[fresh]] = 0
+            columns.count[run[fresh]] = np.maximum(columns.count[run[fresh]], 0)
             ends = _Kept(rows, np.sort(np.append(kept.absent, kept.rows(start[fresh]))))
             interval, time_ns = np.delete(interval, start[fresh]), np.delete(time_ns, start[fresh])
         usual = np.ones(len(rows), np.bool_)
@@ -169,6 +173,10 @@ class Timing:
             self._add(interval, ends)
             usual[ends.rows(self._sort_in(told, rows, ends, interval, loss))] = False
         return BatchIntervals(usual, ends.run, ends.stop - ends.start, time_ns, interval)
+
+    def resume(self) -> None:
+        """Go on behind a hole: no interval goes across it."""
+        self.columns.last_ns[:] = NEVER
 
     def take(self, part: Timing, share: Share) -> None:
         """Take over the intervals of a part's share of the senders."""

@@ -32,6 +32,10 @@ class CanCycles(Cycles):
         super().__init__()
         self._pdos = PdoColumns()
 
+    def resume(self) -> None:
+        """Go on behind a hole: what is open is no cycle, and the first one counts from its first frame on only."""
+        self.columns.size[:] = 0
+
     def observe_frames(self, told: Told, rows: DataRows, usual: Bool, usual_ns: I64) -> None:
         """Take the data frames of a batch; ``usual`` and ``usual_ns`` are the intervals that were learned so far.
 

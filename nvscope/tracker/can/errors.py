@@ -124,6 +124,10 @@ class CanErrors:
             self.classes.settle()
         self._observe_bus_off(told, batch, details)
 
+    def resume(self) -> None:
+        """Go on behind a hole: nobody knows when a controller came back that was off the bus."""
+        self.columns.off[:] = 0
+
     def take(self, part: CanErrors) -> None:
         """Take over the error frames of other channels."""
         self.classes.take(part.classes)

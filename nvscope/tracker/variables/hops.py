@@ -78,16 +78,22 @@ class End:
     """A variable in one stream: its last value, as bytes, and the changes that are remembered.
 
     ``times_ns`` and ``values`` (a number for each value) begin with the first telegram, which is no change, while that
-    is remembered (``begins``).
+    is remembered (``begins``). ``heard``: it has had a telegram since the last hole.
     """
 
     stream: Stream
     element: Element
     last: bytes = b""
+    heard: bool = False
     telegrams: int = 0
     begins: bool = True
     times_ns: I64 = field(default_factory=lambda: np.empty(0, np.int64))
     values: U64 = field(default_factory=lambda: np.empty(0, np.uint64))
+
+    def forget(self) -> None:
+        """Begin anew, with no telegram before the next one."""
+        self.last, self.begins, self.heard = b"", True, False
+        self.times_ns, self.values = self.times_ns[:0], self.values[:0]
 
 
 @dataclass(slots=True)
@@ -135,6 +141,8 @@ class Hops:
         """Take a batch, which follows those observed so far."""
         if not self._shared:
             return
+        if told.hole:
+            self._resume()
         changed: set[Name] = set()
         fresh: dict[int, tuple[I64, U64]] = {}
         for telegrams in joined(self._read.of(told)):
@@ -144,6 +152,15 @@ class Hops:
                 _compare(pair, fresh)
             for end in self._ends[name].values():
                 _remember(end, fresh.get(id(end)))
+
+    def _resume(self) -> None:
+        """Go on behind a hole: what changed meanwhile followed nobody knows what, and when."""
+        for ends in self._ends.values():
+            for end in ends.values():
+                end.forget()
+        for pairs in self.pairs.values():
+            for pair in pairs:
+                pair.until_ns = None
 
     def _may_share(self, stream: Stream) -> bool:
         return self._layouts.list_of(stream.list) is not None
@@ -160,7 +177,8 @@ class Hops:
             raw = np.ascontiguousarray(cells).view(np.uint8).reshape(len(cells), -1)
             differs = np.ones(len(raw), np.bool_)
             differs[1:] = (raw[1:] != raw[:-1]).any(axis=1)
-            differs[0] = not end.telegrams or raw[0].tobytes() != end.last
+            differs[0] = not end.heard or raw[0].tobytes() != end.last
+            end.heard = True
             end.telegrams += len(raw)
             end.last = raw[-1].tobytes()
             row = np.flatnonzero(differs)
