@@ -29,6 +29,11 @@ class Recording(NamedTuple):
     last: str
 
 
+def is_apart(end_ns: int, start_ns: int) -> bool:
+    """Tell whether a capture that begins goes on with none that ended before."""
+    return start_ns - end_ns >= APART_NS
+
+
 def recordings(sources: Sequence[SourceInfo]) -> list[Recording]:
     """Return the recordings that sources are of, in order; those without a packet are of none."""
     timed = sorted(
@@ -39,7 +44,7 @@ def recordings(sources: Sequence[SourceInfo]) -> list[Recording]:
     )
     found: list[Recording] = []
     for start_ns, end_ns, path in timed:
-        if found and start_ns - found[-1].end_ns < APART_NS:
+        if found and not is_apart(found[-1].end_ns, start_ns):
             before = found[-1]
             last = path if end_ns >= before.end_ns else before.last
             found[-1] = before._replace(end_ns=max(before.end_ns, end_ns), last=last)

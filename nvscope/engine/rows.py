@@ -20,7 +20,7 @@ _COMPARE_ROWS = 8192
 class StreamColumns(KeyedColumns):
     """One row a stream: how often, when, and the last telegram (its signature; its bytes are in ``StreamMemory``).
 
-    ``heard``: it has had a telegram since the last hole.
+    ``heard``: it has had a telegram since somebody listens to it.
     """
 
     telegrams: I64
@@ -43,10 +43,10 @@ class DataRows:
 
     ``packet`` holds their rows in the packet batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound
     the runs of one stream, which is ``run_stream``; ``signature_before`` and ``before_ns`` are of the telegram before
-    each run, and ``fresh`` where there is none, or a hole lies between. ``several`` are the runs, by their places among the runs, that are of
-    more than one variety, rising. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
-    where no row is. ``others`` are the packets of the batch that hold no well-formed data telegram, rising; PDOs have
-    none.
+    each run, and ``fresh`` where there is none, or nobody has listened since. ``several`` are the runs, by their places
+    among the runs, that are of more than one variety, rising. ``wanting`` are the rows that want to be acknowledged,
+    rising. ``repeated`` is None where no row is. ``others`` are the packets of the batch that hold no well-formed data
+    telegram, rising; PDOs have none.
     """
 
     packet: I64
@@ -186,9 +186,9 @@ class StreamMemory:
             self._remember(batch, rows)
         return rows
 
-    def resume(self) -> None:
-        """Go on behind a hole: what comes next of a stream follows nothing."""
-        self.columns.heard[:] = False
+    def resume(self, streams: I64) -> None:
+        """Let what comes next of some streams, to which nobody listens now, follow nothing."""
+        self.columns.heard[self.columns.own_rows(streams)] = False
 
     def _repeated(self, batch: SortedPackets, rows: DataRows, keys: Keys) -> Bool | None:
         """Tell which rows equal the one before in their stream, byte for byte as far as both were captured."""

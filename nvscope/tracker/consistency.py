@@ -12,8 +12,8 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import runs_of, stable_order
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.steps import EARLY_WRAPS
-
 
 NO_CHECKSUM = -1
 
@@ -21,8 +21,8 @@ NO_CHECKSUM = -1
 class PlaceColumns(KeyedColumns):
     """One row a place: the last shape (Items, Length), the reference checksum, and how many send it.
 
-    What follows a hole is compared with nothing before it. ``differed_from`` is the reference that a telegram differed
-    from first. Both are ``NO_CHECKSUM`` before there is one.
+    What comes after nobody has listened is compared with nothing before it. ``differed_from`` is the reference that a
+    telegram differed from first. Both are ``NO_CHECKSUM`` before there is one.
     """
 
     seen: Bool
@@ -58,10 +58,11 @@ class Consistency:
             _odd_flags(rows, changes, keys),
         )
 
-    def resume(self) -> None:
-        """Go on behind a hole: a program that was changed meanwhile is no disagreement."""
-        self.places.seen[:] = False
-        self.places.reference[:] = NO_CHECKSUM
+    def resume(self, unheard: Unheard) -> None:
+        """Let what follows of the unheard begin anew: a program that is changed meanwhile is no disagreement."""
+        places = self.places.own_rows(unheard.places)
+        self.places.seen[places] = False
+        self.places.reference[places] = NO_CHECKSUM
 
     def take(self, part: Consistency, share: Share) -> None:
         """Take over what a part has found of its share of the lists."""

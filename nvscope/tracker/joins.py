@@ -60,9 +60,9 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
         "between_lists": LAST, "regular_between_lists": LAST,
     },
     "senders.timing.columns": {
-        "last_ns": LAST, "node_gaps": LAST, "count": SUM, "total_ns": SUM, "least_ns": LEAST, "most_ns": MOST,
-        "squares": SUM, "learned": LAST, "usual_ns": LAST, "first_bucket": LAST, "dense": SUM, "usual_kept": LAST,
-        "usual_frames": LAST, "usual_keys": LAST,
+        "last_ns": LAST, "last_frame": LAST, "node_gaps": LAST, "count": SUM, "total_ns": SUM, "least_ns": LEAST,
+        "most_ns": MOST, "squares": SUM, "learned": LAST, "usual_ns": LAST, "first_bucket": LAST, "dense": SUM,
+        "usual_kept": LAST, "usual_frames": LAST, "usual_keys": LAST,
     },
     "senders.timing.unusual.rows": _COUNTED_EVENTS,
     "buses.load.columns": {
@@ -73,7 +73,8 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
         "lengths": LAST, "longest": LAST,
     },
     "buses.errors.columns": {
-        "off": LAST, "off_since_ns": LAST, "bus_offs": SUM, "restarts": SUM, "returns": SUM, "off_ns": SUM,
+        "off": LAST, "off_since_ns": LAST, "off_until_ns": LAST, "bus_offs": SUM, "restarts": SUM, "returns": SUM,
+        "off_ns": SUM,
         "longest_off_ns": MOST, "states": SUM, "tx_errors": MOST, "rx_errors": MOST,
     },
     "buses.errors.all.rows": _COUNTED_EVENTS,

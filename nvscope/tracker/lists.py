@@ -100,9 +100,6 @@ class ListState:
         """Take a batch, which follows those observed so far."""
         errors: list[ErrorEvents] = []
         self.acknowledgement.timeout_ns = told.timeout_ns
-        if told.hole:
-            self.acknowledgement.resume()
-            self.consistency.resume()
         if len(told):
             self.flows.observe(told)
             errors += self._observe_rejected(told)
@@ -111,6 +108,9 @@ class ListState:
             errors += self._observe_data(told)
         if told.until_ns is not None:
             errors += self._expire(told)
+        for unheard in told.unheard:
+            self.acknowledgement.resume(unheard)
+            self.consistency.resume(unheard)
         self.errors.observe(errors, len(self.keys.lists))
         self.events.settle()
 

@@ -20,6 +20,7 @@ from nvscope.engine.keys import COUNTER_SHIFT, Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import order_by, runs_of_lengths
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
@@ -82,9 +83,9 @@ class StreamSequences(KeyedColumns):
 class NodeSequences(KeyedColumns):
     """One row a node: the sequence of all its telegrams, and the gaps in it.
 
-    ``last_stream`` is that of its last telegram that was not repeated, ``NO_STREAM`` before, and behind a hole; ``last_ns`` is when its last one
-    came. Of its steps, ``between_streams`` are those from one stream to another, ``between_lists`` those from one list
-    to another; of which so many are ``regular``.
+    ``last_stream`` is that of its last telegram that was not repeated, ``NO_STREAM`` before, and while it is unheard;
+    ``last_ns`` is when its last one came. Of its steps, ``between_streams`` are those from one stream to another,
+    ``between_lists`` those from one list to another; of which so many are ``regular``.
     """
 
     current: U16
@@ -136,11 +137,12 @@ class Loss:
         self._book(told, rows, nodes, Scope.NODE_TELEGRAM)
         return own, nodes
 
-    def resume(self) -> None:
-        """Go on behind a hole: all sequences begin anew."""
-        self.streams.missing[:] = 0
-        self.nodes.missing[:] = 0
-        self.nodes.last_stream[:] = NO_STREAM
+    def resume(self, unheard: Unheard) -> None:
+        """Let the sequences of the unheard begin anew."""
+        streams, nodes = self.streams.own_rows(unheard.streams), self.nodes.own_rows(unheard.nodes)
+        self.streams.missing[streams] = 0
+        self.nodes.missing[nodes] = 0
+        self.nodes.last_stream[nodes] = NO_STREAM
 
     def take(self, part: Loss, share: Share) -> None:
         """Take over the sequences of a part's share of the senders."""
@@ -159,7 +161,7 @@ class Loss:
         steps = again.walk(counter, streams.current[run], streams.missing[run], rows.fresh)
         streams.current[run], streams.missing[run] = steps.current, steps.missing
         waiting = ~streams.counting[run]
-        # Rows that take no step: the first of a sequence, those in front of the second counter value, and repeated ones.
+        # Rows that take no step: the first of a sequence, those in front of the second value, and repeated ones.
         idle = (rows.fresh & ~waiting).astype(np.int64)
         if waiting.any():
             moved = (steps.step != Step.SAME) & (steps.step != Step.NONE)

@@ -34,9 +34,6 @@ class SenderState:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         rows, keys = told.laid.data, told.keys
-        if told.hole:
-            for part in (self.loss, self.timing, self.cycles, self.can_cycles):
-                part.resume()
         if len(rows):
             own, nodes = self.loss.observe(told, rows)
             intervals = self._observe_intervals(told, rows, own, nodes)
@@ -48,6 +45,9 @@ class SenderState:
             intervals = self._observe_intervals(told, frames, *no_steps(len(frames)))
             usual_ns = self.timing.columns.usual_ns
             self.can_cycles.observe_frames(told, frames, intervals.usual, usual_ns)
+        for unheard in told.unheard:
+            for part in (self.loss, self.timing, self.cycles, self.can_cycles):
+                part.resume(unheard)
 
     def _observe_intervals(
         self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps | NoNodeSteps

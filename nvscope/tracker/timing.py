@@ -21,11 +21,13 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import spans
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
 from nvscope.tracker.deviation import deviations, means
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
+from nvscope.tracker.silences import Silences
 from nvscope.tracker.steps import Step, Steps
 
 LEARNED_INTERVALS = 8
@@ -50,12 +52,14 @@ LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 class IntervalColumns(KeyedColumns):
     """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares.
 
-    ``last_ns`` is when its last telegram came that was not skipped, ``NEVER`` before the first, and behind a hole.
-    ``usual_ns`` is the median of the first intervals, 0 before these are known. ``usual_frames`` are the frames that
-    ended the first ``usual_kept`` intervals of the dense buckets, ``usual_keys`` their keys as in ``Timing.unusual``.
+    ``last_ns`` is when its last telegram came that was not skipped, ``NEVER`` before the first, and while it is
+    unheard; ``last_frame`` is its frame. ``usual_ns`` is the median of the first intervals, 0 before these are known.
+    ``usual_frames`` are the frames that ended the first ``usual_kept`` intervals of the dense buckets, ``usual_keys``
+    their keys as in ``Timing.unusual``.
     """
 
     last_ns: I64
+    last_frame: I64
     node_gaps: I64
     count: I64
     total_ns: I64
@@ -71,6 +75,7 @@ class IntervalColumns(KeyedColumns):
     usual_keys: I64
     COLUMNS: ClassVar = {
         "last_ns": (np.int64(NEVER), 1),
+        "last_frame": (np.int64(0), 1),
         "node_gaps": (np.int64(0), 1),  # of the node's sequence, at the last telegram
         "count": (np.int64(-1), 1),  # of intervals; -1 before the first telegram
         "total_ns": (np.int64(0), 1),
@@ -134,13 +139,14 @@ class Timing:
     """The intervals of all streams.
 
     ``unusual`` holds the intervals outside of the dense buckets, keyed by one word: the stream from
-    ``UNUSUAL_STREAM_BIT`` on, below it ``key_of`` bucket and loss bits.
+    ``UNUSUAL_STREAM_BIT`` on, below it ``key_of`` bucket and loss bits. ``silences`` are those at the ends of sources.
     """
 
     def __init__(self) -> None:
         self.columns = IntervalColumns()
         self.unusual = EventLog(words=1)
         self.large_squares: dict[int, int] = {}
+        self.silences = Silences()
 
     def observe(
         self, told: Told, rows: TimedRows, own: Steps, nodes: NodeSteps | NoNodeSteps
@@ -158,6 +164,7 @@ class Timing:
         before_ns = columns.last_ns[run]
         interval[start] = time_ns[start] - before_ns
         columns.last_ns[run] = time_ns[last]
+        columns.last_frame[run] = rows.packet[kept.rows(last)] + told.first_frame
         loss = _LossBefore(kept, own, nodes, columns.node_gaps[run])
         columns.node_gaps[run] = nodes.gaps(kept.rows(last))
         ends = kept
@@ -174,14 +181,21 @@ class Timing:
             usual[ends.rows(self._sort_in(told, rows, ends, interval, loss))] = False
         return BatchIntervals(usual, ends.run, ends.stop - ends.start, time_ns, interval)
 
-    def resume(self) -> None:
-        """Go on behind a hole: no interval goes across it."""
-        self.columns.last_ns[:] = NEVER
+    def resume(self, unheard: Unheard) -> None:
+        """Let no interval go on from the unheard; how long each was silent before is kept, unless that was usual."""
+        columns = self.columns
+        stream = columns.own_rows(unheard.streams)
+        stream = stream[columns.last_ns[stream] != NEVER]
+        since_ns, frame = columns.last_ns[stream], columns.last_frame[stream]
+        columns.last_ns[stream] = NEVER
+        silent = unheard.until_ns - since_ns > columns.usual_ns[stream]
+        self.silences.add(stream[silent], since_ns[silent], frame[silent], unheard.until_ns)
 
     def take(self, part: Timing, share: Share) -> None:
         """Take over the intervals of a part's share of the senders."""
         self.columns.take(part.columns, share.streams)
         self.unusual.take(part.unusual)
+        self.silences.take(part.silences)
         self.large_squares |= part.large_squares
 
     def _add(self, interval: I64, ends: _Kept) -> None:

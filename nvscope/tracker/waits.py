@@ -37,7 +37,7 @@ class WaitColumns(KeyedColumns):
 
 
 class PlaceColumns(KeyedColumns):
-    """One row a place: who sent its last well-formed data telegram (``NOBODY_YET``: nobody), and when one wanted an answer."""
+    """One row a place: who sent its last data telegram (or ``NOBODY_YET``), and when one wanted an answer."""
 
     sender: I64
     wanted_ns: I64

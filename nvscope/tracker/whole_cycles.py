@@ -85,15 +85,14 @@ def count_cycles(
         ended.add(pairs, pair, pair, np.full(len(pair), (1 << _FRAME_BITS) - 1))
 
 
-def end_counting(pairs: PairCounts, streams: StreamCounts, pair_of: I64) -> None:
-    """Leave of each pair, for good, the cycles up to the last telegram of the stream that ended first.
+def end_counting(pairs: PairCounts, streams: StreamCounts, stream: I64, pair: I64) -> None:
+    """Leave of some pairs, for good, the cycles up to the last telegram of the stream that ended first.
 
-    ``pair_of`` is as for ``count_cycles``.
+    ``stream`` are all streams of these pairs, ``pair`` that of each.
     """
-    stream = np.lexsort((streams.last_frame[: len(pair_of)], pair_of))
-    stream = stream[pair_of[stream] >= 0]
-    pair = pair_of[stream]
-    first = np.append(True, pair[1:] != pair[:-1])[: len(pair)]
+    order = np.lexsort((streams.last_frame[stream], pair))
+    stream, pair = stream[order], pair[order]
+    first = np.append(True, pair[1:] != pair[:-1])
     for name in CycleCounts.COLUMNS:
         of_pair, of_stream = getattr(pairs, name), getattr(streams, name)
         of_pair[pair[first]] = of_stream[stream[first]]

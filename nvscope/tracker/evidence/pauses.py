@@ -37,7 +37,7 @@ class Pauses:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         time_ns = told.packets.ts_ns
-        if told.hole:
+        if told.is_deaf:
             self._last_ns = None
         if not len(time_ns):
             return

@@ -42,7 +42,7 @@ class SeenColumns(EventRows):
 class AddressColumns(SeenColumns):
     """One row an address; ``others`` are its frames that are no telegrams of lists, ``pair`` is the last one it had.
 
-    ``last_other_ns`` is ``NEVER``, and ``pair`` -1, before the first, and behind a hole.
+    ``last_other_ns`` is ``NEVER``, and ``pair`` -1, before the first, and after nobody has listened.
     """
 
     others: I64
@@ -108,7 +108,7 @@ class Presence:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        if told.hole:
+        if told.is_deaf:
             self.columns.last_other_ns[:] = NEVER
             self.columns.pair[:] = -1
         found = addresses_of(told.packets)

@@ -28,8 +28,8 @@ class Track:
 
     Columns have an entry a wanted element, as ``places`` has. ``changes`` counts the changes, of which the last was at
     ``changed_ns``; ``shortest_ns`` and ``longest_ns`` are times between two changes, -1 where there is none. Where a
-    clock steps back, or nobody listened, a time between changes is left out: ``unheard`` are the changes up to the last
-    hole. ``data`` are the bytes of the last telegram.
+    clock steps back, or nobody listened, a time between changes is left out: ``unheard`` are the changes up to when
+    that was last. ``data`` are the bytes of the last telegram.
     """
 
     stream: Stream
@@ -86,9 +86,10 @@ class History:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        if told.hole:
+        for unheard in told.unheard:
             for track in self.tracks.values():
-                track.unheard = track.changes.copy()
+                if track.stream.number in unheard.streams:
+                    track.unheard = track.changes.copy()
         self._shown = [shown for part in joined(self.read.of(told)) if (shown := self._add(part)) is not None]
 
     def entries(self) -> Iterator[Entry]:

@@ -20,6 +20,7 @@ from dissectors.batch import I64, U8, U64, Bool
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.variables import Element, type_text
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.list_key import ANY_CHANNEL, ListKey
 from nvscope.tracker.buckets import bucket_of
 from nvscope.tracker.histograms import Histogram
@@ -78,7 +79,7 @@ class End:
     """A variable in one stream: its last value, as bytes, and the changes that are remembered.
 
     ``times_ns`` and ``values`` (a number for each value) begin with the first telegram, which is no change, while that
-    is remembered (``begins``). ``heard``: it has had a telegram since the last hole.
+    is remembered (``begins``). ``heard``: it has had a telegram since somebody listens to it.
     """
 
     stream: Stream
@@ -141,8 +142,8 @@ class Hops:
         """Take a batch, which follows those observed so far."""
         if not self._shared:
             return
-        if told.hole:
-            self._resume()
+        for unheard in told.unheard:
+            self._resume(unheard)
         changed: set[Name] = set()
         fresh: dict[int, tuple[I64, U64]] = {}
         for telegrams in joined(self._read.of(told)):
@@ -153,14 +154,17 @@ class Hops:
             for end in self._ends[name].values():
                 _remember(end, fresh.get(id(end)))
 
-    def _resume(self) -> None:
-        """Go on behind a hole: what changed meanwhile followed nobody knows what, and when."""
+    def _resume(self, unheard: Unheard) -> None:
+        """Let the unheard begin anew: what changed meanwhile followed nobody knows what, and when."""
+        streams = set(unheard.streams.tolist())
         for ends in self._ends.values():
             for end in ends.values():
-                end.forget()
+                if end.stream.number in streams:
+                    end.forget()
         for pairs in self.pairs.values():
             for pair in pairs:
-                pair.until_ns = None
+                if {pair.first.stream.number, pair.second.stream.number} & streams:
+                    pair.until_ns = None
 
     def _may_share(self, stream: Stream) -> bool:
         return self._layouts.list_of(stream.list) is not None
