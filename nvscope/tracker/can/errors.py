@@ -134,7 +134,8 @@ class CanErrors:
     def resume(self, unheard: Unheard) -> None:
         """Leave the controllers on unheard channels as they are: nobody will know when they came back."""
         number = self.channels.find(unheard.channels.astype(np.uint64))
-        number = number[(number >= 0) & (self.columns.off[number] == _OFF)]
+        number = number[number >= 0]
+        number = number[self.columns.off[number] == _OFF]
         self.columns.off[number] = _OFF_AT_LAST
         self.columns.off_until_ns[number] = unheard.until_ns
 
