@@ -92,8 +92,8 @@ class End:
     values: U64 = field(default_factory=lambda: np.empty(0, np.uint64))
 
     def forget(self) -> None:
-        """Begin anew, with no telegram before the next one."""
-        self.last, self.begins, self.heard = b"", True, False
+        """Begin anew, with no telegram before the next one; the last value stays the last one seen."""
+        self.begins, self.heard = True, False
         self.times_ns, self.values = self.times_ns[:0], self.values[:0]
 
 
