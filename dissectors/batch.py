@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -58,6 +58,18 @@ DIRECTION_NAMES = ("", "Rx", "Tx")
 """What CAN tools call directions, by number; '' where it is unknown."""
 
 
+class End(NamedTuple):
+    """The end of one of several sources, by its number, at the time of its last packet.
+
+    ``following`` is the source that begins where it ends, if there is one; ``last``: no other source is left.
+    """
+
+    source: int
+    time_ns: int
+    following: int | None = None
+    last: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class PacketBatch:
     """Some packets of a capture, in the order of the capture.
@@ -71,6 +83,8 @@ class PacketBatch:
     ``until_ns``: time has passed up to here, behind the packets, and nothing comes any more from before; an empty batch
     with it says "nothing until then". None where nobody says so; of a slice, unless it is the whole batch.
     ``direction`` (``Direction``, uint8) is None where it is unknown of all.
+    ``source`` tells as int32 of which of several sources a packet is, usually one broadcast value; None where there is
+    one alone. ``ends`` are the sources that ended in front of the packets; of a slice, where it begins with the first.
     Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
     """
 
@@ -83,6 +97,8 @@ class PacketBatch:
     channel: U16 | None = None
     until_ns: int | None = None
     direction: U8 | None = None
+    source: I32 | None = None
+    ends: tuple[End, ...] = ()
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -94,6 +110,7 @@ class PacketBatch:
         return PacketBatch(
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows],
             channel, self.until_ns if whole else None, None if self.direction is None else self.direction[rows],
+            None if self.source is None else self.source[rows], () if rows.indices(len(self))[0] else self.ends,
         )  # fmt: skip
 
     @staticmethod
@@ -115,6 +132,11 @@ class PacketBatch:
             np.zeros(PAD_BYTES, np.uint8), none, np.empty(0, np.int32), none, none, PacketBatch.link_column(0, 0),
             until_ns=until_ns,
         )  # fmt: skip
+
+    @staticmethod
+    def ended(*ends: End) -> PacketBatch:
+        """Return a batch without packets, which says that sources have ended."""
+        return replace(PacketBatch.nothing(), ends=ends)
 
     def with_margin(self, lead_bytes: int = 0, rows: I64 | None = None) -> PacketBatch:
         """Return the batch over a buffer with at least ``MARGIN_BYTES`` bytes behind the end of every packet.
@@ -148,6 +170,13 @@ class PacketBatch:
         value.flags.writeable = False
         # As broadcast_to does it, which takes many times as long: a reader asks for one a batch.
         return np.ndarray((count,), np.uint16, value, 0, (0,))
+
+    @staticmethod
+    def source_column(source: int, count: int) -> I32:
+        """Return the number of one source as a column of ``count`` rows that takes no memory."""
+        value = np.array(source, np.int32)
+        value.flags.writeable = False
+        return np.ndarray((count,), np.int32, value, 0, (0,))
 
     @property
     def channels(self) -> U16:

@@ -1,4 +1,9 @@
-"""Recordings: the stretches of time in which somebody captured, where captures lie days apart."""
+"""Recordings: the stretches of time in which somebody captured; between two of them lies a hole.
+
+What was open when a recording ended (waits, cycles, intervals, sequences of counters) stays unknown, and the next one
+begins as a capture does. Files that follow each other closer than ``APART_NS`` are of one recording: a capture that is
+rotated has holes of microseconds, or as long as the plant was silent, and a telegram lost between two files is lost.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +12,12 @@ from typing import NamedTuple
 
 from nvscope.capture.source import SourceInfo
 
-APART_NS = 86_400 * 10**9
-"""So long without a capture, nobody listened: what came, or did not come, is unknown."""
+APART_NS = 60 * 10**9
+"""So long without any capture, nobody listened: what came, or did not come, is unknown.
+
+A file that is rotated goes on with the next frame; on a network with switches and PCs there is one within the minute.
+Where there is none, an interval is left out that was one: that is no false alarm.
+"""
 
 
 class Recording(NamedTuple):
@@ -20,12 +29,22 @@ class Recording(NamedTuple):
     last: str
 
 
+def is_apart(end_ns: int, start_ns: int) -> bool:
+    """Tell whether a capture that begins goes on with none that ended before."""
+    return start_ns - end_ns >= APART_NS
+
+
 def recordings(sources: Sequence[SourceInfo]) -> list[Recording]:
     """Return the recordings that sources are of, in order; those without a packet are of none."""
-    timed = sorted((info.start_ns, info.end_ns, info.path) for info in sources if info.start_ns and info.end_ns)
+    timed = sorted(
+        # Where a clock stepped back, a capture can end before it began.
+        (info.start_ns, max(info.start_ns, info.end_ns), info.path)
+        for info in sources
+        if info.start_ns is not None and info.end_ns is not None
+    )
     found: list[Recording] = []
     for start_ns, end_ns, path in timed:
-        if found and start_ns - found[-1].end_ns < APART_NS:
+        if found and not is_apart(found[-1].end_ns, start_ns):
             before = found[-1]
             last = path if end_ns >= before.end_ns else before.last
             found[-1] = before._replace(end_ns=max(before.end_ns, end_ns), last=last)

@@ -36,14 +36,18 @@ class TimeSpan:
     def part(self, batch: PacketBatch) -> PacketBatch | None:
         """Return the packets of a batch that lie in the span, in their order; None where there is nothing to say.
 
-        ``until_ns`` goes no further than the end, since nobody looks behind it, and is kept without packets too.
+        ``until_ns`` goes no further than the end, since nobody looks behind it, and is kept without packets too; so are
+        the ends of sources.
         """
         until_ns = batch.until_ns
         if until_ns is not None:
             until_ns = None if until_ns < self.start_ns else min(until_ns, self.end_ns)
         kept = self._kept(batch)
         if kept is not None:
-            return kept if kept.until_ns == until_ns else replace(kept, until_ns=until_ns)
+            told = (kept.until_ns, kept.ends) == (until_ns, batch.ends)
+            return kept if told else replace(kept, until_ns=until_ns, ends=batch.ends)
+        if batch.ends:
+            return replace(PacketBatch.nothing(until_ns), ends=batch.ends)
         return None if until_ns is None else PacketBatch.nothing(until_ns)
 
     def _kept(self, batch: PacketBatch) -> PacketBatch | None:
@@ -73,4 +77,5 @@ def _taken(batch: PacketBatch, rows: I64) -> PacketBatch:
         batch.link[rows] if link is None else PacketBatch.link_column(link, len(rows)),
         None if batch.channel is None else batch.channel[rows],
         direction=None if batch.direction is None else batch.direction[rows],
+        source=None if batch.source is None else batch.source[rows],
     )

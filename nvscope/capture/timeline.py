@@ -4,6 +4,9 @@ Every capture keeps its own order, also where its clock steps back. That is the 
 latest time of their capture so far, then by capture, then by place in it; so it is computed, a stretch at a time.
 Captures are ordered by their first time, then by path, so that the order in which they are given does not matter.
 
+Packets tell of which capture they are; where one ends while others go on or follow, the next batch says so, and which
+one begins there (``nvscope.capture.recordings``).
+
 A capture that is silent says so by ``until_ns``: no packet up to there will come of it. It counts like the time of a
 packet, so that the others need not wait for one.
 """
@@ -14,16 +17,18 @@ from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from heapq import heapify, heapreplace
+from itertools import chain
 from types import MappingProxyType
 from typing import Literal, Protocol
 from weakref import ReferenceType, ref
 
 import numpy as np
 
-from dissectors.batch import I64, PAD_BYTES, U8, PacketBatch
+from dissectors.batch import I64, PAD_BYTES, U8, End, PacketBatch
 from dissectors.can.frame import channels_of
 from dissectors.can.pdo import channel_name
 from nvscope.capture.between import Between
+from nvscope.capture.recordings import is_apart
 from nvscope.capture.source import Attachment, FileSource, Source, SourceInfo
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, stretches
 from nvscope.capture.stoppable import StoppableBatches
@@ -47,6 +52,9 @@ _Rank = tuple[int, str, int]
 
 _NEVER_NS = int(np.iinfo(np.int64).min)
 _MANY_HEADS = 32
+_DISORDER_NS = 1_000_000
+"""Where a capture is rotated, frames of several interfaces may be so far out of order."""
+
 _ENDED_NS = int(np.iinfo(np.int64).max)
 _Piece = tuple[PacketBatch, I64]
 """Packets, and the keys that sort them."""
@@ -65,8 +73,8 @@ class _Head:
         self.rank = rank
         self.eager = eager
         self._batches = batches
-        self._latest_ns = self._until_ns = _NEVER_NS
-        self._ended = False
+        self.latest_ns = self._until_ns = _NEVER_NS
+        self.ended = False
         self._pieces: deque[_Piece] = deque()
 
     @property
@@ -82,11 +90,11 @@ class _Head:
     @property
     def bound(self) -> tuple[int, _Rank]:
         """The key and the rank up to which nothing can come of the track that is not in memory."""
-        if self._ended:
+        if self.ended:
             return _ENDED_NS, _NOBODY
-        if self._until_ns >= self._latest_ns:
+        if self._until_ns >= self.latest_ns:
             return self._until_ns, _NOBODY
-        return self._latest_ns, self.rank
+        return self.latest_ns, self.rank
 
     def advance(self) -> bool:
         """Take the next batch, or learn that time has passed without one; False at the end of the track."""
@@ -95,16 +103,16 @@ class _Head:
                 continue
             if len(batch):
                 keys = np.maximum.accumulate(batch.ts_ns)
-                np.maximum(keys, max(self._latest_ns, self._until_ns), out=keys)
+                np.maximum(keys, max(self.latest_ns, self._until_ns), out=keys)
                 self._pieces.append((batch, keys))
                 if self.rank[0] == _NEVER_NS:
                     # The rank is known with the first packet; before, there is nothing to be compared with others.
                     self.rank = int(keys[0]), *self.rank[1:]
-                self._latest_ns = int(keys[-1])
+                self.latest_ns = int(keys[-1])
             if batch.until_ns is not None:
                 self._until_ns = max(self._until_ns, batch.until_ns)
             return True
-        self._ended = True
+        self.ended = True
         return False
 
     def take(self, bound: tuple[int, _Rank]) -> list[_Piece]:
@@ -214,6 +222,8 @@ class Timeline:
                     pass
         waiting.sort(reverse=True)
         heads: list[_Head] = []
+        followers: set[int] = set()
+        ends: list[End] = []
         passed_ns = _NEVER_NS
         while heads or waiting:
             # Up to here no packet can still come that would have to be before.
@@ -222,7 +232,7 @@ class Timeline:
                 rank = waiting.pop()
                 track = self._tracks[rank[2]]
                 batches = track.read(share * max(1, len(heads)), span)
-                head = _Head(rank, self._named(track, batches), eager=self._files[rank[2]] is not None)
+                head = _Head(rank, self._named(rank[2], batches), eager=self._files[rank[2]] is not None)
                 if head.advance():
                     heads.append(head)
                 continue
@@ -230,17 +240,44 @@ class Timeline:
                 continue
             heads.sort(key=lambda head: head.rank)
             pieces = [piece for head in heads for piece in head.take(bound)]
-            yield from self._merge(pieces)
+            for batch in self._merge(pieces):
+                yield replace(batch, ends=tuple(ends)) if ends else batch
+                ends = []
             if pieces:
                 passed_ns = max(int(keys[-1]) for _, keys in pieces)
             if bound[1] is _NOBODY and passed_ns < bound[0] < _ENDED_NS:
                 passed_ns = bound[0]
-                yield PacketBatch.nothing(passed_ns)
-            heads = [
+                yield replace(PacketBatch.nothing(passed_ns), ends=tuple(ends))
+                ends = []
+            left = [
                 head
                 for head in heads
                 if head.packets or (head.bound[0] < _ENDED_NS and (head.bound > bound or head.advance()))
             ]
+            if len(left) < len(heads):
+                ends += self._ends([head for head in heads if head not in left], left, waiting, followers)
+            heads = left
+        if ends:
+            yield PacketBatch.ended(*ends)
+
+    def _ends(self, gone: list[_Head], left: list[_Head], waiting: list[_Rank], followers: set[int]) -> list[End]:
+        """Return the ends of files; ``followers`` are those that go on with others, and these are added to them.
+
+        The last end of all is of interest only where that file goes on with another one. Of many files that are read
+        ahead, the ends come behind some packets that are later.
+        """
+        ends = []
+        gone = [head for head in gone if head.eager and head.latest_ns > _NEVER_NS]
+        for place, head in enumerate(gone):
+            number, is_last = head.rank[2], not (left or waiting or gone[place + 1 :])
+            begun = (one.rank for one in left if one.rank[0] >= head.latest_ns - _DISORDER_NS)
+            coming = (rank for rank in reversed(waiting) if not is_apart(head.latest_ns, rank[0]))
+            following = next((rank[2] for rank in chain(begun, coming) if rank[2] not in followers), None)
+            if following is not None:
+                followers.add(following)
+            if not is_last or number in followers:
+                ends.append(End(number, head.latest_ns, following, is_last))
+        return ends
 
     def _read_ahead(self, heads: list[_Head], following: _Rank | None) -> bool:
         """Read more of the files that hold back the others, as long as little is in memory; tell whether any was read.
@@ -256,7 +293,7 @@ class Timeline:
         while packets < self._batch_packets and size < self._batch_bytes:
             bound, number = queue[0]
             head = heads[number]
-            if not head.eager or bound[0] == _ENDED_NS or (following and (following[0], following) < bound):
+            if not head.eager or head.ended or (following and (following[0], following) < bound):
                 break
             packets, size = packets - head.packets, size - head.bytes
             head.advance()
@@ -265,28 +302,31 @@ class Timeline:
             read = True
         return read
 
-    def _named(self, track: Track, batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:
-        """Yield batches with the channel numbers of the timeline in place of the track's own.
+    def _named(self, place: int, batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:
+        """Yield batches of a track with the channel numbers of the timeline in place of its own.
 
-        A channel without a name gets the one that it would be called by if its track were alone.
+        Those of files tell which track they are of. A channel without a name gets the one that it would be called by if
+        its track were alone.
         """
+        track, is_file = self._tracks[place], self._files[place] is not None
         for batch in batches:
             if not len(batch):
                 yield batch
                 continue
+            source = PacketBatch.source_column(place, len(batch)) if is_file else None
             own = channels_of(batch)
             number = np.zeros(int(own.max(initial=0)) + 1, np.uint16)
-            for place in np.flatnonzero(np.bincount(own)).tolist():
-                told = channel_name(track.channels, place)
+            for channel in np.flatnonzero(np.bincount(own)).tolist():
+                told = channel_name(track.channels, channel)
                 name = self._renamed.get(told, told)
                 if name not in self._numbers and len(self.channels) <= _MAX_CHANNEL:
                     self._numbers[name] = len(self.channels)
                     self.channels.append(name)
-                number[place] = self._numbers.get(name, _MAX_CHANNEL)
+                number[channel] = self._numbers.get(name, _MAX_CHANNEL)
             if batch.channel is None and not number.any() and not own.any():
-                yield batch
+                yield replace(batch, source=source)
             else:
-                yield replace(batch, channel=number[own])
+                yield replace(batch, channel=number[own], source=source)
 
     def _merge(self, pieces: list[tuple[PacketBatch, I64]]) -> Iterator[PacketBatch]:
         batches = [batch for batch, _ in pieces]
@@ -307,6 +347,9 @@ class Timeline:
         direction = None
         if any(batch.direction is not None for batch in batches):
             direction = np.concatenate([batch.directions for batch in batches])[order]
+        source = None
+        if all(batch.source is not None for batch in batches):
+            source = np.concatenate([batch.source for batch in batches if batch.source is not None])[order]
         done = [0] * len(batches)
         for rows in stretches(captured, self._batch_packets, self._batch_bytes):
             counts = np.bincount(origin[rows], minlength=len(batches)).tolist()
@@ -318,7 +361,10 @@ class Timeline:
             column = PacketBatch.link_column(only or 0, len(offset)) if link is None else link[rows]
             own = None if channel is None else channel[rows]
             way = None if direction is None else direction[rows]
-            yield PacketBatch(data, offset, captured[rows], original[rows], ts_ns[rows], column, own, direction=way)
+            of = None if source is None else source[rows]
+            yield PacketBatch(
+                data, offset, captured[rows], original[rows], ts_ns[rows], column, own, direction=way, source=of
+            )  # fmt: skip
             done = [at + count for at, count in zip(done, counts, strict=True)]
 
 

@@ -175,7 +175,7 @@ def duration_ns(option: str, text: str) -> int:
 
 
 def tell_of_gaps(infos: Sequence[SourceInfo]) -> None:
-    """Say on stderr where captures of one report lie days apart, and how to report on each of them."""
+    """Say on stderr where nobody captured between captures of one report, and how to report on each of them."""
     from nvscope.capture.recordings import recordings
     from nvscope.units import duration
     from nvscope.view.escape import visible

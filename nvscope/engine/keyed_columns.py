@@ -54,6 +54,10 @@ class KeyedColumns:
                 grown[: len(old)] = old
             setattr(self, name, grown)
 
+    def own_rows(self, row: I64) -> I64:
+        """Return those of some rows that the table has already."""
+        return row[row < self._rows]
+
     def take(self, other: Self, row: I64) -> None:
         """Make rows of this table what they are in another one of the same keys; it may be shorter."""
         row = row[row < len(other)]

@@ -16,6 +16,7 @@ from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.reading import Reading
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Laid, Told
+from nvscope.engine.watch import Watch
 
 MAX_BATCH = 1 << 17
 
@@ -35,34 +36,44 @@ class Recogniser:
         self._sorter = Sorter(reading.ports, self._reading.pdos, claims)
         self._keys = Keys(self._reading.pdos, reading.max_streams) if by_stream else None
         self._memory = StreamMemory()
+        self._watch = Watch()
         self._frames = 0
         self._start_ns = self._last_ns = 0
 
     def tell(self, packets: PacketBatch) -> Iterator[Told]:
         """Yield what is to be told of the packets that follow those before, a limited number of them at a time.
 
-        Of a batch that says nothing at all, nothing is told; of one without packets, that time has passed.
+        Of a batch that says nothing at all, nothing is told; of one without packets, that time has passed, or that
+        a source has ended.
         """
-        starts = range(0, len(packets), MAX_BATCH) or (range(1) if packets.until_ns is not None else ())
-        for start in starts:
+        if packets.ends and len(packets):
+            yield from self._tell(PacketBatch.ended(*packets.ends))
+            packets = replace(packets, ends=())
+        for start in range(0, len(packets), MAX_BATCH) or range(1):
             last = start + MAX_BATCH >= len(packets)
-            yield self._tell(packets[start : start + MAX_BATCH], packets.until_ns if last else None)
+            yield from self._tell(packets[start : start + MAX_BATCH], packets.until_ns if last else None)
 
-    def _tell(self, packets: PacketBatch, until_ns: int | None) -> Told:
+    def _tell(self, packets: PacketBatch, until_ns: int | None = None) -> Iterator[Told]:
+        unheard = [one for end in packets.ends for one in self._watch.end(end, self._keys)]
+        for one in unheard:
+            self._memory.resume(one.streams)
+        if not (len(packets) or unheard or until_ns is not None):
+            return
         if not self._frames and len(packets):
             self._start_ns = self._last_ns = int(packets.ts_ns[0])
         batch = self._sorter.sort(packets)
+        laid = None if self._keys is None else self._lay_out(batch, self._keys)
+        self._watch.observe(batch, self._keys)
         told = Told(
             batch, first_frame=self._frames + 1, start_ns=self._start_ns, before_ns=self._last_ns,
-            pdos=self._reading.pdos, choose=self._reading.choose,
-            laid=None if self._keys is None else self._lay_out(batch, self._keys), until_ns=until_ns,
+            pdos=self._reading.pdos, choose=self._reading.choose, laid=laid, until_ns=until_ns,
             dissectors=self._reading.dissectors, timeout_ns=self._reading.timeout_ns,
-            max_streams=self._reading.max_streams, all_frames=self._reading.all_frames,
+            max_streams=self._reading.max_streams, all_frames=self._reading.all_frames, unheard=unheard,
         )  # fmt: skip
         if len(batch):
             self._frames += len(batch)
             self._last_ns = int(batch.packets.ts_ns[-1])
-        return told
+        yield told
 
     def _lay_out(self, batch: SortedPackets, keys: Keys) -> Laid:
         begun = keys.observe(batch)

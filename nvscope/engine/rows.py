@@ -18,17 +18,22 @@ _COMPARE_ROWS = 8192
 
 
 class StreamColumns(KeyedColumns):
-    """One row a stream: how often, when, and the last telegram (its signature; its bytes are in ``StreamMemory``)."""
+    """One row a stream: how often, when, and the last telegram (its signature; its bytes are in ``StreamMemory``).
+
+    ``heard``: it has had a telegram since somebody listens to it.
+    """
 
     telegrams: I64
     first_ns: I64
     last_ns: I64
     signature: U64
+    heard: Bool
     COLUMNS: ClassVar = {
         "telegrams": (np.int64(0), 1),
         "first_ns": (np.int64(0), 1),
         "last_ns": (np.int64(0), 1),
         "signature": (np.uint64(0), 1),
+        "heard": (np.False_, 1),
     }
 
 
@@ -38,10 +43,10 @@ class DataRows:
 
     ``packet`` holds their rows in the packet batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound
     the runs of one stream, which is ``run_stream``; ``signature_before`` and ``before_ns`` are of the telegram before
-    each run, and ``fresh`` where there is none. ``several`` are the runs, by their places among the runs, that are of
-    more than one variety, rising. ``wanting`` are the rows that want to be acknowledged, rising. ``repeated`` is None
-    where no row is. ``others`` are the packets of the batch that hold no well-formed data telegram, rising; PDOs have
-    none.
+    each run, and ``fresh`` where there is none, or nobody has listened since. ``several`` are the runs, by their places
+    among the runs, that are of more than one variety, rising. ``wanting`` are the rows that want to be acknowledged,
+    rising. ``repeated`` is None where no row is. ``others`` are the packets of the batch that hold no well-formed data
+    telegram, rising; PDOs have none.
     """
 
     packet: I64
@@ -77,7 +82,7 @@ class DataRows:
         return spans(self.start[run], self.stop[run] - self.start[run])
 
     def times_before(self, row: I64) -> I64:
-        """Return the time of the telegram before some rows in their streams; of the first of all, its own."""
+        """Return the time of the telegram before some rows in their streams; of those that have none, their own."""
         run = np.searchsorted(self.start, row, "right") - 1
         first = row == self.start[run]
         before = np.where(self.fresh[run], self.time_ns[row], self.before_ns[run])
@@ -162,7 +167,7 @@ class StreamMemory:
         nothing = np.empty(0, np.int64)
         rows = DataRows(
             packet, np.repeat(run, stop - start), start, stop, run, columns.signature[run], columns.last_ns[run],
-            columns.telegrams[run] == 0, several, variety, counter, time_ns, nothing, None,
+            ~columns.heard[run], several, variety, counter, time_ns, nothing, None,
             others if kind == FrameKind.DATA else nothing,
         )  # fmt: skip
         mixed = rows.of_runs(several)
@@ -171,13 +176,19 @@ class StreamMemory:
             rows = replace(rows, wanting=rows.where(varieties.column("wants"), stream_of))
         if kind == FrameKind.DATA:
             rows = replace(rows, repeated=self._repeated(batch, rows, keys))
-        columns.first_ns[run[rows.fresh]] = time_ns[start[rows.fresh]]
+        first = columns.telegrams[run] == 0
+        columns.first_ns[run[first]] = time_ns[start[first]]
+        columns.heard[run] = True
         columns.last_ns[run] = time_ns[stop - 1]
         columns.telegrams[run] += stop - start
         columns.signature[run] = _signatures(rows, stop - 1, keys)
         if kind == FrameKind.DATA:
             self._remember(batch, rows)
         return rows
+
+    def resume(self, streams: I64) -> None:
+        """Let what comes next of some streams, to which nobody listens now, follow nothing."""
+        self.columns.heard[self.columns.own_rows(streams)] = False
 
     def _repeated(self, batch: SortedPackets, rows: DataRows, keys: Keys) -> Bool | None:
         """Tell which rows equal the one before in their stream, byte for byte as far as both were captured."""

@@ -14,7 +14,8 @@ from nvscope.engine.told import Told
 class Observer(Protocol):
     """Whatever looks at traffic: a state, a history, lines, a recorder, a rule.
 
-    A batch may hold no packet: then it says that time has passed (``Told.until_ns``).
+    A batch may hold no packet: then it says that time has passed (``Told.until_ns``), or that a source has ended
+    (``Told.unheard``).
 
     ``by_stream``: it needs telegrams laid out by stream. What it comes to does not depend on who else observes.
     """

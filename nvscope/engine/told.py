@@ -22,6 +22,7 @@ from nvscope.engine.keys import Begun, Keys, Rejected
 from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.parameters import ParameterRows
 from nvscope.engine.rows import DataRows, StreamMemory
+from nvscope.engine.watch import Unheard
 
 if TYPE_CHECKING:  # without being asked for all frames, nothing of them is imported
     from dissectors.other_frames import OtherFrames
@@ -56,9 +57,11 @@ class Told:
     ``batch`` tells each packet by its variety. ``first_frame`` is the number of its first packet in the capture, from
     1; ``start_ns`` the time of the capture's first frame, ``before_ns`` that of the frame before this batch (of the
     first one: its own). ``until_ns`` says that time has passed up to then, behind the packets; None where only they
-    tell. ``pdos`` know which lists CAN frames belong to, and what channels are called; ``dissectors`` read the
-    protocols that have ports of their own; ``timeout_ns`` is how long an answer may take, ``max_streams`` how many
-    streams and identifiers are told apart; ``all_frames`` says whether frames in which nothing is found are wanted.
+    tell. ``unheard`` is what nobody listens to any more, behind the packets: what is open of it stays unknown, nothing
+    is measured up to what follows, and that begins as a capture does. ``pdos`` know which lists CAN frames belong to,
+    and what channels are called; ``dissectors`` read the protocols that have ports of their own; ``timeout_ns`` is how
+    long an answer may take, ``max_streams`` how many streams and identifiers are told apart; ``all_frames`` says
+    whether frames in which nothing is found are wanted.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
 
@@ -72,6 +75,7 @@ class Told:
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
         timeout_ns: int, choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
         dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS, all_frames: bool = False,
+        unheard: Sequence[Unheard] = (),
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -83,6 +87,7 @@ class Told:
         self.timeout_ns = timeout_ns
         self.max_streams = max_streams
         self.all_frames = all_frames
+        self.unheard = unheard
         self._choose = choose
         self._laid = laid
         self._listeners: Listeners = ()
@@ -97,7 +102,7 @@ class Told:
             batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
             choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
             dissectors=self.dissectors, timeout_ns=self.timeout_ns, max_streams=self.max_streams,
-            all_frames=self.all_frames,
+            all_frames=self.all_frames, unheard=self.unheard,
         )  # fmt: skip
         return told.heard_by(self._listeners)
 
@@ -119,6 +124,11 @@ class Told:
         if len(events):
             for listener in self._listeners:
                 listener.hear(events)
+
+    @property
+    def is_deaf(self) -> bool:
+        """Whether nobody at all listens behind the packets, until the next ones come."""
+        return any(one.everything for one in self.unheard)
 
     @property
     def packets(self) -> PacketBatch:

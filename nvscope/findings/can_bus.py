@@ -136,6 +136,7 @@ def _bus_off(errors: BusErrors, at_ns: int) -> str:
         text += f", for {units.duration(errors.off_ns)}"
         text += f" in all, {units.duration(errors.longest_off_ns)} at the longest" if ended > 1 else ""
     if errors.off_since_ns is not None:
+        at_ns = at_ns if errors.off_until_ns is None else errors.off_until_ns
         text += f"{', and' if ended else ','} for the last {units.duration(max(at_ns - errors.off_since_ns, 0))}"
     return f"{text}."
 

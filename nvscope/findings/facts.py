@@ -12,7 +12,6 @@ import numpy as np
 
 from dissectors.carried import Carrier
 from nvscope.capture.formats import CAN_LOGS
-from nvscope.capture.recordings import Recording, recordings
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.engine.keys import NOBODY_KEY
@@ -27,9 +26,11 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.list_log import event_key, event_parts
+from nvscope.tracker.silences import Silence
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.summary import ListSummary, Summary
+from nvscope.tracker.timing import NEVER
 
 if TYPE_CHECKING:  # without definitions, nothing of them is imported
     from nvscope.definition.model import Definition, ListDefinition
@@ -103,14 +104,18 @@ class Facts:
         carriers = set(self.state.capture.left_out.keys.high.tolist())
         return {one for one in Transport if Carrier[one.name] in carriers}
 
-    @cached_property
-    def _recordings(self) -> list[Recording]:
-        return recordings(self.sources)
+    def silences_of(self, stream: StreamSummary | CanStreamSummary) -> list[Silence]:
+        """Return how long a stream was silent when nobody listened any more, or is now, where somebody does."""
+        number = stream.stream
+        silences = self._silences.get(number, [])
+        if self.state.senders.timing.columns.last_ns[number] == NEVER:
+            return silences
+        frame = self.frames_of_stream[number][1]
+        return [*silences, Silence(stream.last_ns, max(self.at_ns, stream.last_ns), frame)]
 
-    def heard_until_ns(self, time_ns: int) -> int:
-        """Return up to when somebody listened from a time on: between captures that lie days apart nobody did."""
-        ends = [recording.end_ns for recording in self._recordings[:-1]]
-        return next((end_ns for end_ns in ends if end_ns >= time_ns), self.at_ns)
+    @cached_property
+    def _silences(self) -> dict[int, list[Silence]]:
+        return self.state.senders.timing.silences.by_stream()
 
     @cached_property
     def defined(self) -> dict[ListKey, ListDefinition]:
@@ -208,10 +213,10 @@ class Facts:
         return told_of(self.defined, entry.key) if self.defined else None
 
     def reference_checksum(self, list_number: int, subindex: int) -> int:
-        """Return the checksum with which all others of a list and SubIndex are compared."""
+        """Return the checksum that another one of a list and SubIndex differed from first."""
         places = self.state.keys.places
         place = places.find(np.array([list_number], np.uint64), np.array([subindex], np.uint64))[0]
-        return int(self.state.lists.consistency.places.reference[place])
+        return int(self.state.lists.consistency.places.differed_from[place])
 
     def logged(self, kind: FindingKind) -> list[Logged]:
         """Return the events that are this kind of finding, by place: what the tracker logged, and what is overdue."""

@@ -12,6 +12,7 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.findings.loss import OVERTAKEN_TELEGRAM, TELEGRAM_GAP
 from nvscope.tracker.counters import Scope
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count, count_of, duration, percent
 
 if TYPE_CHECKING:
@@ -285,13 +286,21 @@ def _from_multiples(entry: AnyList, rest: Jitter) -> tuple[str, str]:
 
 def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Finding]:
     nominal = stream.intervals.nominal or 0
-    silent_ns = facts.heard_until_ns(stream.last_ns) - stream.last_ns
-    if 100 * silent_ns <= facts.limits.stopped_percent * nominal:
+    silences = [
+        silence for silence in facts.silences_of(stream)
+        if 100 * silence.length_ns > facts.limits.stopped_percent * nominal
+    ]  # fmt: skip
+    if not silences:
         return
-    message = f"Silent for the last {duration(silent_ns)}; {_nominal(facts, entry, stream)}."
+    longest_ns, times = max(silence.length_ns for silence in silences), len(silences)
+    when = f"for the last {duration(longest_ns)}"
+    if times > 1:
+        when = f"at the ends of {times} captures, for up to {duration(longest_ns)}"
+    message = f"Silent {when}; {_nominal(facts, entry, stream)}."
     yield Finding(
-        STOPPED, message, 1, stream.last_ns, stream.last_ns, facts.frames_of_stream[stream.stream][1:],
-        entry.number, stream.node, stream.subindex, extent=silent_ns,
+        STOPPED, message, times, silences[0].since_ns, silences[-1].since_ns,
+        tuple(silence.frame for silence in silences[:FRAMES_KEPT]), entry.number, stream.node, stream.subindex,
+        extent=longest_ns,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from nvscope import units
@@ -140,6 +141,13 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     if start_ns is not None and end_ns is not None:
         start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)
         lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])
+    holes = [
+        (nanoseconds(behind["start_ns"]) or 0) - (nanoseconds(before["end_ns"]) or 0)
+        for before, behind in pairwise(capture.get("recordings", ()))
+    ]
+    if holes:
+        told = f"{len(holes) + 1} recordings, nobody captured for up to {units.duration(max(holes))} between them"
+        lines.append([Cell(told, Tone.WARNING)])
     left_out = sum(finding["count"] for finding in report["findings"] if finding["code"] == LIMIT_REACHED.code)
     if left_out:
         verb = "is" if left_out == 1 else "are"

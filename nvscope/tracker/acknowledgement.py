@@ -16,6 +16,7 @@ from nvscope.engine.keys import NOBODY, Keys
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import stable_order
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents
 from nvscope.tracker.latency import Latencies
@@ -24,6 +25,7 @@ from nvscope.tracker.waits import (
     NEVER,
     NO_REQUESTS,
     NO_WAITS_ENDED,
+    NOBODY_YET,
     Answers,
     BootUpWaits,
     Messages,
@@ -71,6 +73,12 @@ class Acknowledgement:
         errors.append(negative)
         errors.append(ErrorEvents(answered_error, False, unanswered.list, nobody, unanswered.deadline_ns, seen))
         return Answers(errors, missing, answered, negative_node, unexpected, unanswered)
+
+    def resume(self, unheard: Unheard) -> None:
+        """Leave what is open of the unheard without an end; nobody has sent anything yet of what follows."""
+        self.waits.open[self.waits.own_rows(unheard.streams)] = False
+        self.boot_up_waits = self.boot_up_waits.take(~np.isin(self.boot_up_waits.place, unheard.places))
+        self.places.sender[self.places.own_rows(unheard.places)] = NOBODY_YET
 
     def take(self, part: Acknowledgement, share: Share) -> None:
         """Take over the waits of a part for its share of the lists."""

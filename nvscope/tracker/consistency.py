@@ -12,20 +12,29 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import CHECKSUM_SHIFT, COUNTER_SHIFT, FLAGS_SHIFT, SHAPE_MASK, Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import runs_of, stable_order
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.steps import EARLY_WRAPS
+
+NO_CHECKSUM = -1
 
 
 class PlaceColumns(KeyedColumns):
-    """One row a place: the last shape (Items, Length), the reference checksum (-1 before one), and how many send it."""
+    """One row a place: the last shape (Items, Length), the reference checksum, and how many send it.
+
+    What comes after nobody has listened is compared with nothing before it. ``differed_from`` is the reference that a
+    telegram differed from first. Both are ``NO_CHECKSUM`` before there is one.
+    """
 
     seen: Bool
     shape: U64
     reference: I64
+    differed_from: I64
     streams: I64
     COLUMNS: ClassVar = {
         "seen": (np.False_, 1),
         "shape": (np.uint64(0), 1),
-        "reference": (np.int64(-1), 1),
+        "reference": (np.int64(NO_CHECKSUM), 1),
+        "differed_from": (np.int64(NO_CHECKSUM), 1),
         "streams": (np.int64(0), 1),
     }
 
@@ -48,6 +57,12 @@ class Consistency:
             self._mismatches(rows, keys),
             _odd_flags(rows, changes, keys),
         )
+
+    def resume(self, unheard: Unheard) -> None:
+        """Let what follows of the unheard begin anew: a program that is changed meanwhile is no disagreement."""
+        places = self.places.own_rows(unheard.places)
+        self.places.seen[places] = False
+        self.places.reference[places] = NO_CHECKSUM
 
     def take(self, part: Consistency, share: Share) -> None:
         """Take over what a part has found of its share of the lists."""
@@ -96,14 +111,20 @@ class Consistency:
             return np.empty(0, np.int64)
         checksum = (keys.varieties.column("signature") >> CHECKSUM_SHIFT).astype(np.int64)
         reference = self.places.reference
-        unknown = signed & (reference[place] < 0)
+        unknown = signed & (reference[place] == NO_CHECKSUM)
         if unknown.any():
             first = rows.where(unknown, keys.varieties.column("stream"))
             first = first[np.argsort(rows.packet[first])][::-1]
             # Assigned backwards, so that the first checksum of each place is what stays.
             reference[place[rows.variety[first]]] = checksum[rows.variety[first]]
         wrong = signed & (checksum != reference[place])
-        return rows.where(wrong, keys.varieties.column("stream")) if wrong.any() else np.empty(0, np.int64)
+        if not wrong.any():
+            return np.empty(0, np.int64)
+        found = rows.where(wrong, keys.varieties.column("stream"))
+        first = keys.place_of(rows.stream[found])
+        first = first[self.places.differed_from[first] == NO_CHECKSUM]
+        self.places.differed_from[first] = reference[first]
+        return found
 
 
 def _odd_flags(rows: DataRows, changes: I64, keys: Keys) -> I64:

@@ -20,9 +20,10 @@ from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import distinct, runs_of, stable_order
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
-from nvscope.tracker.whole_cycles import Over, PairCounts, StreamCounts, count_cycles
+from nvscope.tracker.whole_cycles import Over, PairCounts, StreamCounts, count_cycles, end_counting
 
 AnyColumn = TypeVar("AnyColumn", I64, U16)
 
@@ -37,7 +38,8 @@ class PairColumns(KeyedColumns):
 
     ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle,
     ``last_frame`` is that of its last telegram. ``seen`` are the streams of the pair, ``ready`` those of them whose
-    interval is known, all from frame ``ready_from`` on.
+    interval is known, all from frame ``ready_from`` on;
+    of what was unheard, it has to be known anew.
     ``partial``: the open cycle may have begun before the capture. ``skew_ns`` is the longest time between the first and
     the last telegram of a cycle. ``present`` are bits of the SubIndexes in the open one, where somebody listens.
     """
@@ -168,6 +170,27 @@ class Cycles:
         self.streams.pair[known] = number[part.streams.pair[known]]
         pair, size = part.events.keys.words
         self.events.take(part.events, number[pair.astype(np.int64)].astype(np.uint64), size)
+
+    def resume(self, unheard: Unheard) -> None:
+        """Leave open what is open of the unheard, for it is no cycle; others count once all streams are there again.
+
+        A capture may end, and begin, inside a cycle.
+        """
+        pair = self._forget_open(unheard)
+        if not len(pair):
+            return
+        self.columns.ready[pair] = 0
+        self.columns.ready_from[pair] = 0
+        stream = np.flatnonzero(np.isin(self.streams.column("pair"), pair))
+        self.streams.ready_from[stream] = NEVER
+        end_counting(self.pair_counts, self.stream_counts, stream, self.streams.pair[stream])
+
+    def _forget_open(self, unheard: Unheard) -> I64:
+        """Forget the open cycles of the unheard; return the pairs concerned."""
+        pair = distinct(self.streams.pair[self.streams.own_rows(unheard.streams)])
+        pair = pair[pair >= 0]
+        self.columns.size[pair] = 0
+        return pair
 
     def _number(self, rows: DataRows, keys: Keys, first_frame: int, several: Bool | None) -> None:
         """Number the pairs of new streams, and note from when on a pair has several."""

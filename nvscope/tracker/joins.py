@@ -37,7 +37,7 @@ _COUNTED_EVENTS = {"count": SUM, "first_ns": LAST, "last_ns": LAST, "frames": LA
 _MAJORITIES = {"own": LAST, "strays": LAST, "shown": LAST, "since": LAST, "until": LAST}
 
 TABLES: Mapping[str, Mapping[str, Join]] = {
-    "memory.columns": {"telegrams": SUM, "first_ns": LAST, "last_ns": LAST, "signature": LAST},
+    "memory.columns": {"telegrams": SUM, "first_ns": LAST, "last_ns": LAST, "signature": LAST, "heard": LAST},
     "lists.flows.counts": {
         "count": SUM, "mismatches": SUM, "chosen": SUM,
         "first_ns": LAST, "first_frame": LAST, "last_ns": LAST, "last_frame": LAST,
@@ -62,9 +62,9 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
         "between_lists": LAST, "regular_between_lists": LAST,
     },
     "senders.timing.columns": {
-        "last_ns": LAST, "node_gaps": LAST, "count": SUM, "total_ns": SUM, "least_ns": LEAST, "most_ns": MOST,
-        "squares": SUM, "learned": LAST, "usual_ns": LAST, "first_bucket": LAST, "dense": SUM, "usual_kept": LAST,
-        "usual_frames": LAST, "usual_keys": LAST,
+        "last_ns": LAST, "last_frame": LAST, "node_gaps": LAST, "count": SUM, "total_ns": SUM, "least_ns": LEAST,
+        "most_ns": MOST, "squares": SUM, "learned": LAST, "usual_ns": LAST, "first_bucket": LAST, "dense": SUM,
+        "usual_kept": LAST, "usual_frames": LAST, "usual_keys": LAST,
     },
     "senders.timing.unusual.rows": _COUNTED_EVENTS,
     "buses.load.columns": {
@@ -76,7 +76,8 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     },
     "buses.load.identifiers.left_out.rows": _COUNTED_EVENTS,
     "buses.errors.columns": {
-        "off": LAST, "off_since_ns": LAST, "bus_offs": SUM, "restarts": SUM, "returns": SUM, "off_ns": SUM,
+        "off": LAST, "off_since_ns": LAST, "off_until_ns": LAST, "bus_offs": SUM, "restarts": SUM, "returns": SUM,
+        "off_ns": SUM,
         "longest_off_ns": MOST, "states": SUM, "tx_errors": MOST, "rx_errors": MOST,
     },
     "buses.errors.all.rows": _COUNTED_EVENTS,

@@ -108,6 +108,9 @@ class ListState:
             errors += self._observe_data(told)
         if told.until_ns is not None:
             errors += self._expire(told)
+        for unheard in told.unheard:
+            self.acknowledgement.resume(unheard)
+            self.consistency.resume(unheard)
         self.errors.observe(errors, len(self.keys.lists))
         self.events.settle()
 

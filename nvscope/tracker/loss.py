@@ -20,6 +20,7 @@ from nvscope.engine.keys import COUNTER_SHIFT, Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import order_by, runs_of_lengths
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
@@ -34,6 +35,8 @@ _TOLD = {
     Step.RESTART: EventKind.RESTART,
     Step.LATE: EventKind.DUPLICATE,
 }
+
+NO_STREAM = -1
 
 WALKS = 2
 """The stream's own sequence, and the node's."""
@@ -80,9 +83,9 @@ class StreamSequences(KeyedColumns):
 class NodeSequences(KeyedColumns):
     """One row a node: the sequence of all its telegrams, and the gaps in it.
 
-    ``last_stream`` is that of its last telegram that was not repeated, -1 before; ``last_ns`` is when its last one
-    came. Of its steps, ``between_streams`` are those from one stream to another, ``between_lists`` those from one list
-    to another; of which so many are ``regular``.
+    ``last_stream`` is that of its last telegram that was not repeated, ``NO_STREAM`` before, and while it is unheard;
+    ``last_ns`` is when its last one came. Of its steps, ``between_streams`` are those from one stream to another,
+    ``between_lists`` those from one list to another; of which so many are ``regular``.
     """
 
     current: U16
@@ -100,7 +103,7 @@ class NodeSequences(KeyedColumns):
     COLUMNS: ClassVar = {
         "current": (np.uint16(0), 1),
         "missing": (np.uint64(0), 1),
-        "last_stream": (np.int64(-1), 1),
+        "last_stream": (np.int64(NO_STREAM), 1),
         "last_ns": (np.int64(0), 1),
         "gaps": (np.int64(0), 1),
         "steps": (np.int64(0), 1),
@@ -134,6 +137,13 @@ class Loss:
         self._book(told, rows, nodes, Scope.NODE_TELEGRAM)
         return own, nodes
 
+    def resume(self, unheard: Unheard) -> None:
+        """Let the sequences of the unheard begin anew."""
+        streams, nodes = self.streams.own_rows(unheard.streams), self.nodes.own_rows(unheard.nodes)
+        self.streams.missing[streams] = 0
+        self.nodes.missing[nodes] = 0
+        self.nodes.last_stream[nodes] = NO_STREAM
+
     def take(self, part: Loss, share: Share) -> None:
         """Take over the sequences of a part's share of the senders."""
         self.streams.take(part.streams, share.streams)
@@ -150,15 +160,16 @@ class Loss:
             streams.repeated[run] += np.bincount(again.sequence, minlength=len(run))
         steps = again.walk(counter, streams.current[run], streams.missing[run], rows.fresh)
         streams.current[run], streams.missing[run] = steps.current, steps.missing
-        idle = np.zeros(len(run), np.int64)  # rows that take no step: in front of the second counter value, or repeated
         waiting = ~streams.counting[run]
+        # Rows that take no step: the first of a sequence, those in front of the second value, and repeated ones.
+        idle = (rows.fresh & ~waiting).astype(np.int64)
         if waiting.any():
             moved = (steps.step != Step.SAME) & (steps.step != Step.NONE)
             moved[again.place] = False
             moves = np.flatnonzero(moved)
             first = np.append(moves, len(rows))[np.searchsorted(moves, rows.start)]
             begins = np.where(waiting, np.minimum(first, rows.stop), rows.start)
-            idle = begins - rows.start
+            idle += begins - rows.start
             streams.counting[run] |= begins < rows.stop
             steps.step[np.arange(len(rows)) < np.repeat(begins, rows.stop - rows.start)] = Step.NONE
             steps.irregular = np.flatnonzero(steps.step != Step.REGULAR)
@@ -194,7 +205,7 @@ class Loss:
         packet = order_by(node, told.variety, len(length))[: len(rows)]
         run, start, stop = runs_of_lengths(length)
         again = Repeated(_places(_by_packet(rows, len(told.packets), packet)), start)
-        fresh = nodes.last_stream[run] < 0
+        fresh = nodes.last_stream[run] == NO_STREAM
         steps = again.walk(told.counter.take(packet), nodes.current[run], nodes.missing[run], fresh)
         node_of_stream = keys.node_of(np.arange(len(keys.streams)))
         run_of_stream = np.searchsorted(run, node_of_stream)

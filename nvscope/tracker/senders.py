@@ -45,6 +45,9 @@ class SenderState:
             intervals = self._observe_intervals(told, frames, *no_steps(len(frames)))
             usual_ns = self.timing.columns.usual_ns
             self.can_cycles.observe_frames(told, frames, intervals.usual, usual_ns)
+        for unheard in told.unheard:
+            for part in (self.loss, self.timing, self.cycles, self.can_cycles):
+                part.resume(unheard)
 
     def _observe_intervals(
         self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps | NoNodeSteps

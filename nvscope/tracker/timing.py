@@ -21,11 +21,13 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import spans
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
 from nvscope.tracker.deviation import deviations, means
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
+from nvscope.tracker.silences import Silences
 from nvscope.tracker.steps import Step, Steps
 
 LEARNED_INTERVALS = 8
@@ -41,6 +43,8 @@ _SHORT_NS = 1 << 32
 
 UNUSUAL_STREAM_BIT = 32
 
+NEVER = np.iinfo(np.int64).min
+
 LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 """Bits of an unusual interval's key: there was a gap in it, by the stream's counters or by the node's."""
 
@@ -48,11 +52,14 @@ LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
 class IntervalColumns(KeyedColumns):
     """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares.
 
-    ``usual_ns`` is the median of the first intervals, 0 before these are known. ``usual_frames`` are the frames that
-    ended the first ``usual_kept`` intervals of the dense buckets, ``usual_keys`` their keys as in ``Timing.unusual``.
+    ``last_ns`` is when its last telegram came that was not skipped, ``NEVER`` before the first, and while it is
+    unheard; ``last_frame`` is its frame. ``usual_ns`` is the median of the first intervals, 0 before these are known.
+    ``usual_frames`` are the frames that ended the first ``usual_kept`` intervals of the dense buckets, ``usual_keys``
+    their keys as in ``Timing.unusual``.
     """
 
     last_ns: I64
+    last_frame: I64
     node_gaps: I64
     count: I64
     total_ns: I64
@@ -67,7 +74,8 @@ class IntervalColumns(KeyedColumns):
     usual_frames: I64
     usual_keys: I64
     COLUMNS: ClassVar = {
-        "last_ns": (np.int64(0), 1),
+        "last_ns": (np.int64(NEVER), 1),
+        "last_frame": (np.int64(0), 1),
         "node_gaps": (np.int64(0), 1),  # of the node's sequence, at the last telegram
         "count": (np.int64(-1), 1),  # of intervals; -1 before the first telegram
         "total_ns": (np.int64(0), 1),
@@ -131,13 +139,14 @@ class Timing:
     """The intervals of all streams.
 
     ``unusual`` holds the intervals outside of the dense buckets, keyed by one word: the stream from
-    ``UNUSUAL_STREAM_BIT`` on, below it ``key_of`` bucket and loss bits.
+    ``UNUSUAL_STREAM_BIT`` on, below it ``key_of`` bucket and loss bits. ``silences`` are those at the ends of sources.
     """
 
     def __init__(self) -> None:
         self.columns = IntervalColumns()
         self.unusual = EventLog(words=1)
         self.large_squares: dict[int, int] = {}
+        self.silences = Silences()
 
     def observe(
         self, told: Told, rows: TimedRows, own: Steps, nodes: NodeSteps | NoNodeSteps
@@ -152,15 +161,17 @@ class Timing:
         time_ns = np.delete(rows.time_ns, kept.absent) if len(kept.absent) else rows.time_ns
         interval = np.empty_like(time_ns)
         np.subtract(time_ns[1:], time_ns[:-1], out=interval[1:])
-        interval[start] = time_ns[start] - columns.last_ns[run]
+        before_ns = columns.last_ns[run]
+        interval[start] = time_ns[start] - before_ns
         columns.last_ns[run] = time_ns[last]
+        columns.last_frame[run] = rows.packet[kept.rows(last)] + told.first_frame
         loss = _LossBefore(kept, own, nodes, columns.node_gaps[run])
         columns.node_gaps[run] = nodes.gaps(kept.rows(last))
         ends = kept
-        fresh = columns.count[run] < 0
+        fresh = before_ns == NEVER
         if fresh.any():
             # The first telegram of a stream ends no interval.
-            columns.count[run[fresh]] = 0
+            columns.count[run[fresh]] = np.maximum(columns.count[run[fresh]], 0)
             ends = _Kept(rows, np.sort(np.append(kept.absent, kept.rows(start[fresh]))))
             interval, time_ns = np.delete(interval, start[fresh]), np.delete(time_ns, start[fresh])
         usual = np.ones(len(rows), np.bool_)
@@ -170,10 +181,21 @@ class Timing:
             usual[ends.rows(self._sort_in(told, rows, ends, interval, loss))] = False
         return BatchIntervals(usual, ends.run, ends.stop - ends.start, time_ns, interval)
 
+    def resume(self, unheard: Unheard) -> None:
+        """Let no interval go on from the unheard; how long each was silent before is kept, unless that was usual."""
+        columns = self.columns
+        stream = columns.own_rows(unheard.streams)
+        stream = stream[columns.last_ns[stream] != NEVER]
+        since_ns, frame = columns.last_ns[stream], columns.last_frame[stream]
+        columns.last_ns[stream] = NEVER
+        silent = unheard.until_ns - since_ns > columns.usual_ns[stream]
+        self.silences.add(stream[silent], since_ns[silent], frame[silent], unheard.until_ns)
+
     def take(self, part: Timing, share: Share) -> None:
         """Take over the intervals of a part's share of the senders."""
         self.columns.take(part.columns, share.streams)
         self.unusual.take(part.unusual)
+        self.silences.take(part.silences)
         self.large_squares |= part.large_squares
 
     def _add(self, interval: I64, ends: _Kept) -> None:

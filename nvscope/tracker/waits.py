@@ -13,6 +13,7 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.errors import ErrorEvents
 
 NEVER = np.iinfo(np.int64).min
+NOBODY_YET = -1
 
 
 class WaitColumns(KeyedColumns):
@@ -36,11 +37,11 @@ class WaitColumns(KeyedColumns):
 
 
 class PlaceColumns(KeyedColumns):
-    """One row a place: who sent its last well-formed data telegram (-1: nobody yet), and when one wanted an answer."""
+    """One row a place: who sent its last data telegram (or ``NOBODY_YET``), and when one wanted an answer."""
 
     sender: I64
     wanted_ns: I64
-    COLUMNS: ClassVar = {"sender": (np.int64(-1), 1), "wanted_ns": (np.int64(NEVER), 1)}
+    COLUMNS: ClassVar = {"sender": (np.int64(NOBODY_YET), 1), "wanted_ns": (np.int64(NEVER), 1)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,6 +85,20 @@ def count_cycles(
         ended.add(pairs, pair, pair, np.full(len(pair), (1 << _FRAME_BITS) - 1))
 
 
+def end_counting(pairs: PairCounts, streams: StreamCounts, stream: I64, pair: I64) -> None:
+    """Leave of some pairs, for good, the cycles up to the last telegram of the stream that ended first.
+
+    ``stream`` are all streams of these pairs, ``pair`` that of each.
+    """
+    order = np.lexsort((streams.last_frame[stream], pair))
+    stream, pair = stream[order], pair[order]
+    first = np.append(True, pair[1:] != pair[:-1])
+    for name in CycleCounts.COLUMNS:
+        of_pair, of_stream = getattr(pairs, name), getattr(streams, name)
+        of_pair[pair[first]] = of_stream[stream[first]]
+        of_stream[stream] = of_pair[pair]
+
+
 def _counted(pairs: PairCounts, streams: StreamCounts, pair_of: I64, over: Over) -> Over:
     """Return the cycles of all streams that are known now; those of fewer are forgotten."""
     if (over.known == pairs.known[over.pair]).all():  # as it mostly is

@@ -73,6 +73,10 @@ class Windows:
     def pieces(self, packets: PacketBatch) -> Iterator[PacketBatch]:
         """Yield a batch, which follows those before, in pieces without an edge in them; at each edge, time passes."""
         until_ns = packets.until_ns
+        if packets.ends:
+            # Before time passes behind the ends: then nobody has listened to what they leave open.
+            yield PacketBatch.ended(*packets.ends)
+            packets = replace(packets, ends=())
         if not len(packets):
             if until_ns is not None:
                 yield from self._edges(until_ns)

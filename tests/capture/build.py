@@ -79,9 +79,11 @@ def statistics(order: str, number: int, options: bytes = b"") -> bytes:
 
 
 def packets_of(source: Iterable[PacketBatch]) -> list[Packet]:
-    """Read a source to its end; every row must be readable to ``PAD_BYTES``."""
+    """Read a source to its end; every row must be readable to ``PAD_BYTES``. Ends of sources are passed over."""
     packets = []
     for batch in source:
+        if batch.ends and not len(batch):
+            continue
         assert len(batch)
         assert int(batch.offset.max()) + PAD_BYTES <= len(batch.data)
         assert {len(column) for column in (batch.captured, batch.original, batch.ts_ns, batch.link)} == {len(batch)}

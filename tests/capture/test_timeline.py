@@ -136,7 +136,8 @@ def test_files_that_do_not_overlap_pass_through_one_after_the_other() -> None:
     asked: list[str] = []
     batches = {name: [_batch(first, 10), _batch(first + 10, 10)] for name, first in (("late", 100), ("early", 0))}
     timeline = Timeline([FakeFile(name, each, asked) for name, each in batches.items()])
-    for batch, original in zip(timeline, batches["early"] + batches["late"], strict=True):
+    told = [batch for batch in timeline if len(batch)]
+    for batch, original in zip(told, batches["early"] + batches["late"], strict=True):
         assert batch.data is original.data
         assert np.array_equal(batch.ts_ns, original.ts_ns)
     assert asked == ["early", "early", "late", "late"]
@@ -273,7 +274,7 @@ def test_many_files_that_overlap_are_merged_a_batch_at_a_time(tmp_path: Path) ->
         path = tmp_path / f"{number:03}.pcapng"
         path.write_bytes(b"".join(blocks))
         names.append(str(path))
-    batches = list(open_source(names))
+    batches = [batch for batch in open_source(names) if len(batch)]
     assert len(batches) == 1
     packets = build.packets_of(batches)
     assert [packet.data[:2] for packet in packets] == [bytes((n, row)) for row in range(10) for n in range(200)]

@@ -92,9 +92,12 @@ def report() -> Schema:
 def _capture() -> Schema:
     formats = sorted({entry.name for entry in FORMATS})
     source = {"path": text(), "format": word(formats), "bytes": whole(), "frames": whole()}
+    recording = {"start_ns": time(), "end_ns": time(), "first": text("its first file"), "last": text("its last file")}
     return record(
         {
             "sources": several(record(source)),
+            "recordings": several(record(recording))
+            | {"description": "where there are several: stretches of time with captures between which nobody listened"},
             "frames": whole(),
             "telegrams": whole(),
             "other_frames": whole("frames that are no telegrams"),
@@ -105,7 +108,7 @@ def _capture() -> Schema:
             "end_ns": maybe(time("of the last frame")),
             "until_ns": maybe(time("up to when the source was watched; null where only frames tell that time passes")),
         },
-        optional=("can_frames",),
+        optional=("can_frames", "recordings"),
     )
 
 

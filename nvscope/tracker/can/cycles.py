@@ -10,6 +10,7 @@ from dissectors.batch import I64, Bool
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.list_key import Transport
 from nvscope.tracker.cycles import Cycles
 
@@ -31,6 +32,10 @@ class CanCycles(Cycles):
     def __init__(self) -> None:
         super().__init__()
         self._pdos = PdoColumns()
+
+    def resume(self, unheard: Unheard) -> None:
+        """Leave open what is open of the unheard, for it is no cycle; what follows counts from its first frame on."""
+        self._forget_open(unheard)
 
     def observe_frames(self, told: Told, rows: DataRows, usual: Bool, usual_ns: I64) -> None:
         """Take the data frames of a batch; ``usual`` and ``usual_ns`` are the intervals that were learned so far.

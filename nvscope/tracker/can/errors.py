@@ -25,10 +25,12 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 
 _UNTOLD = -1
+_ON, _OFF, _OFF_AT_LAST = range(3)
 _STATES = len(CONTROLLER_BITS)
 _NAME_OF_MASK = {bit.mask: bit.name for bit in CLASSES} | {0: UNTOLD_CLASS}
 
@@ -36,13 +38,15 @@ _NAME_OF_MASK = {bit.mask: bit.name for bit in CLASSES} | {0: UNTOLD_CLASS}
 class _ChannelColumns(KeyedColumns):
     """One row a channel with error frames.
 
-    ``off`` is 1 while its controller is off the bus, since ``off_since_ns``; ``off_ns`` and ``longest_off_ns`` are of
+    ``off`` is ``_OFF`` while its controller is off the bus, since ``off_since_ns``, and ``_OFF_AT_LAST`` where it was
+    so up to ``off_until_ns``, after which nobody has listened yet; ``off_ns`` and ``longest_off_ns`` are of
     the times that have ended. ``states`` counts by bit of ``CONTROLLER_BITS``; the error counters are the highest, -1
     where none were told.
     """
 
     off: I64
     off_since_ns: I64
+    off_until_ns: I64
     bus_offs: I64
     restarts: I64
     returns: I64
@@ -54,6 +58,7 @@ class _ChannelColumns(KeyedColumns):
     COLUMNS: ClassVar = {
         "off": (np.int64(0), 1),
         "off_since_ns": (np.int64(0), 1),
+        "off_until_ns": (np.int64(0), 1),
         "bus_offs": (np.int64(0), 1),
         "restarts": (np.int64(0), 1),
         "returns": (np.int64(0), 1),
@@ -74,7 +79,8 @@ class BusErrors:
     ``CONTROLLER_BITS``; both by name, and only what was told.
     ``bus_offs`` counts how often the controller left the bus; ``restarts`` of them ended by a frame that says so,
     ``returns`` by frames on the bus again; ``off_ns`` is how long that took in all. ``off_since_ns`` is None unless it
-    was off at the end. The error counters are the highest that were told, None without any.
+    was off at the end; ``off_until_ns`` is that end where the channel was listened to no longer, else None. The error
+    counters are the highest that were told, None without any.
     """
 
     count: int
@@ -89,6 +95,7 @@ class BusErrors:
     off_ns: int
     longest_off_ns: int
     off_since_ns: int | None
+    off_until_ns: int | None
     tx_errors: int | None
     rx_errors: int | None
 
@@ -123,6 +130,14 @@ class CanErrors:
             self.all.settle()
             self.classes.settle()
         self._observe_bus_off(told, batch, details)
+
+    def resume(self, unheard: Unheard) -> None:
+        """Leave the controllers on unheard channels as they are: nobody will know when they came back."""
+        number = self.channels.find(unheard.channels.astype(np.uint64))
+        number = number[number >= 0]
+        number = number[self.columns.off[number] == _OFF]
+        self.columns.off[number] = _OFF_AT_LAST
+        self.columns.off_until_ns[number] = unheard.until_ns
 
     def take(self, part: CanErrors) -> None:
         """Take over the error frames of other channels."""
@@ -169,7 +184,7 @@ class CanErrors:
         run = number[start]
         before: Bool = np.empty_like(off)
         before[1:] = off[:-1]
-        before[start] = columns.off[run] != 0
+        before[start] = columns.off[run] == _OFF
         begins, ends = off & ~before, np.flatnonzero(~off & before)
         # Of each end the beginning: the last one in front of it, or one in an earlier batch.
         begin = np.maximum.accumulate(np.where(begins, np.arange(len(row)), -1))
@@ -216,6 +231,7 @@ class CanErrors:
                 int(columns.bus_offs[number]), int(columns.restarts[number]), int(columns.returns[number]),
                 int(columns.off_ns[number]), int(columns.longest_off_ns[number]),
                 int(columns.off_since_ns[number]) if columns.off[number] else None,
+                int(columns.off_until_ns[number]) if columns.off[number] == _OFF_AT_LAST else None,
                 _told(columns.tx_errors[number]), _told(columns.rx_errors[number]),
             )  # fmt: skip
         return found

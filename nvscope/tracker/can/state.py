@@ -43,6 +43,8 @@ class BusState:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         frames, first_frame = told.can, told.first_frame
+        for unheard in told.unheard:
+            self.errors.resume(unheard)
         if frames is None:
             return
         self.frames += len(frames)

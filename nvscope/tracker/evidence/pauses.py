@@ -23,7 +23,7 @@ class PauseTable(NamedTuple):
 class Pauses:
     """An observer of all frames, which keeps the ``most`` longest pauses; of those as long, the first ones.
 
-    ``left_out`` counts the others. A clock that steps back makes no pause.
+    ``left_out`` counts the others. A clock that steps back makes no pause, nor do times in which nobody listened.
     """
 
     by_stream: ClassVar[bool] = False
@@ -37,6 +37,8 @@ class Pauses:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         time_ns = told.packets.ts_ns
+        if told.is_deaf:
+            self._last_ns = None
         if not len(time_ns):
             return
         before_ns = np.roll(time_ns, 1)

@@ -19,6 +19,8 @@ from nvscope.tracker.latency import Latencies
 MOST_ADDRESSES = 1 << 16
 """So many addresses are kept, and so many pairs of them, and announcements; what is left out is counted."""
 
+NEVER = np.iinfo(np.int64).min
+
 HARDWARE, IP = 0, 1
 """The first word of the key of an address; the others are its halves, of a hardware address 0 and the address."""
 
@@ -38,13 +40,16 @@ class SeenColumns(EventRows):
 
 
 class AddressColumns(SeenColumns):
-    """One row an address; ``others`` are its frames that are no telegrams of lists, ``pair`` is the last one it had."""
+    """One row an address; ``others`` are its frames that are no telegrams of lists, ``pair`` is the last one it had.
+
+    ``last_other_ns`` is ``NEVER``, and ``pair`` -1, before the first, and after nobody has listened.
+    """
 
     others: I64
     last_other_ns: I64
     pair: I64
     COLUMNS: ClassVar = EventRows.COLUMNS | {
-        "others": (np.int64(0), 1), "last_other_ns": (np.int64(0), 1), "pair": (np.int64(-1), 1),
+        "others": (np.int64(0), 1), "last_other_ns": (np.int64(NEVER), 1), "pair": (np.int64(-1), 1),
     }  # fmt: skip
 
 
@@ -103,6 +108,9 @@ class Presence:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        if told.is_deaf:
+            self.columns.last_other_ns[:] = NEVER
+            self.columns.pair[:] = -1
         found = addresses_of(told.packets)
         if not len(found):
             return
@@ -142,7 +150,7 @@ class Presence:
         before_ns = np.roll(own_ns, 1)
         before_ns[start] = columns.last_other_ns[run]
         follows = np.ones(len(row), np.bool_)
-        follows[start] = columns.others[run] > 0
+        follows[start] = columns.last_other_ns[run] != NEVER
         self.distances.observe(number[row[follows]], (own_ns - before_ns)[follows], len(columns))
         columns.others[run] += stop - start
         columns.last_other_ns[run] = own_ns[stop - 1]

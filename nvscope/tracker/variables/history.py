@@ -28,7 +28,8 @@ class Track:
 
     Columns have an entry a wanted element, as ``places`` has. ``changes`` counts the changes, of which the last was at
     ``changed_ns``; ``shortest_ns`` and ``longest_ns`` are times between two changes, -1 where there is none. Where a
-    clock steps back, a time between changes is left out. ``data`` are the bytes of the last telegram.
+    clock steps back, or nobody listened, a time between changes is left out: ``unheard`` are the changes up to when
+    that was last. ``data`` are the bytes of the last telegram.
     """
 
     stream: Stream
@@ -44,6 +45,7 @@ class Track:
     changed_ns: I64
     shortest_ns: I64
     longest_ns: I64
+    unheard: I64
     data: U8 | None = None
 
 
@@ -84,6 +86,10 @@ class History:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        for unheard in told.unheard:
+            for track in self.tracks.values():
+                if track.stream.number in unheard.streams:
+                    track.unheard = track.changes.copy()
         self._shown = [shown for part in joined(self.read.of(told)) if (shown := self._add(part)) is not None]
 
     def entries(self) -> Iterator[Entry]:
@@ -161,7 +167,7 @@ def _new_track(stream: Stream, layout: TelegramLayout, wanted: frozenset[str], t
     count = len(places)
     return Track(
         stream, layout, places, tuple(blocks), 0, time_ns, time_ns, np.zeros(count, np.int64),
-        np.zeros(count, np.int64), np.full(count, -1), np.full(count, -1),
+        np.zeros(count, np.int64), np.full(count, -1), np.full(count, -1), np.zeros(count, np.int64),
     )  # fmt: skip
 
 
@@ -176,7 +182,7 @@ def _count(track: Track, differs: Bool, time_ns: I64) -> None:
     before[1:] = when[:-1]
     before[starts] = track.changed_ns[column[starts]]
     between = when - before
-    timed = (between >= 0) & (~starts | (track.changes[column] > 0))
+    timed = (between >= 0) & (~starts | (track.changes > track.unheard)[column])
     most = np.iinfo(np.int64).max
     shortest = np.where(track.shortest_ns < 0, most, track.shortest_ns)
     np.minimum.at(shortest, column[timed], between[timed])

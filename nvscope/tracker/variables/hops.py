@@ -20,6 +20,7 @@ from dissectors.batch import I64, U8, U64, Bool
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.variables import Element, type_text
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.list_key import ANY_CHANNEL, ListKey
 from nvscope.tracker.buckets import bucket_of
 from nvscope.tracker.histograms import Histogram
@@ -78,16 +79,22 @@ class End:
     """A variable in one stream: its last value, as bytes, and the changes that are remembered.
 
     ``times_ns`` and ``values`` (a number for each value) begin with the first telegram, which is no change, while that
-    is remembered (``begins``).
+    is remembered (``begins``). ``heard``: it has had a telegram since somebody listens to it.
     """
 
     stream: Stream
     element: Element
     last: bytes = b""
+    heard: bool = False
     telegrams: int = 0
     begins: bool = True
     times_ns: I64 = field(default_factory=lambda: np.empty(0, np.int64))
     values: U64 = field(default_factory=lambda: np.empty(0, np.uint64))
+
+    def forget(self) -> None:
+        """Begin anew, with no telegram before the next one; the last value stays the last one seen."""
+        self.begins, self.heard = True, False
+        self.times_ns, self.values = self.times_ns[:0], self.values[:0]
 
 
 @dataclass(slots=True)
@@ -135,6 +142,8 @@ class Hops:
         """Take a batch, which follows those observed so far."""
         if not self._shared:
             return
+        for unheard in told.unheard:
+            self._resume(unheard)
         changed: set[Name] = set()
         fresh: dict[int, tuple[I64, U64]] = {}
         for telegrams in joined(self._read.of(told)):
@@ -144,6 +153,18 @@ class Hops:
                 _compare(pair, fresh)
             for end in self._ends[name].values():
                 _remember(end, fresh.get(id(end)))
+
+    def _resume(self, unheard: Unheard) -> None:
+        """Let the unheard begin anew: what changed meanwhile followed nobody knows what, and when."""
+        streams = set(unheard.streams.tolist())
+        for ends in self._ends.values():
+            for end in ends.values():
+                if end.stream.number in streams:
+                    end.forget()
+        for pairs in self.pairs.values():
+            for pair in pairs:
+                if {pair.first.stream.number, pair.second.stream.number} & streams:
+                    pair.until_ns = None
 
     def _may_share(self, stream: Stream) -> bool:
         return self._layouts.list_of(stream.list) is not None
@@ -160,7 +181,8 @@ class Hops:
             raw = np.ascontiguousarray(cells).view(np.uint8).reshape(len(cells), -1)
             differs = np.ones(len(raw), np.bool_)
             differs[1:] = (raw[1:] != raw[:-1]).any(axis=1)
-            differs[0] = not end.telegrams or raw[0].tobytes() != end.last
+            differs[0] = not end.heard or raw[0].tobytes() != end.last
+            end.heard = True
             end.telegrams += len(raw)
             end.last = raw[-1].tobytes()
             row = np.flatnonzero(differs)

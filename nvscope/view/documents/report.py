@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+from nvscope.capture.recordings import recordings
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, Transport
@@ -86,6 +87,7 @@ def report_document(
             "telegrams": capture.telegrams,
             "other_frames": capture.frames - capture.telegrams,
             **({"can_frames": capture.can_frames} if capture.can_frames else {}),
+            **_recordings(sources),
             **_drops(sources),
             "start_ns": time_text(capture.start_ns),
             "end_ns": time_text(capture.end_ns),
@@ -108,6 +110,19 @@ def _keys(summary: Summary) -> dict[int, str]:
 def _begin(info: SourceInfo) -> tuple[bool, int, str]:
     """Return by what sources are sorted, so that it does not matter in which order a person names them."""
     return info.start_ns is None, info.start_ns or 0, info.path
+
+
+def _recordings(sources: Sequence[SourceInfo]) -> dict[str, Any]:
+    """Return the recordings that sources are of, where there are several."""
+    found = recordings(sources)
+    if len(found) < 2:
+        return {}
+    return {
+        "recordings": [
+            {"start_ns": time_text(one.start_ns), "end_ns": time_text(one.end_ns), "first": one.first, "last": one.last}
+            for one in found
+        ]
+    }
 
 
 def _drops(sources: Sequence[SourceInfo]) -> dict[str, Any]:

@@ -1,0 +1,165 @@
+"""Watch: which of what was seen is still listened to, where several sources end at different times.
+
+A source that has ended tells nothing of what comes behind its end. Whatever it alone has seen is unheard from there on:
+streams of UDP one by one, of CAN all that is on a channel. A file that begins where another one ends goes on with it,
+as rotated captures do, unless it shows that it was recorded elsewhere: it has senders, and none of the other's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.batch import I32, I64, Bool, End
+from dissectors.sorter import SortedPackets
+from nvscope.engine.keys import NOBODY, Keys
+from nvscope.engine.runs import distinct
+
+
+class Unheard(NamedTuple):
+    """What nobody listens to any more, by numbers of ``Keys``, and up to when somebody did; all rising, of shape (n,).
+
+    ``channels`` are those of CAN, by number. ``everything``: there is nobody left who listens to anything.
+    """
+
+    until_ns: int
+    streams: I64
+    nodes: I64
+    places: I64
+    channels: I64
+    everything: bool
+
+
+@dataclass(slots=True)
+class _Heard:
+    """What a source has seen, as masks over flows of UDP and channels of CAN."""
+
+    flows: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))
+    channels: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))
+
+    def add(self, flows: I64, channels: I64) -> None:
+        self.flows, self.channels = _with(self.flows, flows), _with(self.channels, channels)
+
+
+class Watch:
+    """What each source has seen that listens, or that another one may go on with."""
+
+    def __init__(self) -> None:
+        self._heard: dict[int, _Heard] = {}
+        self._before: dict[int, End] = {}
+
+    def observe(self, batch: SortedPackets, keys: Keys | None) -> None:
+        """Take a batch, which the keys have observed; without a word of sources nothing is to be known."""
+        source = batch.packets.source
+        if source is None or not len(batch):
+            return
+        only = int(source[0]) if source.strides == (0,) else None
+        flows = _pairs(source, keys.varieties.flow[batch.variety], only) if keys else {}
+        channels: dict[int, I64] = {}
+        if batch.can is not None:
+            rows = source[batch.can.row] if only is None else source[: len(batch.can)]
+            channels = _pairs(rows, batch.can.channel.astype(np.int64), only)
+        none = np.empty(0, np.int64)
+        for one in flows.keys() | channels.keys() | ({only} if only is not None else set()):
+            own = flows.get(one, none)
+            if len(own) and keys is not None:
+                own = own[keys.columns.source[own] != NOBODY]
+            heard = self._heard.setdefault(one, _Heard())
+            heard.add(own, channels.get(one, none))
+            before = self._heard.get(self._before[one].source) if one in self._before else None
+            if before is not None and _any_of(before.flows, own):
+                heard.flows, before.flows = _either(heard.flows, before.flows), before.flows[:0]
+
+    def end(self, end: End, keys: Keys | None) -> Iterator[Unheard]:
+        """Take the end of a source; yield what is unheard with it, or since the end of the one that it went on with."""
+        before = self._before.pop(end.source, None)
+        heard = self._heard.setdefault(end.source, _Heard())
+        if before is not None:
+            left = self._heard.pop(before.source, _Heard())
+            if not heard.flows.any():
+                heard.flows, left.flows = left.flows, left.flows[:0]
+            if not heard.channels.any():
+                heard.channels, left.channels = left.channels, left.channels[:0]
+            yield from self._unheard(left, before.time_ns, keys)
+        if end.following is not None:
+            self._before[end.following] = end
+        elif not end.last:
+            del self._heard[end.source]
+            yield from self._unheard(heard, end.time_ns, keys)
+
+    def _unheard(self, left: _Heard, until_ns: int, keys: Keys | None) -> Iterator[Unheard]:
+        """Yield what of the things that a source has seen none of the others has."""
+        everything, none = not self._heard, np.empty(0, np.int64)
+        channels = left.channels.copy()
+        still = np.zeros(len(left.flows), np.bool_)
+        for one in self._heard.values():
+            still = _either(still, one.flows)
+            both = min(len(channels), len(one.channels))
+            channels[:both] &= ~one.channels[:both]
+        gone = np.flatnonzero(channels)
+        if not (everything or left.flows.any() or len(gone)):
+            return
+        if keys is None:
+            yield Unheard(until_ns, none, none, none, gone, everything)
+            return
+        if everything:
+            streams, nodes, places = (np.arange(len(table)) for table in (keys.streams, keys.nodes, keys.places))
+            yield Unheard(until_ns, streams, nodes, places, gone, True)
+            return
+        every = np.arange(len(keys.streams))
+        node = keys.node_of(every)
+        flows = keys.columns
+        lost, kept = np.flatnonzero(left.flows), np.flatnonzero(still)
+        unheard = _only(flows.stream[lost], flows.stream[kept], len(every))
+        without = _only(flows.place[lost], flows.place[kept], len(keys.places))
+        on_channels = (node == NOBODY) & np.isin(keys.list_ports[keys.list_of_place(keys.place_of(every))], gone)
+        unheard |= on_channels
+        without[keys.place_of(np.flatnonzero(on_channels))] = True
+        sent = node != NOBODY
+        silent = _only(node[unheard & sent], node[~unheard & sent], len(keys.nodes))
+        streams, nodes, places = (np.flatnonzero(mask) for mask in (unheard, silent, without))
+        if len(streams) or len(places) or len(gone):
+            yield Unheard(until_ns, streams, nodes, places, gone, False)
+
+
+def _pairs(source: I32, value: I64, only: int | None) -> dict[int, I64]:
+    """Return the different values of each source that are not negative; ``only``: all are of that one."""
+    if only is not None:
+        seen = np.flatnonzero(np.bincount(value[value >= 0])) if len(value) else value
+        return {only: seen}
+    row = value >= 0
+    width = int(value.max(initial=0)) + 1
+    pair = distinct(source[row].astype(np.int64) * width + value[row])
+    of, own = np.divmod(pair, width)
+    return {one: own[of == one] for one in distinct(of).tolist()}
+
+
+def _with(mask: Bool, numbers: I64) -> Bool:
+    """Return a mask with some more numbers set, longer if need be."""
+    if len(numbers) and numbers.max() >= len(mask):
+        mask = np.append(mask, np.zeros(int(numbers.max()) + 1, np.bool_))
+    mask[numbers] = True
+    return mask
+
+
+def _either(one: Bool, other: Bool) -> Bool:
+    if len(one) < len(other):
+        one, other = other, one
+    both: Bool = one.copy()
+    both[: len(other)] |= other
+    return both
+
+
+def _any_of(mask: Bool, numbers: I64) -> bool:
+    return bool(mask[numbers[numbers < len(mask)]].any())
+
+
+def _only(lost: I64, kept: I64, count: int) -> Bool:
+    """Return which numbers are among those lost and not among those kept; -1 is none."""
+    mask = np.zeros(count + 1, np.bool_)
+    mask[lost] = True
+    mask[kept] = False
+    return mask[:count]
