@@ -110,7 +110,7 @@ COUNTER_SCOPE = FindingKind(
     meaning=(
         "This sender counts all its telegrams, or all its sends, with one Counter, where a controller counts each "
         "SubIndex of each list. That is understood, and its loss is exact in sum; but a loss is booked on the "
-        "stream of the next telegram seen, so single streams may show a little more or less."
+        "stream of the next telegram seen, so single streams may show a little more or less, even less than none."
     ),
     causes=("a PC library or a gateway; controllers do not check the Counter when they receive",),
     next_steps=("Nothing has to be done. Judge the loss of this sender over all its lists together.",),

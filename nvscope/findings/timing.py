@@ -257,7 +257,7 @@ def _from_gaps(facts: Facts, stream: StreamSummary, rest: Jitter) -> tuple[str, 
     """Say that irregular intervals are those in which the Counter has gaps, and what to do next."""
     # Who counts beyond one stream has its loss booked on the next one that it sends.
     of_node = 0 if stream.scope == Scope.STREAM else facts.lost_of_node[stream.node]
-    if not stream.figures["lost"] and of_node <= 0:
+    if (stream.figures["lost"] or 0) <= 0 and of_node <= 0:
         return (
             f"It comes from telegrams that were overtaken: where none was, jitter is {rest.text}.",
             f"Find out what overtakes telegrams ({OVERTAKEN_TELEGRAM.code}); the sender keeps its interval.",

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.list_key import ListKey
 from nvscope.simulate.faults import Label
 from nvscope.simulate.observation import Observation
 from nvscope.simulate.ordering import order_by
@@ -20,12 +19,8 @@ _CLEAR_SHARE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What the counters tell, by stream; columns of shape (streams,).
+    """What the counters tell, by stream; columns of shape (streams,)."""
 
-    ``booked`` is what was booked on a stream as lost, less what came late on it; ``lost`` is never less than nothing.
-    """
-
-    booked: I64
     lost: I64
     gaps: I64
     longest_gap: I64
@@ -63,36 +58,14 @@ def count_figures(seen: Observation) -> Figures:
     np.maximum.at(longest, seen.stream[rows], missing)
     late = per_stream(np.flatnonzero(overtaken))
     gaps = per_stream(rows[missing > 0])
-    booked = per_stream(rows, missing) - late
     return Figures(
-        booked=booked,
-        lost=_settled(booked, seen),
+        lost=per_stream(rows, missing) - late,
         gaps=gaps,
         longest_gap=np.where(gaps > 0, longest, 0),
         duplicates=per_stream(np.flatnonzero(copies)),
         overtaken=late,
         restarts=per_stream(rows[restart]),
     )
-
-
-def _settled(booked: I64, seen: Observation) -> I64:
-    """Return what each stream lost: what came late on another one of its node is taken from those that lost most."""
-    lost = np.maximum(booked, 0)
-    for number in np.flatnonzero(booked < 0).tolist():
-        late = -int(booked[number])
-        others = seen.streams_of_node(seen.streams[number].node)
-        for one in sorted(others, key=lambda one: (-int(booked[one]), *_place(seen, one))):
-            taken = min(late, int(lost[one]))
-            lost[one] -= taken
-            late -= taken
-    return lost
-
-
-def _place(seen: Observation, stream: int) -> tuple[ListKey, int]:
-    """Return by what streams of one node are sorted: list and SubIndex."""
-    key = seen.templates[seen.table.template[seen.rows_of_stream(stream)[0]]].key
-    assert key is not None  # data telegrams are of a list
-    return key, seen.streams[stream].subindex
 
 
 def is_recognisable(seen: Observation, node: int) -> bool:

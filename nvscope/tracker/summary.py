@@ -5,7 +5,7 @@ Everything here is computed when asked for, from integers, and changes nothing i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from types import MappingProxyType
@@ -33,7 +33,6 @@ from nvscope.tracker.loss import StreamSequences
 from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.stream_summary import StreamSummary
-from nvscope.tracker.taken_back import never_negative
 from nvscope.tracker.together import NOTHING_KNOWN_TOGETHER, Together, counted_together, taken_together
 
 UNUSED_FROM_TELEGRAMS = 8
@@ -154,16 +153,7 @@ def _streams(
     unused = ~counting & (telegrams >= UNUSED_FROM_TELEGRAMS)
     signature = memory.signature[known]
     signed = (signature >> FLAGS_SHIFT & np.uint64(CHECKSUM_PRESENT.mask)) != 0
-
-    def by_key() -> I64:
-        rank_of_list = np.empty(len(lists), np.int64)
-        rank_of_list[sorted(range(len(lists)), key=lists.__getitem__)] = np.arange(len(lists))
-        place = np.empty(len(known), np.int64)
-        place[np.lexsort((subindex, rank_of_list[of_list]))] = np.arange(len(known))
-        return place
-
-    scope_of = np.array([scopes.get(one, Scope.STREAM) for one in node.tolist()], np.int64)
-    figures = _figures(loss, known, node, scope_of, by_key)
+    figures = _figures(loss, known, np.array([scopes.get(one, Scope.STREAM) for one in node.tolist()], np.int64))
     columns = (
         known, of_list, node, subindex, telegrams, memory.first_ns[known], memory.last_ns[known], counting, unused,
         signature & np.uint64(0xFFFF), signature >> LENGTH_SHIFT & np.uint64(0xFFFF), signed,
@@ -174,15 +164,14 @@ def _streams(
     for (
         stream, number, own_node, part, own_telegrams, first_ns, last_ns, counts, is_unused, items, length, has, check,
         swapped,
-    ), counts_of in zip(zip(*(column.tolist() for column in columns), strict=True), figures, strict=True):  # fmt: skip
-        booked, *row = counts_of
+    ), row in zip(zip(*(column.tolist() for column in columns), strict=True), figures, strict=True):  # fmt: skip
         scope, timed = scopes.get(own_node), intervals.of(stream, nominal[number])
         counted: Mapping[str, int | None] = _NOTHING_COUNTED
         if counts:
             counted = _NOTHING_KNOWN if scope is None else MappingProxyType(dict(zip(BY_SCOPE, row, strict=True)))
+        lost, duration_ns = counted["lost"], last_ns - first_ns
         if erratic is None:
-            unbelievable = is_erratic(booked, own_telegrams, last_ns - first_ns, timed.p50, swapped=swapped)
-            believed = counted["lost"] is None or not unbelievable
+            believed = lost is None or not is_erratic(lost, own_telegrams, duration_ns, timed.p50, swapped=swapped)
         else:
             believed = stream not in erratic
         found.append(
@@ -201,18 +190,11 @@ _NOTHING_COUNTED: Mapping[str, int] = MappingProxyType(dict.fromkeys(BY_SCOPE, 0
 _NOTHING_KNOWN: Mapping[str, None] = MappingProxyType(dict.fromkeys(BY_SCOPE))
 
 
-def _figures(
-    loss: StreamSequences, stream: I64, node: I64, scope: I64, order: Callable[[], I64]
-) -> Iterator[tuple[int, ...]]:
-    """Yield the counters of streams that depend on what a sender counts, in the order of ``BY_SCOPE``.
-
-    In front of them stands how many telegrams were booked as lost; ``order`` is as for ``never_negative``.
-    """
+def _figures(loss: StreamSequences, stream: I64, scope: I64) -> Iterator[tuple[int, ...]]:
+    """Yield the counters of streams that depend on what a sender counts, in the order of ``BY_SCOPE``."""
     walk = np.minimum(scope, Scope.NODE_TELEGRAM)
-    columns = {name: getattr(loss, name)[stream, walk] for name in BY_SCOPE}
-    booked = columns["lost"] * loss.counting[stream]
-    columns["lost"] = never_negative(booked, node, walk == Scope.NODE_TELEGRAM, order)
-    return zip(*(column.tolist() for column in (booked, *columns.values())), strict=True)
+    columns = (getattr(loss, name)[stream, walk] for name in BY_SCOPE)
+    return zip(*(column.tolist() for column in columns), strict=True)
 
 
 def _counters(state: TrackerState, streams: Sequence[Sequence[StreamSummary]]) -> Iterator[Mapping[str, int | None]]:

@@ -76,37 +76,3 @@ def test_telegrams_of_a_sender_that_does_not_count_are_no_mirrored_ones() -> Non
         wire.data(number * 50_000_000, 1 + number, list_id=8)
         wire.again(number * 50_000_000 + 2_000)
     assert found(wire)["NV905"]["message"].startswith("40 of 80 telegrams equal the one before")
-
-
-def lost_of(wire: Wire) -> tuple[dict[str, int | None], dict[str, Any]]:
-    document = document_of(tracked([batch_of(wire.frames)]))
-    return {entry["key"]: entry["counters"]["lost"] for entry in document["lists"]}, document
-
-
-def counted_over_lists(*order: tuple[int, int]) -> Wire:
-    """Return telegrams of one node: list and Counter of each."""
-    wire = Wire()
-    for number, (list_id, counter) in enumerate(order):
-        wire.data(number * 100_000_000, counter, list_id=list_id)
-    return wire
-
-
-def test_what_is_taken_back_on_another_list_leaves_none_with_less_than_nothing() -> None:
-    """One Counter over two lists: seven are missing at list 1, of which six come late on list 2."""
-    order = [(1 + number % 2, 1 + number) for number in range(200)]
-    order += [(1, 208), *((2, counter) for counter in range(201, 207)), (2, 209)]
-    order += [(1 + number % 2, 210 + number) for number in range(60)]
-    lost, document = lost_of(counted_over_lists(*order))
-    assert lost == {"udp/1202/1": 1, "udp/1202/2": 0}
-    assert sum(stream["lost"] for entry in document["lists"] for stream in entry["streams"]) == 1
-    (gap,) = (one for one in document["findings"] if one["code"] == "NV201")
-    assert (gap["list"], gap["extent"]) == ("udp/1202/1", 1)
-    assert "1 of " in gap["message"]
-
-
-def test_it_is_taken_from_those_first_that_have_lost_the_most() -> None:
-    order = [(1 + number % 4, 1 + number) for number in range(200)]
-    order += [(1, 204), (2, 209), (3, 210), (4, 201), (4, 202), (4, 203), (4, 205), (4, 211)]
-    order += [(1 + number % 4, 212 + number) for number in range(60)]
-    lost, _ = lost_of(counted_over_lists(*order))
-    assert lost == {"udp/1202/1": 3, "udp/1202/2": 0, "udp/1202/3": 0, "udp/1202/4": 0}

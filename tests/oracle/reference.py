@@ -90,7 +90,7 @@ def list_report(tracker: Tracker, key: ListKey) -> dict[str, Any]:
     )
     figures = [stream.figures_in(tracker.loss.scope(at.node)) for at, stream in streams]
     rows = [stream_report(tracker, at, stream) for at, stream in streams]
-    lost = sum(tracker.loss.lost(at) for at, _ in streams)
+    lost = sum(figure.lost for figure in figures)
     return {
         "key": str(key),
         "transport": key.transport,
@@ -177,8 +177,8 @@ def stream_report(tracker: Tracker, at: StreamKey, stream: Stream) -> dict[str, 
         "subindex": at.subindex,
         "telegrams": stream.telegrams,
         "counter_scope": "unused" if stream.unused else scope,
-        "lost": None if verdict.erratic else tracker.loss.lost(at),
-        "lost_claimed": tracker.loss.lost(at),
+        "lost": None if verdict.erratic else figures.lost,
+        "lost_claimed": figures.lost,
         "_lost_uncertain": not verdict.certain,
         "duplicates": len(figures.duplicates),
         "overtaken": len(figures.overtaken),

@@ -35,7 +35,8 @@ def figure(one: Figure) -> Schema:
         assert one.name == "sLastError"
         found = word([error.name for error in DiagError], told)
     else:
-        found = whole(told)
+        # Who counts across streams may lose on one and take back on another: less than nothing is missing there.
+        found = whole(told, None if one.name in ("lost", "lost_claimed") else 0)
     return maybe(found) if one.name in _MAY_BE_UNKNOWN else found
 
 

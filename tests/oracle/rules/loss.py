@@ -172,21 +172,7 @@ class Loss:
         """
         scope = self.scope(at.node)
         of_node = sum(stream.figures[scope].lost for stream in self.streams_of(at.node).values())
-        return self.lost(at) > 0 and (scope == "stream" or of_node > 0)
-
-    def lost(self, at: StreamKey) -> int:
-        """Return what a stream has lost: who counts beyond it may have taken back there what another one has lost.
-
-        Nothing is less than none: it is taken from the streams of the node that have lost the most.
-        """
-        scope = self.scope(at.node)
-        lost = {key: stream.figures_in(scope).lost for key, stream in self.streams_of(at.node).items()}
-        taken_back = -sum(number for number in lost.values() if number < 0) if scope != "stream" else 0
-        for key in sorted(lost, key=lambda key: (-lost[key], key.list_key, key.subindex)):
-            taken = min(taken_back, max(lost[key], 0))
-            lost[key] = max(lost[key], 0) - taken
-            taken_back -= taken
-        return lost[at]
+        return self.streams[at].figures_in(scope).lost > 0 and (scope == "stream" or of_node > 0)
 
     def judge_scopes(self, notes: Notes) -> None:
         for node in self.nodes:

@@ -73,7 +73,7 @@ def expect_counters(facts: NetworkFacts, entry: ListFacts, stream: int, found: E
     if not facts.recognisable[facts.seen.streams[stream].node]:
         expect_swapped(facts.seen, stream, where, found)
         return
-    of_gaps = kind_of_gaps(facts.seen, stream, int(facts.figures.booked[stream]))
+    of_gaps = kind_of_gaps(facts.seen, stream, int(facts.figures.lost[stream]))
     kinds = {"gaps": of_gaps} | (FIGURE_KINDS if of_gaps is TELEGRAM_GAP else {})
     if of_gaps is TELEGRAM_GAP and not still_missing(facts, stream):
         del kinds["gaps"]
