@@ -255,7 +255,9 @@ class Timeline:
                 if head.packets or (head.bound[0] < _ENDED_NS and (head.bound > bound or head.advance()))
             ]
             if len(left) < len(heads):
-                ends += self._ends([head for head in heads if head not in left], left, waiting, followers)
+                going = {head.rank[2] for head in left}
+                gone = [head for head in heads if head.rank[2] not in going]
+                ends += self._ends(gone, left, waiting, followers)
             heads = left
         if ends:
             yield PacketBatch.ended(*ends)

@@ -33,15 +33,42 @@ class Unheard(NamedTuple):
     everything: bool
 
 
+class _Listeners:
+    """How many sources have seen each of some numbered things."""
+
+    def __init__(self) -> None:
+        self._count: I64 = np.zeros(0, np.int64)
+
+    def add(self, seen: Bool, numbers: I64) -> Bool:
+        """Return what a source has seen, with some more numbers."""
+        if len(numbers) and numbers.max() >= len(seen):
+            seen = np.append(seen, np.zeros(int(numbers.max()) + 1, np.bool_))
+        new = numbers[~seen[numbers]]
+        seen[new] = True
+        if len(seen) > len(self._count):
+            self._count = np.append(self._count, np.zeros(len(seen) - len(self._count), np.int64))
+        self._count[new] += 1
+        return seen
+
+    def drop(self, seen: Bool) -> I64:
+        """Return what is seen by nobody any more without a source that has seen this."""
+        numbers = np.flatnonzero(seen)
+        self._count[numbers] -= 1
+        unseen: I64 = numbers[self._count[numbers] == 0]
+        return unseen
+
+    @property
+    def seen(self) -> I64:
+        """What somebody has seen."""
+        return np.flatnonzero(self._count)
+
+
 @dataclass(slots=True)
 class _Heard:
     """What a source has seen, as masks over flows of UDP and channels of CAN."""
 
     flows: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))
     channels: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))
-
-    def add(self, flows: I64, channels: I64) -> None:
-        self.flows, self.channels = _with(self.flows, flows), _with(self.channels, channels)
 
 
 class Watch:
@@ -50,6 +77,7 @@ class Watch:
     def __init__(self) -> None:
         self._heard: dict[int, _Heard] = {}
         self._before: dict[int, End] = {}
+        self._flows, self._channels = _Listeners(), _Listeners()
 
     def observe(self, batch: SortedPackets, keys: Keys | None) -> None:
         """Take a batch, which the keys have observed; without a word of sources nothing is to be known."""
@@ -68,10 +96,13 @@ class Watch:
             if len(own) and keys is not None:
                 own = own[keys.columns.source[own] != NOBODY]
             heard = self._heard.setdefault(one, _Heard())
-            heard.add(own, channels.get(one, none))
+            heard.flows = self._flows.add(heard.flows, own)
+            heard.channels = self._channels.add(heard.channels, channels.get(one, none))
             before = self._heard.get(self._before[one].source) if one in self._before else None
             if before is not None and _any_of(before.flows, own):
-                heard.flows, before.flows = _either(heard.flows, before.flows), before.flows[:0]
+                heard.flows = self._flows.add(heard.flows, np.flatnonzero(before.flows))
+                self._flows.drop(before.flows)
+                before.flows = before.flows[:0]
 
     def end(self, end: End, keys: Keys | None) -> Iterator[Unheard]:
         """Take the end of a source; yield what is unheard with it, or since the end of the one that it went on with."""
@@ -80,9 +111,9 @@ class Watch:
         if before is not None:
             left = self._heard.pop(before.source, _Heard())
             if not heard.flows.any():
-                heard.flows, left.flows = left.flows, left.flows[:0]
+                heard.flows, left.flows = left.flows, heard.flows
             if not heard.channels.any():
-                heard.channels, left.channels = left.channels, left.channels[:0]
+                heard.channels, left.channels = left.channels, heard.channels
             yield from self._unheard(left, before.time_ns, keys)
         if end.following is not None:
             self._before[end.following] = end
@@ -93,36 +124,31 @@ class Watch:
     def _unheard(self, left: _Heard, until_ns: int, keys: Keys | None) -> Iterator[Unheard]:
         """Yield what of the things that a source has seen none of the others has."""
         everything, none = not self._heard, np.empty(0, np.int64)
-        channels = left.channels.copy()
-        still = np.zeros(len(left.flows), np.bool_)
-        for one in self._heard.values():
-            still = _either(still, one.flows)
-            both = min(len(channels), len(one.channels))
-            channels[:both] &= ~one.channels[:both]
-        gone = np.flatnonzero(channels)
-        if not (everything or left.flows.any() or len(gone)):
-            return
+        flows, channels = self._flows.drop(left.flows), self._channels.drop(left.channels)
         if keys is None:
-            yield Unheard(until_ns, none, none, none, gone, everything)
+            if everything or len(channels):
+                yield Unheard(until_ns, none, none, none, channels, everything)
             return
         if everything:
             streams, nodes, places = (np.arange(len(table)) for table in (keys.streams, keys.nodes, keys.places))
-            yield Unheard(until_ns, streams, nodes, places, gone, True)
+            yield Unheard(until_ns, streams, nodes, places, channels, True)
             return
-        every = np.arange(len(keys.streams))
+        if not (len(flows) or len(channels)):
+            return
+        every, kept = np.arange(len(keys.streams)), self._flows.seen
         node = keys.node_of(every)
-        flows = keys.columns
-        lost, kept = np.flatnonzero(left.flows), np.flatnonzero(still)
-        unheard = _only(flows.stream[lost], flows.stream[kept], len(every))
-        without = _only(flows.place[lost], flows.place[kept], len(keys.places))
-        on_channels = (node == NOBODY) & np.isin(keys.list_ports[keys.list_of_place(keys.place_of(every))], gone)
-        unheard |= on_channels
-        without[keys.place_of(np.flatnonzero(on_channels))] = True
+        unheard = _only(keys.columns.stream[flows], keys.columns.stream[kept], len(every))
+        without = _only(keys.columns.place[flows], keys.columns.place[kept], len(keys.places))
+        if len(channels):
+            ports = keys.list_ports[keys.list_of_place(keys.place_of(every))]
+            on_channels = (node == NOBODY) & np.isin(ports, channels)
+            unheard |= on_channels
+            without[keys.place_of(np.flatnonzero(on_channels))] = True
         sent = node != NOBODY
         silent = _only(node[unheard & sent], node[~unheard & sent], len(keys.nodes))
         streams, nodes, places = (np.flatnonzero(mask) for mask in (unheard, silent, without))
-        if len(streams) or len(places) or len(gone):
-            yield Unheard(until_ns, streams, nodes, places, gone, False)
+        if len(streams) or len(places) or len(channels):
+            yield Unheard(until_ns, streams, nodes, places, channels, False)
 
 
 def _pairs(source: I32, value: I64, only: int | None) -> dict[int, I64]:
@@ -135,22 +161,6 @@ def _pairs(source: I32, value: I64, only: int | None) -> dict[int, I64]:
     pair = distinct(source[row].astype(np.int64) * width + value[row])
     of, own = np.divmod(pair, width)
     return {one: own[of == one] for one in distinct(of).tolist()}
-
-
-def _with(mask: Bool, numbers: I64) -> Bool:
-    """Return a mask with some more numbers set, longer if need be."""
-    if len(numbers) and numbers.max() >= len(mask):
-        mask = np.append(mask, np.zeros(int(numbers.max()) + 1, np.bool_))
-    mask[numbers] = True
-    return mask
-
-
-def _either(one: Bool, other: Bool) -> Bool:
-    if len(one) < len(other):
-        one, other = other, one
-    both: Bool = one.copy()
-    both[: len(other)] |= other
-    return both
 
 
 def _any_of(mask: Bool, numbers: I64) -> bool:
