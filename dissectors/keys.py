@@ -86,17 +86,6 @@ class KeyTable:
             found[missing] = self.find(*new)
         return found
 
-    def numbers_below(self, most: int, *words: U64) -> I64:
-        """Return the numbers of keys as ``numbers`` does, -1 of keys beyond the first ``most``.
-
-        Once there are so many, no further ones are added.
-        """
-        if len(self) < most:
-            self.numbers(*words)
-        number = self.find(*words)
-        number[number >= most] = -1
-        return number
-
     def find(self, *words: U64) -> I64:
         """Return the number of each key, -1 where it is not known. One column a word, of shape (n,)."""
         place = _places(words, self._bits)

@@ -133,14 +133,14 @@ class Presence:
 
     def _numbers(self, table: KeyTable, *words: U64) -> I64:
         """Return the numbers of keys, -1 of those for which there is no room, which are counted."""
-        number = table.numbers_below(self._most, *words)
+        number = table.numbers_within(self._most, *words)
         self.left_out += int(np.count_nonzero(number < 0))
         return number
 
     def _observe_addresses(self, number: I64, time_ns: I64, frame: I64, other: Bool) -> None:
         """Count frames of addresses: their numbers, -1 of what is left out, and which are no telegrams of lists."""
         columns = self.columns
-        columns.add_frames(number, time_ns, frame, min(len(self.addresses), self._most))
+        columns.add_frames(number, time_ns, frame, len(self.addresses))
         row = np.flatnonzero(other & (number >= 0))
         row = row[stable_order(number[row], len(columns))]
         start, stop = runs_of(number[row])
@@ -162,7 +162,7 @@ class Presence:
         pair = self._numbers(self.pairs, found.high[row], found.low[row], device, found.ttl[row].astype(np.uint64))
         row, pair = row[pair >= 0], pair[pair >= 0]
         columns = self.pair_columns
-        columns.add_frames(pair, time_ns[row], frame[row], min(len(self.pairs), self._most))
+        columns.add_frames(pair, time_ns[row], frame[row], len(self.pairs))
         order = stable_order(address[row], len(self.columns))
         number, pair = address[row[order]], pair[order]
         start, stop = runs_of(number)

@@ -45,11 +45,11 @@ class ReaderAnswers:
         if events.kind is not EventKind.ACKNOWLEDGED:
             return
         words = events.list.astype(np.uint64), events.peer.astype(np.uint64)
-        number = self.pairs.numbers_below(self._most, *words)
+        number = self.pairs.numbers_within(self._most, *words)
         room = number >= 0
         self.left_out += len(events) - int(np.count_nonzero(room))
         number, time_ns, since_ns = number[room], events.time_ns[room], events.since_ns[room]
-        columns, pairs = self.columns, min(len(self.pairs), self._most)
+        columns, pairs = self.columns, len(self.pairs)
         columns.resize(pairs)
         self.latencies.observe(number, time_ns - since_ns, pairs)
         order = stable_order(number, pairs)

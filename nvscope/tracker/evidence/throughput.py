@@ -44,9 +44,9 @@ class Throughput:
         """Take a batch, which follows those observed so far."""
         packets = told.packets
         slot = (packets.ts_ns // SLOT_NS).view(np.uint64)
-        number = self.slots.numbers_below(self._most, slot)
+        number = self.slots.numbers_within(self._most, slot)
         room = number >= 0
         self.left_out += len(slot) - int(np.count_nonzero(room))
-        self.columns.resize(min(len(self.slots), self._most))
+        self.columns.resize(len(self.slots))
         np.add.at(self.columns.frames, number[room], 1)
         np.add.at(self.columns.bytes, number[room], packets.original[room])
