@@ -79,13 +79,15 @@ class End:
     """A variable in one stream: its last value, as bytes, and the changes that are remembered.
 
     ``times_ns`` and ``values`` (a number for each value) begin with the first telegram, which is no change, while that
-    is remembered (``begins``). ``heard``: it has had a telegram since somebody listens to it.
+    is remembered (``begins``). Its first telegram since somebody listens to it was at ``since_ns``, None before it;
+    ``until_ns`` is up to when somebody did, None while somebody does.
     """
 
     stream: Stream
     element: Element
     last: bytes = b""
-    heard: bool = False
+    since_ns: int | None = None
+    until_ns: int | None = None
     telegrams: int = 0
     begins: bool = True
     times_ns: I64 = field(default_factory=lambda: np.empty(0, np.int64))
@@ -93,8 +95,13 @@ class End:
 
     def forget(self) -> None:
         """Begin anew, with no telegram before the next one; the last value stays the last one seen."""
-        self.begins, self.heard = True, False
+        self.begins, self.since_ns, self.until_ns = True, None, None
         self.times_ns, self.values = self.times_ns[:0], self.values[:0]
+
+    @property
+    def is_known(self) -> bool:
+        """Whether its value is known now."""
+        return bool(len(self.values)) and self.until_ns is None
 
 
 @dataclass(slots=True)
@@ -155,16 +162,19 @@ class Hops:
                 _remember(end, fresh.get(id(end)))
 
     def _resume(self, unheard: Unheard) -> None:
-        """Let the unheard begin anew: what changed meanwhile followed nobody knows what, and when."""
+        """Leave the unheard as it is: others may follow it, until it comes again or nobody listens to anything."""
         streams = set(unheard.streams.tolist())
-        for ends in self._ends.values():
-            for end in ends.values():
-                if end.stream.number in streams:
-                    end.forget()
         for pairs in self.pairs.values():
             for pair in pairs:
                 if {pair.first.stream.number, pair.second.stream.number} & streams:
+                    _add_rest(pair, unheard.until_ns)
                     pair.until_ns = None
+        for ends in self._ends.values():
+            for end in ends.values():
+                if unheard.everything:
+                    end.forget()
+                elif end.stream.number in streams and end.until_ns is None:
+                    end.until_ns = unheard.until_ns
 
     def _may_share(self, stream: Stream) -> bool:
         return self._layouts.list_of(stream.list) is not None
@@ -179,10 +189,13 @@ class Hops:
             block = Block(0, 1, offset, element.type)
             cells = block.cells_of(telegrams.data).reshape(len(telegrams.frame), -1)
             raw = np.ascontiguousarray(cells).view(np.uint8).reshape(len(cells), -1)
+            if end.until_ns is not None:
+                end.forget()
             differs = np.ones(len(raw), np.bool_)
             differs[1:] = (raw[1:] != raw[:-1]).any(axis=1)
-            differs[0] = not end.heard or raw[0].tobytes() != end.last
-            end.heard = True
+            differs[0] = end.since_ns is None or raw[0].tobytes() != end.last
+            if end.since_ns is None:
+                end.since_ns = int(telegrams.time_ns[0])
             end.telegrams += len(raw)
             end.last = raw[-1].tobytes()
             row = np.flatnonzero(differs)
@@ -290,6 +303,8 @@ def _follow(
         times, values = times[1:], values[1:]  # the first telegram is no change
     if not len(lead) or not len(times):
         return
+    if leader.until_ns is not None and (follower.since_ns or 0) > leader.until_ns:
+        return  # at no time somebody listened to both
     known = times >= lead_ns[0]
     times, values = times[known], values[known]
     direction.changes += len(times)
@@ -301,6 +316,9 @@ def _follow(
     # Whatever was captured at once, only so many changes count.
     until = np.searchsorted(np.sort(lead_ns), times, "right")
     found = (place >= 0) & (order[place] >= until - CHANGES_KEPT)
+    if leader.until_ns is not None:
+        # What they followed instead came when nobody listened.
+        direction.changes -= int(np.count_nonzero(~found & (times > leader.until_ns)))
     direction.followed += int(np.count_nonzero(found))
     place, times = place[found], times[found]
     # What the leader had when it was first seen, it has had for nobody knows how long.
@@ -331,19 +349,24 @@ def _differ(pair: Pair, first: tuple[I64, U64], second: tuple[I64, U64]) -> None
     for end, mine in ((pair.first, is_first), (pair.second, ~is_first)):
         last = np.maximum.accumulate(np.where(mine, np.arange(len(times)), -1))
         before = end.values[-1] if len(end.values) else np.uint64(0)
-        now.append((np.where(last >= 0, values[last], before), (last >= 0) | bool(len(end.values))))
+        now.append((np.where(last >= 0, values[last], before), (last >= 0) | end.is_known))
     (one, knows_one), (other, knows_other) = now
     known = knows_one & knows_other
     until = np.append(times[1:], times[-1])
     span = np.maximum(until - times, 0)
     pair.observed_ns += int(span[known].sum())
     pair.differed_ns += int(span[known & (one != other)].sum())
-    if pair.until_ns is not None and len(pair.first.values) and len(pair.second.values):
-        # Between the last change before and the first one now, both were what they had been.
-        gap = max(int(times[0]) - pair.until_ns, 0)
-        pair.observed_ns += gap
-        pair.differed_ns += gap if pair.first.values[-1] != pair.second.values[-1] else 0
-    pair.until_ns = int(times[-1])
+    _add_rest(pair, int(times[0]))
+    both_heard = pair.first.until_ns is None and pair.second.until_ns is None
+    pair.until_ns = int(times[-1]) if both_heard else None
+
+
+def _add_rest(pair: Pair, until_ns: int) -> None:
+    """Add the time since the last change of a pair: both ends were what they had been."""
+    if pair.until_ns is not None and pair.first.is_known and pair.second.is_known:
+        rest_ns = max(until_ns - pair.until_ns, 0)
+        pair.observed_ns += rest_ns
+        pair.differed_ns += rest_ns if pair.first.values[-1] != pair.second.values[-1] else 0
 
 
 def ordered(pairs: dict[Name, list[Pair]]) -> Sequence[tuple[Name, Pair]]:
