@@ -13,6 +13,7 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
+from nvscope.tracker.holes import Holes
 
 CLOCK_STEP_NS = 1_000_000
 """A clock that goes back by more has stepped; less is the order in which queues and interfaces wrote their frames."""
@@ -30,6 +31,7 @@ class CaptureSummary:
     start_ns: int | None = None
     end_ns: int | None = None
     until_ns: int | None = None
+    unwatched_ns: int = 0
 
     @property
     def at_ns(self) -> int | None:
@@ -37,17 +39,25 @@ class CaptureSummary:
         known = [time_ns for time_ns in (self.end_ns, self.until_ns) if time_ns is not None]
         return max(known, default=None)
 
+    @property
+    def watched_ns(self) -> int | None:
+        """How long somebody listened; None where nothing came yet."""
+        if self.start_ns is None or self.at_ns is None:
+            return None
+        return self.at_ns - self.start_ns - self.unwatched_ns
+
 
 class CaptureState:
     """All frames, telegrams or not.
 
     ``telegrams`` are those of UDP; ``chosen`` counts the telegrams and CAN frames that a filter chooses,
-    ``chosen_protocols`` are those with ports of their own of which it chooses a frame. ``start_ns``
-    and ``end_ns`` are the earliest and the latest time of any frame, ``last_ns`` that of the last one; ``until_ns`` is
-    up to when a source says that time has passed, None where only frames tell. ``steps_back`` are the frames whose time
-    is more than ``CLOCK_STEP_NS`` before that of the frame in front, under one key. ``unsupported`` counts frames by
-    link types that nothing reads. ``left_out`` are the frames of what is beyond the limit of streams, by what carries
-    them, as in ``dissectors``; ``elsewhere`` those to receivers beyond it, under one key.
+    ``chosen_protocols`` are those with ports of their own of which it chooses a frame. ``start_ns`` and ``end_ns``
+    are the earliest and the latest time of any frame, ``last_ns`` that of the last one; ``until_ns`` is up to when a
+    source says that time has passed, None where only frames tell; in ``holes`` nobody listened. ``steps_back`` are
+    the frames whose time is more than ``CLOCK_STEP_NS`` before that of the frame in front, under one key.
+    ``unsupported`` counts frames by link types that nothing reads. ``left_out`` are the frames of what is beyond the
+    limit of streams, by what carries them, as in ``dissectors``; ``elsewhere`` those to receivers beyond it, under
+    one key.
     """
 
     SPLIT_BY: ClassVar = SplitBy.NOTHING
@@ -63,6 +73,7 @@ class CaptureState:
         self.end_ns: int | None = None
         self.last_ns: int | None = None
         self.until_ns: int | None = None
+        self.holes = Holes()
         self.steps_back = EventLog()
         self.longest_step_back_ns = 0
         self.left_out = EventLog(words=1)
@@ -70,6 +81,7 @@ class CaptureState:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        self.holes.observe(told)
         if told.until_ns is not None:
             self.until_ns = told.until_ns if self.until_ns is None else max(self.until_ns, told.until_ns)
         if not len(told):
@@ -100,9 +112,12 @@ class CaptureState:
 
     def summary(self, can_frames: int) -> CaptureSummary:
         """Return what was counted so far."""
+        unwatched_ns = 0
+        if self.start_ns is not None and self.end_ns is not None:
+            unwatched_ns = self.holes.within_ns(self.start_ns, self.end_ns)
         return CaptureSummary(
             self.frames, self.telegrams, can_frames, self.chosen, self.fragments, self.start_ns, self.end_ns,
-            self.until_ns,
+            self.until_ns, unwatched_ns,
         )  # fmt: skip
 
     def _observe_times(self, told: Told) -> None:

@@ -66,10 +66,7 @@ class Measures:
     def __init__(self, summary: Summary) -> None:
         self._together = summary.together
         self._extremes = summary.extremes
-        capture = summary.capture
-        self._span_ns = summary.window_ns
-        if self._span_ns is None and capture.start_ns is not None and capture.at_ns is not None:
-            self._span_ns = capture.at_ns - capture.start_ns
+        self._span_ns = summary.capture.watched_ns if summary.window_ns is None else summary.window_ns
         self._of_list: dict[int, Sequence[AnyStream]] = {}
         self._of_node: dict[tuple[int, int], list[StreamSummary]] = defaultdict(list)
         for on_can in summary.can.lists:

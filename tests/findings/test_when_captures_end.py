@@ -11,12 +11,14 @@ import pytest
 from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.recordings import APART_NS, recordings
 from nvscope.capture.source import SourceInfo
+from nvscope.definition.buses import Buses, BusSettings
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import summarize
 from tests.definition.lists import telegram
 from tests.oracle.frame import Frame
-from tests.packets import batch_of, tracked
+from tests.packets import batch_of, document_of, tracked
 
 MS, SECOND, DAY = 1_000_000, 1_000_000_000, 86_400 * 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -60,6 +62,27 @@ def codes(state: TrackerState) -> list[tuple[str, int]]:
 
 def later(frames: list[Frame], by_ns: int) -> list[Frame]:
     return [frame._replace(ts_ns=frame.ts_ns + by_ns) for frame in frames]
+
+
+def test_what_is_told_a_second_is_told_of_the_time_in_which_somebody_listened(tmp_path: Path) -> None:
+    first = cyclic(0, 10)
+    states = [state_of(tmp_path, [first]), state_of(tmp_path, [first, later(first, 3 * DAY), later(first, 5 * DAY)])]
+    assert [document_of(state)["lists"][0]["rate"] for state in states] == [pytest.approx(10, rel=0.02)] * 2
+
+
+def test_so_is_the_load_of_a_bus(tmp_path: Path) -> None:
+    loads = []
+    for days in ([0], [0, 3, 5]):
+        names = []
+        for day in days:
+            names.append(tmp_path / f"{day}.log")
+            times = (1_700_000_000 + 86_400 * day + number / 10 for number in range(101))
+            names[-1].write_text("".join(f"({time:.6f}) can0 181#0102030405060708\n" for time in times))
+        buses = Buses((("can0", BusSettings(125_000)),))
+        (bus,) = summarize(tracked(open_source(list(map(str, names)))), buses=buses).can.buses
+        assert bus.load is not None
+        loads.append(bus.load.mean)
+    assert loads[1] == pytest.approx(loads[0], rel=0.02)
 
 
 @pytest.mark.parametrize("by_ns", [2 * APART_NS, DAY // 24, 3 * DAY])

@@ -16,6 +16,7 @@ from nvscope.tracker.can.errors import BusErrors
 from nvscope.tracker.can.identifiers import CanIdentifiers
 from nvscope.tracker.can.load import BEFORE_1970, rows_by_channel
 from nvscope.tracker.can.state import BusState
+from nvscope.tracker.holes import Holes
 
 F64 = np.ndarray[tuple[int], np.dtype[np.float64]]
 
@@ -99,11 +100,12 @@ class CanBusSummary:
 
 
 def summarize_buses(
-    state: BusState, name: Callable[[int], str], buses: Buses | None = None, lists: Collection[int] = ()
-) -> list[CanBusSummary]:
+    state: BusState, name: Callable[[int], str], buses: Buses | None = None, lists: Collection[int] = (),
+    holes: Holes | None = None,
+) -> list[CanBusSummary]:  # fmt: skip
     """Return the buses of a state by name; ``buses`` are the bit rates that are given, ``lists`` COB-IDs of lists.
 
-    ``name`` returns what a channel is called.
+    ``name`` returns what a channel is called; ``holes`` are the times in which nobody listened.
     """
     given, rows = buses or Buses(), _rows_with_frames(state)
     identifiers = rows_by_channel(state.load.identifiers.keys)
@@ -111,7 +113,7 @@ def summarize_buses(
     evidence = state.canopen.evidence(lists)
     found = [
         _bus(
-            state, number, name(number), given, rows[number], identifiers.get(number, _NOTHING),
+            state, number, name(number), given, rows[number], identifiers.get(number, _NOTHING), holes or Holes(),
             errors.get(number), nodes.get(number, []), evidence.get(number, NO_EVIDENCE),
         )
         for number in rows
@@ -141,6 +143,7 @@ def _bus(
     given: Buses,
     rows: I64,
     identifiers: I64,
+    holes: Holes,
     errors: BusErrors | None,
     nodes: Sequence[CanOpenNode],
     evidence: Evidence,
@@ -157,7 +160,7 @@ def _bus(
         worst = _percent(rate, columns.worst_bits[rows], columns.worst_fast_bits[rows])
         busy_s = rate.seconds(int(exact.sum()), int(fast.sum()))
         partial = bool(fast.any()) and not rate.data
-        mean = 100 * busy_s / _duration_s(state.load.identifiers, identifiers, number)
+        mean = 100 * busy_s / _duration_s(state.load.identifiers, identifiers, number, holes)
         for column in (began_ns, percent, worst):
             column.flags.writeable = False
         load = BusLoad(
@@ -179,15 +182,16 @@ def _rate(state: BusState, number: int, given: BusSettings) -> BitRate | None:
     return None if found is None else BitRate(found, given.data_bit_rate, False)
 
 
-def _duration_s(identifiers: CanIdentifiers, own: I64, channel: int) -> float:
-    """Return from the first frame of a channel to its last, whether their identifiers are told apart or not."""
+def _duration_s(identifiers: CanIdentifiers, own: I64, channel: int, holes: Holes) -> float:
+    """Return how long it was watched from the first frame of a channel to its last, of whatever identifiers."""
     columns, left_out = identifiers.columns, identifiers.left_out
     beyond = np.flatnonzero(left_out.keys.high == np.uint64(channel))
     first_ns = np.append(columns.first_ns[own], left_out.rows.first_ns[beyond])
     last_ns = np.append(columns.last_ns[own], left_out.rows.last_ns[beyond])
     if not len(first_ns):
         return 1.0
-    return max(1.0, int(last_ns.max() - first_ns.min()) / _S_NS)
+    start_ns, end_ns = int(first_ns.min()), int(last_ns.max())
+    return max(1.0, (end_ns - start_ns - holes.within_ns(start_ns, end_ns)) / _S_NS)
 
 
 def _identifiers(

@@ -130,4 +130,5 @@ def summarize_can(
         )
     lists = [CanListSummary.of(number, keys_of_lists[number], own) for number, own in streams.items()]
     lists.sort(key=lambda entry: entry.key)
-    return CanSummary(tuple(lists), tuple(summarize_buses(state.buses, keys.channel, buses, cob_ids)))
+    summarized = summarize_buses(state.buses, keys.channel, buses, cob_ids, state.capture.holes)
+    return CanSummary(tuple(lists), tuple(summarized))
