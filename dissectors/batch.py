@@ -61,13 +61,15 @@ DIRECTION_NAMES = ("", "Rx", "Tx")
 class End(NamedTuple):
     """The end of one of several sources, by its number, at the time of its last packet.
 
-    ``following`` is the source that begins where it ends, if there is one; ``last``: no other source is left.
+    ``following`` is the source that begins where it ends, if there is one, ``seamless`` whether it surely goes on with
+    it; ``last``: no other source is left.
     """
 
     source: int
     time_ns: int
     following: int | None = None
     last: bool = False
+    seamless: bool = False
 
 
 @dataclass(frozen=True, slots=True)

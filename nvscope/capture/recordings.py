@@ -29,13 +29,27 @@ class Recording(NamedTuple):
     last: str
 
 
+SEAMLESS_NS = 1_000_000_000
+"""So soon behind the end of one capture, another one goes on with it, whoever is heard: somebody rotates them."""
+
+
+def is_seamless(end_ns: int, start_ns: int) -> bool:
+    """Tell whether a capture that begins surely goes on with one that ended."""
+    return start_ns - end_ns <= SEAMLESS_NS
+
+
 def is_apart(end_ns: int, start_ns: int) -> bool:
     """Tell whether a capture that begins goes on with none that ended before."""
     return start_ns - end_ns >= APART_NS
 
 
-def recordings(sources: Sequence[SourceInfo]) -> list[Recording]:
-    """Return the recordings that sources are of, in order; those without a packet are of none."""
+def recordings(
+    sources: Sequence[SourceInfo], start_ns: int | None = None, end_ns: int | None = None
+) -> list[Recording]:
+    """Return the recordings that sources are of, in order; those without a packet are of none.
+
+    With a start or an end, those that begin behind the end or end before the start are left out.
+    """
     timed = sorted(
         # Where a clock stepped back, a capture can end before it began.
         (info.start_ns, max(info.start_ns, info.end_ns), info.path)
@@ -43,11 +57,15 @@ def recordings(sources: Sequence[SourceInfo]) -> list[Recording]:
         if info.start_ns is not None and info.end_ns is not None
     )
     found: list[Recording] = []
-    for start_ns, end_ns, path in timed:
-        if found and not is_apart(found[-1].end_ns, start_ns):
+    for begin_ns, stop_ns, path in timed:
+        if found and not is_apart(found[-1].end_ns, begin_ns):
             before = found[-1]
-            last = path if end_ns >= before.end_ns else before.last
-            found[-1] = before._replace(end_ns=max(before.end_ns, end_ns), last=last)
+            last = path if stop_ns >= before.end_ns else before.last
+            found[-1] = before._replace(end_ns=max(before.end_ns, stop_ns), last=last)
         else:
-            found.append(Recording(start_ns, end_ns, path, path))
-    return found
+            found.append(Recording(begin_ns, stop_ns, path, path))
+    return [
+        one
+        for one in found
+        if (start_ns is None or one.end_ns >= start_ns) and (end_ns is None or one.start_ns <= end_ns)
+    ]

@@ -37,17 +37,18 @@ class TimeSpan:
         """Return the packets of a batch that lie in the span, in their order; None where there is nothing to say.
 
         ``until_ns`` goes no further than the end, since nobody looks behind it, and is kept without packets too; so are
-        the ends of sources.
+        the ends of sources, but for those that lie behind it.
         """
+        ends = tuple(end for end in batch.ends if end.time_ns <= self.end_ns) if batch.ends else ()
         until_ns = batch.until_ns
         if until_ns is not None:
             until_ns = None if until_ns < self.start_ns else min(until_ns, self.end_ns)
         kept = self._kept(batch)
         if kept is not None:
-            told = (kept.until_ns, kept.ends) == (until_ns, batch.ends)
-            return kept if told else replace(kept, until_ns=until_ns, ends=batch.ends)
-        if batch.ends:
-            return replace(PacketBatch.nothing(until_ns), ends=batch.ends)
+            told = (kept.until_ns, kept.ends) == (until_ns, ends)
+            return kept if told else replace(kept, until_ns=until_ns, ends=ends)
+        if ends:
+            return replace(PacketBatch.nothing(until_ns), ends=ends)
         return None if until_ns is None else PacketBatch.nothing(until_ns)
 
     def _kept(self, batch: PacketBatch) -> PacketBatch | None:

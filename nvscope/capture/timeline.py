@@ -28,7 +28,7 @@ from dissectors.batch import I64, PAD_BYTES, U8, End, PacketBatch
 from dissectors.can.frame import channels_of
 from dissectors.can.pdo import channel_name
 from nvscope.capture.between import Between
-from nvscope.capture.recordings import is_apart
+from nvscope.capture.recordings import is_apart, is_seamless
 from nvscope.capture.source import Attachment, FileSource, Source, SourceInfo
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, stretches
 from nvscope.capture.stoppable import StoppableBatches
@@ -274,11 +274,13 @@ class Timeline:
             number, is_last = head.rank[2], not (left or waiting or gone[place + 1 :])
             begun = (one.rank for one in left if one.rank[0] >= head.latest_ns - _DISORDER_NS)
             coming = (rank for rank in reversed(waiting) if not is_apart(head.latest_ns, rank[0]))
-            following = next((rank[2] for rank in chain(begun, coming) if rank[2] not in followers), None)
+            following = next((rank for rank in chain(begun, coming) if rank[2] not in followers), None)
+            end = End(number, head.latest_ns, last=is_last)
             if following is not None:
-                followers.add(following)
+                followers.add(following[2])
+                end = end._replace(following=following[2], seamless=is_seamless(head.latest_ns, following[0]))
             if not is_last or number in followers:
-                ends.append(End(number, head.latest_ns, following, is_last))
+                ends.append(end)
         return ends
 
     def _read_ahead(self, heads: list[_Head], following: _Rank | None) -> bool:

@@ -158,6 +158,6 @@ def report(
         echo(f"nvscope: {told} counted but not put together.", err=True)
     if asked and not found.summary.capture.frames:
         echo(NOTHING_BETWEEN, err=True)
-    tell_of_gaps(found.infos)
+    tell_of_gaps(found.infos, found.summary.capture.start_ns, found.summary.capture.at_ns)
     if tell_of_losses(found.infos):
         raise typer.Exit(ExitCode.DATA_LOSS)

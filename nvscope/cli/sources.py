@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,6 +19,7 @@ from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
     from dissectors.netvar import PortRules
+    from nvscope.capture.recordings import Recording
     from nvscope.capture.source import SourceInfo
     from nvscope.definition.project import Project
     from nvscope.view.asked_time import AskedRange
@@ -89,6 +91,7 @@ NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-
 
 _DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*", re.ASCII)
 _MAX_PORT = 65535
+_MOST_RECORDINGS = 3
 
 
 def with_channels(project: Project, options: Sequence[str] | None) -> Project:
@@ -174,22 +177,34 @@ def duration_ns(option: str, text: str) -> int:
     return duration
 
 
-def tell_of_gaps(infos: Sequence[SourceInfo]) -> None:
-    """Say on stderr where nobody captured between captures of one report, and how to report on each of them."""
+def tell_of_gaps(infos: Sequence[SourceInfo], start_ns: int | None, end_ns: int | None) -> None:
+    """Say on stderr where nobody captured in the time of a report, and how to report on each recording."""
     from nvscope.capture.recordings import recordings
     from nvscope.units import duration
     from nvscope.view.escape import visible
 
-    found = recordings(infos)
-    if len(found) > 1:
-        before, behind = found[:2]
-        echo(
-            f"nvscope: {duration(behind.start_ns - before.end_ns)} without a capture lie between "
-            f"{visible(before.last)} and {visible(behind.first)}: what was late or lost meanwhile is no fault. Report "
-            f"them apart: nvscope report {visible(shlex.quote(before.last))}, then nvscope report "
-            f"{visible(shlex.quote(behind.first))}",
-            err=True,
-        )
+    found = recordings(infos, start_ns, end_ns)
+    if len(found) < 2:
+        return
+    before, behind = max(pairwise(found), key=lambda pair: pair[1].start_ns - pair[0].end_ns)
+    told = (
+        f"nvscope: {duration(behind.start_ns - before.end_ns)} without a capture lie between {visible(before.last)} "
+        f"and {visible(behind.first)}: what was late or lost meanwhile is no fault."
+    )
+    if len(found) > 2:
+        told += f" There are {len(found)} recordings."
+    paths = [path for one in found[:_MOST_RECORDINGS] for path in dict.fromkeys((one.first, one.last))]
+    if "-" not in paths:
+        commands = [f"nvscope report {_files_of(one)}" for one in found[:_MOST_RECORDINGS]]
+        told += f" Report them apart: {', then '.join(commands)}" + (" …" if len(found) > _MOST_RECORDINGS else "")
+    echo(told, err=True)
+
+
+def _files_of(recording: Recording) -> str:
+    from nvscope.view.escape import visible
+
+    first, last = (visible(shlex.quote(path)) for path in (recording.first, recording.last))
+    return first if first == last else f"{first} … {last}"
 
 
 def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:

@@ -2,7 +2,8 @@
 
 A source that has ended tells nothing of what comes behind its end. Whatever it alone has seen is unheard from there on:
 streams of UDP one by one, of CAN all that is on a channel. A file that begins where another one ends goes on with it,
-as rotated captures do, unless it shows that it was recorded elsewhere: it has senders, and none of the other's.
+as rotated captures do, unless it shows that it was recorded elsewhere: it does not begin at once, and has senders, and
+none of the other's.
 """
 
 from __future__ import annotations
@@ -99,10 +100,8 @@ class Watch:
             heard.flows = self._flows.add(heard.flows, own)
             heard.channels = self._channels.add(heard.channels, channels.get(one, none))
             before = self._heard.get(self._before[one].source) if one in self._before else None
-            if before is not None and _any_of(before.flows, own):
-                heard.flows = self._flows.add(heard.flows, np.flatnonzero(before.flows))
-                self._flows.drop(before.flows)
-                before.flows = before.flows[:0]
+            if before is not None and (_any_of(before.flows, own) or _any_of(before.channels, channels.get(one, none))):
+                self._hand_over(before, heard)
 
     def end(self, end: End, keys: Keys | None) -> Iterator[Unheard]:
         """Take the end of a source; yield what is unheard with it, or since the end of the one that it went on with."""
@@ -110,16 +109,22 @@ class Watch:
         heard = self._heard.setdefault(end.source, _Heard())
         if before is not None:
             left = self._heard.pop(before.source, _Heard())
-            if not heard.flows.any():
-                heard.flows, left.flows = left.flows, heard.flows
-            if not heard.channels.any():
-                heard.channels, left.channels = left.channels, heard.channels
+            if before.seamless or not (heard.flows.any() or heard.channels.any()):
+                self._hand_over(left, heard)
             yield from self._unheard(left, before.time_ns, keys)
         if end.following is not None:
             self._before[end.following] = end
         elif not end.last:
             del self._heard[end.source]
             yield from self._unheard(heard, end.time_ns, keys)
+
+    def _hand_over(self, before: _Heard, heard: _Heard) -> None:
+        """Let who goes on with another one have seen what that one has."""
+        heard.flows = self._flows.add(heard.flows, np.flatnonzero(before.flows))
+        heard.channels = self._channels.add(heard.channels, np.flatnonzero(before.channels))
+        self._flows.drop(before.flows)
+        self._channels.drop(before.channels)
+        before.flows, before.channels = before.flows[:0], before.channels[:0]
 
     def _unheard(self, left: _Heard, until_ns: int, keys: Keys | None) -> Iterator[Unheard]:
         """Yield what of the things that a source has seen none of the others has."""

@@ -7,7 +7,7 @@ its sender begins, so that any cut into tables gives the same rows in the same o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,10 +62,14 @@ class _Rows:
 class CycleRows:
     """Takes tables of one list in the order of the capture; ``schema`` is that of these tables.
 
-    The columns ``without`` which rows of cycles are, are left out.
+    ``sent`` says for a column which telegrams have it, by what stands in the place of their SubIndex: a null in such a
+    row is what was sent. The columns ``without`` which rows of cycles are, are left out.
     """
 
-    def __init__(self, schema: Any, interval_ns: int | None, without: Sequence[str] = ()) -> None:
+    def __init__(
+        self, schema: Any, interval_ns: int | None, sent: Mapping[str, Collection[int]], without: Sequence[str] = ()
+    ) -> None:  # fmt: skip
+        self._sent = sent
         self._gap_ns = interval_ns // 2 if interval_ns else USUAL_GAP_NS
         self._kept = [name for name in schema.names if name not in without]
         self.schema = pa.schema([schema.field(name) for name in self._kept]).set(_SUBINDEX, TELEGRAMS)
@@ -89,7 +93,7 @@ class CycleRows:
         rising = np.diff(rows.subindex, prepend=rows.subindex[:1]) > 0
         begins = first | ~(rising & (step_ns >= 0) & (step_ns <= self._gap_ns))
         begin, end = np.flatnonzero(begins), np.append(np.flatnonzero(begins)[1:], len(begins)) - 1
-        table = _last_values(rows.table, first)
+        table = self._last_values(rows, first)
         cycles = _Rows(
             table.take(pa.array(end)), rows.sender[end], rows.begin_ns[begin], rows.begin_frame[begin],
             rows.last_ns[end], rows.subindex[end], np.add.reduceat(rows.telegrams, begin), rows.frame[end],
@@ -101,6 +105,25 @@ class CycleRows:
         ended = np.flatnonzero(~is_open)
         # A cycle ends where the next one of its sender begins.
         return self._table(cycles.take(ended[np.argsort(cycles.begin_frame[ended + 1], kind="stable")]))
+
+    def _last_values(self, rows: _Rows, first: Bool) -> Any:
+        """Return a table in which what a telegram did not send is the last value above it of its group.
+
+        A group begins with a ``first`` row, which has what was sent before.
+        """
+        table, place = rows.table, np.arange(len(first))
+        group = np.maximum.accumulate(np.where(first, place, 0))
+        columns = []
+        for number, (name, column) in enumerate(zip(table.column_names, table.columns, strict=True)):
+            if number < _HEAD or not column.null_count:
+                columns.append(column)
+                continue
+            told = column.is_valid().to_numpy()
+            if name in self._sent:
+                told = told | np.isin(rows.subindex, list(self._sent[name]))
+            last = np.maximum.accumulate(np.where(told, place, -1))
+            columns.append(column.take(pa.array(last, mask=last < group)))
+        return pa.table(columns, schema=table.schema)
 
     def _table(self, cycles: _Rows) -> Any:
         columns = [
@@ -123,18 +146,3 @@ def _rows_of(table: Any) -> _Rows:
     number = sender.indices.to_numpy().astype(np.int64)
     subindex = table.column(_SUBINDEX).to_numpy().astype(np.int64)
     return _Rows(table, number, time_ns, frame, time_ns, subindex, np.ones(len(frame), np.int64), frame)
-
-
-def _last_values(table: Any, first: Bool) -> Any:
-    """Return a table in which every null is the last value above it of its group, which begins with a ``first`` row."""
-    place = np.arange(len(first))
-    group = np.maximum.accumulate(np.where(first, place, 0))
-    columns = []
-    for number, column in enumerate(table.columns):
-        if number < _HEAD or not column.null_count:
-            columns.append(column)
-            continue
-        valid = column.is_valid().to_numpy()
-        last = np.maximum.accumulate(np.where(valid, place, -1))
-        columns.append(column.take(pa.array(last, mask=last < group)))
-    return pa.table(columns, schema=table.schema)

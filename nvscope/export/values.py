@@ -66,7 +66,12 @@ def write_wide(
     named = Existing.REPLACED if len(paths) == 1 else Existing.KEPT
     opened = [files.open(path, named) for path in paths]
     cycles = [
-        CycleRows(table.schema, first.layout.list.interval_ns if first.layout.list.cyclic else None, table.of_several)
+        CycleRows(
+            table.schema,
+            first.layout.list.interval_ns if first.layout.list.cyclic else None,
+            table.sent,
+            table.of_several,
+        )
         for table, (first, *_) in zip(tables, places, strict=True)
         if by_cycle
     ]

@@ -6,7 +6,7 @@ A list of several definitions has the variables of all of them as columns, one w
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -90,6 +90,16 @@ class WideTable:
             if part.place.rest is not None
         )
         return [self._columns[number].name for number, telegrams in shared.items() if telegrams > 1]
+
+    @property
+    def sent(self) -> Mapping[str, frozenset[int]]:
+        """By column, what stands in the place of the SubIndex of the telegrams that have it, as far as that is sure."""
+        found: dict[str, set[int]] = {}
+        for part, numbers in zip(self._parts, self._column_of, strict=True):
+            if part.place.rest is None:
+                for entry in (entry for number in numbers for entry in self._columns[number].fields()):
+                    found.setdefault(entry.name, set()).add(part.place.layout.subindex + self._first_number)
+        return {name: frozenset(numbers) for name, numbers in found.items()}
 
     @property
     def variables(self) -> int:

@@ -92,6 +92,10 @@ CHECKSUM_FLAG = FindingKind(
 )
 
 
+_COMPARED = (SHAPE_CHANGED, CHECKSUM_CHANGED)
+"""What follows from another telegram of the list, which the limit of streams may have left out."""
+
+
 def judge_consistency(facts: Facts) -> Iterator[Finding]:
     """Yield several senders by list, all else by list, sender and SubIndex."""
     lists = {entry.number: entry for entry in facts.summary.lists}
@@ -102,6 +106,8 @@ def judge_consistency(facts: Facts) -> Iterator[Finding]:
         for list_number, node, subindex, events in facts.logged(kind):
             assert list_number is not None
             assert subindex is not None
+            if kind in _COMPARED and facts.misses_data(list_number):
+                continue
             message = sentence(facts, lists[list_number], subindex, events)
             yield Finding(
                 kind, message, events.count, events.first_ns, events.last_ns, events.frames,

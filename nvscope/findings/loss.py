@@ -196,7 +196,8 @@ def _restarts(_: Facts, stream: StreamSummary, events: Events) -> str:
 
 
 def _erratic(facts: Facts, stream: StreamSummary, _: Events) -> str:
-    span = duration(stream.last_ns - stream.first_ns)
+    unheard_ns = facts.state.capture.holes.within_ns(stream.first_ns, stream.last_ns)
+    span = duration(stream.last_ns - stream.first_ns - unheard_ns)
     claim = (
         f"The Counter claims {count(stream.figures['lost'] or 0)} lost for {count_of(stream.telegrams, 'telegram')} in "
         f"{span}"

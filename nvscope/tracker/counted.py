@@ -175,7 +175,8 @@ def _erratic(state: TrackerState, before: Extremes | None) -> frozenset[int]:
         if node not in scopes or not loss.counting[stream]:
             continue
         own = int(lost[stream, min(scopes[node], Scope.NODE_TELEGRAM)])
-        duration_ns = int(memory.last_ns[stream] - memory.first_ns[stream])
+        first_ns, last_ns = int(memory.first_ns[stream]), int(memory.last_ns[stream])
+        duration_ns = last_ns - first_ns - state.capture.holes.within_ns(first_ns, last_ns)
         own_extremes = int(extremes.least_ns[stream]), int(extremes.most_ns[stream])
         median_ns = histograms.of(stream).within(*own_extremes).percentile_ns(50)
         if is_erratic(own, int(telegrams[stream]), duration_ns, median_ns, swapped=bool(swapped[stream])):

@@ -143,6 +143,7 @@ def _streams(
 ) -> list[tuple[StreamSummary, ...]]:
     """Return the streams of each list, by node and SubIndex."""
     keys, memory, loss = state.keys, state.memory.columns, state.senders.loss.streams
+    holes = state.capture.holes
     known = np.flatnonzero(keys.streams.low != np.uint64(NOBODY_KEY))
     of_list, node, subindex = keys.described(known)
     rank = np.empty(len(order), np.int64)
@@ -169,8 +170,8 @@ def _streams(
         counted: Mapping[str, int | None] = _NOTHING_COUNTED
         if counts:
             counted = _NOTHING_KNOWN if scope is None else MappingProxyType(dict(zip(BY_SCOPE, row, strict=True)))
-        lost, duration_ns = counted["lost"], last_ns - first_ns
         if erratic is None:
+            lost, duration_ns = counted["lost"], last_ns - first_ns - holes.within_ns(first_ns, last_ns)
             believed = lost is None or not is_erratic(lost, own_telegrams, duration_ns, timed.p50, swapped=swapped)
         else:
             believed = stream not in erratic

@@ -28,6 +28,8 @@ SCHEMA = pa.schema(
     ]
 )  # fmt: skip
 Row = dict[str, Any]
+# Null where one of these SubIndexes stands was sent: a number without a name, or a time that no column holds.
+SENT = {"b.name": {1, 2}, "t": {3}}
 
 
 def table(rows: list[Row]) -> Any:
@@ -50,7 +52,11 @@ def plain(rows: list[Row], gap_ns: int) -> list[Row]:
             and row["nv.subindex"] > before["nv.subindex"]
             and 0 <= row["frame.time"] - before["frame.time"] <= gap_ns
         )
-        values = {name: row[name] for name in ("a", "b", "b.name", "t") if row[name] is not None}
+        values = {
+            name: row[name]
+            for name in ("a", "b", "b.name", "t")
+            if row[name] is not None or row["nv.subindex"] in SENT.get(name, ())
+        }
         if together:
             opened[sender]["nv.telegrams"] += 1
             opened[sender] |= values
@@ -86,7 +92,7 @@ def telegrams(draw: st.DrawFn) -> list[Row]:
 @examples(300)
 @given(rows=telegrams(), cuts=st.lists(st.integers(0, 40), max_size=5), interval=st.sampled_from([None, 5_000_000]))
 def test_any_cut_gives_the_rows_of_a_plain_loop(rows: list[Row], cuts: list[int], interval: int | None) -> None:
-    cycles = CycleRows(SCHEMA, interval)
+    cycles = CycleRows(SCHEMA, interval, SENT)
     bounds = [0, *sorted(cuts), len(rows)]
     parts = [cycles.take(table(rows[low:high])) for low, high in pairwise(bounds) if low < high]
     found = pa.concat_tables([*parts, cycles.finish()], promote_options="default")
@@ -125,6 +131,22 @@ def test_a_list_that_is_not_packed_by_cycle(tmp_path: Path) -> None:
     done = run_text("export", capture, "flags.gvl", *both, "-w", "o.csv", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("nvscope: --rows cycle is for --form wide\n")
+
+
+def test_what_has_no_name_does_not_have_that_of_the_cycle_before(tmp_path: Path) -> None:
+    declared = "VAR_GLOBAL e : (A, B := 5, C); n : INT; END_VAR"
+    (tmp_path / "mode.gvl").write_text(
+        f"<GVL><Declarations>{declared}</Declarations><NetvarSettings Protocol='UDP'><ListIdentifier>5</ListIdentifier>"
+        "<Pack>True</Pack><Interval>T#100ms</Interval></NetvarSettings></GVL>"
+    )
+    frames = [
+        telegram(struct.pack("<hh", mode, number), 2, subindex=0, counter=number + 1, ts_ns=at_ns, list_id=5)
+        for number, mode in enumerate([0, 5, 7, 6])
+        for at_ns in [1_700_000_000_000_000_000 + number * 100_000_000]
+    ]
+    capture = written(tmp_path, frames)
+    done = run_text("export", capture, "mode.gvl", "--rows", "cycle", "-w", "-", cwd=tmp_path)
+    assert [row.rpartition("1,")[2] for row in done.stdout.splitlines()[1:]] == ["0,A,0", "5,B,1", "7,,2", "6,C,3"]
 
 
 def test_bytes_of_several_telegrams_are_no_column_of_cycles(tmp_path: Path) -> None:

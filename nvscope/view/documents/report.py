@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from nvscope.capture.recordings import recordings
+from nvscope.capture.recordings import Recording, recordings
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, Transport
@@ -87,7 +87,7 @@ def report_document(
             "telegrams": capture.telegrams,
             "other_frames": capture.frames - capture.telegrams,
             **({"can_frames": capture.can_frames} if capture.can_frames else {}),
-            **_recordings(sources),
+            **_recordings(recordings(sources, capture.start_ns, capture.at_ns)),
             **_drops(sources),
             "start_ns": time_text(capture.start_ns),
             "end_ns": time_text(capture.end_ns),
@@ -112,9 +112,8 @@ def _begin(info: SourceInfo) -> tuple[bool, int, str]:
     return info.start_ns is None, info.start_ns or 0, info.path
 
 
-def _recordings(sources: Sequence[SourceInfo]) -> dict[str, Any]:
-    """Return the recordings that sources are of, where there are several."""
-    found = recordings(sources)
+def _recordings(found: Sequence[Recording]) -> dict[str, Any]:
+    """Return recordings, where there are several."""
     if len(found) < 2:
         return {}
     return {
