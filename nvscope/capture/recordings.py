@@ -7,6 +7,8 @@ rotated has holes of microseconds, or as long as the plant was silent, and a tel
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -33,9 +35,18 @@ SEAMLESS_NS = 1_000_000_000
 """So soon behind the end of one capture, another one goes on with it, whoever is heard: somebody rotates them."""
 
 
-def is_seamless(end_ns: int, start_ns: int) -> bool:
-    """Tell whether a capture that begins surely goes on with one that ended."""
-    return start_ns - end_ns <= SEAMLESS_NS
+def is_seamless(end_ns: int, path: str, start_ns: int, following: str) -> bool:
+    """Tell whether a capture that begins surely goes on with one that ended: at once, or by its name.
+
+    Files of a series have names that differ in their digits alone: numbers and times, as dumpcap, tcpdump and candump
+    write them.
+    """
+    return start_ns - end_ns <= SEAMLESS_NS or _series(path) == _series(following)
+
+
+def _series(path: str) -> tuple[str, str]:
+    folder, name = os.path.split(path)
+    return folder, re.sub("[0-9]+", "", name)
 
 
 def is_apart(end_ns: int, start_ns: int) -> bool:

@@ -278,7 +278,8 @@ class Timeline:
             end = End(number, head.latest_ns, last=is_last)
             if following is not None:
                 followers.add(following[2])
-                end = end._replace(following=following[2], seamless=is_seamless(head.latest_ns, following[0]))
+                seamless = is_seamless(head.latest_ns, head.rank[1], *following[:2])
+                end = end._replace(following=following[2], seamless=seamless)
             if not is_last or number in followers:
                 ends.append(end)
         return ends

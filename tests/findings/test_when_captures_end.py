@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from itertools import permutations
 from pathlib import Path
@@ -19,6 +20,7 @@ from nvscope.tracker.summary import summarize
 from tests.definition.lists import telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, document_of, tracked
+from tests.program import run_text
 
 MS, SECOND, DAY = 1_000_000, 1_000_000_000, 86_400 * 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -39,11 +41,11 @@ def cyclic(
     return frames
 
 
-def state_of(folder: Path, captures: Sequence[list[Frame]]) -> TrackerState:
+def state_of(folder: Path, captures: Sequence[list[Frame]], named: Sequence[str] = "abcde") -> TrackerState:
     """Return what is known from captures, written to files and read as one timeline."""
     names = []
     for number, frames in enumerate(captures):
-        names.append(str(folder / f"{number}.pcap"))
+        names.append(str(folder / f"{named[number]}.pcap"))
         with open_sink(names[-1]) as sink:
             sink.write(batch_of(sorted(frames, key=lambda frame: frame.ts_ns)))
     states = [tracked(open_source(order)) for order in list(permutations(names))[:6]]
@@ -136,6 +138,28 @@ def test_what_another_capture_sees_too_is_silent_where_it_is(tmp_path: Path) -> 
 
 def test_captures_of_different_places_one_after_the_other_are_not_one(tmp_path: Path) -> None:
     assert codes(state_of(tmp_path, [cyclic(0, 10), cyclic(15, 30, list_id=8)])) == []
+
+
+def test_they_are_where_one_begins_at_once_or_its_name_goes_on(tmp_path: Path) -> None:
+    """Each has one sender alone, which no other has; who is lost or stops between them is told."""
+    parts = [cyclic(0, 10), cyclic(10.5, 15, list_id=8), cyclic(15.5, 25, counter=104)]
+    expected = [("NV201", 1), ("NV504", 1)]
+    assert codes(state_of(tmp_path, parts)) == expected
+    slow = [cyclic(0, 10), cyclic(20, 25, list_id=8), cyclic(35, 45, counter=104)]
+    assert ("NV201", 1) not in codes(state_of(tmp_path, slow))
+    series = "plant_00001_20261123", "plant_00002_20261124", "plant_00003_20261125"
+    assert codes(state_of(tmp_path, slow, series)) == expected
+
+
+def test_nothing_ends_behind_the_time_that_is_asked_for(tmp_path: Path) -> None:
+    names = []
+    for name, frames in (("a", cyclic(0, 30)), ("b", cyclic(0, 60, list_id=8))):
+        names.append(str(tmp_path / f"{name}.pcap"))
+        with open_sink(names[-1]) as sink:
+            sink.write(batch_of(frames))
+    for begin, end in (("0s", "20s"), ("5s", "50s"), ("40s", "50s")):
+        done = run_text("report", *names, "--from-time", begin, "--to-time", end, "--json")
+        assert json.loads(done.stdout)["findings"] == []
 
 
 def test_a_bus_is_silent_only_as_long_as_it_was_captured(tmp_path: Path) -> None:
