@@ -281,10 +281,10 @@ class Keys:
     def list_keys(self) -> list[ListKey]:
         """Return the keys of all lists, by number."""
         carriers, ports, identifiers = (word.tolist() for word in self.lists.words)
-        return [
-            ListKey.of(Carrier(carrier), port, identifier, self.channel)
-            for carrier, port, identifier in zip(carriers, ports, identifiers, strict=True)
-        ]
+        places = list(zip(carriers, ports, strict=True))
+        # Of hundreds of thousands of lists, most have the port or the channel in common.
+        first = {place: ListKey.of(Carrier(place[0]), place[1], 0, self.channel)[:2] for place in set(places)}
+        return [ListKey(*first[place], identifier) for place, identifier in zip(places, identifiers, strict=True)]
 
     def place_key(self, stream: int) -> tuple[ListKey, int]:
         """Return list and SubIndex of a stream."""

@@ -75,16 +75,17 @@ class _StreamRow(MeasuredRow):
 class CanListRow(MeasuredRow):
     """A list on CAN, with its COB-IDs as streams; ``names`` are those of defined lists, "" of one without.
 
-    ``canopen`` is of which nodes there is evidence, by channel.
+    ``key`` is the text of its key. ``canopen`` is of which nodes there is evidence, by channel.
     """
 
-    __slots__ = ("canopen", "entry", "judged", "measures", "name", "values_of")
+    __slots__ = ("canopen", "entry", "judged", "key", "measures", "name", "values_of")
 
     def __init__(
-        self, entry: CanListSummary, names: Mapping[ListKey, str], measures: Measures,
+        self, entry: CanListSummary, key: str, names: Mapping[ListKey, str], measures: Measures,
         values: Mapping[ListKey, list[dict[str, Any]]] | None, canopen: Mapping[str, Evidence], judged: Verdicts,
     ) -> None:  # fmt: skip
         super().__init__()
+        self.key = key
         self.entry, self.measures, self.values_of, self.canopen = entry, measures, values, canopen
         self.judged = judged
         self.name = told_of(names, entry.key) if names else None
@@ -101,13 +102,13 @@ class CanListRow(MeasuredRow):
 
     PARTS: ClassVar[Sequence[Part]] = (
         fields(
-            key=lambda row: str(row.entry.key),
+            key=lambda row: row.key,
             transport=lambda row: row.entry.key.transport.value,
             channel=lambda row: row.entry.key.port,
             id=lambda row: row.entry.key.identifier & ~EXTENDED,
             cob_id=lambda row: cob_id(row.entry.key.identifier & ~EXTENDED, row.entry.extended),
             name=lambda row: row.name or None,
-            status=lambda row: row.judged.status(str(row.entry.key)),
+            status=lambda row: row.judged.status(row.key),
             canopen=lambda row: row.label(),
             senders=lambda _: [],
             readers=lambda _: [],

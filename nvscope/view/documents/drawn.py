@@ -89,10 +89,12 @@ class DrawnRow(Mapping[str, Any]):
         cls.LISTS = tuple(key for part in cls.PARTS if part.lists for key in part.reads)
 
     def __init__(self) -> None:
-        self._known: dict[str, Any] = {}
+        self._known: dict[str, Any] | None = None
 
     def __getitem__(self, key: str) -> Any:
         known = self._known
+        if known is None:
+            known = self._known = {}
         if key not in known:
             known[key] = self.READS[key](self)
         return known[key]

@@ -68,13 +68,13 @@ def report_document(
     judged = verdicts(findings, findings if all_findings is None else all_findings, keys, frozenset(shown.values()))
     capture, measures = summary.capture, Measures(whole or summary)
     canopen = {bus.channel: bus.canopen for bus in summary.can.buses}
-    context = _ListContext(summary, measures, names, node_names, judged)
+    context = _ListContext(summary, measures, names, node_names, judged, keys)
     list_row, can_row = (_ListRow, CanListRow) if values is None else (_ValuedListRow, ValuedCanListRow)
 
     def row_of(entry: ListSummary | CanListSummary) -> Mapping[str, Any]:
         if isinstance(entry, ListSummary):
             return list_row(context, entry, values)
-        return can_row(entry, names, measures, values, canopen, judged)
+        return can_row(entry, keys[entry.number], names, measures, values, canopen, judged)
 
     document = {
         **head(SCHEMA),
@@ -144,6 +144,7 @@ class _ListContext(NamedTuple):
     names: Mapping[ListKey, str]
     node_names: Mapping[str, str]
     judged: Verdicts
+    keys: Mapping[int, str]
 
 
 class _StreamRow(MeasuredRow):
@@ -225,12 +226,12 @@ class _ListRow(MeasuredRow):
 
     PARTS: ClassVar[Sequence[Part]] = (
         fields(
-            key=lambda row: str(row.entry.key),
+            key=lambda row: row.context.keys[row.entry.number],
             transport=lambda row: row.entry.key.transport.value,
             port=lambda row: row.entry.key.port,
             id=lambda row: row.entry.key.identifier,
             name=lambda row: row.context.names.get(row.entry.key) or None,
-            status=lambda row: row.context.judged.status(str(row.entry.key)),
+            status=lambda row: row.context.judged.status(row.context.keys[row.entry.number]),
             senders=lambda row: row.addresses(row.entry.senders),
             readers=lambda row: row.addresses(row.entry.readers),
         ),
