@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -91,6 +92,20 @@ def tell_of_flaws(definition: Definition, lists: Sequence[ListDefinition] | None
         echo(f"nvscope: {sentence}", err=True)
 
 
+@contextmanager
+def flaws_told_first(definition: Definition) -> Iterator[None]:
+    """Say what is wrong with the files in front of a UsageError: what it misses may be in what was left out of them."""
+    try:
+        yield
+    except UsageError:
+        tell_of_flaws(definition, _sent(definition))
+        raise
+
+
+def _sent(definition: Definition) -> list[ListDefinition]:
+    return [entry for entry in definition.lists if entry.key]
+
+
 def tell_of_missing(inquiry: Inquiry, seen: SeenLists) -> None:
     """Say of which lists there is nothing in the captures: a definition that fits nothing may be the wrong one."""
     from nvscope.units import list_key
@@ -109,8 +124,8 @@ def tell_of_lists(inquiry: Inquiry) -> None:
     from nvscope.view.escape import visible
 
     definition = inquiry.project.definition
-    tell_of_flaws(definition, [entry for entry in definition.lists if entry.key])
-    if inquiry.project.files and not definition.lists:
+    tell_of_flaws(definition, _sent(definition))
+    if inquiry.project.files and not definition.lists and not definition.left_out:
         echo("nvscope: the definition files declare types, but no list: name the exported list, too.", err=True)
     layouts = inquiry.layouts
     for key, (element, is_open) in layouts.left_out.items() if layouts else ():

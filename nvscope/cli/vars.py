@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from nvscope.cli.completion import lists
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists, tell_of_missing
+from nvscope.cli.definitions import (
+    GvlOption,
+    NoNamesOption,
+    ProjectOption,
+    flaws_told_first,
+    project_of,
+    tell_of_lists,
+    tell_of_missing,
+)
 from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -126,13 +134,14 @@ def variables(
     asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names, tables_are_wide(wide))
     if infer:
         told = _infer(asked, listed, write, force=force)
-    elif history is not None:
-        told = _history(asked, history, listed, every)
-    elif at is not None:
-        told = _at(asked, at, listed)
     else:
-        told = _last_values(asked, listed)
-    if not infer:
+        with flaws_told_first(plant.definition):
+            if history is not None:
+                told = _history(asked, history, listed, every)
+            elif at is not None:
+                told = _at(asked, at, listed)
+            else:
+                told = _last_values(asked, listed)
         tell_of_lists(inquiry)
     tell_of_channels(channel_map, told.channels)
     if tell_of_losses(told.infos):
