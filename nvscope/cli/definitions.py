@@ -17,6 +17,7 @@ from nvscope.errors import UsageError
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.analysis.seen_lists import SeenLists
+    from nvscope.definition.layouts import Layouts
     from nvscope.definition.model import Definition, ListDefinition
     from nvscope.definition.project import Project
 
@@ -134,6 +135,8 @@ def tell_of_lists(inquiry: Inquiry) -> None:
         rest = "from there on, bytes are bytes" if is_open else "what it sends is bytes"
         what = f"{name}: nobody knows how many bytes {unknown} has; {rest}."
         echo(f"nvscope: {what}", err=True)
+    for sentence in _of_definitions_aside(layouts) if layouts else ():
+        echo(f"nvscope: {sentence}", err=True)
     for entry, element in layouts.unplaced if layouts else ():
         told = visible(f"{element.name} : {element.type.name}")
         why = f"no frame of CAN holds {told}" if element.type.size_bytes else f"nobody knows how many bytes {told} has"
@@ -149,3 +152,17 @@ def tell_of_lists(inquiry: Inquiry) -> None:
             f'nvscope.toml: [lists.N] and below it name = "{unnamed[0]}".',
             err=True,
         )
+
+
+def _of_definitions_aside(layouts: Layouts) -> Iterator[str]:
+    """Yield which definitions are not gone by, since they are not wholly known and others of their list are taken."""
+    from nvscope.units import count_of, list_key
+    from nvscope.view.escape import visible
+
+    for key, entry, element in layouts.aside[:_MOST_NAMED]:
+        what = f"{list_key(str(key))} is not read by {entry.name} ({entry.position})"
+        why = f"nobody knows how many bytes {element.name} : {element.type.name} has"
+        taken = "; ".join(f"{other.name} ({other.position})" for other in layouts.definitions_of(key)[:_MOST_NAMED])
+        yield visible(f"{what}: {why}. It is read by {taken}.")
+    if (more := len(layouts.aside) - _MOST_NAMED) > 0:
+        yield f"{count_of(more, 'more definition')} left aside for the same reason."

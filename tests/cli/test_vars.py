@@ -371,6 +371,22 @@ def test_a_list_of_which_not_all_is_known(tmp_path: Path) -> None:
     )
 
 
+def test_a_definition_that_is_left_aside_is_told(tmp_path: Path) -> None:
+    """What is not wholly known gives way to another definition of its list, and says so."""
+    capture = capture_file(tmp_path / "pointer.pcap", [(5, bytes([number] * 6), 3) for number in range(3)])
+    part = gvl_file(tmp_path / "part.gvl", "u : INT; p : POINTER TO INT; q : INT;", 5)
+    whole = gvl_file(tmp_path / "whole.gvl", "a : INT; b : INT;", 5)
+    for verb in ("report", "vars"):
+        done = nvscope(verb, capture, *part, *whole)
+        (said,) = [line for line in done.stderr.splitlines() if "is not read by" in line]
+        assert said.startswith(f"nvscope: udp/1202/5 is not read by part ({tmp_path / 'part.gvl'}, line ")
+        assert ": nobody knows how many bytes p : POINTER has. It is read by whole (" in said
+    again = gvl_file(tmp_path / "reader.gvl", "u : INT; p : POINTER TO INT; q : INT;", 5)
+    assert "is not read by" not in nvscope("vars", capture, *part, *again).stderr
+    other = gvl_file(tmp_path / "other.gvl", "u : INT; r : POINTER TO INT;", 5)
+    assert "is not read by part (" in nvscope("vars", capture, *part, *other).stderr
+
+
 def test_values_are_shown_whole_before_anything_else(tmp_path: Path) -> None:
     capture = capture_file(tmp_path / "narrow.pcap", [(5, bytes([number, 0]) + bytes(10), 2) for number in range(3)])
     files = gvl_file(tmp_path / "narrow.gvl", "nAPositionWithALongName : INT; aSerial : uAny;", 5)
