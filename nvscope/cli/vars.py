@@ -241,18 +241,17 @@ def _last_values(asked: _Asked, listed: str | None) -> _Read:
     seen = SeenLists()
     found = asked.inquiry.analyze(asked.wanted, values=True, others=[seen])
     assert found.values
-    unfitting, truncated = left_out(found.state, found.values, keys)
+    undecoded = left_out(found.state, found.values, keys)
     asked.tell(
         variables_document(found.state, found.values, keys=keys, expression=asked.wanted),
         lambda document: face.render(
             document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc, node_names=asked.names,
-            some_came=bool(unfitting or truncated), of_one_list=keys is not None,
+            some_came=any(undecoded), of_one_list=keys is not None,
         ),
     )  # fmt: skip
-    if unfitting:
-        _tell_of_unfitting(unfitting)
-    if truncated:
-        _tell_of_truncated(truncated)
+    _tell_of_unfitting(undecoded.unfitting, undecoded.unlike_known_part)
+    if undecoded.truncated:
+        _tell_of_truncated(undecoded.truncated)
     if listed is None:
         tell_of_missing(asked.inquiry, seen)
     return _Read(found.infos, [bus.channel for bus in found.summary.can.buses])
@@ -266,18 +265,26 @@ def _tell_of_truncated(count: int) -> None:
     echo(f"nvscope: {told} of defined lists not captured whole, not decoded ({TRUNCATED_BY_CAPTURE.code}).", err=True)
 
 
-def _tell_of_unfitting(count: int) -> None:
+def _tell_of_unfitting(count: int, unlike_known_part: int) -> None:
     from nvscope import units
     from nvscope.findings.can import DLC_MISMATCH
     from nvscope.findings.definition import DEFINITION_MISMATCH
 
-    told = units.count_of(count, "telegram")
-    echo(
-        f"nvscope: {told} of another shape than the definition has, not decoded; "
-        "`nvscope report` with the same definitions tells where they differ "
-        f"({DEFINITION_MISMATCH.code}, on CAN {DLC_MISMATCH.code}).",
-        err=True,
-    )
+    if count:
+        told = units.count_of(count, "telegram")
+        echo(
+            f"nvscope: {told} of another shape than the definition has, not decoded; "
+            "`nvscope report` with the same definitions tells where they differ "
+            f"({DEFINITION_MISMATCH.code}, on CAN {DLC_MISMATCH.code}).",
+            err=True,
+        )
+    if unlike_known_part:
+        told = units.count_of(unlike_known_part, "telegram")
+        echo(
+            f"nvscope: {told} not even of the shape that the known part of the definition has, not decoded: SubIndex, "
+            "Items or Length differ.",
+            err=True,
+        )
 
 
 def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read:
@@ -317,8 +324,7 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read
     out.flush()
     if changes.unplaced:
         echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
-    if history.unfitting:
-        _tell_of_unfitting(history.unfitting)
+    _tell_of_unfitting(history.unfitting, history.unlike_known_part)
     if listed is None:
         tell_of_missing(asked.inquiry, changes.seen)
     return _Read.of(changes.source)

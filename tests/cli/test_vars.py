@@ -371,6 +371,22 @@ def test_a_list_of_which_not_all_is_known(tmp_path: Path) -> None:
     )
 
 
+def test_nobody_is_sent_to_a_finding_that_is_not_made_of_a_list_of_which_not_all_is_known(tmp_path: Path) -> None:
+    """One byte of data is too short for what is in front of the POINTER; a report does not judge such lists."""
+    capture = capture_file(tmp_path / "short.pcap", [(5, bytes([number]), 1) for number in range(3)])
+    files = gvl_file(tmp_path / "part.gvl", "u : INT; p : POINTER TO INT; q : INT;", 5)
+    assert not json.loads(nvscope("report", capture, *files, "--json").stdout)["findings"]
+    for options in (["vars"], ["vars", "--history", "u"], ["vars", "--history", "u", "--json"]):
+        done = nvscope(options[0], capture, *files, *options[1:])
+        assert "3 telegrams not even of the shape that the known part of the definition has, not decoded" in done.stderr
+        assert "NV405" not in done.stderr
+    assert "came, but none that could be decoded" in nvscope("vars", capture, *files).stdout
+    exported = nvscope("export", capture, *files, "-w", str(tmp_path / "short.csv"))
+    assert "3 telegrams left out, not even of the shape that the known part of the definition has." in exported.stderr
+    tree = nvscope("packets", capture, *files, "-V", "-c", "1").stdout
+    assert "part: not even of the shape that the known part of its definition has" in tree
+
+
 def test_a_definition_that_is_left_aside_is_told(tmp_path: Path) -> None:
     """What is not wholly known gives way to another definition of its list, and says so."""
     capture = capture_file(tmp_path / "pointer.pcap", [(5, bytes([number] * 6), 3) for number in range(3)])
