@@ -242,11 +242,13 @@ def _last_values(asked: _Asked, listed: str | None) -> _Read:
     found = asked.inquiry.analyze(asked.wanted, values=True, others=[seen])
     assert found.values
     undecoded = left_out(found.state, found.values, keys)
+    unplaced = [entry for entry, _ in asked.inquiry.defined_layouts().unplaced]
+    some_came = any(undecoded) or (keys is None and seen.saw_any(unplaced))
     asked.tell(
         variables_document(found.state, found.values, keys=keys, expression=asked.wanted),
         lambda document: face.render(
             document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc, node_names=asked.names,
-            some_came=any(undecoded), of_one_list=keys is not None,
+            some_came=some_came, of_one_list=keys is not None,
         ),
     )  # fmt: skip
     _tell_of_unfitting(undecoded.unfitting, undecoded.unlike_known_part)
