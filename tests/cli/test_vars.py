@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 import subprocess
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from tests.fuzz.originals import pcap_of
 from tests.program import run_text
 from tests.tracker.variables.test_values import START_NS
 
+FLOAT_MAX = 3.4028234663852886e38
 CAPTURES = Path(__file__).parents[2] / "captures"
 PEERS = CAPTURES / "peers"
 AXIS = [str(PEERS / "axis.gvl"), str(PEERS / "axis_types.st")]
@@ -401,6 +403,16 @@ def test_a_definition_that_is_left_aside_is_told(tmp_path: Path) -> None:
     assert "is not read by" not in nvscope("vars", capture, *part, *again).stderr
     other = gvl_file(tmp_path / "other.gvl", "u : INT; r : POINTER TO INT;", 5)
     assert "is not read by part (" in nvscope("vars", capture, *part, *other).stderr
+
+
+def test_the_greatest_real_is_told_without_a_warning_of_the_interpreter(tmp_path: Path) -> None:
+    bounds = [struct.pack("<f", -FLOAT_MAX), struct.pack("<f", FLOAT_MAX)]
+    capture = capture_file(tmp_path / "bounds.pcap", [(5, data, 1) for data in bounds])
+    files = gvl_file(tmp_path / "bounds.gvl", "r : REAL;", 5)
+    done = nvscope("vars", capture, *files, "--history", "r")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "-3.4028235e+38" in done.stdout
+    assert " 3.4028235e+38" in done.stdout
 
 
 def test_values_are_shown_whole_before_anything_else(tmp_path: Path) -> None:
