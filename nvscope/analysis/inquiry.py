@@ -107,11 +107,22 @@ class Inquiry:
     def defined_layouts(self) -> Layouts:
         """Return ``layouts``; UsageError where there are none."""
         if self.layouts is None:
-            if self.project.files:
-                what = "the definition files declare types, but no list"
-                raise UsageError(what, next_step="name the exported list too")
-            raise UsageError("no list is defined", next_step="name the files that the PLC project exports")
+            raise self._nothing_defined()
         return self.layouts
+
+    def _nothing_defined(self) -> UsageError:
+        """Return the error that no list with variables is defined, and why as far as the files tell."""
+        definition = self.project.definition
+        if not self.project.files:
+            return UsageError("no list is defined", next_step="name the files that the PLC project exports")
+        if definition.left_out:
+            what = "what could be read of the definition files declares no variables of a list"
+            return UsageError(what, next_step="correct what was left out, or export it again")
+        if definition.lists:
+            what = "the definition files declare no variables of their lists"
+            return UsageError(what, next_step="name the exported lists with their declarations")
+        what = "the definition files declare types, but no list"
+        return UsageError(what, next_step="name the exported list too")
 
     @cached_property
     def pdos(self) -> Pdos | None:

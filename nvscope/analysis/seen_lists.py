@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 from nvscope.definition.model import Definition, ListDefinition
@@ -29,6 +29,12 @@ class SeenLists:
             self._captured.add(Transport.CAN)
         if len(told) > on_can:
             self._captured.add(Transport.UDP)
+
+    def saw_any(self, entries: Iterable[ListDefinition]) -> bool:
+        """Return whether something was seen of any of these lists."""
+        keys = {entry.key for entry in entries}
+        seen = self._keys.list_keys() if self._keys is not None else ()
+        return any(key in keys or key.on_any_channel in keys for key in seen)
 
     def missing(self, definition: Definition) -> Sequence[tuple[ListKey, ListDefinition]]:
         """Return the lists of which nothing was seen, of transports that were captured; none where that is not sure."""

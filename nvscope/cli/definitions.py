@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ from nvscope.errors import UsageError
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.analysis.seen_lists import SeenLists
+    from nvscope.definition.layouts import Layouts
     from nvscope.definition.model import Definition, ListDefinition
     from nvscope.definition.project import Project
 
@@ -91,6 +93,20 @@ def tell_of_flaws(definition: Definition, lists: Sequence[ListDefinition] | None
         echo(f"nvscope: {sentence}", err=True)
 
 
+@contextmanager
+def flaws_told_first(definition: Definition) -> Iterator[None]:
+    """Say what is wrong with the files in front of a UsageError: what it misses may be in what was left out of them."""
+    try:
+        yield
+    except UsageError:
+        tell_of_flaws(definition, _sent(definition))
+        raise
+
+
+def _sent(definition: Definition) -> list[ListDefinition]:
+    return [entry for entry in definition.lists if entry.key]
+
+
 def tell_of_missing(inquiry: Inquiry, seen: SeenLists) -> None:
     """Say of which lists there is nothing in the captures: a definition that fits nothing may be the wrong one."""
     from nvscope.units import list_key
@@ -109,8 +125,8 @@ def tell_of_lists(inquiry: Inquiry) -> None:
     from nvscope.view.escape import visible
 
     definition = inquiry.project.definition
-    tell_of_flaws(definition, [entry for entry in definition.lists if entry.key])
-    if inquiry.project.files and not definition.lists:
+    tell_of_flaws(definition, _sent(definition))
+    if inquiry.project.files and not definition.lists and not definition.left_out:
         echo("nvscope: the definition files declare types, but no list: name the exported list, too.", err=True)
     layouts = inquiry.layouts
     for key, (element, is_open) in layouts.left_out.items() if layouts else ():
@@ -119,6 +135,8 @@ def tell_of_lists(inquiry: Inquiry) -> None:
         rest = "from there on, bytes are bytes" if is_open else "what it sends is bytes"
         what = f"{name}: nobody knows how many bytes {unknown} has; {rest}."
         echo(f"nvscope: {what}", err=True)
+    for sentence in _of_definitions_aside(layouts) if layouts else ():
+        echo(f"nvscope: {sentence}", err=True)
     for entry, element in layouts.unplaced if layouts else ():
         told = visible(f"{element.name} : {element.type.name}")
         why = f"no frame of CAN holds {told}" if element.type.size_bytes else f"nobody knows how many bytes {told} has"
@@ -134,3 +152,17 @@ def tell_of_lists(inquiry: Inquiry) -> None:
             f'nvscope.toml: [lists.N] and below it name = "{unnamed[0]}".',
             err=True,
         )
+
+
+def _of_definitions_aside(layouts: Layouts) -> Iterator[str]:
+    """Yield which definitions are not gone by, since they are not wholly known and others of their list are taken."""
+    from nvscope.units import count_of, list_key
+    from nvscope.view.escape import visible
+
+    for key, entry, element in layouts.aside[:_MOST_NAMED]:
+        what = f"{list_key(str(key))} is not read by {entry.name} ({entry.position})"
+        why = f"nobody knows how many bytes {element.name} : {element.type.name} has"
+        taken = "; ".join(f"{other.name} ({other.position})" for other in layouts.definitions_of(key)[:_MOST_NAMED])
+        yield visible(f"{what}: {why}. It is read by {taken}.")
+    if (more := len(layouts.aside) - _MOST_NAMED) > 0:
+        yield f"{count_of(more, 'more definition')} left aside for the same reason."

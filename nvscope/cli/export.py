@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nvscope.cli import completion
-from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -157,16 +157,20 @@ def export(
     inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
-    if layouts is not None:
-        from nvscope.export.lists import lists_to_write
+    with flaws_told_first(plant.definition):
+        if layouts is not None:
+            from nvscope.export.lists import lists_to_write
 
-        lists = lists_to_write(layouts, listed or ())
-    elif not wants_telegrams and (what == "values" or form_text or gvl):
-        raise UsageError("no list is defined", next_step="name the exported lists and their types with --gvl FILE")
-    if not lists and form_text:
-        raise UsageError(f"{form_text} is for values", next_step="leave it out, or leave out --what and -e")
-    named = _fields(fields or (), inquiry)
-    filtered = None if wanted is None else inquiry.filter(wanted)
+            lists = lists_to_write(layouts, listed or ())
+        elif not wants_telegrams and (what == "values" or form_text or gvl):
+            if not plant.files:
+                next_step = "name the exported lists and their types with --gvl FILE"
+                raise UsageError("no list is defined", next_step=next_step)
+            inquiry.defined_layouts()
+        if not lists and form_text:
+            raise UsageError(f"{form_text} is for values", next_step="leave it out, or leave out --what and -e")
+        named = _fields(fields or (), inquiry)
+        filtered = None if wanted is None else inquiry.filter(wanted)
 
     keep_freed_memory()
     source, reading = inquiry.open(), inquiry.reading(filtered)

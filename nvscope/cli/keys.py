@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from nvscope.cli.definitions import GvlOption, ProjectOption, project_of
+from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 
@@ -28,12 +28,15 @@ def keys(
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.report import fields as face
 
-    known = Inquiry([], project_of(project, [*(gvl or ()), *(files or ())])).fields
+    inquiry = Inquiry([], project_of(project, [*(gvl or ()), *(files or ())]))
+    known = inquiry.fields
     if as_json:
         from nvscope.report import json
 
         as_data()
         echo(json.render(face.document(known)), nl=False)
-        return
-    shown = colour_wanted(colour)
-    echo(face.render(known, colour=shown, width=width()), nl=False, color=shown)
+    else:
+        shown = colour_wanted(colour)
+        echo(face.render(known, colour=shown, width=width()), nl=False, color=shown)
+    if inquiry.project.files:
+        tell_of_lists(inquiry)

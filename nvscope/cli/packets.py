@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nvscope.cli.completion import fields as fields_beginning
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists, tell_of_missing
+from nvscope.cli.definitions import (
+    GvlOption,
+    NoNamesOption,
+    ProjectOption,
+    flaws_told_first,
+    project_of,
+    tell_of_lists,
+    tell_of_missing,
+)
 from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -138,11 +146,12 @@ def packets(
 
         inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
     named = []
-    if inquiry and fields:
-        from nvscope.view.fields.frame import output_field
+    with flaws_told_first(plant.definition):
+        if inquiry and fields:
+            from nvscope.view.fields.frame import output_field
 
-        named = [output_field(name, inquiry.fields, all_frames=True) for name in fields]
-    chosen_by = inquiry.filter(wanted, all_frames=True) if inquiry and wanted is not None else None
+            named = [output_field(name, inquiry.fields, all_frames=True) for name in fields]
+        chosen_by = inquiry.filter(wanted, all_frames=True) if inquiry and wanted is not None else None
     all_frames |= any(field.of_others for field in named) or bool(chosen_by and chosen_by.of_others)
     from nvscope.tracker.can.canopen_since import CanOpenSince
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from nvscope.cli.completion import lists
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -131,8 +131,9 @@ def report(
 
     keep_freed_memory()
     inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet), asked)
-    found = inquiry.analyze(wanted, values=as_json, compare=compare)
-    document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
+    with flaws_told_first(plant.definition):
+        found = inquiry.analyze(wanted, values=as_json, compare=compare)
+        document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
     shown = colour_wanted(colour)
     if as_json:
         from nvscope.report import json

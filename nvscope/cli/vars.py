@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from nvscope.cli.completion import lists
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, project_of, tell_of_lists, tell_of_missing
+from nvscope.cli.definitions import (
+    GvlOption,
+    NoNamesOption,
+    ProjectOption,
+    flaws_told_first,
+    project_of,
+    tell_of_lists,
+    tell_of_missing,
+)
 from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -126,13 +134,14 @@ def variables(
     asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names, tables_are_wide(wide))
     if infer:
         told = _infer(asked, listed, write, force=force)
-    elif history is not None:
-        told = _history(asked, history, listed, every)
-    elif at is not None:
-        told = _at(asked, at, listed)
     else:
-        told = _last_values(asked, listed)
-    if not infer:
+        with flaws_told_first(plant.definition):
+            if history is not None:
+                told = _history(asked, history, listed, every)
+            elif at is not None:
+                told = _at(asked, at, listed)
+            else:
+                told = _last_values(asked, listed)
         tell_of_lists(inquiry)
     tell_of_channels(channel_map, told.channels)
     if tell_of_losses(told.infos):
@@ -232,18 +241,19 @@ def _last_values(asked: _Asked, listed: str | None) -> _Read:
     seen = SeenLists()
     found = asked.inquiry.analyze(asked.wanted, values=True, others=[seen])
     assert found.values
-    unfitting, truncated = left_out(found.state, found.values, keys)
+    undecoded = left_out(found.state, found.values, keys)
+    unplaced = [entry for entry, _ in asked.inquiry.defined_layouts().unplaced]
+    some_came = any(undecoded) or (keys is None and seen.saw_any(unplaced))
     asked.tell(
         variables_document(found.state, found.values, keys=keys, expression=asked.wanted),
         lambda document: face.render(
             document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc, node_names=asked.names,
-            some_came=bool(unfitting or truncated), of_one_list=keys is not None,
+            some_came=some_came, of_one_list=keys is not None,
         ),
     )  # fmt: skip
-    if unfitting:
-        _tell_of_unfitting(unfitting)
-    if truncated:
-        _tell_of_truncated(truncated)
+    _tell_of_unfitting(undecoded.unfitting, undecoded.unlike_known_part)
+    if undecoded.truncated:
+        _tell_of_truncated(undecoded.truncated)
     if listed is None:
         tell_of_missing(asked.inquiry, seen)
     return _Read(found.infos, [bus.channel for bus in found.summary.can.buses])
@@ -257,18 +267,26 @@ def _tell_of_truncated(count: int) -> None:
     echo(f"nvscope: {told} of defined lists not captured whole, not decoded ({TRUNCATED_BY_CAPTURE.code}).", err=True)
 
 
-def _tell_of_unfitting(count: int) -> None:
+def _tell_of_unfitting(count: int, unlike_known_part: int) -> None:
     from nvscope import units
     from nvscope.findings.can import DLC_MISMATCH
     from nvscope.findings.definition import DEFINITION_MISMATCH
 
-    told = units.count_of(count, "telegram")
-    echo(
-        f"nvscope: {told} of another shape than the definition has, not decoded; "
-        "`nvscope report` with the same definitions tells where they differ "
-        f"({DEFINITION_MISMATCH.code}, on CAN {DLC_MISMATCH.code}).",
-        err=True,
-    )
+    if count:
+        told = units.count_of(count, "telegram")
+        echo(
+            f"nvscope: {told} of another shape than the definition has, not decoded; "
+            "`nvscope report` with the same definitions tells where they differ "
+            f"({DEFINITION_MISMATCH.code}, on CAN {DLC_MISMATCH.code}).",
+            err=True,
+        )
+    if unlike_known_part:
+        told = units.count_of(unlike_known_part, "telegram")
+        echo(
+            f"nvscope: {told} not even of the shape that the known part of the definition has, not decoded: SubIndex, "
+            "Items or Length differ.",
+            err=True,
+        )
 
 
 def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read:
@@ -308,8 +326,7 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read
     out.flush()
     if changes.unplaced:
         echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
-    if history.unfitting:
-        _tell_of_unfitting(history.unfitting)
+    _tell_of_unfitting(history.unfitting, history.unlike_known_part)
     if listed is None:
         tell_of_missing(asked.inquiry, changes.seen)
     return _Read.of(changes.source)

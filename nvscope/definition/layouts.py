@@ -16,6 +16,7 @@ class Layouts:
 
     Of a list on CAN they are its frames; one that is defined for any channel is found on each. ``left_out`` are the
     lists with elements whose size nobody knows: see ``packing.unknown_of``.
+    ``aside`` are further definitions of lists that have such elements and are not gone by, since another one is.
     ``unplaced`` are lists on CAN with the first element that no frame holds, or whose size nobody knows: frames up to
     there are known.
     """
@@ -25,6 +26,7 @@ class Layouts:
         self._candidates: dict[ListKey, list[tuple[TelegramLayout, ...]]] = {}
         self._partly: dict[ListKey, tuple[TelegramLayout, ...]] = {}
         self.unplaced: list[tuple[ListDefinition, Element]] = []
+        partly: list[tuple[ListKey, tuple[TelegramLayout, ...]]] = []
         for entry in definition.lists:
             # A list of which only name and interval are known has nothing to decode.
             if (key := entry.key) is not None and entry.variables:
@@ -36,11 +38,17 @@ class Layouts:
                 self._lists.setdefault(key, entry)
                 if any(layout.unknown for layout in layouts):
                     self._partly.setdefault(key, layouts)
+                    partly.append((key, layouts))
                 else:
                     self._candidates.setdefault(key, []).append(layouts)
         self.left_out = {
             key: unknown_of(layouts) for key, layouts in self._partly.items() if key not in self._candidates
         }
+        self.aside = [
+            (key, layouts[0].list, unknown_of(layouts)[0])
+            for key, layouts in partly
+            if key in self._candidates or _elements_of(layouts) != _elements_of(self._partly[key])
+        ]
 
     def lists(self) -> list[tuple[ListKey, ListDefinition]]:
         """Return all lists with the keys that they are defined for, in the order of the definition."""
@@ -89,3 +97,7 @@ class Layouts:
         found = [layouts[subindex] if subindex < len(layouts) else None for layouts in candidates]
         fitting = (layout for layout in found if layout and layout.shape == shape)
         return next(fitting, found[0] if found else None)
+
+
+def _elements_of(telegrams: Sequence[TelegramLayout]) -> list[tuple[Element, ...]]:
+    return [layout.elements for layout in telegrams]

@@ -95,8 +95,8 @@ RULES = (
     ),
     Rule(
         "unknown-size", "error", "an element whose size nobody knows: pointer, BIT, function block",
-        "Nothing behind it can be placed in the telegram, so the list cannot be decoded, and partners of another kind "
-        "may place it elsewhere.",
+        "It cannot be decoded, nor anything behind it where the list is packed or it may be several elements, and "
+        "partners of another kind may place that elsewhere.",
         "Put a plain variable into the list and copy the value, or name the file that declares the type.",
         searches.find_unknown_sizes,
     ),
@@ -146,7 +146,8 @@ RULES = (
     Rule(
         "cut-variable", "warning", "an array or structure that is cut between telegrams",
         "Telegrams are sent and received one by one: a reader can hold parts of different cycles (torn data).",
-        "Move it to where it fits into one telegram of 256 bytes, or send a cycle number in each part and compare.",
+        "Pack the list if it is not packed, and move the variable to where it fits into one telegram of 256 bytes; or "
+        "send a cycle number in each part and compare.",
         searches.find_cut,
     ),
     Rule(
@@ -172,7 +173,7 @@ RULES = (
     ),
     Rule(
         "initial-value", "warning", "an initial value that its type, or subrange, cannot hold",
-        "No controller compiles it, so that the file is not what runs on one.",
+        "A compiler refuses it, or takes its bits for another value: what runs is not what is written.",
         "Correct the value, or export the list again.",
         searches.find_initial_values,
     ),

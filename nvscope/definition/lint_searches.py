@@ -21,7 +21,7 @@ from nvscope.definition.packing import TelegramLayout, capacity_bytes, pack, pla
 from nvscope.definition.position import Position
 from nvscope.definition.reached_types import reached_types
 from nvscope.definition.syntax import FileSyntax
-from nvscope.definition.variables import Array, Structure, Union, elements
+from nvscope.definition.variables import Array, Scalar, Structure, Union, elements
 from nvscope.units import cob_id, count, count_of, duration
 
 MOST_TELEGRAMS = 20
@@ -95,8 +95,13 @@ def find_initial_values(subject: Subject) -> Iterator[Place]:
     told = {problem.position for problem in subject.problems}
     for found in misfits(entry for file in subject.files for entry in file.lists):
         if found.position not in told:
-            message = f"the initial value {found.value} of {found.variable} does not fit into {found.kind.name}"
+            message = f"the initial value {found.value} of {found.variable} does not fit into {_range_text(found.kind)}"
             yield Place(found.position, found.list_name, message)
+
+
+def _range_text(kind: Scalar) -> str:
+    """Return the name of a type as it is declared, with its subrange."""
+    return kind.name if kind.low is None else f"{kind.name} ({kind.low}..{kind.high})"
 
 
 def find_assumed_bases(subject: Subject) -> Iterator[Place]:

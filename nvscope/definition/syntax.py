@@ -25,11 +25,15 @@ class Name:
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A literal integer; ``kind`` is the type in front of it, as in ``BYTE#5``, which need not hold it."""
+    """A literal integer; ``kind`` is the type in front of it, as in ``BYTE#5``, which need not hold it.
+
+    ``based``: it is written with a base, as ``16#FF``.
+    """
 
     value: int
     offset: int
     kind: Scalar | None = None
+    based: bool = False
     depth: ClassVar[int] = 0
 
 
@@ -77,9 +81,10 @@ class TypeOperand:
 
 @dataclass(frozen=True, slots=True)
 class Opaque:
-    """A value that is no number: a string, a time, values of an array."""
+    """A value that is no number: a string, a time, values of an array; ``numbers`` are those among the latter."""
 
     offset: int
+    numbers: tuple[Number, ...] = ()
     depth: ClassVar[int] = 0
 
 

@@ -98,7 +98,7 @@ class SyntaxNodes(Transformer[Token, Any]):
         return tuple(Name(str(token), _offset(token)) for token in tokens)
 
     def initial(self, *values: Expression) -> Expression:
-        return values[0] if len(values) == 1 else Opaque(values[0].offset)
+        return values[0] if len(values) == 1 else Opaque(values[0].offset, _numbers(values))
 
     def structure(self, keyword: Token, extends: Name | None, *members: Declaration) -> StructureType:
         offset = _offset(keyword)
@@ -153,7 +153,7 @@ class SyntaxNodes(Transformer[Token, Any]):
 
     def sign(self, sign: Token, value: Expression) -> Expression:
         if isinstance(value, Number) and value.kind is None:
-            return Number(-value.value if sign == "-" else value.value, _offset(sign))
+            return Number(-value.value if sign == "-" else value.value, _offset(sign), based=value.based)
         return self.operation(Number(0, _offset(sign)), sign, value)
 
     disjunction = conjunction = comparison = operation
@@ -174,8 +174,10 @@ class SyntaxNodes(Transformer[Token, Any]):
     def typed(self, token: Token) -> Expression:
         return _typed(str(token), _offset(token))
 
-    def other(self, first: Any = None, *_: Any) -> Expression:
-        return Opaque(_offset(first) if isinstance(first, Token) else getattr(first, "offset", 0))
+    def other(self, first: Any = None, *others: Any) -> Expression:
+        if isinstance(first, Token):
+            return Opaque(_offset(first))
+        return Opaque(getattr(first, "offset", 0), _numbers((first, *others)))
 
     def group(self, *values: Expression | None) -> Expression:
         first = values[0] if values else None
@@ -208,6 +210,10 @@ class SyntaxNodes(Transformer[Token, Any]):
         return Opaque(_offset(name))
 
 
+def _numbers(values: Iterable[Any]) -> tuple[Number, ...]:
+    return tuple(value for value in values if isinstance(value, Number))
+
+
 def _number(text: str, offset: int) -> Expression:
     digits = text.replace("_", "")
     base = 10
@@ -217,7 +223,7 @@ def _number(text: str, offset: int) -> Expression:
             return Opaque(offset)
         base, digits = int(based[1]), based[2]
     try:
-        return Number(int(digits, base), offset) if len(digits) <= _MOST_DIGITS else Opaque(offset)
+        return Number(int(digits, base), offset, based="#" in text) if len(digits) <= _MOST_DIGITS else Opaque(offset)
     except ValueError:
         return Opaque(offset)
 
@@ -244,4 +250,4 @@ def _typed(text: str, offset: int) -> Expression:
         return number
     kind = find_scalar(prefix)
     typed = kind if kind is not None and kind.kind in _COUNTED else None
-    return Number(-number.value if value[0] == "-" else number.value, offset, typed)
+    return Number(-number.value if value[0] == "-" else number.value, offset, typed, number.based)

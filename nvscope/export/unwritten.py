@@ -17,6 +17,7 @@ _REASONS = {
     LeftOut.MALFORMED: "malformed",
     LeftOut.UNFITTING: "not of the shape that the definition has ({code})",
     LeftOut.CUT: "not captured whole",
+    LeftOut.UNLIKE_KNOWN_PART: "not even of the shape that the known part of the definition has",
 }
 
 

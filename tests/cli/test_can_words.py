@@ -54,6 +54,8 @@ def test_what_no_frame_holds_is_told(log: str, variables: str, why: str) -> None
         assert ran.code == 0
         assert f"odd: {why}; neither it nor what follows it can be shown" in ran.err
         assert "another shape" not in ran.err
+    ran = run("vars", log, *gvl(log, "odd"))
+    assert ran.out == "Telegrams of defined lists came, but none that could be decoded.\n"
     ran = run("export", log, *gvl(log, "odd"), "-w", f"{log}.csv")
     assert (ran.code, "no list can be decoded" in ran.err) == (2, True)
     ran = run("export", log, *gvl(log, "front"), "-w", f"{log}.csv")

@@ -120,6 +120,65 @@ def test_definitions_of_types_alone_say_so(verb: str, tmp_path: Path) -> None:
     assert "nvscope: the definition files declare types, but no list: name the exported list, too.\n" in done.stderr
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "vars",
+        "vars --list broken",
+        "vars --history nSpeed",
+        "vars --at 1s --list broken",
+        "vars -Y var.nSpeed>5",
+        "export -w out.csv --list broken",
+        "export -w out.csv -e var.nSpeed",
+        "packets -Y var.nSpeed>5",
+        "packets -e var.nSpeed",
+        "report -Y var.nSpeed>5",
+    ],
+)
+def test_what_was_left_out_is_told_before_something_of_it_is_missed(asked: str, tmp_path: Path) -> None:
+    (tmp_path / "plc").mkdir()
+    (tmp_path / "plc" / "broken.st").write_text("VAR_GLOBAL\nnSpeed : ;\nEND_VAR\n")
+    if asked != "vars":
+        (tmp_path / "plc" / "counters.gvl").write_bytes((PEERS / "counters.gvl").read_bytes())
+    else:
+        (tmp_path / "plc" / "types.st").write_text("TYPE Axis : STRUCT pos : LREAL; END_STRUCT END_TYPE")
+    done = nvscope(*asked.split(), str(PEERS / "peers.pcap"), "--gvl", "plc", cwd=tmp_path)
+    assert done.returncode == 2
+    said = done.stderr.splitlines()
+    assert said[0].startswith("nvscope: left out: plc/broken.st, line 2, column 10: found ';', expected a type")
+    assert "declare types, but no list" not in done.stderr
+    assert done.stderr.count("left out: ") == 1
+
+
+@pytest.mark.parametrize("asked", ["vars", "export -w out.csv"])
+def test_where_nothing_is_left_of_the_definitions_the_cause_is_told(asked: str, tmp_path: Path) -> None:
+    (tmp_path / "plc").mkdir()
+    (tmp_path / "plc" / "broken.gvl").write_text("<GVL>")
+    (tmp_path / "plc" / "types.st").write_text("TYPE Axis : STRUCT pos : LREAL; END_STRUCT END_TYPE")
+    done = nvscope(*asked.split(), str(PEERS / "peers.pcap"), "--gvl", "plc", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "left out: plc/broken.gvl, line 1" in done.stderr
+    assert "what could be read of the definition files declares no variables of a list" in done.stderr
+
+
+def test_a_type_that_no_file_declares_is_told_before_a_member_of_it_is_missed(tmp_path: Path) -> None:
+    done = nvscope(
+        "vars", str(PEERS / "peers.pcap"), "--gvl", str(PEERS / "axis.gvl"), "--history", "stAxis.fPos", cwd=tmp_path
+    )
+    assert done.returncode == 2
+    assert "types that no file declares: Axis" in done.stderr.splitlines()[0]
+    assert "no variable is named 'stAxis.fPos'" in done.stderr
+
+
+def test_keys_tells_what_the_definitions_lack(tmp_path: Path) -> None:
+    (tmp_path / "broken.gvl").write_text("<GVL>")
+    done = nvscope("keys", "--fields", "broken.gvl", str(PEERS / "axis.gvl"), cwd=tmp_path)
+    assert done.returncode == 0
+    assert "left out: broken.gvl, line 1" in done.stderr
+    assert "types that no file declares: Axis" in done.stderr
+    assert nvscope("keys", "--fields", str(PEERS / "counters.gvl"), cwd=tmp_path).stderr == ""
+
+
 @pytest.mark.parametrize("verb", ["report", "packets -V -c 1", "vars", "export -w out.csv"])
 def test_every_verb_tells_what_the_definitions_lack(verb: str, tmp_path: Path) -> None:
     (tmp_path / "plc").mkdir()

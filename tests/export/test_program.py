@@ -44,7 +44,8 @@ def test_of_a_list_with_a_pointer_there_is_what_is_known(tmp_path: Path, ending:
     done = nvscope("export", capture, *pointer, "--list", "plant", "-w", f"o.{ending}", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr == (
-        "nvscope: udp/1202/7 plant: 1 telegram left out, not of the shape that the definition has (NV405).\n"
+        "nvscope: udp/1202/7 plant: 1 telegram left out, "
+        "not even of the shape that the known part of the definition has.\n"
     )
     table = READERS[ending](tmp_path / f"o.{ending}")
     rest = table["p …"].bin.encode("hex") if ending == "parquet" else table["p …"]

@@ -69,7 +69,8 @@ class History:
     changed or not. Of several definitions of a list, the first that fits a telegram is taken; where another one
     fits, what comes is compared with what that one fitted before. ``tracks`` are what was seen, by stream, Items
     and bytes of data; ``unfitting`` counts the telegrams that have the list and SubIndex of a wanted element, but
-    other Items or Length than its definitions.
+    other Items or Length than its definitions; ``unlike_known_part`` those that differ from what is known of a
+    definition, where an element has no known size.
     """
 
     by_stream: ClassVar[bool] = True
@@ -82,7 +83,7 @@ class History:
         self.tracks: dict[tuple[int, int, int], Track] = {}
         self._shapes: dict[int, int] = {}
         self._shown: list[_Shown] = []
-        self.unfitting = 0
+        self.unfitting = self.unlike_known_part = 0
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -118,7 +119,10 @@ class History:
         if track is None:
             track = self._new_track(stream, telegrams)
             if track is None:
-                self.unfitting += len(telegrams.frame)
+                if self._layouts.partly_of(stream.list):
+                    self.unlike_known_part += len(telegrams.frame)
+                else:
+                    self.unfitting += len(telegrams.frame)
                 return None
             self.tracks[key] = track
         if not track.places:

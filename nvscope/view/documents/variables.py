@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -85,8 +85,20 @@ def _streams(state: TrackerState, values: Values) -> list[_Stream]:
     return [stream for _, stream in sorted(entries, key=lambda entry: entry[0])]
 
 
-def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | None = None) -> tuple[int, int]:
-    """Return how many telegrams of defined lists have another shape, and how many were not captured whole.
+class LeftOut(NamedTuple):
+    """How many telegrams of defined lists could not be decoded.
+
+    ``unfitting`` have another shape than their definition; ``unlike_known_part`` than what is known of it, where an
+    element has no known size; ``truncated`` were not captured whole.
+    """
+
+    unfitting: int
+    unlike_known_part: int
+    truncated: int
+
+
+def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | None = None) -> LeftOut:
+    """Return how many telegrams of defined lists could not be decoded.
 
     ``keys`` are those of the lists that are looked at, as their definition has them, None for all.
     """
@@ -95,7 +107,13 @@ def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | No
     defined = np.array([key is not None and (keys is None or key in keys) for key in listed], np.bool_)
     count = values.unfitting.column("count")
     lists = keys_seen.list_of_place(keys_seen.place_of(np.arange(len(count))))
-    return int(count[defined[lists]].sum()), int(state.lists.columns.truncated[: len(defined)][defined].sum())
+    partly = np.array([bool(values.layouts.partly_of(key)) for key in map(keys_seen.list_key, range(len(defined)))])
+    wanted, of_known_part = defined[lists], partly.astype(np.bool_)[lists]
+    return LeftOut(
+        int(count[wanted & ~of_known_part].sum()),
+        int(count[wanted & of_known_part].sum()),
+        int(state.lists.columns.truncated[: len(defined)][defined].sum()),
+    )
 
 
 def _listed(stream: _Stream, known: StreamValues) -> list[dict[str, Any]]:
@@ -172,7 +190,8 @@ def exact_text(kind: Elementary, value: Value) -> str:
     if isinstance(kind, Scalar) and kind.size_bytes == 4:
         # Nine digits tell every REAL from its neighbours.
         texts = (f"{value:.{digits}g}" for digits in range(1, 10))
-        return next(text for text in texts if np.float32(text) == value)
+        with np.errstate(over="ignore"):  # the greatest REAL with fewer digits may be beyond all REALs
+            return next(text for text in texts if np.float32(text) == value)
     return repr(value).removesuffix(".0")
 
 

@@ -94,7 +94,12 @@ class TelegramTree(TransportTree):
         if layout is None or len(data) < layout.layout.size_bytes:
             why = "cut short by the capture"
             if not layout:
-                why = f"not of the shape that its definition has ({DEFINITION_MISMATCH.code})"
+                partly = bool(self._layouts.partly_of(key))
+                why = (
+                    "not even of the shape that the known part of its definition has"
+                    if partly
+                    else f"not of the shape that its definition has ({DEFINITION_MISMATCH.code})"
+                )
             return [
                 Entry([title, Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)]),
                 *bytes_entries(

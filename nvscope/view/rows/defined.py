@@ -35,6 +35,7 @@ class LeftOut(IntEnum):
     MALFORMED = 0
     UNFITTING = 1
     CUT = 2
+    UNLIKE_KNOWN_PART = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +258,8 @@ class DefinedTelegrams:
             elif fault is not Fault.NONE:
                 reason[row] = LeftOut.MALFORMED
             elif (found := self._place_of(int(number[row]), int(carried.subindex[row]), shape)) is None:
-                reason[row] = LeftOut.UNFITTING
+                of_known_part = int(number[row]) in self._fronts
+                reason[row] = LeftOut.UNLIKE_KNOWN_PART if of_known_part else LeftOut.UNFITTING
             elif carried.captured_bytes[row] < carried.size_bytes[row]:
                 reason[row] = LeftOut.CUT
             else:
