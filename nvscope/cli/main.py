@@ -135,8 +135,10 @@ def _show_usage(error: Exception) -> None:
     parts = {part for word in sys.argv[1:] for part in (word, *word.split("=", 1))}
     # As Typer writes them, which leaves backslashes alone: what is typed as one would look like an escape.
     escapes = {_CONTROLS.sub(lambda one: f"\\x{ord(one[0]):02x}", part): visible(part) for part in parts}
-    known = "|".join(re.escape(part) for part in sorted(filter(None, escapes), key=len, reverse=True))
-    text = re.sub(rf"(?<!\\)(?:{known})(?!\\)", lambda one: escapes[one[0]], told.getvalue())
+    text = told.getvalue()
+    # Without a word there is nothing to look for, and a pattern of nothing is found everywhere.
+    if known := "|".join(re.escape(part) for part in sorted(filter(None, escapes), key=len, reverse=True)):
+        text = re.sub(rf"(?<!\\)(?:{known})(?!\\)", lambda one: escapes[one[0]], text)
     print("".join(one if one.isprintable() or one == "\n" else visible(one) for one in text), end="", file=sys.stderr)
 
 

@@ -134,14 +134,23 @@ class _Compiler(Terms):
 
     def _member(self, node: Node, elements: Node, *, wanted: bool, everyone: bool | None) -> Test:
         value = self._typed(node, "in needs a field on its left side")
-        # As with comparisons, what is wanted of one value is not in the set, and of all of them, that none is.
+        if everyone is None and not wanted:
+            # As in Wireshark the opposite of in, which is true for what does not exist.
+            inside = self._membership(value, elements)
+            return lambda operands: ~inside(operands)
         if everyone is None or everyone is not wanted:
-            return self._membership(value, elements, wanted=wanted)
+            return self._membership(value, elements) if wanted else self._outside(value, elements)
         parts = [Typed(value.type, _nth(value.evaluate, at), value.span) for at in range(value.count)]
-        outside = any_of([self._membership(part, elements, wanted=False) for part in parts])
+        outside = any_of([self._outside(part, elements) for part in parts])
         return (lambda operands: present(value.evaluate, operands) & ~outside(operands)) if everyone else outside
 
-    def _membership(self, value: Typed, elements: Node, *, wanted: bool) -> Test:
+    def _outside(self, value: Typed, elements: Node) -> Test:
+        """Return the test whether there is such a value, and it is not in the set."""
+        inside = self._membership(value, elements)
+        return lambda operands: present(value.evaluate, operands) & ~inside(operands)
+
+    def _membership(self, value: Typed, elements: Node) -> Test:
+        """Return the test whether one of the values is in the set."""
         tests: list[Test] = []
         for element in cast("list[Node]", elements.children):
             if element.data == "range":
@@ -149,11 +158,7 @@ class _Compiler(Terms):
                 tests.append(self._range(value, low, high))
             else:
                 tests.append(self._comparison("==", value, self._value(element)))
-        member = any_of(tests)
-        if wanted:
-            return member
-        # As a comparison, it is false for what does not exist.
-        return lambda operands: present(value.evaluate, operands) & ~member(operands)
+        return any_of(tests)
 
     def _range(self, value: Typed, low: Typed | Written, high: Typed | Written) -> Test:
         if value.type is FieldType.BOOL:

@@ -13,6 +13,7 @@ from operator import attrgetter
 from types import MappingProxyType
 from typing import Literal
 
+from nvscope.tracker.diagnosis import ERROR_ORDER
 from nvscope.tracker.measured import Measured
 
 Unit = Literal[
@@ -65,7 +66,8 @@ class Figure:
     ``keys`` say where a report has it in JSON, as a path within ``PLACES``; what is not there is in no report.
     ``width_bits`` is how wide a controller keeps it, 0 where it keeps none. ``provided`` is what windows have to have
     in common to join, None where they always do. ``held`` names the part of ``Measured`` that has it and its name
-    there (of counters, its key), where several figures are read of that part at once.
+    there (of counters, its key), where several figures are read of that part at once. ``texts`` are the only ones that
+    it is, where it is a text.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Figure:
     width_bits: int = 0
     provided: Provided | None = None
     held: tuple[str, str] | None = None
+    texts: tuple[str, ...] = ()
 
     @property
     def extreme(self) -> bool:
@@ -94,11 +97,18 @@ _TRAFFIC = Of.STREAM, Of.LIST, Of.NODE
 
 
 def _diagnosis(
-    name: str, unit: Unit, joins: Joins, text: str, width_bits: int = 0, provided: Provided | None = None
+    name: str,
+    unit: Unit,
+    joins: Joins,
+    text: str,
+    width_bits: int = 0,
+    provided: Provided | None = None,
+    *,
+    texts: tuple[str, ...] = (),
 ) -> Figure:
     keys = {Of.LIST: f"diag.{name}", Of.NODE: f"diag.{name}"}
     held = "diagnosis", name
-    return Figure(name, unit, text, _LISTS_AND_NODES, joins, _read_of(*held), keys, width_bits, provided, held)
+    return Figure(name, unit, text, _LISTS_AND_NODES, joins, _read_of(*held), keys, width_bits, provided, held, texts)
 
 
 def _read_of(part: str, name: str) -> Callable[[Measured], Value]:
@@ -169,7 +179,9 @@ DIAGNOSIS = (
         "nWriteCount", "telegrams", Joins.SUM, "data telegrams that a reader would write into its variables", 32,
         Provided.READING,
     ),
-    _diagnosis("sLastError", "", Joins.LAST, "name of the last error"),
+    _diagnosis(
+        "sLastError", "", Joins.LAST, "name of the last error", texts=tuple(error.name for error in ERROR_ORDER)
+    ),
     _diagnosis("tLastError", "time", Joins.LAST, "time of the last error"),
     _diagnosis("nErrorCount", "events", Joins.SUM, "errors of any kind", 16),
     _diagnosis("nAcknowledges", "telegrams", Joins.SUM, "acknowledgements sent, negative ones included", 16),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -205,6 +206,14 @@ def test_whoever_asks_for_no_verb_is_told_of_all(arguments: list[str]) -> None:
     told = CliRunner().invoke(program(next(iter(arguments), None)), arguments).output
     verbs = told.split("Verbs:\n")[1].splitlines()
     assert [line.split()[0] for line in verbs if line[2:3].strip()] == [*VERBS]
+
+
+@pytest.mark.parametrize("words", [[], ["gvl"], ["gvl", "--"], ["help"], ["help", ""], [""], ["gvl", ""]])
+def test_whoever_names_no_verb_is_told_how_to_and_never_of_a_bug(words: list[str]) -> None:
+    done = nvscope(*words)
+    assert done.returncode == (ExitCode.GOOD if words == ["help"] else ExitCode.USAGE), done
+    assert re.search(rb"--help|-h\b", done.stdout + done.stderr), done
+    assert b"Traceback" not in done.stderr
 
 
 def test_a_full_disk_is_told_without_a_traceback() -> None:

@@ -90,6 +90,9 @@ def test_variables_are_offered_in_their_own_spelling() -> None:
         ('finding.severity != "fatal"', 'finding.severity is never "fatal"'),
         ('nv.fault == "shorts"', 'nv.fault is never "shorts"'),
         ('canopen.function == "heartbeats"', 'canopen.function is never "heartbeats"'),
+        ('can.direction == "rx"', 'can.direction is never "rx"'),
+        ('list.sLastError == "CHEKSUM"', 'list.sLastError is never "CHEKSUM"'),
+        ('node.sLastError in {"CHECKSUM", "no acknowledgement"}', 'node.sLastError is never "no acknowledgement"'),
     ],
 )
 def test_a_text_that_a_field_never_has_is_a_mistake(expression: str, said: str) -> None:

@@ -216,7 +216,7 @@ def _member(left: Said, elements: list[tuple[str, Callable[[Any], bool]]], wante
     def meaning(row: Row) -> bool:
         values = left.meaning(row)
         inside = any(holds(value) for value in values for _, holds in elements)
-        return inside if wanted else bool(values) and not inside
+        return inside is wanted
 
     listed = ", ".join(text for text, _ in elements)
     return Said(f"{left.at_least(COMMON)} {'in' if wanted else 'not in'} {{{listed}}}", COMPARISON, meaning)

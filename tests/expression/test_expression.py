@@ -22,7 +22,7 @@ def test_a_field_that_is_missing_makes_comparisons_false_and_their_opposite_true
     table = Table([{"n.byte": 1}, {"n.byte": 2}, {}], [])
     assert table.chosen("n.byte == 1") == [True, False, False]
     assert table.chosen("n.byte != 1") == [False, True, False]
-    assert table.chosen("n.byte not in {1}") == [False, True, False]
+    assert table.chosen("n.byte not in {1}") == [False, True, True]
     assert table.chosen("!(n.byte == 1)") == [False, True, True]
     assert table.chosen("n.byte") == [True, True, False]
 

@@ -51,6 +51,7 @@ GENERIC = [
     "!(ip.addr == 10.77.0.2)",
     "udp.dstport in {1202, 1300..1400}",
     "udp.dstport not in {1202}",
+    "vlan.id not in {7, 100..200}",
     "udp.srcport == 1202 && udp.dstport == 1202",
     "udp.port == 1202",
     "udp.port != 1202",

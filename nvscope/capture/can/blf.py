@@ -41,6 +41,7 @@ class BlfReader(Reader):
         self._places: deque[tuple[int, int]] = deque()
         self._first_fault: tuple[int, str] | None = None
         self._faults = 0
+        self._objects = 0
         self._ethernet = 0
 
     def batches(self) -> Iterator[PacketBatch]:
@@ -93,6 +94,7 @@ class BlfReader(Reader):
         found = walk(self._stretch, 0, self._size) if not self._skip else None
         if found is None:
             return True
+        self._objects += len(found.at)
         frames = frames_of(self._stretch, found.at, self._containers.start_ns)
         for place, what in frames.faults:
             self._fault(place, f"{what}; it is left out")
@@ -133,6 +135,8 @@ class BlfReader(Reader):
         elif self._skip or (self._size and self._stretch[: self._size].any()):
             missing = f"{self._skip} bytes are missing" if self._skip else f"it has only {self._size} bytes"
             self._fault(0, f"the last object is cut short: {missing}", damaged=True)
+        elif self._containers.objects and not self._objects:
+            self._fault(0, f"it holds no object, and its header tells of {self._containers.objects}", damaged=True)
 
     def _fault(self, place: int, what: str, damaged: bool = False) -> None:
         """Note what is wrong at a place of the stretch."""

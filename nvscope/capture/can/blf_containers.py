@@ -2,7 +2,8 @@
 
 ::
 
-    file       "LOGG" | header size u32 | … | file size u64 at 16 | … | start of measurement, SYSTEMTIME, at 40
+    file       "LOGG" | header size u32 | … | file size u64 at 16 | … | number of objects u32 at 32 | …
+               | start of measurement, SYSTEMTIME, at 40
     object     "LOBJ" | header size u16 | version u16 | object size u32 | type u32 | … | (object size % 4) bytes
     container  object of type 10: method u16 (0 none, 2 zlib) | 6 bytes | size u32 | 4 bytes | data
 
@@ -21,11 +22,12 @@ from typing import NamedTuple
 
 from nvscope.capture.byte_stream import ByteStream
 
-_FILE_HEAD = struct.Struct("<4sL8xQ16x8H")
+_FILE_HEAD = struct.Struct("<4sL8xQ8xL4x8H")
 OBJECT_HEAD = struct.Struct("<4sHHLL")
 _CONTAINER = struct.Struct("<H6xL4x")
 _CONTAINER_TYPE = 10
 _PLAIN, _ZLIB = 0, 2
+_ZLIB_HEAD_BYTES = 2
 _SHORTEST_HEADER, _LONGEST_HEADER = 72, 64 << 10
 _LARGEST_CONTAINER_BYTES = 64 << 20
 _LARGEST_CONTENT_BYTES = 256 << 20
@@ -44,7 +46,8 @@ class BlfContainers:
     """The pieces of the stream of objects in a BLF file.
 
     ``fault`` tells, once they have ended, what is wrong with the file, '' for nothing; ``offset`` is where.
-    ``start_ns`` is the start of the measurement, taken for UTC, 0 where the file has none; known with the first piece.
+    ``objects`` is how many objects the file tells of, 0 where it does not. ``start_ns`` is the start of the
+    measurement, taken for UTC, 0 where the file has none. Both are known with the first piece.
     An empty piece says that there is nothing for the moment.
     """
 
@@ -52,6 +55,7 @@ class BlfContainers:
         self._file = ByteStream(pieces)
         self.offset = 0
         self.fault = ""
+        self.objects = 0
         self.start_ns = 0
 
     def __iter__(self) -> Iterator[BlfPiece]:
@@ -59,14 +63,14 @@ class BlfContainers:
         if len(head) < _FILE_HEAD.size:
             self.fault = "cut short within the header of the file"
             return
-        _, size, file_bytes, *start = _FILE_HEAD.unpack(head)
+        _, size, file_bytes, objects, *start = _FILE_HEAD.unpack(head)
         if not _SHORTEST_HEADER <= size <= _LONGEST_HEADER:
             self.fault = f"damaged: a header of {size} bytes"
             return
         if len(self._file.take(size - len(head))) < size - len(head):
             self.fault = "cut short within the header of the file"
             return
-        self.start_ns = _start_ns(start)
+        self.objects, self.start_ns = objects, _start_ns(start)
         while not self.fault:
             self.offset = self._file.position
             base = self._file.take(OBJECT_HEAD.size)
@@ -107,8 +111,16 @@ class BlfContainers:
 
     def _bare(self, base: bytes, size: int) -> Iterator[BlfPiece]:
         """Yield an object that lies in no container, with what pads it."""
-        yield BlfPiece(self.offset, base)
-        left = size + size % 4 - OBJECT_HEAD.size
+        first = self._file.take(min(size - OBJECT_HEAD.size, _CONTAINER.size + _ZLIB_HEAD_BYTES))
+        if _is_container(base, size, first):
+            kind = OBJECT_HEAD.unpack(base)[-1]
+            self.fault = (
+                f"damaged: a container that says it is an object of type {kind}, expected {_CONTAINER_TYPE}; "
+                "nothing after it can be read"
+            )
+            return
+        yield BlfPiece(self.offset, base + first)
+        left = size + size % 4 - OBJECT_HEAD.size - len(first)
         while left:
             part = self._file.take(min(left, _PIECE_BYTES))
             if not part:
@@ -142,6 +154,18 @@ class BlfContainers:
         else:
             if not stream.eof:
                 self.fault = self.fault or "damaged: a container that ends early"
+
+
+def _is_container(base: bytes, size: int, first: bytes) -> bool:
+    """Tell by all but its type whether an object is a container: no other has a header as short, and such a body."""
+    if OBJECT_HEAD.unpack(base)[1] != OBJECT_HEAD.size or len(first) < _CONTAINER.size:
+        return False
+    method, expected = _CONTAINER.unpack_from(first)
+    if method == _PLAIN:
+        return 0 < int(expected) == size - OBJECT_HEAD.size - _CONTAINER.size
+    # RFC 1950: the lower half of the first byte is 8 for deflate, and both bytes are a multiple of 31.
+    head = first[_CONTAINER.size :]
+    return method == _ZLIB and len(head) > 1 and head[0] & 15 == 8 and int.from_bytes(head, "big") % 31 == 0
 
 
 def _start_ns(told: list[int]) -> int:

@@ -152,6 +152,7 @@ CAN_FIELDS = (
             TelegramField(
                 "can.direction", _TEXT, "Direction", "Rx received, Tx sent, where the capture was taken",
                 _direction, lambda frames: frames.direction != Direction.UNKNOWN,
+                texts=tuple(filter(None, DIRECTION_NAMES)),
             ),
             TelegramField(
                 "can.fault", _TEXT, "Fault", "what is wrong with the frame: " + ", ".join(filter(None, _FAULTS)),

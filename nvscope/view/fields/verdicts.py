@@ -270,6 +270,7 @@ def _figure(of: Of, whose: str, figure: Figure, verdicts: Verdicts | None) -> Te
         calendar=kind is FieldType.TIME,
         constant=True,
         judged=True,
+        texts=figure.texts,
     )
 
 

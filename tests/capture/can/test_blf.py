@@ -24,9 +24,9 @@ START_S = 1_436_509_052
 CONTAINER_BYTES = 32
 
 
-def file_head(size: int = 0) -> bytes:
+def file_head(size: int = 0, objects: int = 0) -> bytes:
     start = struct.pack("<8H", 2015, 7, 5, 10, 6, 17, 32, 0)
-    return (struct.pack("<4sL8xQ16x", b"LOGG", 144, size) + start).ljust(144, b"\0")
+    return (struct.pack("<4sL8xQ8xL4x", b"LOGG", 144, size, objects) + start).ljust(144, b"\0")
 
 
 def item(
@@ -39,11 +39,13 @@ def item(
     return struct.pack("<4sHHLL", b"LOBJ", head_bytes, version, told, kind) + head + body + bytes(pad)
 
 
-def container(content: bytes, *, method: int = 2, told: int | None = None, size: int | None = None) -> bytes:
+def container(
+    content: bytes, *, method: int = 2, told: int | None = None, size: int | None = None, kind: int = 10
+) -> bytes:
     data = zlib.compress(content) if method == 2 else content
     told_bytes = len(content) if told is None else told
     own = CONTAINER_BYTES + len(data) if size is None else size
-    head = struct.pack("<4sHHLL", b"LOBJ", 16, 1, own, 10) + struct.pack("<H6xL4x", method, told_bytes)
+    head = struct.pack("<4sHHLL", b"LOBJ", 16, 1, own, kind) + struct.pack("<H6xL4x", method, told_bytes)
     return head + data + bytes((CONTAINER_BYTES + len(data)) % 4)
 
 
@@ -234,6 +236,12 @@ HUGE = 300_000_000
         (container(GOOD) + container(GOOD, size=HUGE), 1, f"a container of {HUGE} bytes"),
         (container(GOOD) + container(GOOD, size=0), 1, "an object of 0 bytes"),
         (container(GOOD) + container(GOOD, method=7), 1, "the compression method 7"),
+        (
+            container(GOOD) + container(GOOD, kind=11) + container(GOOD),
+            1,
+            "a container that says it is an object of type 11",
+        ),
+        (container(GOOD, method=0, kind=138), 0, "a container that says it is an object of type 138"),
         (container(GOOD) + container(GOOD)[:-9], 1, "cut short within a container"),
         (container(GOOD + GOOD[:30]), 1, "the last object is cut short"),
         (container(GOOD) + b"\xff" * 16, 1, "no object begins here"),
@@ -250,6 +258,15 @@ def test_what_is_wrong_is_told_with_its_place(tmp_path: Path, content: bytes, fr
     assert truncation is not None
     assert told in truncation.message
     assert 144 <= truncation.offset < 144 + len(content)
+
+
+def test_a_file_without_any_object_is_damaged_where_its_header_tells_of_some(tmp_path: Path) -> None:
+    told, _ = read(tmp_path / "told.blf", file_head(objects=3) + container(b""))
+    assert "it holds no object, and its header tells of 3" in str(told.infos[0].truncation)
+    # A program that did not finish tells of none, and one may count what it holds in its own way.
+    for content in (file_head(), file_head(objects=7) + container(item(65, bytes(24)))):
+        source, found = read(tmp_path / "a.blf", content)
+        assert (found, source.infos[0].truncation) == ([], None)
 
 
 def test_a_container_holds_no_more_than_it_may(tmp_path: Path) -> None:
