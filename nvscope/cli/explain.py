@@ -1,4 +1,4 @@
-"""``nvscope explain``: what a finding means, or what a figure tells."""
+"""``nvscope explain``: what a finding means, or what a figure or a column tells."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ def explain(
     code: Annotated[
         str | None,
         typer.Argument(
-            help="A finding or a figure: NV301, 301, no-acknowledgement, lost, list.jitter.", autocompletion=codes
+            help="A finding, a figure or a column: NV301, no-acknowledgement, list.jitter, status.",
+            autocompletion=codes,
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The same as JSON (nvscope.explain/1).")] = False,
     colour: ColourOption = "auto",
 ) -> None:
-    """Tell what a finding means, its usual causes, and what to do, or what a figure tells; without CODE, list all
-    findings."""
+    """Tell what a finding means, its usual causes, and what to do, or what a figure or a column of reports tells;
+    without CODE, list all findings."""
     from nvscope.report import explain as face
 
     if as_json:

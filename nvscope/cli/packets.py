@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nvscope.cli.completion import fields as fields_beginning
+from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import (
     GvlOption,
     NoNamesOption,
@@ -98,7 +99,7 @@ def packets(
         typer.Option(
             "-c",
             "--count",
-            min=1,
+            parser=at_least_one,
             metavar="N",
             help="Stop after reading N telegrams (with --all-frames: frames), shown or not.",
         ),

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from nvscope.cli.completion import lists
+from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.named_files import named_files
@@ -96,7 +97,7 @@ def report(
         typer.Option(
             "--max-streams",
             metavar="NUMBER",
-            min=1,
+            parser=at_least_one,
             help="How many streams by sender, list and SubIndex are told apart, how many other kinds of telegrams, and "
             "how many identifiers on CAN; 200000, unless the project says otherwise. What is left out is told (NV906).",
             show_default=False,

@@ -61,13 +61,13 @@ def identifiers(bus: Row, most: int | None = MOST_IDENTIFIERS) -> tuple[list[Mea
         rows.append(
             {"cob_id": None, "name": None, "canopen": None, "left": len(left), "share": share, "load": load} | rest
         )
-    return used(_IDENTIFIERS if most is not None else _ALL_OF_IDENTIFIERS, rows), rows
+    return used(_IDENTIFIERS if most is not None else ALL_OF_IDENTIFIERS, rows), rows
 
 
 def nodes(bus: Row, clock: Clock) -> tuple[list[Measure], list[Row]]:
     """Return columns and rows of the table of CANopen nodes."""
     rows: list[Row] = [{**node, "clock": clock} for node in bus["canopen_nodes"]]
-    return used(_NODES, rows), rows
+    return used(NODES, rows), rows
 
 
 def error_lines(bus: Row, clock: Clock) -> list[list[Cell]]:
@@ -163,13 +163,13 @@ _IDENTIFIERS = (
     Measure(Column("load", right=True, importance=9), _load),
 )
 
-_ALL_OF_IDENTIFIERS = (
+ALL_OF_IDENTIFIERS = (
     *_IDENTIFIERS,
     Measure(Column("CANopen's plan", importance=2), lambda row: _faint(_plan(row))),
 )
 """With what CANopen would use an identifier for, whether there is any CANopen or not."""
 
-_NODES = (
+NODES = (
     Measure(Column("CANopen"), lambda row: Cell(f"node {row['node']}", Tone.STRONG)),
     Measure(Column("state"), _state),
     Measure(Column("since", importance=6), lambda row: _moment(row, row["since_ns"])),

@@ -1,4 +1,4 @@
-"""What a finding means, and what a figure tells: the catalogue and the table of figures, for people at a terminal."""
+"""What a finding means, and what a figure or a column tells: the tables of these, for people at a terminal."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.kind import FindingKind
 from nvscope.report.ansi import paint
 from nvscope.report.content import status
+from nvscope.report.explain_column import MEANINGS, column_called, column_lines
 from nvscope.report.explain_figure import figure_called, figure_lines
 from nvscope.tracker.figures import FIGURES, Figure
 from nvscope.version import head
@@ -22,32 +23,34 @@ _TEXT_WIDTH = 90
 
 
 def render(name: str, *, colour: bool = False, width: int = 80) -> str:
-    """Return meaning, usual causes and next steps of a kind of finding, or what a figure tells and where.
+    """Return meaning, usual causes and next steps of a kind of finding, or what a figure or a column tells.
 
     ``name`` may be a code, its number alone, or a name, in any case: ``NV301``, ``301``, ``no-acknowledgement``,
-    ``lost``, ``list.lost``. Of a name that both have, both are told. UsageError, with the nearest known ones, for
-    anything else.
+    ``lost``, ``list.lost``, ``status``. Of a name that several have, all are told. UsageError, with the nearest known
+    ones, for anything else.
     """
     width = min(max(width, _MIN_WIDTH), _TEXT_WIDTH)
-    kind, figure = _found(name)
+    kind, figure, column = _found(name)
     lines: list[Line] = []
     if kind is not None:
         lines += _lines(kind, width)
     if figure is not None:
         lines += [[], *figure_lines(figure, width)] if lines else figure_lines(figure, width)
+    if column is not None:
+        lines += [[], *column_lines(column, width)] if lines else column_lines(column, width)
     return paint(lines, colour=colour)
 
 
 def document(name: str | None) -> dict[str, Any]:
-    """Return what ``render`` tells as data (schema ``nvscope.explain/1``); without a name of all kinds and figures.
+    """Return what ``render`` tells as data (schema ``nvscope.explain/1``); without a name of all there is.
 
     UsageError as ``render``.
     """
     if name is None:
-        kinds, figures = list(CATALOGUE.values()), list(FIGURES)
+        kinds, figures, columns = list(CATALOGUE.values()), list(FIGURES), list(MEANINGS)
     else:
-        kind, figure = _found(name)
-        kinds, figures = [kind] if kind else [], [figure] if figure else []
+        kind, figure, column = _found(name)
+        kinds, figures, columns = [kind] if kind else [], [figure] if figure else [], [column] if column else []
     return {
         **head(SCHEMA),
         "findings": [
@@ -72,15 +75,17 @@ def document(name: str | None) -> dict[str, Any]:
             }
             for figure in figures
         ],
+        "columns": [{"title": title, "meaning": MEANINGS[title]} for title in columns],
     }
 
 
-def _found(name: str) -> tuple[FindingKind | None, Figure | None]:
-    kind, figure = _kind(name), figure_called(name.strip().lower())
-    if kind is None and figure is None:
-        what = f"no finding or figure is called {name}" if name.strip() else "the name of a finding or figure is empty"
-        raise UsageError(what, next_step=_nearest(name.strip().lower()))
-    return kind, figure
+def _found(name: str) -> tuple[FindingKind | None, Figure | None, str | None]:
+    kind, figure, column = _kind(name), figure_called(name.strip().lower()), column_called(name)
+    if kind is None and figure is None and column is None:
+        told = name.strip()
+        what = f"no finding, figure or column is called {name}" if told else "the name of a finding or figure is empty"
+        raise UsageError(what, next_step=_nearest(told.lower()))
+    return kind, figure, column
 
 
 def overview(*, colour: bool = False, width: int = 80) -> str:
@@ -127,6 +132,8 @@ def _nearest(wanted: str) -> str:
     for kind in close:
         figures.pop(kind.name, None)
     told += [figures[word] for word in get_close_matches(wanted.rpartition(".")[2], figures, n=3)]
+    columns = {title.lower(): title for title in MEANINGS}
+    told += [title for word in get_close_matches(wanted, columns, n=3) if (title := columns[word]) not in told]
     if not told:
         return "`nvscope explain` without a code lists all findings, `nvscope keys --fields` all figures"
     return f"perhaps {', '.join(told)}"

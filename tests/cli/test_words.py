@@ -215,3 +215,18 @@ def test_no_line_of_help_ends_within_an_option(verb: str, columns: int) -> None:
     done = run_text(*verb.split(), "--help", environment={"COLUMNS": str(columns), "TERMINAL_WIDTH": str(columns)})
     assert not re.search(r"(?:^|[\s(])--?[a-z-]*-$", done.stdout, re.MULTILINE)
     assert done.stdout.isascii()
+
+
+@pytest.mark.parametrize("words", [("report", "--max-streams"), ("packets", "-c")])
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [("a", "'a' is no whole number"), ("1.5", "'1.5' is no whole number"), ("", "'' is no whole number"),
+     ("0", "0 is too few"), ("-3", "-3 is too few")],
+)  # fmt: skip
+def test_what_is_no_number_of_things_is_told_with_what_is_expected(
+    words: tuple[str, str], number: str, said: str
+) -> None:
+    verb, option = words
+    done = run_text(verb, PEERS / "peers.pcap", option, number)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"{said}; expected 1 or more" in done.stderr

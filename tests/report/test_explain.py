@@ -8,17 +8,16 @@ import pytest
 
 from nvscope.errors import ExitCode, UsageError
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.report import explain
+from nvscope.report import buses, explain
+from nvscope.report.explain_column import MEANINGS
 from nvscope.report.tables import ERRORS, INTERVALS, OVERVIEW, STREAMS
 from nvscope.tracker.figures import FIGURES, PLACES, Figure, Of
 from nvscope.view.lines.text_width import display_width
 
-NAMING = {"status", "list", "name", "sender", "reader", "node", "sub", "items", "length", "checksum", "counter"}
-"""Columns that tell what something is, and no figure of it."""
-
 
 def titles() -> list[str]:
-    return list(dict.fromkeys(one.column.title for one in (*OVERVIEW, ERRORS, *STREAMS, *INTERVALS)))
+    of_buses = (*buses.ALL_OF_IDENTIFIERS, *buses.NODES)
+    return list(dict.fromkeys(one.column.title for one in (*OVERVIEW, ERRORS, *STREAMS, *INTERVALS, *of_buses)))
 
 
 @pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "lost", "jitter"])
@@ -68,9 +67,17 @@ def test_a_word_that_expressions_do_not_have_is_no_figure(word: str) -> None:
         explain.render(word)
 
 
-@pytest.mark.parametrize("title", [title for title in titles() if title not in NAMING])
+@pytest.mark.parametrize("title", titles())
 def test_columns_of_reports_are_known_by_their_titles(title: str) -> None:
-    assert "  figure, " in explain.render(title)
+    holds_a_figure = "  figure, " in explain.render(title)
+    assert holds_a_figure is not (title in MEANINGS)
+    if not holds_a_figure:
+        assert explain.render(f" {title.upper()} ").startswith(f"{title}  column of reports\n")
+        assert explain.document(title)["columns"] == [{"title": title, "meaning": MEANINGS[title]}]
+
+
+def test_no_column_is_explained_that_no_report_has() -> None:
+    assert [title for title in MEANINGS if title not in titles()] == []
 
 
 @pytest.mark.parametrize(("title", "figure"), [("sent", "nSendCount"), ("No  Ack", "missing_acknowledgements")])

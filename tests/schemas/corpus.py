@@ -75,6 +75,7 @@ COMMANDS = (
     "gvl diff captures/peers/batch.gvl tests/definition/samples/plant.exp",
     "explain",
     "explain lost",
+    "explain status",
     "explain NV301",
     "keys --fields",
     "keys --fields --gvl captures/peers/batch.gvl",

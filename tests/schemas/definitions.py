@@ -9,6 +9,7 @@ from nvscope.definition.difference import SETTINGS
 from nvscope.definition.lint import RULES, Severity
 from nvscope.expression.typed_columns import FieldType
 from nvscope.findings.catalogue import CATALOGUE
+from nvscope.report.explain_column import MEANINGS
 from nvscope.tracker.figures import FIGURES, Joins, Of, Unit
 from nvscope.view.documents.verdicts import SEVERITIES
 from tests.schemas.shapes import (
@@ -175,8 +176,11 @@ def explain() -> Schema:
         "joins": word((joins.value for joins in Joins), "how the figure of a whole follows from those of its parts"),
     }
     return document(
-        "explain", "`nvscope explain --json`: findings and figures, what they mean and what to do",
-        {"findings": several(record(finding)), "figures": several(record(figure))},
+        "explain", "`nvscope explain --json`: findings, figures and columns, what they mean and what to do",
+        {
+            "findings": several(record(finding)), "figures": several(record(figure)),
+            "columns": several(record({"title": word(MEANINGS), "meaning": text()}), "of reports, that hold no figure"),
+        },
     )  # fmt: skip
 
 

@@ -108,6 +108,9 @@ class TrcLines:
         return LoggedFrame(frame, (None if bus == "-" else number(bus, 10, "bus")) if bus else _ONLY_BUS)
 
     def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
+        if line.strip().startswith(";"):
+            # Before the first message it is a line of the head, and what should follow is missing.
+            return self._start_ns is not None
         told = [] if found is None else self._fields(line.strip()).data
         return not told or not may_go_on(told[-1], 16)
 
