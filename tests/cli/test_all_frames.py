@@ -139,6 +139,21 @@ def test_telegrams_lose_nothing_for_it_on_narrow_terminals(capture: Path, column
     assert max(map(len, told)) <= columns
 
 
+@pytest.mark.skipif(os.name != "posix", reason="needs a terminal of POSIX")
+@pytest.mark.parametrize("columns", [40, 60, 80])
+def test_other_frames_share_columns_with_telegrams_and_keep_their_protocol(columns: int, tmp_path: Path) -> None:
+    known = {name: bytes(frame) for name, frame in kinds()}
+    names = {"arp request": "ARP", "telegram": "list", "lldp": "LLDP", "port unreachable": "ICMP"}
+    frames = [Frame(START_S * 10**9, ETHERNET, known[name], len(known[name])) for name in names]
+    write_pcap(frames, tmp_path / "a.pcap")
+    lines = on_terminal(["packets", str(tmp_path / "a.pcap"), "--all-frames"], columns).splitlines()[: len(frames)]
+    assert max(map(len, lines)) <= columns
+    assert len({line.index(" → ") for line in lines}) == 1
+    starts = {line.index(f"  {protocol}") for line, protocol in zip(lines, names.values(), strict=True)}
+    assert len(starts) == 1
+    assert len({len(line.split()[1]) for line in lines}) == 1
+
+
 @pytest.mark.parametrize(
     ("link", "data", "told"),
     [

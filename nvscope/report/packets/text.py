@@ -10,7 +10,7 @@ from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS
 from nvscope.report.ansi import paint
 from nvscope.view.lines.hexdump import dump
-from nvscope.view.lines.mixed_lines import MixedLines
+from nvscope.view.lines.mixed_lines import MixedLines, line_makers
 from nvscope.view.lines.moments import Moment
 from nvscope.view.lines.netvar_line import LineWriter
 from nvscope.view.lines.shown import Spans, Wording
@@ -53,7 +53,9 @@ class Text:
         self._colour = colour
         self._wording = Wording(names, layouts, pdos, canopen)
         self._make_trees = {protocol.name: protocol.tree() for protocol in protocols}
-        self._lines = {protocol.name: protocol.lines()(moment, width, self._wording) for protocol in protocols}
+        self._lines = line_makers(
+            {protocol.name: protocol.lines() for protocol in protocols}, moment, width, self._wording
+        )
         self._mixed = MixedLines(self._lines, width)
 
     def begin(self) -> str:

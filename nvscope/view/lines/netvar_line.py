@@ -17,10 +17,9 @@ from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments, words
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
-from nvscope.view.lines.short_names import short_names
+from nvscope.view.lines.short_names import short_address, short_names
 from nvscope.view.lines.shown import NO_WORDING, Wording
 from nvscope.view.lines.table import GAP, Cell, Line, Tone
-from nvscope.view.lines.text_width import shorten
 from nvscope.view.rows.frames import FrameRows
 
 _REMARK_WIDTH = 24
@@ -30,6 +29,8 @@ _RARE = 4
 _BESIDE, _INSTEAD = "beside the figures", "instead of the figures"
 
 _LEAST_ADDRESS = 9
+_LEAST_BESIDE_LIST = 4
+"""So little is left of addresses where the list would have to be cut."""
 _ADDRESSES = ("source", "destination")
 _UNKNOWN = "?"
 _EVERYBODY = int(IPV4_HIGH)  # 255.255.255.255, and the upper half of every IPv4 address
@@ -100,6 +101,11 @@ class _Fitted:
     def to_service(self) -> int:
         """How many columns there are up to the service; behind it come figures."""
         return 1 + next(place for place, column in enumerate(self.columns) if column.name == "service")
+
+    @property
+    def to_list(self) -> int:
+        """How many columns there are up to list and SubIndex."""
+        return self.to_service - 1
 
     def width(self, count: int) -> int:
         """Return how wide the first ``count`` columns are together."""
@@ -187,7 +193,8 @@ class LineWriter:
             if surplus <= 0:
                 return fitted
             if self._form + 1 == len(_FORMS):
-                return _with_short_addresses(fitted, surplus, self._names.values())
+                beyond = fitted.width(fitted.to_list) - (self._width or 0)
+                return _with_short_addresses(fitted, surplus, beyond, self._names.values())
             self._form += 1
             self._widths = {name: self._widths[name] for name in (_BESIDE, _INSTEAD) if name in self._widths}
 
@@ -248,21 +255,23 @@ def _places(code: list[int], index: list[int], subindex: list[int], subindex_wor
     return [_Column("list", [f"{name} {number}/{sub}" for name, number, sub in triples], Tone.STRONG)]
 
 
-def _with_short_addresses(fitted: _Fitted, surplus: int, names: Collection[str]) -> _Fitted:
+def _with_short_addresses(fitted: _Fitted, surplus: int, beyond: int, names: Collection[str]) -> _Fitted:
     """Take ``surplus`` columns away from the addresses, from the wider one first, as far as they can give them.
 
-    What all ``names`` of nodes have in common goes first: whichever of them a piece has, they are cut alike.
+    They give more for the ``beyond`` columns by which the list ends behind the edge. What all ``names`` of nodes have
+    in common goes first: whichever of them a piece has, they are cut alike.
     """
     columns, widths = list(fitted.columns), list(fitted.widths)
     places = [place for place, column in enumerate(columns) if column.name in _ADDRESSES]
-    for _ in range(surplus):
+    # Two more are for a blank behind the list and the ellipsis of what follows it.
+    for taken in range(surplus):
         widest = max(places, key=widths.__getitem__)
-        if widths[widest] <= _LEAST_ADDRESS:
+        if widths[widest] <= (_LEAST_BESIDE_LIST if taken <= beyond + 1 else _LEAST_ADDRESS):
             break
         widths[widest] -= 1
     for place in places:
         forms = short_names(names, widths[place])
-        texts = [forms[text] if text in forms else shorten(text, widths[place]) for text in columns[place].texts]
+        texts = [forms.get(text) or short_address(text, widths[place]) for text in columns[place].texts]
         columns[place] = columns[place]._replace(texts=texts)
     return _Fitted(columns, widths, fitted.tails)
 

@@ -10,15 +10,10 @@ import unicodedata
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain, count
 
-from nvscope.view.lines.text_width import beside_escape, display_width, head, tail
+from nvscope.view.lines.text_width import HEXADECIMAL, beside_escape, display_width, head, tail
 
 _ELLIPSIS = "…"
 _DIGITS = "0123456789"
-_HEXADECIMAL = re.compile(
-    r"0x[0-9a-f]+|16#[0-9a-f]+|(?<![0-9a-z])(?:[0-9]+[a-f]|[a-f]+[0-9])[0-9a-f]*(?![0-9a-z])", re.IGNORECASE
-)
-"""Numbers with letters in them, which stand alone or say what they are."""
-
 _LEAST_GAIN = 2
 """So many characters a common part must have: the ellipsis takes the place of one."""
 
@@ -108,7 +103,7 @@ def _is_border(name: str, at: int, *, whole_words: bool) -> bool:
         return True
     if beside_escape(name, at) != at:
         return False
-    if any(begin < at < end for begin, end in map(re.Match.span, _HEXADECIMAL.finditer(name))):
+    if any(begin < at < end for begin, end in map(re.Match.span, HEXADECIMAL.finditer(name))):
         return False
     last, following = name[at - 1], name[at]
     if following.isdigit():
@@ -129,6 +124,23 @@ def _ends(text: str, width: int) -> str:
     if text[-len(last) - 1].isdecimal():
         last = last.lstrip(_DIGITS) or last
     return f"{first}{_ELLIPSIS}{last}"
+
+
+def short_address(text: str, width: int) -> str:
+    """Return an address in at most ``width`` columns: both its ends, or its end where there is no room for more.
+
+    Of a number all is left or nothing; of a text without numbers, its start.
+    """
+    if display_width(text) <= width:
+        return text
+    if not any(character in _DIGITS or character == ":" for character in text):
+        return f"{head(text, width - 1)}{_ELLIPSIS}"
+    borders = [at for at in range(len(text)) if not (at and text[at - 1].isalnum() and text[at].isalnum())]
+    for first in (max(at for at in borders if at <= width // 2), 0):
+        last = min((at for at in borders if at >= len(text) - (width - 1 - first)), default=len(text))
+        if last < len(text):
+            return f"{text[:first]}{_ELLIPSIS}{text[last:]}"
+    return _ELLIPSIS
 
 
 def _mostly_end(text: str, width: int) -> str:

@@ -14,7 +14,7 @@ from functools import cache
 from typing import NamedTuple
 
 from nvscope.view.lines.short_names import bare_width, short_names
-from nvscope.view.lines.text_width import display_width, head, shorten
+from nvscope.view.lines.text_width import beside_escape, display_width, head, shorten
 
 GAP = 2
 NOTHING = "-"
@@ -190,7 +190,7 @@ def wrap(cells: Iterable[Cell], width: int, indent: int = 0, hanging: int | None
 
     Spaces that group digits or stand before a percent sign are no place to break, nor is ``NO_BREAK``, which becomes a
     space. ``indent`` spaces go before the first line, ``hanging`` (else the same) before the others. A word wider than
-    a line is broken anywhere.
+    a line is broken behind a hyphen, underscore, dot or slash, else anywhere but in front of a comma and the like.
     """
     following = indent if hanging is None else hanging
     parts = list(cells)
@@ -228,12 +228,31 @@ def _broken(text: str, words: Sequence[tuple[int, int]], first: int, others: int
                 yield start, end
                 start, room = word_start, others
             while display_width(text[start:word_end]) > room:
-                end = start + max(1, len(head(text[start:word_end], room)))
+                end = start + _break_inside(text[start:word_end], room)
                 yield start, end
                 start, room = end, others
         end = word_end
     if end > start:
         yield start, end
+
+
+_SEAM = re.compile(r"[-_/](?=\w)|\.(?=[^\W\d])")
+_CLOSING = ",.;:!?)]"
+_LEAST_FILLED = 3
+"""A line of which less than its third would be filled is no gain."""
+
+
+def _break_inside(word: str, room: int) -> int:
+    """Return how many characters of a word that is wider than ``room`` go on the line that has it."""
+    most = max(1, len(head(word, room)))
+    seams = [seam.end() for seam in _SEAM.finditer(word, 0, most + 1) if seam.end() <= most]
+    for at in reversed(seams):
+        if at * _LEAST_FILLED >= most and beside_escape(word, at) == at:
+            return at
+    at = most
+    while at > 1 and word[at] in _CLOSING:
+        at -= 1
+    return at if beside_escape(word, at) == at else most
 
 
 def _slice(cells: Sequence[Cell], start: int, end: int) -> list[Cell]:

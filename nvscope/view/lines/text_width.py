@@ -24,6 +24,16 @@ def _character_width(character: str) -> int:
 _ESCAPE = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|.)")
 
 
+HEXADECIMAL = re.compile(
+    r"0x[0-9a-f]+|16#[0-9a-f]+|(?<![0-9a-z])(?:[0-9]+[a-f]|[a-f]+[0-9])[0-9a-f]*(?![0-9a-z])", re.IGNORECASE
+)
+"""Numbers with letters in them, which stand alone or say what they are."""
+
+_NUMBER = re.compile(rf"{HEXADECIMAL.pattern}|[0-9]+", re.IGNORECASE)
+_MOST_DIGITS = 24
+"""What has more of them is bytes."""
+
+
 def shorten(text: str, width: int) -> str:
     """Return ``text``, with an ellipsis in place of its middle where it is wider than ``width`` (at least 1)."""
     if display_width(text) <= width:
@@ -51,6 +61,15 @@ def beside_escape(text: str, place: int, *, behind: bool = False) -> int:
         for begin, end in (escape.span() for escape in _ESCAPE.finditer(text)):
             if begin < place < end:
                 return end if behind else begin
+    return place
+
+
+def beside_number(text: str, place: int) -> int:
+    """Return ``place``, or, where a number would lose its end or seem to, the place in front of that: 12 is not 1."""
+    if 0 < place < len(text) and text[place - 1].isalnum():
+        for begin, end in (number.span() for number in _NUMBER.finditer(text)):
+            if begin < place <= end and end - begin <= _MOST_DIGITS:
+                return begin
     return place
 
 

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nvscope.view.escape import visible
-from nvscope.view.lines.short_names import bare_width, short_names
+from nvscope.view.lines.short_names import bare_width, short_address, short_names
 from nvscope.view.lines.text_width import display_width
 
 STATIONS = [f"GVL_NetVars_Conveyor_Station{number:02}_Send" for number in (1, 2, 13)]
@@ -74,3 +74,17 @@ def test_where_no_way_of_cutting_tells_names_apart_they_have_numbers() -> None:
     alike = [f"{'a' * 10}{first}{'b' * 10}{second}{'c' * 10}" for first in "12" for second in "12"]
     forms = short_names([*alike, "q" * 40], 10)
     assert [forms[name] for name in alike] == ["aaaaa…cccc", "aa…ccccccc", "aaaaaaa…cc", "aaaaaaaa…2"]
+
+
+@pytest.mark.parametrize(
+    ("address", "width", "told"),
+    [
+        ("192.168.100.12", 9, "192.….12"),
+        ("192.168.1.12", 5, "…1.12"),
+        ("02:00:00:00:00:0a", 9, "02:…00:0a"),
+        ("broadcast", 6, "broad…"),
+        ("10.0.0.1", 8, "10.0.0.1"),
+    ],
+)
+def test_addresses_are_cut_between_their_numbers(address: str, width: int, told: str) -> None:
+    assert short_address(address, width) == told

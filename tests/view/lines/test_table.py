@@ -146,3 +146,31 @@ def test_paragraphs_fit_and_lose_no_character(parts: list[tuple[str, Tone]], wid
     texts = plain(lines)
     assert all(display_width(text) <= width for text in texts)
     assert "".join(texts).replace(" ", "") == "".join(text for text, _ in parts).replace(" ", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "told"),
+    [
+        ("list 12 sub 0", 7, "list …"),
+        ("list 12 sub 0", 9, "list 12 …"),
+        ("EtherType 0x88cc, 56 bytes", 15, "EtherType …"),
+        ("#1234", 4, "#…"),
+    ],
+)
+def test_lines_are_cut_between_numbers(text: str, width: int, told: str) -> None:
+    cells = [Cell(text[:6]), Cell(text[6:])]
+    assert plain([cut(cells, width)]) == [told]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("Hall-10-Line-10-Press-10, 10.0.0.1", ["Hall-10-Line-10-", "Press-10, 10.0.0.1"]),
+        ("lists[].interval_ns.p95", ["lists[].interval_", "ns.p95"]),
+        ("lists[].streams.p95", ["lists[].streams.", "p95"]),
+        ("abcdefghijklmnopqr, x", ["abcdefghijklmnopq", "r, x"]),
+        ("abcdefghijklmnopqrst", ["abcdefghijklmnopqr", "st"]),
+    ],
+)
+def test_words_wider_than_a_line_break_at_their_seams_and_keep_their_comma(text: str, told: list[str]) -> None:
+    assert plain(wrap([Cell(text)], 18)) == told
