@@ -38,6 +38,7 @@ from nvscope.cli.sources import (
     with_channels,
 )
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, tables_are_wide, tell, width
+from nvscope.cli.undecoded import tell_of_truncated, tell_of_unfitting
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -251,42 +252,12 @@ def _last_values(asked: _Asked, listed: str | None) -> _Read:
             some_came=some_came, of_one_list=keys is not None,
         ),
     )  # fmt: skip
-    _tell_of_unfitting(undecoded.unfitting, undecoded.unlike_known_part)
+    tell_of_unfitting(undecoded.unfitting, undecoded.unlike_known_part)
     if undecoded.truncated:
-        _tell_of_truncated(undecoded.truncated)
+        tell_of_truncated(undecoded.truncated)
     if listed is None:
         tell_of_missing(asked.inquiry, seen)
     return _Read(found.infos, [bus.channel for bus in found.summary.can.buses])
-
-
-def _tell_of_truncated(count: int) -> None:
-    from nvscope import units
-    from nvscope.findings.header import TRUNCATED_BY_CAPTURE
-
-    told = units.count_of(count, "telegram")
-    echo(f"nvscope: {told} of defined lists not captured whole, not decoded ({TRUNCATED_BY_CAPTURE.code}).", err=True)
-
-
-def _tell_of_unfitting(count: int, unlike_known_part: int) -> None:
-    from nvscope import units
-    from nvscope.findings.can import DLC_MISMATCH
-    from nvscope.findings.definition import DEFINITION_MISMATCH
-
-    if count:
-        told = units.count_of(count, "telegram")
-        echo(
-            f"nvscope: {told} of another shape than the definition has, not decoded; "
-            "`nvscope report` with the same definitions tells where they differ "
-            f"({DEFINITION_MISMATCH.code}, on CAN {DLC_MISMATCH.code}).",
-            err=True,
-        )
-    if unlike_known_part:
-        told = units.count_of(unlike_known_part, "telegram")
-        echo(
-            f"nvscope: {told} not even of the shape that the known part of the definition has, not decoded: SubIndex, "
-            "Items or Length differ.",
-            err=True,
-        )
 
 
 def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read:
@@ -326,7 +297,7 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read
     out.flush()
     if changes.unplaced:
         echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
-    _tell_of_unfitting(history.unfitting, history.unlike_known_part)
+    tell_of_unfitting(history.unfitting, history.unlike_known_part)
     if listed is None:
         tell_of_missing(asked.inquiry, changes.seen)
     return _Read.of(changes.source)

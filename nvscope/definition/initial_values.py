@@ -1,8 +1,7 @@
 """Initial values that are written as a number which their type cannot hold, whatever it stands for.
 
-A number with a base that has the bits of a type may be meant as these (``INT := 16#FFFF``): it is none of these. What
-hangs on names is not looked at, nor are values of what is declared elsewhere;
-of an array, numbers that stand alone are.
+A number with a base that has the bits of a type may be meant as these (``INT := 16#FFFF``): it is none of these. Of an
+array, numbers that stand alone are looked at; what hangs on names is not, nor are values of what is declared elsewhere.
 """
 
 from __future__ import annotations
