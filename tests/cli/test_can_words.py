@@ -75,3 +75,14 @@ def test_notebooks_have_channels_and_cob_ids(tmp_path: Path) -> None:
     assert set(captures.lists["channel"]) <= {"can0", "can1"}
     assert captures.lists["port"].null_count() == captures.lists.height
     assert captures.streams["cob_id"].null_count() == 0
+
+
+def test_of_an_error_frame_that_is_told_alone_no_identifier_and_no_bytes_are_made_up(tmp_path: Path) -> None:
+    log = tmp_path / "a.asc"
+    log.write_text(
+        "date Mon Nov 23 10:00:00.000 2026\nbase hex  timestamps absolute\ninternal events logged\n"
+        "   0.100000 1  ErrorFrame\n   0.200000 1  123             Rx   d 2 01 02\n"
+    )
+    error, data = (line.split() for line in run("packets", str(log)).out.splitlines())
+    assert error[2:] == ["can1", "?", "[?]", "error", "error", "frame,", "class", "not", "recorded"]
+    assert data[2:] == ["can1", "123", "[2]", "01", "02"]

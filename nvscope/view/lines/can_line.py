@@ -8,7 +8,7 @@ from dissectors.can.frame import MAX_DATA_BYTES, Fault
 from nvscope.view.escape import visible
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments
-from nvscope.view.lines.can_words import UNTOLD, Meanings, flags_of, identifier_texts
+from nvscope.view.lines.can_words import UNTOLD, Meanings, flags_of, identifier_texts, without_class
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
 from nvscope.view.lines.shown import NO_WORDING, Wording
@@ -46,6 +46,7 @@ class CanLineWriter:
     def lines(self, rows: FrameRows) -> Iterator[Line]:
         """Yield the lines of rows that are all CAN frames."""
         frames = rows.can
+        nothing_told = without_class(frames)
         channels = {number: rows.channel(number) for number in set(frames.channel.tolist())}
         names = {number: str(visible(name)) for number, name in channels.items()}
         columns = [
@@ -54,8 +55,10 @@ class CanLineWriter:
             [names[number] for number in frames.channel.tolist()],
             identifier_texts(frames),
             [
-                f"[{UNTOLD if fault == Fault.SHORT else length}]"
-                for length, fault in zip(frames.length.tolist(), frames.fault.tolist(), strict=True)
+                f"[{UNTOLD if blank or fault == Fault.SHORT else length}]"
+                for length, fault, blank in zip(
+                    frames.length.tolist(), frames.fault.tolist(), nothing_told.tolist(), strict=True
+                )
             ],
         ]
         self._grow(columns)
@@ -69,7 +72,7 @@ class CanLineWriter:
         numbers = rows.frame_number.tolist()
         for row, (number, time, channel, identifier, length) in enumerate(zip(*columns, strict=True)):
             meaning = self._meanings.of(channels[int(frames.channel[row])], frames, row, numbers[row])
-            data = "" if frames.remote[row] else frames.payload(row).hex(" ").upper()
+            data = "" if frames.remote[row] or nothing_told[row] else frames.payload(row).hex(" ").upper()
             flags = flags_of(frames, row)
             line = [
                 Cell(f"{number:>{self._widths[0]}}", Tone.FAINT),

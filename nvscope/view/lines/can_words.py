@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dissectors.batch import Bool
 from dissectors.can.canopen import describe
 from dissectors.can.error import describe_error
 from dissectors.can.frame import FD_LENGTHS, MAX_DATA_BYTES, CanBatch, Fault
@@ -37,12 +38,21 @@ class Meaning:
 
 
 def identifier_texts(frames: CanBatch) -> list[str]:
-    """Return identifiers in hexadecimal digits, as candump writes them: 3, or 8 of extended ones; ? where unknown."""
-    columns = frames.identifier, frames.extended | frames.error, frames.fault == Fault.SHORT
+    """Return identifiers in hexadecimal digits, as candump writes them: 3, or 8 of extended ones; ? where unknown.
+
+    Of an error frame these are its classes.
+    """
+    columns = frames.identifier, frames.extended | frames.error, (frames.fault == Fault.SHORT) | without_class(frames)
     return [
         UNTOLD if short else f"{identifier:08X}" if extended else f"{identifier:03X}"
         for identifier, extended, short in zip(*(column.tolist() for column in columns), strict=True)
     ]
+
+
+def without_class(frames: CanBatch) -> Bool:
+    """Return which are error frames of which nobody recorded anything else: their bytes are a reader's."""
+    blank: Bool = frames.error & (frames.identifier == 0)
+    return blank
 
 
 def flags_of(frames: CanBatch, row: int) -> str:
