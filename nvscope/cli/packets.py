@@ -114,6 +114,7 @@ def packets(
     to_time: ToTimeOption = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
+    wide: Annotated[bool, typer.Option("--wide", help="Whole lines, however wide the terminal is.")] = False,
 ) -> None:
     """Show the telegrams of a capture one by one: as lines, trees, bytes, or as records for programs.
 
@@ -159,7 +160,7 @@ def packets(
     canopen = CanOpenSince(pdos.cob_ids if pdos else ())
     make = _face(
         output, trees, dumps, named, settings or (), moment, colour_wanted(colour),
-        {} if no_names else plant.node_names, inquiry, pdos, canopen, all_frames=all_frames,
+        {} if no_names else plant.node_names, inquiry, pdos, canopen, all_frames=all_frames, wide=wide,
     )  # fmt: skip
 
     from nvscope import units
@@ -239,6 +240,7 @@ def _face(
     canopen: CanOpenSince,
     *,
     all_frames: bool,
+    wide: bool,
 ) -> Callable[[Source], Face]:
     """Return what makes the form that was asked for; UsageError where options contradict each other."""
     chosen_format = output or ("fields" if named else "text")
@@ -257,8 +259,8 @@ def _face(
 
         layouts = inquiry.layouts if trees and inquiry else None
         text = Text(
-            trees=trees, dumps=dumps, moment=moment, width=_line_width(), colour=colour, layouts=layouts,
-            names=node_names, pdos=pdos, canopen=canopen,
+            trees=trees, dumps=dumps, moment=moment, width=None if wide else _line_width(), colour=colour,
+            layouts=layouts, names=node_names, pdos=pdos, canopen=canopen,
         )  # fmt: skip
         return lambda _: text
 

@@ -35,3 +35,11 @@ def test_the_list_goes_before_long_addresses_and_is_never_cut_inside_its_number(
     telegrams = [line for line in lines if "→" in line]
     assert telegrams
     assert all("  list 12/0" in line and len(line) <= 40 for line in telegrams)
+
+
+def test_whole_lines_are_there_where_they_are_asked_for() -> None:
+    narrow, wide = (on_terminal(["packets", PLANT, "-c", "3", *more], 40) for more in ([], ["--wide"]))
+    assert max(map(len, narrow.splitlines())) <= 40
+    assert "…" in narrow
+    assert "…" not in wide
+    assert "broadcast" in wide
