@@ -294,6 +294,8 @@ def _stopped(facts: Facts, entry: AnyList, stream: AnyStream) -> Iterator[Findin
         return
     longest_ns, times = max(silence.length_ns for silence in silences), len(silences)
     when = f"for the last {duration(longest_ns)}"
+    if silences[-1].until_ns < facts.at_ns:
+        when += " of a capture"
     if times > 1:
         when = f"at the ends of {times} captures, for up to {duration(longest_ns)}"
     message = f"Silent {when}; {_nominal(facts, entry, stream)}."

@@ -109,7 +109,7 @@ def test_what_begins_again_behind_a_hole_is_no_restart_and_a_stop_before_it_is_t
     first, second = [*cyclic(0, 5), *cyclic(0, 10, list_id=8)], later(cyclic(0, 10), DAY)
     (finding,) = (one for one in judge(state_of(tmp_path, [first, second])) if one.list_number is not None)
     assert told(finding)[:2] == ("NV504", 1)
-    assert finding.message.startswith("Silent for the last 5.0 s")
+    assert finding.message.startswith("Silent for the last 5.0 s of a capture; ")
 
 
 def test_files_that_follow_each_other_are_one_capture(tmp_path: Path) -> None:
