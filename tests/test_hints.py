@@ -29,8 +29,7 @@ PEERS = ROOT / "captures" / "peers"
 FILLED_IN = {
     "{definitions[0]}": "axis.gvl",
     "{' '.join(map(shlex.quote, files))}": "axis.gvl counters.gvl",
-    "{visible(shlex.quote(before.last))}": "a.pcap",
-    "{visible(shlex.quote(behind.first))}": "a.pcap",
+    "{_files_of(one)}": "a.pcap",
     "FILE.pcap": "new.pcap",
     "FILE": "a.pcap",
     "CODE": "NV201",

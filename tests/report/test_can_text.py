@@ -56,7 +56,7 @@ def test_no_line_is_wider_than_the_terminal_nor_ends_in_blanks(log: Path, width:
 def test_what_a_frame_means_goes_before_its_last_bytes(log: Path) -> None:
     lines = shown(log, (AXIS,), 60).splitlines()
     assert lines[7].split()[5:] == ["00", "00", "…", "error", "bus", "off"]
-    assert lines[5].endswith("…  FD BRS ESI")
+    assert lines[5].split()[-4:] == ["…", "FD", "BRS", "ESI"]
 
 
 def test_lengths_of_one_and_two_digits_stand_below_each_other(log: Path) -> None:
