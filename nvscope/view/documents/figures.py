@@ -69,12 +69,16 @@ class FigureRow:
             self._together += [*_together(alone), inner.columns]
             alone = []
         self._together += _together(alone)
+        part, *others = {figure.held[0] if figure.held else "" for figure in alone} or {""}
+        # Of one thing at a time, too, one look is faster than several.
+        at_once = part and not others and len(alone) == len(self.shape) > 1
+        self._one = _at_once(part, alone) if at_once else None
 
     def read(self, measured: Measured) -> dict[str, Any]:
         """Return the figures of what was measured; None for what is not known."""
-        if any(self.shape.values()):
+        if self._one is None:
             return {key: read(measured) for key, read in self.reads.items()}
-        return dict(zip(self.shape, [value for (value,) in self.columns([measured])], strict=True))
+        return dict(zip(self.shape, self._one(measured), strict=True))
 
     def columns(self, measured: Sequence[Measured]) -> list[Sequence[Any]]:
         """Return the same of many things as columns: one of each figure, in the order of the keys."""
@@ -119,18 +123,45 @@ def _one_by_one(figures: Sequence[Figure]) -> _Columns:
     return lambda measured: [[read(one) for one in measured] for read in reads]
 
 
-def _held(part: str, figures: Sequence[Figure]) -> _Columns:
+def _at_once(part: str, figures: Sequence[Figure]) -> Callable[[Measured], Sequence[Any]]:
+    """Return what reads figures of one thing that one part of it has."""
+    whole, look = attrgetter(part), _look(part, figures)
+    nothing = (None,) * len(figures)
+    times = [place for place, figure in enumerate(figures) if figure.unit == "time"]
+    extremes = [place for place, figure in enumerate(figures) if figure.extreme]
+
+    def read(measured: Measured) -> Sequence[Any]:
+        holder = whole(measured)
+        if not holder:
+            return nothing
+        found = list(look(holder))
+        for place in times:
+            found[place] = time_text(found[place])
+        if extremes and not measured.extremes:
+            for place in extremes:
+                found[place] = None
+        return found
+
+    return read
+
+
+def _look(part: str, figures: Sequence[Figure]) -> Callable[[Any], Sequence[Any]]:
     names = [figure.held[1] for figure in figures if figure.held]
+    look: Callable[[Any], Sequence[Any]] = itemgetter(*names) if part == "counters" else attrgetter(*names)
+    return look
+
+
+def _held(part: str, figures: Sequence[Figure]) -> _Columns:
     assert not any(figure.unit in ROUNDED for figure in figures), "no part has figures that are rounded"
-    if len(names) == 1:
+    if len(figures) == 1:
         return _one_by_one(figures)
-    whole, look = attrgetter(part), itemgetter(*names) if part == "counters" else attrgetter(*names)
-    nothing = (None,) * len(names)
+    whole, look = attrgetter(part), _look(part, figures)
+    nothing = (None,) * len(figures)
 
     def columns(measured: Sequence[Measured]) -> list[Sequence[Any]]:
         # Who counts nothing has no counters.
         found = [look(holder) if holder else nothing for holder in map(whole, measured)]
-        told: list[Sequence[Any]] = list(zip(*found, strict=True)) if found else [()] * len(names)
+        told: list[Sequence[Any]] = list(zip(*found, strict=True)) if found else [()] * len(figures)
         for place, figure in enumerate(figures):
             if figure.unit == "time":
                 told[place] = list(map(time_text, told[place]))
