@@ -63,15 +63,24 @@ TRUNCATED: Mapping[str, Scalar] = MappingProxyType({"TRUNC": SCALARS["DINT"], "T
 """The types of what functions make of a real by cutting it off."""
 
 
-def _arithmetic(compute: Callable[[Value, Value], Value | str]) -> Callable[[Operand, Operand], Result]:
-    """Return a sum, difference or product of operands, which is unknown where it is not the same in all widths."""
+def _computed(
+    compute: Callable[[Value, Value], Value | str], of_integers: Callable[[int, Operand, Operand], Result]
+) -> Callable[[Operand, Operand], Result]:
+    """Return what two operands make; what that is where it is no real hangs on their types."""
 
     def of(left: Operand, right: Operand) -> Result:
         value = compute(left.value, right.value)
         if isinstance(value, str):
             return value
-        if isinstance(value, float):
-            return Operand(value)
+        return Operand(value) if isinstance(value, float) else of_integers(value, left, right)
+
+    return of
+
+
+def _arithmetic(compute: Callable[[Value, Value], Value | str]) -> Callable[[Operand, Operand], Result]:
+    """Return a sum, difference or product of operands, which is unknown where it is not the same in all widths."""
+
+    def of_integers(value: int, left: Operand, right: Operand) -> Result:
         long = is_long(left) or is_long(right)
         unsigned = any(is_unsigned(each, size) for each in (left, right) for size in ((8,) if long else (4, 8)))
         low, high = LINT if long else DINT
@@ -83,22 +92,17 @@ def _arithmetic(compute: Callable[[Value, Value], Value | str]) -> Callable[[Ope
         # What is shorter than 32 bits is computed with more.
         return found if found.kind is not None and found.kind.size_bytes >= 4 else Operand(value)
 
-    return of
+    return _computed(compute, of_integers)
 
 
 def _divided(compute: Callable[[Value, Value], Value | str]) -> Callable[[Operand, Operand], Result]:
     """Return a quotient or remainder, which is unknown of a negative and an unsigned number of 32 bits or more."""
 
-    def of(left: Operand, right: Operand) -> Result:
-        value = compute(left.value, right.value)
-        if isinstance(value, str):
-            return value
-        if isinstance(value, float):
-            return Operand(value)
+    def of_integers(value: int, left: Operand, right: Operand) -> Result:
         unsigned = any(is_unsigned(each, size) for each in (left, right) for size in (4, 8))
         return OF_TYPE if unsigned and min(left.value, right.value) < 0 else of_kind(value, left, right)
 
-    return of
+    return _computed(compute, of_integers)
 
 
 def quotient(left: Value, right: Value) -> Value:

@@ -125,19 +125,24 @@ def _one_by_one(figures: Sequence[Figure]) -> _Columns:
 
 def _at_once(part: str, figures: Sequence[Figure]) -> Callable[[Measured], Sequence[Any]]:
     """Return what reads figures of one thing that one part of it has."""
-    whole, look = attrgetter(part), _look(part, figures)
-    nothing = (None,) * len(figures)
+    assert not any(figure.unit in ROUNDED for figure in figures), "no part has figures that are rounded"
+    names = [figure.held[1] for figure in figures if figure.held]
+    whole, look = attrgetter(part), itemgetter(*names) if part == "counters" else attrgetter(*names)
+    nothing = (None,) * len(names)
     times = [place for place, figure in enumerate(figures) if figure.unit == "time"]
     extremes = [place for place, figure in enumerate(figures) if figure.extreme]
 
     def read(measured: Measured) -> Sequence[Any]:
         holder = whole(measured)
-        if not holder:
+        if not holder:  # who counts nothing has no counters
             return nothing
-        found = list(look(holder))
+        found = look(holder)
+        if not times and (measured.extremes or not extremes):
+            return found
+        found = list(found)
         for place in times:
             found[place] = time_text(found[place])
-        if extremes and not measured.extremes:
+        if not measured.extremes:
             for place in extremes:
                 found[place] = None
         return found
@@ -145,33 +150,11 @@ def _at_once(part: str, figures: Sequence[Figure]) -> Callable[[Measured], Seque
     return read
 
 
-def _look(part: str, figures: Sequence[Figure]) -> Callable[[Any], Sequence[Any]]:
-    names = [figure.held[1] for figure in figures if figure.held]
-    look: Callable[[Any], Sequence[Any]] = itemgetter(*names) if part == "counters" else attrgetter(*names)
-    return look
-
-
 def _held(part: str, figures: Sequence[Figure]) -> _Columns:
-    assert not any(figure.unit in ROUNDED for figure in figures), "no part has figures that are rounded"
     if len(figures) == 1:
         return _one_by_one(figures)
-    whole, look = attrgetter(part), _look(part, figures)
-    nothing = (None,) * len(figures)
-
-    def columns(measured: Sequence[Measured]) -> list[Sequence[Any]]:
-        # Who counts nothing has no counters.
-        found = [look(holder) if holder else nothing for holder in map(whole, measured)]
-        told: list[Sequence[Any]] = list(zip(*found, strict=True)) if found else [()] * len(figures)
-        for place, figure in enumerate(figures):
-            if figure.unit == "time":
-                told[place] = list(map(time_text, told[place]))
-            if figure.extreme:
-                told[place] = [
-                    value if one.extremes else None for value, one in zip(told[place], measured, strict=True)
-                ]
-        return told
-
-    return columns
+    read = _at_once(part, figures)
+    return lambda measured: list(zip(*map(read, measured), strict=True))
 
 
 COUNTED_OF_LIST = FigureRow((*DIAGNOSIS, *LIST_COUNTERS), Of.LIST)
