@@ -17,10 +17,11 @@ import socket
 import struct
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 COMMAND = (sys.executable, "-m", "nvscope")
 
@@ -30,15 +31,19 @@ _ANSWER = struct.Struct("!i")
 
 
 def run(
-    *words: str | Path, cwd: Path | None = None, stdin: bytes = b"", environment: Mapping[str, str] | None = None
+    *words: str | Path,
+    cwd: Path | None = None,
+    stdin: bytes = b"",
+    environment: Mapping[str, str] | None = None,
+    encoding: str = "utf-8",
 ) -> subprocess.CompletedProcess[bytes]:
     """Run ``nvscope`` with these words; ``environment`` is what is to differ from that of the tests."""
     asked = [str(word) for word in words]
-    request = {"words": asked, "cwd": str(cwd or Path.cwd()), "environment": {**os.environ, **(environment or {})}}
+    request = _request(asked, cwd, {"PYTHONIOENCODING": encoding, **(environment or {})})
     if not hasattr(os, "fork"):
         return subprocess.run(
             [*COMMAND, *asked], input=stdin, capture_output=True, check=False, timeout=_LONGEST_S,
-            cwd=request["cwd"], env={**request["environment"], "PYTHONUTF8": "1"},
+            cwd=request["cwd"], env=request["environment"],
         )  # fmt: skip
     (their_in, our_in), (our_out, their_out), (our_err, their_err) = os.pipe(), os.pipe(), os.pipe()
     # A pipe holds little: to serve one after the other would be to wait for each other.
@@ -53,13 +58,51 @@ def run(
         return subprocess.CompletedProcess([*COMMAND, *asked], code, out.result(), err.result())
 
 
+def run_on_terminal(
+    *words: str, columns: int, encoding: str = "utf-8", stream: str = "stdout", environment: Mapping[str, str]
+) -> str:  # fmt: skip
+    """Return what ``nvscope`` writes to a stream that is a terminal of so many columns; nobody reads the other one."""
+    import fcntl  # noqa: PLC0415  # none of them is on Windows
+    import pty  # noqa: PLC0415
+    import termios  # noqa: PLC0415
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 50, columns, 0, 0))
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    out, err = (theirs if name == stream else nowhere for name in ("stdout", "stderr"))
+    request = _request(words, None, {"PYTHONIOENCODING": encoding, **environment})
+    with ThreadPoolExecutor(1) as terminal:
+        told = terminal.submit(_read_terminal, ours)
+        try:
+            _server().run(json.dumps(request), (nowhere, out, err))
+        finally:
+            for end in (theirs, nowhere):
+                os.close(end)
+        return told.result().decode(encoding).replace("\r\n", "\n")
+
+
+def _request(words: Sequence[str], cwd: Path | None, environment: Mapping[str, str]) -> dict[str, Any]:
+    """Return what the server is asked to run; a variable that is '' is not there."""
+    known = {name: value for name, value in {**os.environ, **environment}.items() if value}
+    return {"words": list(words), "cwd": str(cwd or Path.cwd()), "environment": known}
+
+
 def run_text(
-    *words: str | Path, cwd: Path | None = None, environment: Mapping[str, str] | None = None
+    *words: str | Path, cwd: Path | None = None, stdin: bytes = b"", environment: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Run ``nvscope`` and return what it wrote as text, with the line ends of this system as line feeds."""
-    done = run(*words, cwd=cwd, environment=environment)
+    done = run(*words, cwd=cwd, stdin=stdin, environment=environment)
     out, err = (wrote.decode("utf-8").replace(os.linesep, "\n") for wrote in (done.stdout, done.stderr))
     return subprocess.CompletedProcess(done.args, done.returncode, out, err)
+
+
+def _read_terminal(terminal: int) -> bytes:
+    told = b""
+    with contextlib.suppress(OSError):  # which is how a terminal ends
+        while part := os.read(terminal, 65_536):
+            told += part
+    os.close(terminal)
+    return told
 
 
 def _write(pipe: int, content: bytes) -> None:

@@ -54,7 +54,10 @@ def become(request: dict[str, Any], streams: list[int]) -> None:
     for place, stream in enumerate(streams):
         os.dup2(stream, place)
         os.close(stream)
-    sys.stdin, sys.stdout, sys.stderr = open(0, closefd=False), open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
+    coding, _, errors = request["environment"].get("PYTHONIOENCODING", "utf-8").partition(":")
+    sys.stdin = open(0, encoding=coding, errors=errors or None, closefd=False)  # noqa: SIM115
+    sys.stdout = open(1, "w", encoding=coding, errors=errors or None, closefd=False)  # noqa: SIM115
+    sys.stderr = open(2, "w", encoding=coding, errors="backslashreplace", closefd=False)  # noqa: SIM115
     os.environ.clear()
     os.environ.update(request["environment"])
     time.tzset()

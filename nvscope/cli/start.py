@@ -7,7 +7,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import NoReturn
 
-_NO_MEMORY = b"nvscope: there is not enough memory to start\n"
+_NO_MEMORY = b"nvscope: there is not enough memory to start, or to say what there is too little of\n"
+_CAPTURE = 5  # ExitCode.CAPTURE, which may be what could not be imported
 
 
 def main() -> "NoReturn":
@@ -24,5 +25,12 @@ def main() -> "NoReturn":
         if isinstance(error, OSError) and error.errno != errno.ENOMEM:
             raise
         os.write(2, _NO_MEMORY)
-        os._exit(5)  # ExitCode.CAPTURE, which may be what could not be imported
-    run()
+        os._exit(_CAPTURE)
+    try:
+        run()
+    except (MemoryError, SystemError):  # the interpreter raises the second where it has no memory for the first
+        import os
+        import sys
+
+        os.write(2, _NO_MEMORY)
+        sys.exit(_CAPTURE)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from nvscope.cli.encodings import MARKS
-from tests.program import COMMAND
+from tests.program import COMMAND, run
 
 ROOT = Path(__file__).parents[2]
 PLANT, PEERS = ROOT / "captures" / "plant.pcapng.gz", ROOT / "captures" / "peers"
@@ -35,17 +36,28 @@ VERBS: dict[str, list[str]] = {
 }
 
 
-def run(words: list[str], **environment: str) -> subprocess.CompletedProcess[bytes]:
-    plain = {"PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT), "COLUMNS": "100", "TZ": "UTC"}
-    return subprocess.run([*COMMAND, *words], capture_output=True, check=False, env=plain | environment, timeout=60)
+PLAIN = {"COLUMNS": "100", "TZ": "UTC"}
+
+
+@cache
+def told_in(encoding: str, verb: str) -> subprocess.CompletedProcess[bytes]:
+    return run(*VERBS[verb], environment=PLAIN, encoding=encoding)
+
+
+def told_where(verb: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
+    """Run a verb where the environment tells the interpreter at its start what encoding its streams have."""
+    known = {"PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT), **PLAIN, **environment}
+    return subprocess.run([*COMMAND, *VERBS[verb]], capture_output=True, check=False, env=known, timeout=60)
 
 
 @pytest.mark.parametrize("verb", VERBS)
-@pytest.mark.parametrize(
-    "environment", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C"}, {"LANG": "POSIX"}], ids=["ascii", "C", "POSIX"]
-)
-def test_ascii_outputs_are_ascii_and_have_the_same_shape(verb: str, environment: dict[str, str]) -> None:
-    whole, plain = run(VERBS[verb], PYTHONIOENCODING="utf-8"), run(VERBS[verb], **environment)
+@pytest.mark.parametrize("where", ["ascii", "C", "POSIX"])
+def test_ascii_outputs_are_ascii_and_have_the_same_shape(verb: str, where: str) -> None:
+    whole = told_in("utf-8", verb)
+    if where == "ascii":
+        plain = told_in("ascii", verb)
+    else:
+        plain = told_where(verb, **{"LC_ALL" if where == "C" else "LANG": where})
     assert plain.returncode == whole.returncode
     for told, marked in ((plain.stdout, whole.stdout), (plain.stderr, whole.stderr)):
         text = told.decode("ascii")
@@ -57,7 +69,7 @@ def test_ascii_outputs_are_ascii_and_have_the_same_shape(verb: str, environment:
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_what_windows_can_write_it_writes(verb: str) -> None:
-    whole, narrow = run(VERBS[verb], PYTHONIOENCODING="utf-8"), run(VERBS[verb], PYTHONIOENCODING="cp1252")
+    whole, narrow = told_in("utf-8", verb), told_in("cp1252", verb)
     text = narrow.stdout.decode("cp1252")
     assert "\\u" not in text
     assert len(text) == len(whole.stdout.decode())
@@ -68,7 +80,7 @@ def test_what_windows_can_write_it_writes(verb: str) -> None:
 def test_json_is_json_in_any_encoding(encoding: str, tmp_path: Path) -> None:
     shutil.copy(PEERS / "peers.pcap", tmp_path / "größe→😀.pcap")
     for words in (["report", "--json"], ["packets", "-T", "json", "-c", "3"], ["packets", "-T", "ndjson", "-c", "1"]):
-        done = run([*words, str(tmp_path / "größe→😀.pcap")], PYTHONIOENCODING=encoding, PYTHONUTF8="1")
+        done = run(*words, tmp_path / "größe→😀.pcap", environment=PLAIN, encoding=encoding)
         assert done.returncode == 0, done.stderr
         told = done.stdout.decode("utf-8" if encoding == "utf-8" else "ascii")
         document = json.loads(told)

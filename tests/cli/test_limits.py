@@ -103,7 +103,7 @@ def test_as_many_files_as_the_system_allows_are_open(place: Path) -> None:
     assert limited("ulimit -Sn 25", "report many", cwd=place).returncode == 0
 
 
-@pytest.mark.parametrize("kilobytes", [40_000, 60_000, 100_000, 130_000])
+@pytest.mark.parametrize("kilobytes", [40_000, 60_000, 115_000, 130_000])
 def test_too_little_memory_to_start_is_said(kilobytes: int, place: Path) -> None:
     done = limited(f"ulimit -v {kilobytes}", "report peers.pcap", cwd=place)
     if b"OpenBLAS" in done.stderr or b"Fatal Python error" in done.stderr or b"error while loading" in done.stderr:

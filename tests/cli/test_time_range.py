@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import pytest
 
 from nvscope.capture.open import open_sink, open_source
+from tests.program import run_text
 
 CAPTURES = Path(__file__).parent.parent.parent / "captures"
 PEERS, PLANT, PRESS = CAPTURES / "peers" / "peers.pcap", CAPTURES / "plant.pcapng.gz", CAPTURES / "can" / "press.log"
@@ -23,11 +23,7 @@ S_NS = 10**9
 def nvscope(
     *arguments: str | Path, code: int = 0, stdin: Path | None = None, zone: str = "UTC"
 ) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "nvscope", *map(str, arguments)]
-    with (stdin or Path(__file__)).open("rb") as given:
-        done = subprocess.run(
-            command, stdin=given, capture_output=True, text=True, check=False, env={"TZ": zone, "PATH": "/usr/bin:/bin"}
-        )
+    done = run_text(*arguments, stdin=stdin.read_bytes() if stdin else b"", environment={"TZ": zone})
     assert done.returncode == code, done.stderr
     return done
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
-import struct
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from nvscope.view.lines.text_width import display_width
-from tests.program import COMMAND, run_text
+from tests.program import run_on_terminal, run_text
 
 ROOT = Path(__file__).parents[2]
 PLANT, PEERS, PRESS = (str(ROOT / "captures" / name) for name in ("plant.pcapng.gz", "peers", "can/press.log"))
@@ -30,29 +26,13 @@ VERBS: dict[str, list[str]] = {
     "layout": ["gvl", "layout", PEERS],
     "diff": ["gvl", "diff", f"{PEERS}/axis.gvl", f"{PEERS}/batch.gvl", "--types", f"{PEERS}/axis_types.st"],
 }
+PLAIN = {"COLUMNS": "", "TERM": "", "TZ": "UTC", "NO_COLOR": "1"}
 SEPARATED = re.compile(r"(?<![\d.,:] )\b[1-9]\d{0,2} \d{3}\b(?! \d{3}\.)")
 
 
 def on_terminal(words: list[str], columns: int, encoding: str = "utf-8", stream: str = "stdout") -> str:
     """Return what a verb writes to a stream where that is a terminal of so many columns."""
-    import fcntl  # noqa: PLC0415  # none of them is on Windows
-    import pty  # noqa: PLC0415
-    import termios  # noqa: PLC0415
-
-    ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 50, columns, 0, 0))
-    environment = {
-        "PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT), "TZ": "UTC", "NO_COLOR": "1", "PYTHONIOENCODING": encoding,
-    }  # fmt: skip
-    told = b""
-    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: theirs}
-    with subprocess.Popen([*COMMAND, *words], stdin=subprocess.DEVNULL, env=environment, **streams):  # type: ignore[call-overload]
-        os.close(theirs)
-        with contextlib.suppress(OSError):  # which is how a terminal ends
-            while part := os.read(ours, 65_536):
-                told += part
-        os.close(ours)
-    return told.decode(encoding).replace("\r\n", "\n")
+    return run_on_terminal(*words, columns=columns, encoding=encoding, stream=stream, environment=PLAIN)
 
 
 def in_pipe(words: list[str], columns: str = "") -> str:

@@ -221,7 +221,7 @@ def test_lengths_that_promise_much_take_no_memory(tmp_path: Path) -> None:
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the system does not tell what a process took")
 @pytest.mark.parametrize("suffix", COMPRESSIONS)
 def test_small_files_with_large_content_take_little_memory(tmp_path: Path, suffix: str) -> None:
-    megabytes = 400
+    megabytes = 300
     raw = COMPRESSIONS[suffix](large_content(megabytes))
     assert len(raw) < 4 * MEBIBYTE
     program = (

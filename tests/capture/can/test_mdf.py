@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ from dissectors.batch import Direction
 from nvscope.capture.can import mdf_child
 from nvscope.capture.can.mdf_child import DONE, FAILED, FRAMES, HEAD, RECORD
 from nvscope.capture.capture_file import CaptureFile
+from nvscope.capture.reader import ReadingSizes
 from tests.capture.can.logs import Frame, frames_of
 from tests.capture.can.test_log import some_frames, written
 
@@ -39,11 +41,12 @@ def child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return program
 
 
-def says(program: Path, content: bytes, then: str = "") -> CaptureFile:
-    program.write_text(
-        f"import os, signal, sys, time\nsys.stdout.buffer.write({content!r})\nsys.stdout.flush()\n{then}\n"
-    )
-    return CaptureFile(str(program.parent / "a.mf4"))
+def says(
+    program: Path, content: bytes, then: str = "", first: str = "", sizes: ReadingSizes | None = None
+) -> CaptureFile:  # fmt: skip
+    written = f"sys.stdout.buffer.write({content!r})\nsys.stdout.flush()"
+    program.write_text(f"import os, signal, sys, time\n{first}\n{written}\n{then}\n")
+    return CaptureFile(str(program.parent / "a.mf4"), sizes=sizes)
 
 
 ONE = block(FRAMES, record(ts_ns=5, identifier=0x123, dlc=2, held=2, data=[1, 2, *[0] * 62], channel=1))
@@ -123,11 +126,16 @@ def test_frames_that_cannot_be_are_left_out(child: Path) -> None:
     assert "4 such frames are left out" in str(source.infos[0].truncation)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="to ask for a process there is to end it")
 def test_who_stops_leaves_no_process_behind(child: Path) -> None:
-    source = says(child, ONE, f"open({str(child) + '.pid'!r}, 'w').write(str(os.getpid())); time.sleep(60)")
-    next(iter(source))
-    source.stop()
-    assert Path("/proc").exists() is False or not Path(f"/proc/{Path(f'{child}.pid').read_text()}").exists()
+    tells = f"open({str(child) + '.pid'!r}, 'w').write(str(os.getpid()))"
+    batches = iter(says(child, ONE, "time.sleep(60)", first=tells, sizes=ReadingSizes(batch_packets=1)))
+    assert len(next(batches)) == 1
+    process = int(Path(f"{child}.pid").read_text())
+    os.kill(process, 0)  # it is there, since it has not ended
+    del batches
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
 
 
 @pytest.mark.parametrize("whole", [0, 1, 5, 16_383, 16_384, 16_385, 20_000])

@@ -13,6 +13,7 @@ def observe_sender(notes: Notes, key: ListKey, entry: List, seen: Telegram) -> N
     """Look at who sends a data telegram, malformed or not."""
     if entry.senders and seen.source not in entry.senders:
         notes.find("NV401", key, None, None, seen.moment)
+    entry.senders.add(seen.source)
     entry.sent.append(seen)
 
 

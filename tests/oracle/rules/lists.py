@@ -25,6 +25,7 @@ class List:
     deliveries: list[Delivery] = field(default_factory=list)
     sent: list[Telegram] = field(default_factory=list)
     acknowledgements: list[Telegram] = field(default_factory=list)
+    senders: set[Address] = field(default_factory=set)
     readers: set[Address] = field(default_factory=set)
     errors: list[ErrorEvent] = field(default_factory=list)
     malformed: int = 0
@@ -33,10 +34,6 @@ class List:
     wanted: dict[int, list[Telegram]] = field(default_factory=dict)
     last_data: dict[int, Telegram] = field(default_factory=dict)
     reference_checksum: dict[int, int] = field(default_factory=dict)
-
-    @property
-    def senders(self) -> set[Address]:
-        return {sent.source for sent in self.sent}
 
     def count(self, *names: str) -> int:
         return sum(error.name in names for error in self.errors)
