@@ -39,7 +39,9 @@ def shortage(error: BaseException) -> CaptureError | None:
         seen.add(id(reason))
         number = getattr(reason, "errno", None)
         loading = str(reason) if isinstance(reason, ImportError) else ""
-        if isinstance(reason, MemoryError) or number == errno.ENOMEM or _NO_MEMORY.search(loading):
+        # The interpreter's own words where it has no memory for the error that says so.
+        lost = isinstance(reason, SystemError) and "without" in str(reason) and "exception" in str(reason)
+        if lost or isinstance(reason, MemoryError) or number == errno.ENOMEM or _NO_MEMORY.search(loading):
             return no_memory()
         if number in NO_DESCRIPTORS or _NO_FILES.search(loading):
             return too_many_open(str(getattr(reason, "filename", None) or ""))
