@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from dissectors.batch import PacketBatch
+from dissectors.batch import End, PacketBatch
 from nvscope.analysis.packets import packets
 from nvscope.capture.source import Source, SourceInfo
 from nvscope.engine.reading import Reading
@@ -35,6 +35,14 @@ def batch_of(frames: Sequence[Frame]) -> PacketBatch:
         np.array([frame.ts_ns for frame in frames], np.int64),
         np.array([frame.link for frame in frames], np.uint16),
     )
+
+
+def recorded(*recordings: Sequence[PacketBatch]) -> list[PacketBatch]:
+    """Return recordings one behind the other: behind each but the last lies a hole, in which nobody listens."""
+    batches = list(recordings[0])
+    for number, following in enumerate(recordings[1:]):
+        batches += [PacketBatch.ended(End(number, int(batches[-1].ts_ns.max()))), *following]
+    return batches
 
 
 class Batches:

@@ -52,8 +52,8 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "lists.acknowledgement.latencies.buckets": {"count": SUM},
     # In which scope a sender counts is told by all its steps: a window goes by what is known at its end.
     "senders.loss.streams": {
-        "current": LAST, "missing": LAST, "counting": LAST, "steps": LAST, "regular": LAST, "swapped": LAST,
-        "repeated": SUM,
+        "current": LAST, "missing": LAST, "begun": SUM, "counting": LAST, "moved": LAST, "steps": LAST,
+        "regular": LAST, "swapped": LAST, "repeated": SUM,
         "lost": SUM, "gaps": SUM, "longest_gap": MOST, "overtaken": SUM, "restarts": SUM, "duplicates": SUM,
     },
     "senders.loss.nodes": {
