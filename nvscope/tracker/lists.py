@@ -116,6 +116,8 @@ class ListState:
             self.several_senders.resume(unheard, self.flows, told.laid.memory, next_frame)
             self.acknowledgement.resume(unheard)
             self.consistency.resume(unheard)
+            if self.values is not None:
+                self.values.resume(unheard)
         self.errors.observe(errors, len(self.keys.lists))
         self.events.settle()
 
