@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -39,9 +40,11 @@ def batch_of(frames: Sequence[Frame]) -> PacketBatch:
 
 def recorded(*recordings: Sequence[PacketBatch]) -> list[PacketBatch]:
     """Return recordings one behind the other: behind each but the last lies a hole, in which nobody listens."""
-    batches = list(recordings[0])
-    for number, following in enumerate(recordings[1:]):
-        batches += [PacketBatch.ended(End(number, int(batches[-1].ts_ns.max()))), *following]
+    batches: list[PacketBatch] = []
+    for number, one in enumerate(recordings):
+        if batches:
+            batches.append(PacketBatch.ended(End(number - 1, int(batches[-1].ts_ns.max()))))
+        batches += (replace(part, source=np.broadcast_to(np.int32(number), len(part))) for part in one)
     return batches
 
 

@@ -83,9 +83,10 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "buses.errors.all.rows": _COUNTED_EVENTS,
     "buses.errors.classes.rows": _COUNTED_EVENTS,
     "buses.canopen.columns": {
-        "heartbeats": SUM, "strays": SUM, "boot_ups": SUM, "changes": SUM, "state": LAST, "since_ns": LAST,
-        "last_ns": LAST, "emergencies": SUM, "emergency": LAST, "emergency_ns": LAST, "commands": SUM, "command": LAST,
-        "command_ns": LAST, "command_frame": LAST, "beats_from": LAST, "told_from": LAST, "doubted_from": LAST,
+        "heard": LAST, "heartbeats": SUM, "strays": SUM, "boot_ups": SUM, "changes": SUM, "state": LAST,
+        "since_ns": LAST, "last_ns": LAST, "emergencies": SUM, "emergency": LAST, "emergency_ns": LAST, "commands": SUM,
+        "command": LAST, "command_ns": LAST, "command_frame": LAST, "beats_from": LAST, "told_from": LAST,
+        "doubted_from": LAST,
     },
     "buses.canopen.sdo": _MAJORITIES,
     "buses.canopen.nmt": _MAJORITIES,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,11 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
+from nvscope.definition.pdos import Pdos
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.findings.judge import judge
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
+from tests.engine.traffic import CAN_DEFINITION, CHANNELS, can_batches
 from tests.laws import examples
 from tests.oracle.traffic import generate
 from tests.oracle.wire import SECOND, A, B, C, Wire
@@ -118,8 +122,10 @@ POOLED = ("NV2", "NV5")
 
 
 def traffic(seed: int, day: int) -> list[PacketBatch]:
-    frames = [frame._replace(ts_ns=frame.ts_ns + day * 1000 * DAY) for frame in generate(seed, frames=120)]
-    return cut(batch_of(frames), 50)
+    """Return telegrams, or every third time CAN frames, thousands of days apart."""
+    on_can = seed % 3 == 0
+    batches = can_batches(random.Random(seed), 3) if on_can else cut(batch_of(generate(seed, frames=120)), 50)
+    return [replace(part, ts_ns=part.ts_ns + day * 1000 * DAY) for part in batches]
 
 
 @examples(200)
@@ -135,7 +141,8 @@ def test_what_is_found_in_recordings_given_together_is_found_in_one_of_them(seed
 def test_recordings_folded_in_parts_give_the_same(seeds: Sequence[int], parts: int, most: int) -> None:
     batches = recorded(*(traffic(seed, day) for day, seed in enumerate(seeds)))
     whole, parted = TrackerState(), PartedState(parts)
-    for _ in run(Batches(batches), Reading(max_streams=most), [whole, parted]):
+    reading = Reading(max_streams=most, pdos=Pdos(CAN_DEFINITION).rules())
+    for _ in run(Batches(batches, CHANNELS), reading, [whole, parted]):
         pass
     joined = parted.join()
     assert judge(joined) == judge(whole)
