@@ -123,7 +123,7 @@ def _several_senders(facts: Facts, entry: ListSummary, together: SendersTogether
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     at_least = "At least " if facts.misses_data(entry.number) else ""
     return Finding(
-        SEVERAL_SENDERS, f"{at_least}{count(len(names))} nodes send this list: {shown}.", together.count,
+        SEVERAL_SENDERS, f"{at_least}{count(len(names))} nodes send this list: {shown}.", together.further,
         together.first_ns, together.last_ns, together.frames, entry.number,
     )  # fmt: skip
 

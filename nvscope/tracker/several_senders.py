@@ -6,7 +6,6 @@ A controller that has another address behind a time in which nobody listened to 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -27,15 +26,14 @@ from nvscope.tracker.flows import Flows
 _DATA = (FrameKind.DATA, FrameKind.MALFORMED_DATA)
 
 
-@dataclass(frozen=True, slots=True)
-class SendersTogether:
+class SendersTogether(NamedTuple):
     """The nodes that send a list together, by number, and the first telegrams of all but the first in each stretch.
 
-    Of these telegrams, ``frames`` are the first ten of ``count``.
+    Of these telegrams there are ``further``, and ``frames`` are the first ten of them.
     """
 
     nodes: Collection[int]
-    count: int
+    further: int
     first_ns: int
     last_ns: int
     frames: tuple[int, ...]
@@ -121,7 +119,7 @@ class SeveralSenders:
             times_ns, frames = own.time_ns[first + 1 : end].tolist(), own.frame[first + 1 : end].tolist()
             found[number] = SendersTogether(
                 {*own.node[first:end].tolist(), *(before.nodes if before else ())},
-                (before.count if before else 0) + len(frames),
+                (before.further if before else 0) + len(frames),
                 before.first_ns if before else times_ns[0], times_ns[-1],
                 (*(before.frames if before else ()), *frames)[:FRAMES_KEPT],
             )  # fmt: skip
