@@ -82,8 +82,8 @@ MIRRORED_TWICE = FindingKind(
     "mirrored-twice",
     Severity.WARNING,
     meaning=(
-        "Nearly every telegram (more than 80 %) is there twice. The mirror port shows each frame two times; figures "
-        "for loss are right, counts of telegrams are double."
+        "Nearly every telegram (more than 80 %) of a recording is there twice. The mirror port shows each frame two "
+        "times; figures for loss are right, counts of telegrams are double."
     ),
     causes=(
         "both directions, or both ports of a conversation, are mirrored: a frame is copied going in and going out",

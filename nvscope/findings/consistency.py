@@ -20,7 +20,8 @@ SEVERAL_SENDERS = FindingKind(
     "several-senders",
     Severity.ERROR,
     meaning=(
-        "More than one node sends this list. Readers take whatever comes, so the values alternate between the senders."
+        "More than one node sends this list, in the same recording where there are several. Readers take whatever "
+        "comes, so the values alternate between the senders."
     ),
     causes=(
         "one list identifier used for two lists",

@@ -99,7 +99,10 @@ COUNTER_UNUSED = FindingKind(
     "NV205",
     "counter-unused",
     Severity.NOTE,
-    meaning="All telegrams of this stream carry the same Counter, so nothing can be said about their loss from it.",
+    meaning=(
+        "All telegrams of this stream carry the same Counter, of several recordings all of each, so nothing can be "
+        "said about their loss from it."
+    ),
     causes=("a PC library or a gateway that does not count; controllers do not check it when they receive",),
     next_steps=("Judge loss by the intervals: NV501 shows where a telegram of a cyclic list was missing.",),
 )
