@@ -75,10 +75,10 @@ class Mirrored:
 
     def _present(self, sequences: StreamSequences, memory: StreamColumns) -> Recorded:
         """Return the recording that goes on."""
-        self._before.resize(len(sequences))
         moved = np.flatnonzero(sequences.column("moved"))
+        known = self._before.own_rows(moved)
         telegrams, repeated = (
-            int((now[moved] - before[moved]).sum())
+            int(now[moved].sum() - before[known].sum())
             for now, before in (
                 (memory.telegrams, self._before.telegrams), (sequences.repeated, self._before.repeated),
             )
