@@ -27,8 +27,8 @@ CAPTURE_DROPS = FindingKind(
         "a mirror port that carries more than its own speed: drops in the switch are counted nowhere in the file",
     ),
     next_steps=(
-        "Record again with a capture filter (for instance `udp port 1202 or icmp or arp`) and a larger buffer (`-B` of "
-        "dumpcap and tcpdump).",
+        "Record again with a larger buffer (`-B` of dumpcap and tcpdump), and on Ethernet with a capture filter (for "
+        "instance `udp port 1202 or icmp or arp`).",
         "Mirror fewer ports, or use a faster one.",
     ),
     of_capture=True,
