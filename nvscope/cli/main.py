@@ -13,6 +13,7 @@ from typing import NoReturn, cast
 import typer
 
 from nvscope.capture.bus_error import end_in_words
+from nvscope.cli.interrupts import lose_no_interrupt
 from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
 from nvscope.cli.program import VERBS, program
 from nvscope.cli.streams import drop_output, prepare, spare_inputs
@@ -40,6 +41,7 @@ _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT, errno.EBADF
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
     _end_in_order()
+    lose_no_interrupt()
     end_in_words(_tidied)
     start_no_threads()
     look_for_cycles_seldom()

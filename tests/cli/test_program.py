@@ -312,6 +312,31 @@ def test_an_interrupt_at_the_start_is_silent(after_s: float) -> None:
     assert (out, errors) == (b"", b"")
 
 
+# Whatever is cleaned up is interrupted, as an interrupt of a person may.
+_CLEANED_UP = """
+import signal, time, weakref
+from nvscope.cli.interrupts import lose_no_interrupt
+
+class Held: ...
+
+lose_no_interrupt()
+held = Held()
+kept = weakref.ref(held, lambda _: signal.raise_signal(signal.SIGINT))
+try:
+    del held
+    time.sleep(30)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="interrupts are no signals there")
+def test_an_interrupt_while_something_is_cleaned_up_is_not_lost() -> None:
+    done = subprocess.run([sys.executable, "-c", _CLEANED_UP], capture_output=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == b"interrupted"
+    assert done.stderr == b""
+
+
 def test_hardly_anything_is_imported_before_interrupts_are_silent() -> None:
     """The first of the tests above begins behind this: what is in front of it is to take no time."""
     done = subprocess.run(
