@@ -32,6 +32,12 @@ def lose_no_interrupt() -> None:
     sys.unraisablehook = again
 
 
+def comes_of_an_interrupt(error: BaseException) -> bool:
+    """Tell whether an error is what Python has made of an interrupt, as it does while it makes a class."""
+    cause = error.__cause__
+    return isinstance(cause, KeyboardInterrupt) or (cause is not None and comes_of_an_interrupt(cause))
+
+
 def _interrupt_soon(main: int) -> None:
     """Interrupt the main thread, once it is out of where no exception comes out; also where it waits for something."""
     time.sleep(_SOON_S)
