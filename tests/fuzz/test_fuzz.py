@@ -31,7 +31,7 @@ from tests.packets import document_of, tracked
 from tests.program import COMMAND, run_text
 
 CAPTURES = sample_captures()
-FILES_OF_A_CAPTURE = 40
+FILES_OF_A_CAPTURE = 100
 RECORDS = 150
 MEBIBYTE = 1 << 20
 
