@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
-from dissectors.batch import PacketBatch
+from dissectors.batch import End, PacketBatch
 from nvscope.analysis.packets import packets
 from nvscope.capture.source import Source, SourceInfo
 from nvscope.engine.reading import Reading
@@ -35,6 +36,16 @@ def batch_of(frames: Sequence[Frame]) -> PacketBatch:
         np.array([frame.ts_ns for frame in frames], np.int64),
         np.array([frame.link for frame in frames], np.uint16),
     )
+
+
+def recorded(*recordings: Sequence[PacketBatch]) -> list[PacketBatch]:
+    """Return recordings one behind the other: behind each but the last lies a hole, in which nobody listens."""
+    batches: list[PacketBatch] = []
+    for number, one in enumerate(recordings):
+        if batches:
+            batches.append(PacketBatch.ended(End(number - 1, int(batches[-1].ts_ns.max()))))
+        batches += (replace(part, source=np.broadcast_to(np.int32(number), len(part))) for part in one)
+    return batches
 
 
 class Batches:

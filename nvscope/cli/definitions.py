@@ -138,11 +138,8 @@ def tell_of_lists(inquiry: Inquiry) -> None:
     for sentence in _of_definitions_aside(layouts) if layouts else ():
         echo(f"nvscope: {sentence}", err=True)
     for entry, element in layouts.unplaced if layouts else ():
-        told = visible(f"{element.name} : {element.type.name}")
-        why = f"no frame of CAN holds {told}" if element.type.size_bytes else f"nobody knows how many bytes {told} has"
-        echo(
-            f"nvscope: {visible(entry.name)}: {why}; neither it nor what follows it can be shown.", err=True
-        )  # fmt: skip
+        what = visible(f"{entry.name}: no frame of CAN holds {element.name} : {element.type.name}")
+        echo(f"nvscope: {what}; neither it nor what follows it can be shown.", err=True)
     unnamed = [visible(entry.name) for entry in definition.lists if entry.list_id is None and entry.variables]
     if unnamed:
         more = f" and {len(unnamed) - _MOST_NAMED} more" if len(unnamed) > _MOST_NAMED else ""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+import shutil
+import textwrap
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -71,6 +73,13 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
 """Command lines by verb, each with what it shows."""
 
 _GAP = "   "
+_WORD = re.compile(r"(?:'[^']*'|\S)+")
+_MARGIN = 2
+_NARROW = 50
+_NARROWEST = 20
+_BELOW = 4
+"""Columns by which what an option means is further in than the option, where it stands below that."""
+
 _OPTION = re.compile(r"(?<![\w-])--?[a-z]+(?:-[a-z]+)*")
 _HYPHEN = "\ue000"
 
@@ -91,7 +100,12 @@ class Command(TyperCommand):
         with numbers(as_json=bool(asked.get("as_json")), as_markdown=bool(asked.get("as_markdown"))):
             return super().invoke(ctx)
 
+    def get_usage(self, ctx: Any) -> str:
+        _fit(ctx)
+        return super().get_usage(ctx)
+
     def get_help(self, ctx: Any) -> str:
+        _fit(ctx)
         told, self.help = self.help, _whole(self.help or "")
         try:
             return super().get_help(ctx).replace(_HYPHEN, "-")
@@ -113,18 +127,32 @@ class Command(TyperCommand):
         for title, records in (("Arguments", arguments), *groups.items()):
             if records:
                 with formatter.section(title):
-                    formatter.write_dl(records)
+                    _write_rows(formatter, records)
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         examples = EXAMPLES.get(verb_of(ctx.command_path), ())
         if examples:
             with formatter.section("Examples"):
                 for line, what in examples:
-                    formatter.write(f"  {line}\n{_GAP * 2}{what}\n")
+                    formatter.write(_example(line, what, formatter.width))
 
 
 class Group(TyperGroup):
     """Verbs whose descriptions are not cut."""
+
+    def get_usage(self, ctx: Any) -> str:
+        _fit(ctx)
+        return super().get_usage(ctx)
+
+    def get_help(self, ctx: Any) -> str:
+        _fit(ctx)
+        return super().get_help(ctx)
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        records = [told for parameter in self.get_params(ctx) if (told := parameter.get_help_record(ctx)) is not None]
+        with formatter.section("Options"):
+            _write_rows(formatter, records)
+        self.format_commands(ctx, formatter)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         rows = []
@@ -133,7 +161,42 @@ class Group(TyperGroup):
             if command is not None and not command.hidden:
                 rows.append((name, " ".join((command.help or "").split("\n\n")[0].split())))
         with formatter.section("Verbs"):
-            formatter.write_dl(rows)
+            _write_rows(formatter, rows)
+
+
+def _fit(ctx: Any) -> None:
+    """Make help as narrow as the terminal, where that is narrower than what it is made for otherwise."""
+    columns = shutil.get_terminal_size().columns
+    if columns - _MARGIN < _NARROW:
+        ctx.terminal_width = max(columns - _MARGIN, _NARROWEST)
+
+
+def _write_rows(formatter: Any, rows: Sequence[tuple[str, str]]) -> None:
+    """Write names with what they mean: beside them, or where there is no room for that, below them."""
+    longest = max(len(name) for name, _ in rows)
+    if formatter.width >= _NARROW:
+        formatter.write_dl(rows)
+    elif longest <= formatter.width // 3:
+        formatter.write_dl(rows, col_max=longest)
+    else:
+        # A name with all that may stand behind it may be wider than a line.
+        behind = f"\n{'':{formatter.current_indent + _BELOW}}<"
+        fitting = [(name if len(name) <= formatter.width else name.replace(" <", behind), what) for name, what in rows]
+        formatter.write_dl(fitting, col_max=_BELOW)
+
+
+def _example(line: str, what: str, width: int) -> str:
+    """Return a command line and what it shows; on a narrow terminal as lines that a shell takes for one."""
+    if width >= _NARROW:
+        return f"  {line}\n{_GAP * 2}{what}\n"
+    rows = [""]
+    for word in _WORD.findall(line):
+        # Two columns go for the mark that the command line goes on.
+        if rows[-1] and len(rows[-1]) + len(word) + 2 * _MARGIN > width:
+            rows.append(_GAP[:-1])
+        rows[-1] += f" {word}" if rows[-1] else f"  {word}"
+    told = textwrap.wrap(what, width, initial_indent=_GAP * 2, subsequent_indent=_GAP * 2)
+    return " \\\n".join(rows) + "\n" + "\n".join(told) + "\n"
 
 
 def group_of(names: list[str]) -> str:

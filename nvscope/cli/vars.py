@@ -180,7 +180,7 @@ class _Asked:
             return None
         from nvscope.definition.selection import lists_named, names_of_lists
 
-        return {key for key, _ in lists_named(names_of_lists(layouts), listed)}
+        return {key for key, _ in lists_named(names_of_lists(layouts), listed, layouts.unplaced)}
 
     def tell(self, document: Mapping[str, Any], render: Callable[[Mapping[str, Any]], str]) -> None:
         """Print a document as JSON, or as ``render`` makes it."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_part, pack, unknown_of
-from nvscope.definition.pdos import frames_of, unplaced
+from nvscope.definition.pdos import frames_of, partly_known, unplaced
 from nvscope.definition.variables import Element
 from nvscope.list_key import ListKey, told_of
 
@@ -17,8 +17,7 @@ class Layouts:
     Of a list on CAN they are its frames; one that is defined for any channel is found on each. ``left_out`` are the
     lists with elements whose size nobody knows: see ``packing.unknown_of``.
     ``aside`` are further definitions of lists that have such elements and are not gone by, since another one is.
-    ``unplaced`` are lists on CAN with the first element that no frame holds, or whose size nobody knows: frames up to
-    there are known.
+    ``unplaced`` are lists on CAN with the first element that no frame holds: frames up to there are known.
     """
 
     def __init__(self, definition: Definition) -> None:
@@ -30,8 +29,8 @@ class Layouts:
         for entry in definition.lists:
             # A list of which only name and interval are known has nothing to decode.
             if (key := entry.key) is not None and entry.variables:
-                layouts = frames_of(entry) if entry.on_can else pack(entry)
-                if entry.on_can and (element := unplaced(entry)):
+                layouts = (partly_known(entry) or frames_of(entry)) if entry.on_can else pack(entry)
+                if entry.on_can and (element := unplaced(entry)) and element.type.size_bytes:
                     self.unplaced.append((entry, element))
                 if not layouts:
                     continue
@@ -42,12 +41,12 @@ class Layouts:
                 else:
                     self._candidates.setdefault(key, []).append(layouts)
         self.left_out = {
-            key: unknown_of(layouts) for key, layouts in self._partly.items() if key not in self._candidates
+            key: unknown_of(layouts) for key, layouts in self._partly.items() if not self.candidates_of(key)
         }
         self.aside = [
             (key, layouts[0].list, unknown_of(layouts)[0])
             for key, layouts in partly
-            if key in self._candidates or _elements_of(layouts) != _elements_of(self._partly[key])
+            if self.candidates_of(key) or _elements_of(layouts) != _elements_of(self._partly[key])
         ]
 
     def lists(self) -> list[tuple[ListKey, ListDefinition]]:
@@ -71,7 +70,7 @@ class Layouts:
 
     def partly_of(self, key: ListKey) -> Sequence[TelegramLayout]:
         """Return the telegrams of a list that is left out, of which ``packing.known_fronts`` tells something."""
-        return self._partly[key] if key in self.left_out else ()
+        return () if self.candidates_of(key) else told_of(self._partly, key) or ()
 
     def definitions_of(self, key: ListKey) -> Sequence[ListDefinition]:
         """Return all definitions of a list of which something can be told; of those that are left out, the first."""
@@ -91,9 +90,9 @@ class Layouts:
         Of several definitions it is the first that has the ``shape`` (``TelegramLayout.shape``); if none has, or
         without a shape, the first of all. Of a list that is left out, it is what is known of a telegram of this shape.
         """
-        if shape and key in self._partly and key not in self._candidates:
-            return known_part(self._partly[key], subindex, *shape)
         candidates = self.candidates_of(key)
+        if shape and not candidates and (partly := self.partly_of(key)):
+            return known_part(partly, subindex, *shape)
         found = [layouts[subindex] if subindex < len(layouts) else None for layouts in candidates]
         fitting = (layout for layout in found if layout and layout.shape == shape)
         return next(fitting, found[0] if found else None)

@@ -93,7 +93,7 @@ def find_contradictions(subject: Subject) -> Iterator[Place]:
 def find_initial_values(subject: Subject) -> Iterator[Place]:
     """Find initial values that do not fit; what bounds need is a contradiction already."""
     told = {problem.position for problem in subject.problems}
-    for found in misfits(entry for file in subject.files for entry in file.lists):
+    for found in misfits(subject.files):
         if found.position not in told:
             message = f"the initial value {found.value} of {found.variable} does not fit into {_range_text(found.kind)}"
             yield Place(found.position, found.list_name, message)

@@ -14,7 +14,7 @@ that nothing is padded or split shows in telegrams of controllers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from dissectors.layout import Field, Layout
@@ -116,7 +116,7 @@ class KnownFronts:
     """What is known of the telegrams of a list where sizes of some elements are not.
 
     ``by_subindex`` are those that the list surely has. ``beyond`` is that of all further SubIndexes, None where it has
-    none.
+    none; on CAN too, where nobody knows which further COB-IDs are the list's.
     """
 
     by_subindex: tuple[Front, ...]
@@ -161,15 +161,17 @@ def unknown_of(telegrams: Sequence[TelegramLayout]) -> tuple[Element, bool]:
 def known_front(telegrams: Sequence[TelegramLayout], subindex: int, first: int) -> Front | None:
     """Return what is known of one telegram, None where the list has none of this SubIndex; ``first`` is the first open.
 
-    Where nothing is known of it, it is no element in front of the one from which on SubIndexes are not known.
+    Where nothing is known of it, it is no element in front of the one from which on SubIndexes are not known. A frame
+    of CAN of which nothing is known is the list's own where it is its first one, else anybody's.
     """
     own = telegrams[subindex] if subindex <= first and subindex < len(telegrams) else None
-    if own is None:
-        cause = telegrams[first].unknown if first < len(telegrams) else None
-        return (TelegramLayout(telegrams[0].list, subindex, ()), cause) if cause else None
-    if own.unknown is None:
+    if own is not None and own.unknown is None:
         return own, None
-    return TelegramLayout(own.list, subindex, own.elements[: _place_of_unknown(own)]), own.unknown
+    known = own.elements[: _place_of_unknown(own)] if own else ()
+    cause = own.unknown if own else telegrams[first].unknown if first < len(telegrams) else None
+    if cause is None or (telegrams[0].list.on_can and subindex and not known):
+        return None
+    return replace(telegrams[0], subindex=subindex, elements=known), cause
 
 
 def _place_of_unknown(layout: TelegramLayout) -> int:
@@ -193,16 +195,19 @@ def known_part(
     is known, or all of it is known.
     """
     known = known_front(telegrams, subindex, first_open(telegrams))
-    if known is None:
-        return None
+    return None if known is None else filled(known, items, size_bytes)
+
+
+def filled(known: Front, items: int, size_bytes: int) -> TelegramLayout | None:
+    """Return what is known of a telegram up to these bytes of data; None of one that differs, as in ``known_part``."""
     front, cause = known
     if cause is None:
         return front if (items, size_bytes) == front.shape else None
     rest = size_bytes - front.layout.size_bytes
-    if rest < 0 or items < len(front.elements):
+    if rest < 0 or items < front.items:
         return None
     behind = (undescribed(cause, rest),) if rest else ()
-    return TelegramLayout(front.list, subindex, (*front.elements, *behind), items)
+    return replace(front, elements=(*front.elements, *behind), sent_items=items)
 
 
 def dtype_of(kind: Elementary) -> str:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import ListDefinition
-from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
+from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed, unknown_of
 from nvscope.definition.variables import Element
 from nvscope.errors import UsageError
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
@@ -21,6 +22,10 @@ _MOST_NAMED = 4
 _LONGEST_NAME = 1_000
 _MOST_COMPARED = 1_000
 _SEPARATORS = re.compile(r"[.:/\\]+|->|::")
+
+
+Unplaced = Sequence[tuple[ListDefinition, Element]]
+"""Lists on CAN with the first element that no frame holds."""
 
 
 @dataclass(slots=True)
@@ -71,11 +76,11 @@ def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selecti
     lists = names_of_lists(layouts)
     if colon:
         try:
-            lists = lists_named(lists, listed.strip())
+            lists = lists_named(lists, listed.strip(), layouts.unplaced)
         except UsageError as error:
             raise _list_or_variable(error, layouts, name) from None
     if list_name is not None:
-        lists = lists_named(lists, list_name)
+        lists = lists_named(lists, list_name, layouts.unplaced)
     wanted = _plain(rest)
     matches = re.compile(rf"{_pattern(wanted)}(?:[.\[].*)?", re.DOTALL).fullmatch
     found = Selection()
@@ -116,9 +121,10 @@ def _select_known(
     if known.beyond:
         found.others[key] = chosen_of(*known.beyond)
     for layout in telegrams:
-        front, cause = known.of(layout.subindex) or (layout, None)
-        # What has an unknown size is told by its bytes, what follows it cannot be told.
-        behind = [element for element in layout.elements[len(front.elements) :] if element != cause]
+        found_as = known.of(layout.subindex)
+        front, cause = (found_as[0].elements, found_as[1]) if found_as else ((), unknown_of(telegrams)[0])
+        # What has an unknown size is told by its bytes where they are found, what follows it cannot be told.
+        behind = [element for element in layout.elements[len(front) :] if not found_as or element != cause]
         if cause:
             found.unplaced += [(name, cause) for name in _in_order(chosen(behind), behind)]
 
@@ -132,13 +138,20 @@ def unplaced_text(unplaced: Sequence[tuple[str, Element]]) -> str:
     names = ", ".join(name for name, _ in unplaced[:_MOST_NAMED])
     more = f" and {count(len(unplaced) - _MOST_NAMED)} more" if len(unplaced) > _MOST_NAMED else ""
     cause, verb = unplaced[0][1], "is" if len(unplaced) == 1 else "are"
-    return f"nobody knows where {names}{more} {verb}, behind {cause.name} : {cause.type.name}, whose size is not known"
+    told = f"{cause.name} : {cause.type.name}, whose size is not known"
+    if unplaced[0][0] == cause.name:
+        # Frames of CAN that begin with it are not looked for.
+        return f"nobody knows where {names}{more} {verb}, from {told}, on"
+    return f"nobody knows where {names}{more} {verb}, behind {told}"
 
 
 def _nothing_named(rest: str, wanted: str, names: Mapping[str, str], found: Selection) -> UsageError:
     if found.unplaced:
         cause = found.unplaced[0][1]
-        return UsageError(unplaced_text(found.unplaced), next_step=f"{cause.name} stands for all bytes from there on")
+        hint = f"{cause.name} stands for all bytes from there on"
+        if cause.name in [name for name, _ in found.unplaced]:
+            hint = f"what stands in front of {cause.name} is known"
+        return UsageError(unplaced_text(found.unplaced), next_step=hint)
     # Structures and arrays as a whole, in their own spelling.
     whole = {text: names[text] for text in names}
     for text, name in names.items():
@@ -188,10 +201,31 @@ def names_of_lists(layouts: Layouts) -> list[tuple[ListKey, ListDefinition]]:
     return list(named.values())
 
 
-def lists_named(lists: Sequence[tuple[ListKey, ListDefinition]], given: str) -> list[tuple[ListKey, ListDefinition]]:
-    """Return the lists of a name (in any case), identifier or key (udp/1202/7); UsageError where there is none."""
-    keys = keys_named([(key, entry.name) for key, entry in lists], given)
+def lists_named(
+    lists: Sequence[tuple[ListKey, ListDefinition]], given: str, unplaced: Unplaced = ()
+) -> list[tuple[ListKey, ListDefinition]]:
+    """Return the lists of a name (in any case), identifier or key (udp/1202/7); UsageError where there is none.
+
+    It says why nothing of a list is known that is ``unplaced``, as of ``Layouts``.
+    """
+    try:
+        keys = keys_named([(key, entry.name) for key, entry in lists], given)
+    except UsageError as error:
+        raise _nothing_placed(unplaced, given) or error from None
     return [(key, entry) for key, entry in lists if key in keys]
+
+
+def _nothing_placed(unplaced: Unplaced, given: str) -> UsageError | None:
+    for entry, element in unplaced:
+        if entry.key is None:
+            continue
+        with suppress(UsageError):
+            keys_named([(entry.key, entry.name)], given)
+            return UsageError(
+                f"nothing of {entry.name} can be decoded: no frame of CAN holds {element.name} : {element.type.name}",
+                next_step="leave its definition out to see the frames themselves",
+            )
+    return None
 
 
 def keys_named(lists: Sequence[tuple[ListKey, str]], given: str) -> set[ListKey]:

@@ -81,11 +81,22 @@ class TypeOperand:
 
 @dataclass(frozen=True, slots=True)
 class Opaque:
-    """A value that is no number: a string, a time, values of an array; ``numbers`` are those among the latter."""
+    """A value that is no number: a string, a time, values of an array or a structure.
+
+    ``values`` are those of the latter in which a number is, ``nesting`` is how deep they are nested.
+    """
 
     offset: int
-    numbers: tuple[Number, ...] = ()
+    values: tuple[Expression, ...] = ()
+    nesting: int = 0
     depth: ClassVar[int] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MemberValue(Opaque):
+    """``name := value`` among the values of a structure, of which ``values`` has the one."""
+
+    name: str = ""
 
 
 Expression = Name | Number | Real | Operation | Call | TypeOperand | Opaque

@@ -18,6 +18,7 @@ from nvscope.definition.syntax import (
     EnumerationType,
     Expression,
     GlobalBlock,
+    MemberValue,
     Name,
     NamedType,
     Number,
@@ -91,14 +92,13 @@ class SyntaxNodes(Transformer[Token, Any]):
     def variable(self, names: tuple[Name, ...], kind: TypeSyntax, initial: Expression | None) -> Declaration:
         return Declaration(names, kind, initial)
 
-    def member(self, names: tuple[Name, ...], kind: TypeSyntax, _: Expression | None) -> Declaration:
-        return Declaration(names, kind)
+    member = variable
 
     def names(self, *tokens: Token) -> tuple[Name, ...]:
         return tuple(Name(str(token), _offset(token)) for token in tokens)
 
     def initial(self, *values: Expression) -> Expression:
-        return values[0] if len(values) == 1 else Opaque(values[0].offset, _numbers(values))
+        return values[0] if len(values) == 1 else _of_values(values[0].offset, values)
 
     def structure(self, keyword: Token, extends: Name | None, *members: Declaration) -> StructureType:
         offset = _offset(keyword)
@@ -177,13 +177,14 @@ class SyntaxNodes(Transformer[Token, Any]):
     def other(self, first: Any = None, *others: Any) -> Expression:
         if isinstance(first, Token):
             return Opaque(_offset(first))
-        return Opaque(getattr(first, "offset", 0), _numbers((first, *others)))
+        return _of_values(getattr(first, "offset", 0), (first, *others))
 
     def group(self, *values: Expression | None) -> Expression:
         first = values[0] if values else None
         if first is None:
             return Opaque(next((value.offset for value in values if value is not None), 0))
-        return first if len(values) == 1 else Opaque(first.offset)
+        alone = len(values) == 1 and not isinstance(first, MemberValue)
+        return first if alone else _of_values(first.offset, values)
 
     def attribute(self, value: Expression, name: Token) -> Expression:
         if not isinstance(value, Name) or len(value.text) > _LONGEST_NAME:
@@ -195,7 +196,8 @@ class SyntaxNodes(Transformer[Token, Any]):
         depth = 1 + max((value.depth for value in values), default=0)
         if isinstance(function, Name) and depth <= MAX_DEPTH and len(values) == len(arguments) <= _MOST_ARGUMENTS:
             return Call(function.text, values, function.offset, depth)
-        return Opaque(function.offset)
+        # Behind a number, they are values of an array that many times.
+        return _of_values(function.offset, values if isinstance(function, Number) else ())
 
     def type_operand(self, kind: StringType | ArrayType | PointerType) -> TypeOperand:
         return TypeOperand(kind, kind.offset)
@@ -206,12 +208,16 @@ class SyntaxNodes(Transformer[Token, Any]):
     def argument(self, value: Expression) -> Expression:
         return value
 
-    def assigned(self, name: Token, _: Expression) -> Expression:
-        return Opaque(_offset(name))
+    def assigned(self, name: Token, value: Expression) -> Expression:
+        found = _of_values(_offset(name), (value,))
+        return MemberValue(found.offset, found.values, found.nesting, str(name))
 
 
-def _numbers(values: Iterable[Any]) -> tuple[Number, ...]:
-    return tuple(value for value in values if isinstance(value, Number))
+def _of_values(offset: int, values: Iterable[Any]) -> Opaque:
+    """Return values of an array or a structure; of those that are nested too deep, nothing is known."""
+    told = tuple(value for value in values if isinstance(value, Number) or (isinstance(value, Opaque) and value.values))
+    nesting = 1 + max((value.nesting for value in told if isinstance(value, Opaque)), default=0)
+    return Opaque(offset, told, nesting) if told and nesting <= MAX_DEPTH else Opaque(offset)
 
 
 def _number(text: str, offset: int) -> Expression:

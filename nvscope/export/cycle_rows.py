@@ -1,13 +1,14 @@
 """Tables with a row a telegram to tables with a row a cycle, for lists of which each variable is a telegram.
 
 Telegrams of one sender are of one cycle where they follow each other with rising SubIndexes and not later than a gap.
-A row has the last value of every variable, also of one that an earlier cycle sent. It is written when the next cycle of
+A row has the last value of every variable, also of one that an earlier cycle of the same recording sent: of what was
+sent while nobody listened, nothing is known. It is written when the next cycle of
 its sender begins, so that any cut into tables gives the same rows in the same order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,13 +64,16 @@ class CycleRows:
     """Takes tables of one list in the order of the capture; ``schema`` is that of these tables.
 
     ``sent`` says for a column which telegrams have it, by what stands in the place of their SubIndex: a null in such a
-    row is what was sent. The columns ``without`` which rows of cycles are, are left out.
+    row is what was sent. The columns ``without`` which rows of cycles are, are left out. ``recordings_from`` returns
+    the frames with which recordings behind the first one begin, rising, as far as tables were taken.
     """
 
     def __init__(
-        self, schema: Any, interval_ns: int | None, sent: Mapping[str, Collection[int]], without: Sequence[str] = ()
+        self, schema: Any, interval_ns: int | None, sent: Mapping[str, Collection[int]], without: Sequence[str] = (),
+        recordings_from: Callable[[], Sequence[int]] = tuple,
     ) -> None:  # fmt: skip
         self._sent = sent
+        self._recordings_from = recordings_from
         self._gap_ns = interval_ns // 2 if interval_ns else USUAL_GAP_NS
         self._kept = [name for name in schema.names if name not in without]
         self.schema = pa.schema([schema.field(name) for name in self._kept]).set(_SUBINDEX, TELEGRAMS)
@@ -91,9 +95,11 @@ class CycleRows:
         first = np.append(True, rows.sender[1:] != rows.sender[:-1])
         step_ns = np.diff(rows.last_ns, prepend=rows.last_ns[:1])
         rising = np.diff(rows.subindex, prepend=rows.subindex[:1]) > 0
-        begins = first | ~(rising & (step_ns >= 0) & (step_ns <= self._gap_ns))
+        recording = np.searchsorted(np.array(self._recordings_from(), np.int64), rows.frame, "right")
+        anew = first | (np.diff(recording, prepend=recording[:1]) != 0)
+        begins = anew | ~(rising & (step_ns >= 0) & (step_ns <= self._gap_ns))
         begin, end = np.flatnonzero(begins), np.append(np.flatnonzero(begins)[1:], len(begins)) - 1
-        table = self._last_values(rows, first)
+        table = self._last_values(rows, anew)
         cycles = _Rows(
             table.take(pa.array(end)), rows.sender[end], rows.begin_ns[begin], rows.begin_frame[begin],
             rows.last_ns[end], rows.subindex[end], np.add.reduceat(rows.telegrams, begin), rows.frame[end],
@@ -109,7 +115,7 @@ class CycleRows:
     def _last_values(self, rows: _Rows, first: Bool) -> Any:
         """Return a table in which what a telegram did not send is the last value above it of its group.
 
-        A group begins with a ``first`` row, which has what was sent before.
+        A group begins with a ``first`` row: nothing is known of what was sent before it, or it has that itself.
         """
         table, place = rows.table, np.arange(len(first))
         group = np.maximum.accumulate(np.where(first, place, 0))

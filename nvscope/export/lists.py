@@ -34,7 +34,7 @@ def lists_to_write(layouts: Layouts, names: Sequence[str] = ()) -> Lists:
             next_step='write it into nvscope.toml: [lists.N] and below it name = "NAME"',
         )
     different = list({(key, entry.name): (key, entry) for key, entry in told}.values())
-    wanted = {key for name in names for key, _ in lists_named(different, name)}
+    wanted = {key for name in names for key, _ in lists_named(different, name, layouts.unplaced)}
     first: dict[ListKey, ListDefinition] = {}
     for key, definition in told:
         if not names or key in wanted:

@@ -63,7 +63,7 @@ class TelegramTable:
 
 
 def _type(field: TelegramField) -> Any:
-    if field.type is FieldType.TIME:
+    if field.type is FieldType.TIME and field.zoned:
         return MOMENT
     if field.type in (FieldType.ADDRESS, FieldType.TEXT):
         return LABEL

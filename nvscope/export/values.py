@@ -71,6 +71,7 @@ def write_wide(
             first.layout.list.interval_ns if first.layout.list.cyclic else None,
             table.sent,
             table.of_several,
+            lambda: telegrams.recordings_from,
         )
         for table, (first, *_) in zip(tables, places, strict=True)
         if by_cycle

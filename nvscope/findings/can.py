@@ -74,7 +74,7 @@ def _lengths(facts: Facts) -> Iterator[Finding]:
     for entry, stream in facts.pdo_streams():
         key = entry.key._replace(identifier=stream.cob_id)
         pdo = None if stream.extended else facts.pdos.pdo_of(key)
-        if unfitting is not None and pdo is not None and pdo.layout is not None:
+        if unfitting is not None and pdo is not None and pdo.layout is not None and not pdo.unknown:
             if not unfitting.count[stream.stream]:
                 continue
             events = events_of(unfitting, stream.stream)

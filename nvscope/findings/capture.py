@@ -12,6 +12,7 @@ from nvscope.units import count, count_of, duration, percent
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
     from nvscope.findings.finding import Events
+    from nvscope.tracker.mirrored import Recorded
 
 CAPTURE_DROPS = FindingKind(
     "NV901",
@@ -26,8 +27,8 @@ CAPTURE_DROPS = FindingKind(
         "a mirror port that carries more than its own speed: drops in the switch are counted nowhere in the file",
     ),
     next_steps=(
-        "Record again with a capture filter (for instance `udp port 1202 or icmp or arp`) and a larger buffer (`-B` of "
-        "dumpcap and tcpdump).",
+        "Record again with a larger buffer (`-B` of dumpcap and tcpdump), and on Ethernet with a capture filter (for "
+        "instance `udp port 1202 or icmp or arp`).",
         "Mirror fewer ports, or use a faster one.",
     ),
     of_capture=True,
@@ -81,8 +82,8 @@ MIRRORED_TWICE = FindingKind(
     "mirrored-twice",
     Severity.WARNING,
     meaning=(
-        "Nearly every telegram (more than 80 %) is there twice. The mirror port shows each frame two times; figures "
-        "for loss are right, counts of telegrams are double."
+        "Nearly every telegram (more than 80 %) of a recording is there twice. The mirror port shows each frame two "
+        "times; figures for loss are right, counts of telegrams are double."
     ),
     causes=(
         "both directions, or both ports of a conversation, are mirrored: a frame is copied going in and going out",
@@ -189,21 +190,30 @@ def _unsupported(facts: Facts) -> Iterator[Finding]:
 
 
 def _mirrored(facts: Facts) -> Iterator[Finding]:
-    """Compare the repeated telegrams with the others: of traffic that is mirrored twice, half are repeated.
+    """Compare the repeated telegrams of each recording with the others: where it is mirrored twice, half are repeated.
 
     A sender that does not count repeats its telegrams by itself, as long as its values stay what they are. What the
-    limit has left out may all have been others.
+    limit has left out may all have been others, and all in one recording.
     """
-    streams = facts.state.senders.loss.streams
-    counting = streams.column("counting")
-    repeated = int(streams.column("repeated")[counting].sum())
-    others = int(facts.state.memory.columns.column("telegrams")[: len(counting)][counting].sum()) - repeated
-    if 100 * repeated > facts.limits.mirrored_percent * (others + facts.telegrams_left_out):
-        message = (
-            f"{count(repeated)} of {count_of(repeated + others, 'telegram')} equal the one before, byte for byte: "
-            "the capture seems to see each frame more than once."
-        )
-        yield _whole(facts, MIRRORED_TWICE, repeated, message)
+    state = facts.state
+    recordings = state.senders.mirrored.recordings(state.senders.loss.streams, state.memory.columns)
+    twice = [one for one in recordings if _is_mirrored(facts, one)]
+    if not twice:
+        return
+    repeated, telegrams = sum(one.repeated for one in twice), sum(one.telegrams for one in twice)
+    where = "" if len(recordings) == 1 else f", in {count(len(twice))} of {count_of(len(recordings), 'recording')}"
+    message = (
+        f"{count(repeated)} of {count_of(telegrams, 'telegram')} equal the one before, byte for byte{where}: "
+        "the capture seems to see each frame more than once."
+    )
+    start_ns = facts.summary.start_ns if twice[0] is recordings[0] else twice[0].start_ns
+    end_ns = facts.summary.end_ns if twice[-1] is recordings[-1] else twice[-1].end_ns
+    yield Finding(MIRRORED_TWICE, message, repeated, start_ns, end_ns)
+
+
+def _is_mirrored(facts: Facts, recorded: Recorded) -> bool:
+    others = recorded.telegrams - recorded.repeated + facts.telegrams_left_out
+    return 100 * recorded.repeated > facts.limits.mirrored_percent * others
 
 
 def _left_out(facts: Facts) -> Iterator[Finding]:

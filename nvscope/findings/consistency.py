@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count, count_of
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
+    from nvscope.tracker.several_senders import SendersTogether
     from nvscope.tracker.summary import ListSummary
 
 SEVERAL_SENDERS = FindingKind(
@@ -19,7 +20,8 @@ SEVERAL_SENDERS = FindingKind(
     "several-senders",
     Severity.ERROR,
     meaning=(
-        "More than one node sends this list. Readers take whatever comes, so the values alternate between the senders."
+        "More than one node sends this list, in the same recording where there are several. Readers take whatever "
+        "comes, so the values alternate between the senders."
     ),
     causes=(
         "one list identifier used for two lists",
@@ -99,9 +101,10 @@ _COMPARED = (SHAPE_CHANGED, CHECKSUM_CHANGED)
 def judge_consistency(facts: Facts) -> Iterator[Finding]:
     """Yield several senders by list, all else by list, sender and SubIndex."""
     lists = {entry.number: entry for entry in facts.summary.lists}
+    several = facts.state.lists.several_senders.together(facts.state.lists.flows)
     for entry in facts.summary.lists:
-        if len(entry.senders) > 1:
-            yield _several_senders(facts, entry)
+        if entry.number in several:
+            yield _several_senders(facts, entry, several[entry.number])
     for kind, sentence in _SENTENCES.items():
         for list_number, node, subindex, events in facts.logged(kind):
             assert list_number is not None
@@ -115,15 +118,14 @@ def judge_consistency(facts: Facts) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _several_senders(facts: Facts, entry: ListSummary) -> Finding:
-    """Each sender but the first is an event, at its first data telegram."""
-    further = sorted(entry.sender_since)[1:]
-    names = [facts.address(node) for node in entry.senders]
+def _several_senders(facts: Facts, entry: ListSummary, together: SendersTogether) -> Finding:
+    """Each sender but the first is an event, at its first data telegram of a recording in which others send too."""
+    names = [facts.address(node) for node in entry.senders if node in together.nodes]
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     at_least = "At least " if facts.misses_data(entry.number) else ""
     return Finding(
-        SEVERAL_SENDERS, f"{at_least}{count(len(names))} nodes send this list: {shown}.", len(further),
-        further[0][1], further[-1][1], tuple(frame for frame, _ in further[:FRAMES_KEPT]), entry.number,
+        SEVERAL_SENDERS, f"{at_least}{count(len(names))} nodes send this list: {shown}.", together.further,
+        together.first_ns, together.last_ns, together.frames, entry.number,
     )  # fmt: skip
 
 

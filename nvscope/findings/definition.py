@@ -63,11 +63,11 @@ SILENT_LIST = FindingKind(
     causes=(
         "the sender is stopped, or the task to which its list belongs does not run",
         "a list sent on change or on an event, of which nothing changed",
-        "identifier or port differ from the definition",
-        "the capture point: other VLAN, behind a router, or unicast that is not mirrored",
+        "identifier or port differ from the definition; on CAN, the COB-ID",
+        "the capture point: other VLAN, behind a router, or unicast that is not mirrored; on CAN, another channel",
     ),
     next_steps=(
-        "Look for a list under another identifier or port in this report.",
+        "Look for a list under another identifier, port or COB-ID in this report.",
         "Check in the sender that the task of the list runs; change a variable by hand and look again.",
     ),
 )

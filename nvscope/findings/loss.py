@@ -99,7 +99,10 @@ COUNTER_UNUSED = FindingKind(
     "NV205",
     "counter-unused",
     Severity.NOTE,
-    meaning="All telegrams of this stream carry the same Counter, so nothing can be said about their loss from it.",
+    meaning=(
+        "All telegrams of this stream carry the same Counter, of several recordings all of each, so nothing can be "
+        "said about their loss from it."
+    ),
     causes=("a PC library or a gateway that does not count; controllers do not check it when they receive",),
     next_steps=("Judge loss by the intervals: NV501 shows where a telegram of a cyclic list was missing.",),
 )
@@ -142,7 +145,7 @@ def judge_loss(facts: Facts) -> Iterator[Finding]:
     streams = {key: set(rows.used()) for key, rows in noted.items()}
     for entry, stream in facts.streams():
         if stream.counter_scope == SCOPE_UNUSED:
-            yield _finding(COUNTER_UNUSED, entry, stream, _unused(facts, stream), _unused_sentence(stream))
+            yield _finding(COUNTER_UNUSED, entry, stream, _unused(facts, stream), _unused_sentence(facts, stream))
         if stream.scope is None or not loss.streams.counting[stream.stream]:
             continue
         # Of a Counter that does not count, this is all that can be said: its other steps mean nothing.
@@ -219,8 +222,12 @@ _STEPS = (
 _ERRATIC = ((Step.GAP, COUNTER_ERRATIC, _erratic),)
 
 
-def _unused_sentence(stream: StreamSummary) -> str:
-    return f"All {count(stream.telegrams)} telegrams carry the same Counter: their loss cannot be seen from it."
+def _unused_sentence(facts: Facts, stream: StreamSummary) -> str:
+    if facts.state.senders.loss.streams.begun[stream.stream] == 1:
+        same = f"All {count(stream.telegrams)} telegrams carry the same Counter"
+    else:  # nobody has compared those of one recording with those of another
+        same = f"Within each recording, all of {count(stream.telegrams)} telegrams carry the same Counter"
+    return f"{same}: their loss cannot be seen from it."
 
 
 def _unused(facts: Facts, stream: StreamSummary) -> Events:

@@ -27,17 +27,18 @@ LATE = FindingKind(
     Severity.WARNING,
     meaning=(
         "A telegram came much later than the interval promises (by default more than 2.5 times the nominal "
-        "interval), and the Counter shows no loss in between: it was sent late, or held up."
+        "interval): it was sent late, or held up. Where it has a Counter that counts, that shows no loss in between; "
+        "without one, as on CAN, something may be missing instead."
     ),
     causes=(
         "where all of them are late: another interval in the sender than in the definition, or a slower task cycle",
         "the task that sends was late: overload, a task of higher priority, a download, file access",
         "a PC sender whose operating system let it wait",
-        "a burst of other traffic, or a wireless link",
+        "a burst of other traffic, or a wireless link; on CAN, frames with a lower COB-ID that keep the bus busy",
     ),
     next_steps=(
         "Compare with the maximum cycle time and jitter of the task in the controller's task monitor.",
-        "See whether other senders were late at the same moment: then it is the network, or the capture.",
+        "See whether other senders were late at the same moment: then it is the network or bus, or the capture.",
     ),
 )
 JITTER = FindingKind(
@@ -69,7 +70,7 @@ BURST = FindingKind(
     causes=(
         "transmission on change without a minimum gap, on a value that changes in every cycle",
         "an event variable that stays TRUE",
-        "a sender or switch that catches up after a pause",
+        "a sender, switch or gateway that catches up after a pause",
     ),
     next_steps=(
         "Set a minimum gap, or reset the event variable after one cycle.",
@@ -86,7 +87,7 @@ STOPPED = FindingKind(
     ),
     causes=(
         "the controller was stopped, or its program by an exception",
-        "power, cable, or switch port lost",
+        "power, cable, or switch port lost; on CAN, a controller that is off the bus (NV606 where that was recorded)",
         "a download or a debugger that holds the program at a breakpoint",
     ),
     next_steps=(

@@ -52,8 +52,8 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "lists.acknowledgement.latencies.buckets": {"count": SUM},
     # In which scope a sender counts is told by all its steps: a window goes by what is known at its end.
     "senders.loss.streams": {
-        "current": LAST, "missing": LAST, "counting": LAST, "steps": LAST, "regular": LAST, "swapped": LAST,
-        "repeated": SUM,
+        "current": LAST, "missing": LAST, "begun": SUM, "counting": LAST, "moved": LAST, "steps": LAST,
+        "regular": LAST, "swapped": LAST, "repeated": SUM,
         "lost": SUM, "gaps": SUM, "longest_gap": MOST, "overtaken": SUM, "restarts": SUM, "duplicates": SUM,
     },
     "senders.loss.nodes": {
@@ -83,9 +83,10 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "buses.errors.all.rows": _COUNTED_EVENTS,
     "buses.errors.classes.rows": _COUNTED_EVENTS,
     "buses.canopen.columns": {
-        "heartbeats": SUM, "strays": SUM, "boot_ups": SUM, "changes": SUM, "state": LAST, "since_ns": LAST,
-        "last_ns": LAST, "emergencies": SUM, "emergency": LAST, "emergency_ns": LAST, "commands": SUM, "command": LAST,
-        "command_ns": LAST, "command_frame": LAST, "beats_from": LAST, "told_from": LAST, "doubted_from": LAST,
+        "heard": LAST, "heartbeats": SUM, "strays": SUM, "boot_ups": SUM, "changes": SUM, "state": LAST,
+        "since_ns": LAST, "last_ns": LAST, "emergencies": SUM, "emergency": LAST, "emergency_ns": LAST, "commands": SUM,
+        "command": LAST, "command_ns": LAST, "command_frame": LAST, "beats_from": LAST, "told_from": LAST,
+        "doubted_from": LAST,
     },
     "buses.canopen.sdo": _MAJORITIES,
     "buses.canopen.nmt": _MAJORITIES,

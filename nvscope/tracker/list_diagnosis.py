@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 _NEVER = -1
 Value = TypeVar("Value")
-_COLUMNS = (
-    "kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns", "first_frame", "first_ns",
-)  # fmt: skip
+_COLUMNS = "kind", "list", "source", "destination", "count", "mismatches", "last_frame", "last_ns"
 
 
 class Diagnosed(NamedTuple):
@@ -32,7 +30,6 @@ class Diagnosed(NamedTuple):
     readers: Sequence[int]
     diagnosis: Diagnosis
     nodes: Sequence[tuple[int, Diagnosis]]
-    sender_since: Sequence[tuple[int, int]]
 
 
 def diagnose(
@@ -78,16 +75,14 @@ def diagnose(
     of_list = np.zeros(len(lists), np.int64)
     np.add.at(of_list, flows.of_list[acknowledges], flows.telegrams[acknowledges])
     whole = _diagnoses(everything_sent, everything, of_list, errors.of_list, np.arange(len(lists)), whole_lists)
-    since = flows.where(is_data).first_of(np.searchsorted(sending, source[is_data]), len(sending))
-    for senders, own_readers, diagnosis, own_nodes, own_since in zip(
+    for senders, own_readers, diagnosis, own_nodes in zip(
         members.by_list(sending, members.nodes(sending)),
         members.by_list(readers, members.nodes(readers)),
         whole,
         members.by_list(every[told], nodes),
-        members.by_list(sending, since),
         strict=True,
     ):
-        yield Diagnosed(senders, own_readers, diagnosis, own_nodes, own_since if len(senders) > 1 else ())
+        yield Diagnosed(senders, own_readers, diagnosis, own_nodes)
 
 
 class _Members:
@@ -143,8 +138,6 @@ class _Flows(NamedTuple):
     mismatches: I64
     last_frame: I64
     last_ns: I64
-    first_frame: I64
-    first_ns: I64
 
     @staticmethod
     def of(state: TrackerState) -> _Flows:
@@ -154,14 +147,6 @@ class _Flows(NamedTuple):
 
     def where(self, chosen: Bool) -> _Flows:
         return _Flows(*(column[chosen] for column in self))
-
-    def first_of(self, group: I64, groups: int) -> list[tuple[int, int]]:
-        """Return frame and time of the first telegram of each group."""
-        frame, time_ns = np.full(groups, np.iinfo(np.int64).max), np.zeros(groups, np.int64)
-        np.minimum.at(frame, group, self.first_frame)
-        first = np.flatnonzero(self.first_frame == frame[group])
-        time_ns[group[first]] = self.first_ns[first]
-        return list(zip(frame.tolist(), time_ns.tolist(), strict=True))
 
 
 class _Tally(NamedTuple):

@@ -28,6 +28,7 @@ from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.flows import Flows
 from nvscope.tracker.list_log import ListLog
+from nvscope.tracker.several_senders import SeveralSenders
 from nvscope.tracker.waits import BootUpWaits, Messages, Waits
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ class ListState:
         self.values = values
         self.flows = Flows()
         self.columns = ListColumns()
+        self.several_senders = SeveralSenders()
         self.consistency = Consistency()
         self.acknowledgement = Acknowledgement()
         self.errors = Errors()
@@ -101,6 +103,7 @@ class ListState:
         errors: list[ErrorEvents] = []
         self.acknowledgement.timeout_ns = told.timeout_ns
         if len(told):
+            self.several_senders.observe(told, self.flows)
             self.flows.observe(told)
             errors += self._observe_rejected(told)
             self.columns.resize(len(self.keys.lists))
@@ -109,8 +112,12 @@ class ListState:
         if told.until_ns is not None:
             errors += self._expire(told)
         for unheard in told.unheard:
+            next_frame = told.first_frame + len(told)
+            self.several_senders.resume(unheard, self.flows, told.laid.memory, next_frame)
             self.acknowledgement.resume(unheard)
             self.consistency.resume(unheard)
+            if self.values is not None:
+                self.values.resume(unheard)
         self.errors.observe(errors, len(self.keys.lists))
         self.events.settle()
 
@@ -119,6 +126,7 @@ class ListState:
         self.flows.keys = share.keys
         self.flows.counts.take(part.flows.counts, share.flows)
         self.columns.take(part.columns, share.lists)
+        self.several_senders.take(part.several_senders, share)
         self.consistency.take(part.consistency, share)
         self.acknowledgement.take(part.acknowledgement, share)
         self.errors.take(part.errors, share)

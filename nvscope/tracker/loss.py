@@ -45,14 +45,17 @@ WALKS = 2
 class StreamSequences(KeyedColumns):
     """One row a stream: its own sequence, and the figures booked on it.
 
-    Figures of width 2 are those of the stream's walk and of the node's. ``counting`` is set from the second counter
-    value on. ``swapped`` are the steps that are not regular, but would be +1 if the Counter's two bytes were swapped.
-    ``repeated`` are the telegrams that equal the one before, byte for byte.
+    Figures of width 2 are those of the stream's walk and of the node's. ``begun`` counts the telegrams that are
+    compared with none before. ``counting`` is set from the second counter value on, ``moved`` from the second one of a
+    recording (``nvscope.capture.recordings``). ``swapped`` are the steps that are not regular, but would be +1 if the
+    Counter's two bytes were swapped. ``repeated`` are the telegrams that equal the one before, byte for byte.
     """
 
     current: U16
     missing: U64
+    begun: I64
     counting: Bool
+    moved: Bool
     steps: I64
     regular: I64
     swapped: I64
@@ -66,7 +69,9 @@ class StreamSequences(KeyedColumns):
     COLUMNS: ClassVar = {
         "current": (np.uint16(0), 1),
         "missing": (np.uint64(0), 1),
+        "begun": (np.int64(0), 1),
         "counting": (np.False_, 1),
+        "moved": (np.False_, 1),
         "steps": (np.int64(0), 1),
         "regular": (np.int64(0), 1),
         "swapped": (np.int64(0), 1),
@@ -143,6 +148,8 @@ class Loss:
         self.streams.missing[streams] = 0
         self.nodes.missing[nodes] = 0
         self.nodes.last_stream[nodes] = NO_STREAM
+        if unheard.everything:
+            self.streams.moved[:] = False
 
     def take(self, part: Loss, share: Share) -> None:
         """Take over the sequences of a part's share of the senders."""
@@ -160,17 +167,20 @@ class Loss:
             streams.repeated[run] += np.bincount(again.sequence, minlength=len(run))
         steps = again.walk(counter, streams.current[run], streams.missing[run], rows.fresh)
         streams.current[run], streams.missing[run] = steps.current, steps.missing
-        waiting = ~streams.counting[run]
+        streams.begun[run] += rows.fresh
+        resting, waiting = ~streams.moved[run], ~streams.counting[run]
         # Rows that take no step: the first of a sequence, those in front of the second value, and repeated ones.
         idle = (rows.fresh & ~waiting).astype(np.int64)
-        if waiting.any():
+        if resting.any():  # as all are that wait
             moved = (steps.step != Step.SAME) & (steps.step != Step.NONE)
             moved[again.place] = False
             moves = np.flatnonzero(moved)
             first = np.append(moves, len(rows))[np.searchsorted(moves, rows.start)]
+            has_moved = first < rows.stop
+            streams.moved[run] |= has_moved
+            streams.counting[run] |= has_moved
             begins = np.where(waiting, np.minimum(first, rows.stop), rows.start)
             idle += begins - rows.start
-            streams.counting[run] |= begins < rows.stop
             steps.step[np.arange(len(rows)) < np.repeat(begins, rows.stop - rows.start)] = Step.NONE
             steps.irregular = np.flatnonzero(steps.step != Step.REGULAR)
         late = again.place[steps.step[again.place] == Step.LATE]

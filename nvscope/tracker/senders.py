@@ -10,6 +10,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.can.cycles import CanCycles
 from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.loss import Loss
+from nvscope.tracker.mirrored import Mirrored
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps, no_steps
 from nvscope.tracker.recent import Recent
 from nvscope.tracker.steps import Steps
@@ -26,6 +27,7 @@ class SenderState:
 
     def __init__(self, *, recent: bool = False) -> None:
         self.loss = Loss()
+        self.mirrored = Mirrored()
         self.timing = Timing()
         self.recent = Recent() if recent else None
         self.cycles = Cycles()
@@ -45,6 +47,7 @@ class SenderState:
             intervals = self._observe_intervals(told, frames, *no_steps(len(frames)))
             usual_ns = self.timing.columns.usual_ns
             self.can_cycles.observe_frames(told, frames, intervals.usual, usual_ns)
+        self.mirrored.observe(told, self.loss.streams)
         for unheard in told.unheard:
             for part in (self.loss, self.timing, self.cycles, self.can_cycles):
                 part.resume(unheard)
@@ -60,6 +63,7 @@ class SenderState:
     def take(self, part: SenderState, share: Share) -> None:
         """Take over what a part has counted of its share of the senders."""
         self.loss.take(part.loss, share)
+        self.mirrored.take(part.mirrored, share)
         self.timing.take(part.timing, share)
         if self.recent is not None and part.recent is not None:
             self.recent.take(part.recent)

@@ -36,13 +36,12 @@ from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.together import NOTHING_KNOWN_TOGETHER, Together, counted_together, taken_together
 
 UNUSED_FROM_TELEGRAMS = 8
+"""So many of a stream, all with one Counter, and it does not count; each recording's first one behind the first says
+nothing, for nobody has seen what it follows."""
 
 
 class ListSummary(NamedTuple):
-    """One list: who sends and reads it, its diagnosis and that of its nodes, its counters, and its streams.
-
-    Of several senders, ``sender_since`` has the frame and the time of the first data telegram of each.
-    """
+    """One list: who sends and reads it, its diagnosis and that of its nodes, its counters, and its streams."""
 
     number: int
     key: ListKey
@@ -52,7 +51,6 @@ class ListSummary(NamedTuple):
     counters: Mapping[str, int | None]
     nodes: Sequence[tuple[int, Diagnosis]]
     streams: Sequence[StreamSummary]
-    sender_since: Sequence[tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +111,7 @@ def summarize(
     diagnosed = diagnose(state, keys_of_lists, order, reading)
     streams = _streams(state, keys_of_lists, scopes, order, intervals_ns, intervals, erratic)
     lists = [
-        ListSummary(
-            number, key, told.senders, told.readers, told.diagnosis, counters, told.nodes, own, told.sender_since
-        )
+        ListSummary(number, key, told.senders, told.readers, told.diagnosis, counters, told.nodes, own)
         for number, (key, told, own, counters) in enumerate(
             zip(keys_of_lists, diagnosed, streams, _counters(state, streams), strict=True)
         )
@@ -151,7 +147,7 @@ def _streams(
     by_place = np.lexsort((subindex, rank[node], of_list))
     known, of_list, node, subindex = known[by_place], of_list[by_place], node[by_place], subindex[by_place]
     counting, telegrams = loss.counting[known], memory.telegrams[known]
-    unused = ~counting & (telegrams >= UNUSED_FROM_TELEGRAMS)
+    unused = ~counting & (telegrams - np.maximum(loss.begun[known] - 1, 0) >= UNUSED_FROM_TELEGRAMS)
     signature = memory.signature[known]
     signed = (signature >> FLAGS_SHIFT & np.uint64(CHECKSUM_PRESENT.mask)) != 0
     figures = _figures(loss, known, np.array([scopes.get(one, Scope.STREAM) for one in node.tolist()], np.int64))

@@ -12,7 +12,7 @@ import nvscope
 from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS
 from tests.definition.lists import telegram
 from tests.export.given import written
-from tests.program import run
+from tests.program import run, run_text
 
 LOG = "(0000000001.000000) can0 110#0102\n(0000000002.000000) can1 18FF0010#R2\n"
 CAN_NAMES = [field.name for field in DEFAULT_CAN_FIELDS]
@@ -68,3 +68,18 @@ def test_exports_and_notebooks_have_the_same(log: Path, ethernet: Path, tmp_path
     assert pl.read_parquet(path).columns == ALL_NAMES
     assert nvscope.open([log, ethernet]).telegrams().columns == ALL_NAMES
     assert nvscope.open(log).telegrams().columns == CAN_NAMES
+
+
+def test_dates_of_a_controller_have_no_zone(tmp_path: Path) -> None:
+    """That of the capture is in UTC, and says so."""
+    declared = "<GVL><Declarations>VAR_GLOBAL d : DT; END_VAR</Declarations><NetvarSettings Protocol='CAN'>"
+    (tmp_path / "a.gvl").write_text(f"{declared}<ListIdentifier>5</ListIdentifier></NetvarSettings></GVL>")
+    (tmp_path / "a.log").write_text("(1700000000.0) can0 005#00655365\n")
+    asked = [tmp_path / "a.log", "--gvl", tmp_path / "a.gvl"]
+    wanted = ["-e", "frame.time", "-e", "var.d", "-Y", 'var.d == "2023-11-14 12:16:00"']
+    done = run_text("packets", "-q", *asked, "-T", "fields", *wanted)
+    assert done.stdout == "2023-11-14T22:13:20.000000000Z\t2023-11-14T12:16:00.000000000\n"
+    (row,) = json.loads(run_text("packets", "-q", *asked, "-T", "json", *wanted).stdout)
+    assert row["var.d"] == "2023-11-14T12:16:00.000000000"
+    exported = run_text("export", *asked, "-w", "-").stdout.splitlines()[1]
+    assert exported.split(",")[::4] == ["2023-11-14T22:13:20.000000000Z", "2023-11-14T12:16:00.000000000"]

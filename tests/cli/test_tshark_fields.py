@@ -44,7 +44,7 @@ BUILT = (
 TOLD_OTHERWISE = {"frame.time", "arp", "icmp", "icmpv6"}
 """A date as of ISO 8601, and 1 or 0 for protocols, of which tshark writes a title."""
 
-OF_PACKETS = ("ip.src", "ip.dst", "ip.version")
+OF_PACKETS = ("ip.src", "ip.dst", "ip.version", "ipv6.src", "ipv6.dst")
 OF_FRAGMENTS = ("ip.flags.mf", "ip.frag_offset", "ipv6.fraghdr.more", "ipv6.fraghdr.offset")
 OF_WHAT_IS_IN_THEM = ("udp.", "tcp.", "icmp.", "icmpv6.")
 CAN_FLAGS = ("can.flags.xtd", "can.flags.rtr", "can.flags.err")
@@ -154,7 +154,7 @@ def ours(path: Path) -> list[dict[str, str]]:
 
 def theirs(path: Path) -> list[dict[str, str]]:
     """Return the same of tshark, with what the differences that are meant depend on."""
-    wanted = [*names(), "frame.protocols", "ipv6.src", "ipv6.dst", *OF_FRAGMENTS]
+    wanted = [*names(), "frame.protocols", *OF_FRAGMENTS]
     asked = [word for name in wanted for word in ("-e", name)]
     command = ["tshark", "-n", "-o", "ip.defragment:FALSE", "-o", "ipv6.defragment:FALSE", "-r", str(path)]
     done = subprocess.run([*command, "-T", "fields", *asked], capture_output=True, text=True, check=True)
@@ -168,6 +168,9 @@ def as_meant(told: dict[str, str]) -> dict[str, str]:
     for name in ("ip.src", "ip.dst"):
         both = [told[name], told[name.replace("ip.", "ipv6.")]]
         meant[name] = both[layers[0] == "ipv6"] if layers else ""
+        if layers[:1] != ["ipv6"]:
+            # That of a packet in another, not of the frame's own.
+            meant[name.replace("ip.", "ipv6.")] = ""
     carried = len(layers) > 1
     if carried:
         meant |= {name: meant[name].split(",")[0] for name in meant if name in OF_PACKETS or name.startswith("icmp")}
@@ -199,9 +202,18 @@ def write(path: Path, link: int, frames: Sequence[bytes], original: Sequence[int
 
 @needs_tshark
 def test_what_both_have_is_compared() -> None:
-    assert {"can.id", "vlan.id", "ieee8021ad.id", "udp.srcport", "tcp.dstport", "arp.opcode", "eth.type"} <= set(
-        names()
-    )
+    assert {
+        "ip.src",
+        "ipv6.src",
+        "ipv6.dst",
+        "can.id",
+        "vlan.id",
+        "ieee8021ad.id",
+        "udp.srcport",
+        "tcp.dstport",
+        "arp.opcode",
+        "eth.type",
+    } <= set(names())
     assert len(names()) > 40
 
 
@@ -255,3 +267,15 @@ def test_an_identifier_is_filtered_by_in_any_base(tmp_path: Path) -> None:
     for wanted in ("can.id == 0x110", "can.id == 272"):
         done = run_text("packets", "-q", tmp_path / "a.pcap", "-Y", wanted, "-e", "can.id")
         assert done.stdout.split() == ["272"] * 4
+
+
+@needs_tshark
+@pytest.mark.parametrize("wanted", ["ipv6.addr == fe80::9", "ipv6.src == fe80::9", "ipv6.dst == fe80::9", "!ipv6.src"])
+def test_addresses_of_ipv6_are_filtered_by_as_in_tshark(wanted: str, tmp_path: Path) -> None:
+    back = IPv6(src="fe80::9", dst="fe80::1") / TELEGRAM
+    frames = [bytes(TO / packet) for packet in (V4 / TELEGRAM, V6 / TELEGRAM, back)]
+    write(tmp_path / "a.pcap", LinkType.ETHERNET, frames, [len(frame) for frame in frames])
+    done = run_text("packets", "-q", tmp_path / "a.pcap", "-Y", wanted, "-T", "fields", "-e", "frame.number")
+    asked = ["tshark", "-n", "-r", str(tmp_path / "a.pcap"), "-Y", wanted, "-T", "fields", "-e", "frame.number"]
+    told = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+    assert done.stdout.split() == told.split() != []

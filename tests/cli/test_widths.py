@@ -124,3 +124,24 @@ def test_notices_end_their_lines_between_words_on_a_terminal(words: list[str], c
     if columns == 500:
         assert told == in_a_pipe
     assert len(told.splitlines()) >= len(in_a_pipe.splitlines())
+
+
+WITH_HELP = (
+    "", "report", "vars", "packets", "export", "gvl", "gvl layout", "gvl lint", "gvl diff", "simulate", "explain",
+    "keys", "schema",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("verb", WITH_HELP)
+def test_help_fits_into_a_narrow_terminal(verb: str) -> None:
+    narrow, wide = (
+        run_text(*verb.split(), "--help", environment={"COLUMNS": columns}).stdout for columns in ("40", "100")
+    )
+    assert [line for line in narrow.splitlines() if len(line) > 40] == []
+    # Nothing is left out, and what is cut of a command line is one for a shell.
+    assert "".join(narrow.replace(" \\\n", " ").split()) == "".join(wide.split())
+
+
+def test_what_is_said_of_a_wrong_option_fits_too() -> None:
+    told = run_text("vars", "--nope", environment={"COLUMNS": "40"}).stderr
+    assert all(len(line) <= 40 for line in told.splitlines()[:3])

@@ -26,7 +26,16 @@ from nvscope.tracker.subjects import subjects
 from nvscope.tracker.summary import summarize
 from nvscope.tracker.variables.values import Values
 from nvscope.view.documents.variables import variables_document
-from tests.engine.traffic import CAN_DEFINITION, CAN_LAYOUTS, CHANNELS, LAYOUTS, batches_of, can_batches, reading_of
+from tests.engine.traffic import (
+    CAN_DEFINITION,
+    CAN_LAYOUTS,
+    CHANNELS,
+    LAYOUTS,
+    batches_of,
+    can_batches,
+    reading_of,
+    with_holes,
+)  # fmt: skip
 from tests.laws import examples
 from tests.packets import Batches, cut, document_of
 from tests.simulate.simulation import project_of, simulated
@@ -74,14 +83,16 @@ def shown(state: TrackerState, definition: Definition | None = None) -> tuple[An
 @examples(60)
 def test_parts_joined_are_the_state_folded_at_once(seed: int, parts: int, expression: str | None) -> None:
     chance = random.Random(seed)
-    whole, joined = at_once_and_joined(batches_of(seed, chance), parts, reading_of(expression))
+    batches = with_holes(batches_of(seed, chance), chance)
+    whole, joined = at_once_and_joined(batches, parts, reading_of(expression))
     assert shown(joined) == shown(whole)
 
 
 @given(st.integers(0, 10_000), st.integers(2, 5))
 @examples(30)
 def test_a_joined_state_goes_on_as_if_it_had_been_one(seed: int, parts: int) -> None:
-    batches = batches_of(seed, random.Random(seed))
+    chance = random.Random(seed)
+    batches = with_holes(batches_of(seed, chance), chance)
     begun, rest = batches[: len(batches) // 2], batches[len(batches) // 2 :]
     whole = TrackerState(values=Values(LAYOUTS), recent=True)
     parted = PartedState(parts, values=lambda: Values(LAYOUTS), recent=True)
@@ -99,7 +110,8 @@ def test_a_joined_state_goes_on_as_if_it_had_been_one(seed: int, parts: int) -> 
 @examples(40)
 def test_channels_joined_are_the_state_folded_at_once(seed: int, parts: int, channels: int) -> None:
     reading = Reading(pdos=Pdos(CAN_DEFINITION).rules())
-    batches = can_batches(random.Random(seed), channels)
+    chance = random.Random(seed)
+    batches = with_holes(can_batches(chance, channels), chance)
     whole, joined = at_once_and_joined(batches, parts, reading, CAN_LAYOUTS)
     assert shown(joined) == shown(whole)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from dissectors.batch import PacketBatch
 from nvscope.definition.layouts import Layouts
@@ -16,7 +17,7 @@ from nvscope.view.fields.vocabulary import vocabulary
 from tests.definition.lists import INT, LREAL, UDINT, list_of
 from tests.oracle.builders import LINKS
 from tests.oracle.traffic import generate
-from tests.packets import batch_of, cut
+from tests.packets import batch_of, cut, recorded
 from tests.tracker.can.test_state import batch
 
 DEFINITION = Definition(
@@ -66,6 +67,12 @@ def traffic(seed: int) -> list[PacketBatch]:
         batches += can_batches(chance, chance.choice([1, 3]))
         chance.shuffle(batches)
     return batches
+
+
+def with_holes(batches: Sequence[PacketBatch], chance: random.Random) -> list[PacketBatch]:
+    """Return batches with up to three times between them in which nobody listens."""
+    cuts = chance.sample(range(1, len(batches)), min(chance.randrange(4), len(batches) - 1))
+    return recorded(*(batches[begin:end] for begin, end in pairwise([0, *sorted(cuts), len(batches)])))
 
 
 def span_ns(batches: Sequence[PacketBatch]) -> int:

@@ -13,11 +13,11 @@ from tests.packets import batch_of
 _GVL = Path(__file__).parents[2] / "captures" / "peers" / "counters.gvl"
 
 
-def written(path: Path, frames: Sequence[Frame]) -> str:
+def written(path: Path, frames: Sequence[Frame], name: str = "in.pcap") -> str:
     """Write frames to a capture file, and return its name."""
-    with PcapSink(str(path / "in.pcap")) as sink:
+    with PcapSink(str(path / name)) as sink:
         sink.write(batch_of(frames))
-    return "in.pcap"
+    return name
 
 
 def defined(path: Path, name: str, declarations: str) -> list[str]:

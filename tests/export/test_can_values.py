@@ -178,7 +178,7 @@ def as_record(one: Sent, name: str, told: Any) -> bool:
         if not math.isfinite(value):
             return told is None
         return bool(np.float32(told) == np.float32(value)) if kind == "REAL" else same(float(told), value)
-    return same(told, iso(value) if kind in DATES else value)
+    return same(told, iso(value).removesuffix("Z") if kind in DATES else value)
 
 
 @examples(25)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import struct
+from collections.abc import Collection
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -40,15 +42,20 @@ def table(rows: list[Row]) -> Any:
     return pa.table(columns, schema=SCHEMA)
 
 
-def plain(rows: list[Row], gap_ns: int) -> list[Row]:
+def plain(rows: list[Row], gap_ns: int, recordings_from: Collection[int] = ()) -> list[Row]:
     """Return the rows of cycles: those that ended, in the order in which the next ones began, then the open ones."""
     done: list[Row] = []
+    known_from: dict[int, int] = {}
     opened: dict[int, Row] = {}
     last: dict[int, Row] = {}
     for row in rows:
         sender, before = row["ip.src"], last.get(row["ip.src"])
+        recording = sum(begin <= row["frame.number"] for begin in recordings_from)
+        goes_on = known_from.get(sender) == recording
+        known_from[sender] = recording
         together = (
             before is not None
+            and goes_on
             and row["nv.subindex"] > before["nv.subindex"]
             and 0 <= row["frame.time"] - before["frame.time"] <= gap_ns
         )
@@ -63,7 +70,7 @@ def plain(rows: list[Row], gap_ns: int) -> list[Row]:
         else:
             carried = dict.fromkeys(("a", "b", "b.name", "t"))
             if sender in opened:
-                carried = {name: opened[sender][name] for name in carried}
+                carried = {name: opened[sender][name] for name in carried} if goes_on else carried
                 done.append(opened[sender])
             head = {"frame.time": row["frame.time"], "frame.number": row["frame.number"], "ip.src": SENDERS[sender]}
             opened[sender] = {**head, "nv.telegrams": 1, **carried, **values}
@@ -90,16 +97,21 @@ def telegrams(draw: st.DrawFn) -> list[Row]:
 
 
 @examples(300)
-@given(rows=telegrams(), cuts=st.lists(st.integers(0, 40), max_size=5), interval=st.sampled_from([None, 5_000_000]))
-def test_any_cut_gives_the_rows_of_a_plain_loop(rows: list[Row], cuts: list[int], interval: int | None) -> None:
-    cycles = CycleRows(SCHEMA, interval, SENT)
+@given(
+    rows=telegrams(), cuts=st.lists(st.integers(0, 40), max_size=5), interval=st.sampled_from([None, 5_000_000]),
+    recordings=st.lists(st.integers(2, 40), max_size=3),
+)  # fmt: skip
+def test_any_cut_gives_the_rows_of_a_plain_loop(
+    rows: list[Row], cuts: list[int], interval: int | None, recordings: list[int]
+) -> None:
+    cycles = CycleRows(SCHEMA, interval, SENT, recordings_from=lambda: sorted(recordings))
     bounds = [0, *sorted(cuts), len(rows)]
     parts = [cycles.take(table(rows[low:high])) for low, high in pairwise(bounds) if low < high]
     found = pa.concat_tables([*parts, cycles.finish()], promote_options="default")
     assert found.schema.names == ["frame.time", "frame.number", "ip.src", "nv.telegrams", "a", "b", "b.name", "t"]
     numbers = found.set_column(0, "frame.time", found.column(0).cast(pa.int64()))
     numbers = numbers.set_column(7, "t", numbers.column(7).cast(pa.int64()))
-    assert numbers.to_pylist() == plain(rows, interval // 2 if interval else USUAL_GAP_NS)
+    assert numbers.to_pylist() == plain(rows, interval // 2 if interval else USUAL_GAP_NS, recordings)
 
 
 def test_a_list_that_is_not_packed_by_cycle(tmp_path: Path) -> None:
@@ -131,6 +143,27 @@ def test_a_list_that_is_not_packed_by_cycle(tmp_path: Path) -> None:
     done = run_text("export", capture, "flags.gvl", *both, "-w", "o.csv", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("nvscope: --rows cycle is for --form wide\n")
+
+
+def test_a_cycle_has_no_values_of_the_recording_before(tmp_path: Path) -> None:
+    """Where the second one begins inside a cycle, what was sent in front of it is not known."""
+    declared = "VAR_GLOBAL bRun : BOOL; nSpeed : INT; END_VAR"
+    (tmp_path / "flags.gvl").write_text(
+        f"<GVL><Declarations>{declared}</Declarations><NetvarSettings Protocol='UDP'><ListIdentifier>5</ListIdentifier>"
+        "<Pack>False</Pack><Interval>T#100ms</Interval></NetvarSettings></GVL>"
+    )
+    frames = [
+        telegram(data, 1, subindex=subindex, counter=cycle + 1, ts_ns=at_ns, list_id=5)
+        for cycle in range(4)
+        for subindex, data in enumerate([bytes([cycle % 2]), struct.pack("<h", cycle)])
+        for at_ns in [1_700_000_000_000_000_000 + cycle * 100_000_000 + subindex * 1_000_000 + cycle // 2 * 10**14]
+    ]
+    captures = [written(tmp_path, part, name) for part, name in ((frames[:4], "a.pcap"), (frames[5:], "b.pcap"))]
+    done = run_text("export", *captures, "flags.gvl", "--rows", "cycle", "-w", "-.ndjson", cwd=tmp_path)
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(row["nv.telegrams"], row["bRun"], row["nSpeed"]) for row in rows] == [
+        (2, False, 0), (2, True, 1), (1, None, 2), (2, True, 3),
+    ]  # fmt: skip
 
 
 def test_what_has_no_name_does_not_have_that_of_the_cycle_before(tmp_path: Path) -> None:

@@ -110,3 +110,11 @@ def test_severities_are_ordered_and_have_words() -> None:
     assert [Severity.of(severity.word) for severity in Severity] == list(Severity)
     with pytest.raises(ValueError, match="'fatal'"):
         Severity.of("fatal")
+
+
+@pytest.mark.parametrize("code", ["NV407", "NV501", "NV502", "NV503", "NV504", "NV601", "NV603", "NV604", "NV605"])
+def test_what_may_come_on_can_does_not_speak_of_udp_alone(code: str) -> None:
+    """There is neither Counter nor SubIndex there: what says something of these says what is so on CAN."""
+    meaning = CATALOGUE[code].meaning
+    if any(word in meaning for word in ("Counter", "SubIndex", "UDP", "broadcast", "header")):
+        assert "CAN" in meaning

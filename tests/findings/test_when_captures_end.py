@@ -140,6 +140,17 @@ def test_captures_of_different_places_one_after_the_other_are_not_one(tmp_path: 
     assert codes(state_of(tmp_path, [cyclic(0, 10), cyclic(15, 30, list_id=8)])) == []
 
 
+def test_who_sends_a_list_later_is_no_second_sender_where_nobody_listened_to_it_meanwhile(tmp_path: Path) -> None:
+    """Another capture went on, of other lists; where it hears this one too, there are two senders."""
+    first, others = cyclic(0, 10), cyclic(5, 130, list_id=8)
+    source_at = 14 + 15
+    readdressed = [
+        frame._replace(data=frame.data[:source_at] + b"\2" + frame.data[source_at + 1 :]) for frame in cyclic(100, 110)
+    ]
+    assert codes(state_of(tmp_path, [first, others, readdressed])) == []
+    assert ("NV401", 1) in codes(state_of(tmp_path, [first, [*others, *cyclic(5, 10)], readdressed]))
+
+
 def test_they_are_where_one_begins_at_once_or_its_name_goes_on(tmp_path: Path) -> None:
     """Each has one sender alone, which no other has; who is lost or stops between them is told."""
     parts = [cyclic(0, 10), cyclic(10.5, 15, list_id=8), cyclic(15.5, 25, counter=104)]

@@ -86,9 +86,9 @@ def history() -> Schema:
         "name": text(),
         "changed": truth("false where --all tells a value that stayed"),
         "unit": UNIT,
-        "old": ANY_VALUE | {"description": "null in the first telegram"},
+        "old": ANY_VALUE | {"description": "null in the first telegram of a recording"},
         "new": ANY_VALUE,
-        "old_text": maybe(text("null in the first telegram")),
+        "old_text": maybe(text("null in the first telegram of a recording")),
         "new_text": text("with all digits that count"),
     }
     variable = {

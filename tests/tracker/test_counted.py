@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Sequence
 from functools import reduce
 from operator import add
@@ -19,7 +20,7 @@ from nvscope.tracker.figures import Joins, Of
 from nvscope.tracker.joins import TABLES, tables_of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from tests.engine.traffic import CHANNELS, reading_of, traffic
+from tests.engine.traffic import CHANNELS, reading_of, traffic, with_holes
 from tests.laws import examples
 from tests.packets import Batches, batch_of, cut, document_of, tracked
 from tests.tracker.can.bus_traffic import bus_traffic
@@ -55,7 +56,7 @@ def without_extremes(found: dict[str, Any]) -> dict[str, Any]:
 @given(st.integers(0, 10_000))
 @examples(60)
 def test_windows_joined_are_the_whole(seed: int) -> None:
-    state, found = moments(traffic(seed))
+    state, found = moments(with_holes(traffic(seed), random.Random(seed)))
     nothing = Counted.of(TrackerState())
     windows = [later - earlier for earlier, later in zip([nothing, *found], found, strict=False)]
     whole, joined = Counted.of(state), reduce(add, windows)

@@ -27,7 +27,7 @@ from nvscope.tracker.figures import BY_NAME, BY_SCOPE, FIGURES, Joins, Of, Provi
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary, summarize
 from nvscope.tracker.windows import Window, Windows
-from tests.engine.traffic import CHANNELS, length_of, reading_of, span_ns, traffic
+from tests.engine.traffic import CHANNELS, length_of, reading_of, span_ns, traffic, with_holes
 from tests.laws import examples
 from tests.oracle.builders import ACKNOWLEDGEMENT, START, data_frame, telegram
 from tests.oracle.frame import Frame
@@ -69,8 +69,10 @@ def told(windows: Sequence[Window]) -> list[Any]:
 @example(143)  # intervals whose extremes, in an earlier window, decide whether counters are believed
 @examples(60)
 def test_windows_joined_are_the_whole_with_its_extremes(seed: int) -> None:
-    batches, state = traffic(seed), TrackerState()
-    windows = watched(Windows(length_of(batches, random.Random(seed))), batches, beside=[state])
+    chance, state = random.Random(seed), TrackerState()
+    batches = traffic(seed)
+    length_ns = length_of(batches, chance)
+    windows = watched(Windows(length_ns), with_holes(batches, chance), beside=[state])
     whole = reduce(add, [one.counted for one in windows])
     expected = tables(Counted.of(state))
     assert {path: value for path, value in tables(whole).items() if path != "end"} == {

@@ -69,6 +69,7 @@ class AscLines:
     def __init__(self) -> None:
         self._base = _HEX
         self._relative = False
+        self._timed = False
         self._lines = 0
         # What is wrong with the date that times count from, '' where it was understood; told once a time needs it.
         self._undated = f"no date, so {UNDATED}"
@@ -100,9 +101,11 @@ class AscLines:
     def is_whole(self, line: str, found: LoggedFrame | None) -> bool:
         words = line.split()
         last = words[-1].lower()
+        if found is None and not _TIMED.fullmatch(line.strip()):
+            # Before the first time it is a line of the head, and what should follow is missing.
+            return self._timed
         if found is None:
-            begun = any(word != last and word.startswith(last) for word in _BEGINS_A_FRAME)
-            return not (begun and _TIMED.fullmatch(line.strip()))
+            return not any(word != last and word.startswith(last) for word in _BEGINS_A_FRAME)
         frame = found.frame
         if frame.identifier & ERROR:
             return not _CUT_CODE.search(line)
@@ -136,6 +139,7 @@ class AscLines:
 
     def _time_ns(self, told_ns: int) -> int:
         """Return the time of a line, be it an event of CAN or not."""
+        self._timed = True
         self.remark = self.remark or self._undated
         self._now_ns = told_ns + (self._now_ns if self._relative else self._start_ns)
         return self._now_ns

@@ -3,7 +3,7 @@
 A database is more than its file: what its writer has not put into it yet lies in ``-wal`` beside it, and what a writer
 that was killed would have to take back in ``-journal``. SQLite looks after both by writing. So it does that in a copy;
 a database that has neither is read where it is, as one that nobody changes (``immutable``), without locks that its
-writer would have to wait for.
+writer would have to wait for. Of one that is cut short, a copy of its whole pages is read: SQLite refuses the file.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ _BESIDE = {"-wal": 32, "-journal": 28}
 """Suffixes of what lies beside a database, and the bytes of its header."""
 
 _JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")
+
+_PAGES_OFFSET = 28
 
 _MADE_UP = {1, 2}  # what PRAGMA table_xinfo calls columns of virtual tables, and those that are computed when read
 _ALLOWED = frozenset({sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ})
@@ -82,9 +84,10 @@ class Database:
 
 @contextmanager
 def opened(path: str) -> Iterator[Database]:
-    """Open the database in a file. It and what lies beside it stay as they are."""
+    """Open the database in a file, or of one that is cut short what is left. It and what lies beside it stay."""
     unfinished = left_beside(path)
-    if not unfinished or _not_copied(path, unfinished):
+    pages = pages_left(path)
+    if pages is None and (not unfinished or _not_copied(path, unfinished)):
         with _connected(path, "mode=ro&immutable=1") as database:
             yield database
         return
@@ -92,12 +95,22 @@ def opened(path: str) -> Iterator[Database]:
     try:
         copy = os.path.join(directory, "log")
         shutil.copyfile(path, copy)
+        if pages is not None:
+            _end_at(copy, *pages)
         for suffix in unfinished:
             shutil.copyfile(path + suffix, copy + suffix)
         with _connected(copy, "mode=rw") as database:
             yield database
     finally:
         shutil.rmtree(directory, ignore_errors=True)
+
+
+def _end_at(path: str, page_bytes: int, pages: int) -> None:
+    """Make a database end behind so many pages, and say so itself: those that it refers to and has not are a fault."""
+    with open(path, "r+b") as file:
+        file.truncate(page_bytes * pages)
+        file.seek(_PAGES_OFFSET)
+        file.write(struct.pack(">L", pages))
 
 
 def left_beside(path: str) -> list[str]:
@@ -145,12 +158,24 @@ def bytes_missing(path: str) -> tuple[int, int] | None:
 
     SQLite reads zeros for what is missing of the last page, and would show them as rows.
     """
-    with open(path, "rb") as file:
-        head = file.read(32)
-    page_bytes, pages = struct.unpack(">16xH10xL", head.ljust(32, b"\0"))
-    expected = (page_bytes if page_bytes > 1 else 1 << 16) * pages
+    page_bytes, pages = _pages(path)
     size = os.path.getsize(path)
-    return (size, expected) if size < expected and not left_beside(path) else None
+    return (size, page_bytes * pages) if size < page_bytes * pages and not left_beside(path) else None
+
+
+def pages_left(path: str) -> tuple[int, int] | None:
+    """Return the size of a page and how many whole ones are left of a database, None where none are missing."""
+    missing = bytes_missing(path)
+    page_bytes, _ = _pages(path)
+    return missing and (page_bytes, missing[0] // page_bytes)
+
+
+def _pages(path: str) -> tuple[int, int]:
+    """Return the size of a page and the number of pages, as the header says them."""
+    with open(path, "rb") as file:
+        head = file.read(_PAGES_OFFSET + 4)
+    page_bytes, pages = struct.unpack(">16xH10xL", head.ljust(_PAGES_OFFSET + 4, b"\0"))
+    return (page_bytes if page_bytes > 1 else 1 << 16), pages
 
 
 def state(path: str) -> list[tuple[int, int] | None]:

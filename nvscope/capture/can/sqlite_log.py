@@ -8,9 +8,17 @@ from collections.abc import Generator, Iterator
 from dissectors.batch import PacketBatch
 from nvscope.capture.can.frame import CanFrame, CanRows, FrameBatches
 from nvscope.capture.can.line_fields import LineFault
-from nvscope.capture.can.on_disk import on_disk
+from nvscope.capture.can.on_disk import MAX_SPOOLED_BYTES, on_disk
 from nvscope.capture.can.recorded_message import RecordedMessage
-from nvscope.capture.can.sqlite_file import MAX_VALUE_BYTES, Database, bytes_missing, opened, state, unread_beside
+from nvscope.capture.can.sqlite_file import (
+    MAX_VALUE_BYTES,
+    Database,
+    bytes_missing,
+    opened,
+    pages_left,
+    state,
+    unread_beside,
+)
 from nvscope.capture.content import Content
 from nvscope.capture.formats import NoCapture
 from nvscope.capture.reader import Reader, ReadingSizes
@@ -91,6 +99,9 @@ class SqliteReader(Reader):
         if self._path and (unread := unread_beside(path)):
             self._fault(unread)
         self._next = _FIRST_ROW
+        cut = ""
+        if missing := bytes_missing(path):
+            cut = f"cut short: {missing[0]} of {missing[1]} bytes"
         before = state(path)
         try:
             with opened(path) as database:
@@ -102,8 +113,14 @@ class SqliteReader(Reader):
                         if not (yield from self._rows_one_by_one(database)):
                             break
         except _DATABASE_FAULTS as error:
-            after = f"after row {self._next - 1}: " if self._next > _FIRST_ROW else ""
-            self._fault(f"{after}damaged: {error}; nothing after it can be read")
+            after = f"after row {self._next - 1}" if self._next > _FIRST_ROW else ""
+            if cut:
+                self._fault(f"{cut}; nothing {after or 'of its rows'} can be read")
+            else:
+                self._fault(f"{after}{': ' * bool(after)}damaged: {error}; nothing after it can be read")
+            cut = ""
+        if cut:
+            self._fault(cut)
         if state(path) != before:
             self._fault("changed while it was read: read it again when it is no longer recorded")
 
@@ -163,19 +180,22 @@ def _message(told: list[object]) -> RecordedMessage:
 
 
 def _check(path: str, where: str) -> None:
-    """Raise _NoMessages or UnreadableInput for an SQLite file that is no log, or no whole one."""
-    missing = bytes_missing(path)
+    """Raise _NoMessages or UnreadableInput for an SQLite file that is no log, or does not even say what it is.
+
+    Which tables it has stands in its first page.
+    """
+    missing, pages = bytes_missing(path), pages_left(path)
+    cut = None
     if missing:
-        raise UnreadableInput(
-            f"an SQLite file that is cut short: {missing[0]} of {missing[1]} bytes",
-            where=where,
-            next_step="copy the file again",
-        )
+        what = f"an SQLite file that is cut short: {missing[0]} of {missing[1]} bytes"
+        cut = UnreadableInput(what, where=where, next_step="copy the file again")
+        if not pages or not pages[1] or missing[0] > MAX_SPOOLED_BYTES:
+            raise cut
     try:
         with opened(path) as database:
             found = database.has_table("messages")
     except _DATABASE_FAULTS as error:
-        raise UnreadableInput(
+        raise cut or UnreadableInput(
             f"an SQLite file that cannot be read: {type(error).__name__}: {error}", where=where
         ) from error
     if not found:

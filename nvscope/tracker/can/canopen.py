@@ -24,6 +24,7 @@ from dissectors.layout import gather_bytes
 from nvscope.engine.events import EventBatch
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.can.canopen_columns import NO_STATE, NodeColumns
 from nvscope.tracker.can.majority import NEVER, Majorities
 from nvscope.tracker.can.sdo import LastSdo, weighed
@@ -86,7 +87,8 @@ class CanOpenNode:
 
     ``state`` is one of ``NODE_STATES``, since ``since_ns``: what its heartbeats tell, or where it sends none, what it
     was commanded to (``commanded``). ``last_ns`` is when it sent a heartbeat or emergency last. ``changes`` counts
-    those of its state, ``boot_ups`` the boot-up messages.
+    those of its state, ``boot_ups`` the boot-up messages. Behind a time in which nobody listened, a state is known from
+    its first heartbeat or command on, and is no change.
     """
 
     node: int
@@ -144,6 +146,13 @@ class CanOpen:
             if len(own):
                 observe(told, batch, own)
 
+    def resume(self, unheard: Unheard) -> None:
+        """Let what follows on unheard channels begin anew: nobody knows what was said and commanded meanwhile."""
+        node = np.flatnonzero(np.isin(self.nodes.high, unheard.channels.astype(np.uint64)))
+        self.columns.heard[node] = False
+        self.columns.command_frame[node] = 0
+        self._last_sdo.forget(node)
+
     def take(self, part: CanOpen) -> None:
         """Take over the nodes of other channels."""
         row = self.columns.take_keyed(self.nodes, part.columns, part.nodes.words)
@@ -182,7 +191,8 @@ class CanOpen:
         run, last, columns = number[start], stop - 1, self.columns
         before = np.empty_like(state)
         before[1:] = state[:-1]
-        before[start] = columns.state[run]
+        before[start] = np.where(columns.heard[run], columns.state[run], NO_STATE)
+        columns.heard[run] = True
         changed = state != before
         since = np.maximum.accumulate(np.where(changed, np.arange(len(state)), -1))[last]
         fresh = since >= start
@@ -350,7 +360,7 @@ class CanOpen:
                 (place for place in commands if place is not None),
                 key=lambda place: int(columns.command_frame[place]),
             )
-            if columns.commands[told]:
+            if columns.command_frame[told]:
                 state, since_ns = _AFTER_COMMAND[int(columns.command[told])], int(columns.command_ns[told])
         emergency = None
         if emergencies:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U64
+from dissectors.batch import I64, U64, Bool
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.can.majority import NEVER
 
@@ -16,11 +16,14 @@ NO_STATE = -1
 class NodeColumns(KeyedColumns):
     """One row a channel and node; node 0 has the commands to all. Frame numbers are 0, states -1 where there are none.
 
-    ``emergency`` are the eight bytes of the last one, as a number, the first byte lowest. ``strays`` are the frames
-    behind the first heartbeat, of its COB-ID, that are none. The last three are the frames in which a heartbeat and a
-    command came first, and with which heartbeats ceased to be evidence; else ``NEVER``.
+    ``heard``: there was a heartbeat since somebody listens, which tells ``state``; ``command`` has been the last one
+    since then, and is known where ``command_frame`` is not 0. ``emergency`` are the eight bytes of the last one, as a
+    number, the first byte lowest. ``strays`` are the frames behind the first heartbeat, of its COB-ID, that are none.
+    The last three are the frames in which a heartbeat and a command came first, and with which heartbeats ceased to be
+    evidence; else ``NEVER``.
     """
 
+    heard: Bool
     heartbeats: I64
     strays: I64
     boot_ups: I64
@@ -39,6 +42,7 @@ class NodeColumns(KeyedColumns):
     told_from: I64
     doubted_from: I64
     COLUMNS: ClassVar = {
+        "heard": (np.False_, 1),
         "heartbeats": (np.int64(0), 1),
         "strays": (np.int64(0), 1),
         "boot_ups": (np.int64(0), 1),

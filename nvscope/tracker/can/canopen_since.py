@@ -29,6 +29,8 @@ class CanOpenSince:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        for unheard in told.unheard:
+            self._seen.resume(unheard)
         if told.can is None:
             return
         self._seen.observe(told, told.can)

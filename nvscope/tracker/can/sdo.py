@@ -51,6 +51,11 @@ class LastSdo(KeyedColumns):
         "in_block": (np.False_, 1),
     }
 
+    def forget(self, row: I64) -> None:
+        """Let what comes next of some nodes follow nothing."""
+        for name, (initial, _) in self.COLUMNS.items():
+            getattr(self, name)[row] = initial
+
 
 class Weights(NamedTuple):
     """What each SDO frame says: how many frames are known with it to be SDOs and not to be; ``shows`` evidence."""

@@ -45,6 +45,7 @@ class BusState:
         frames, first_frame = told.can, told.first_frame
         for unheard in told.unheard:
             self.errors.resume(unheard)
+            self.canopen.resume(unheard)
         if frames is None:
             return
         self.frames += len(frames)

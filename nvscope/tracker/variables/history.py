@@ -29,7 +29,7 @@ class Track:
     Columns have an entry a wanted element, as ``places`` has. ``changes`` counts the changes, of which the last was at
     ``changed_ns``; ``shortest_ns`` and ``longest_ns`` are times between two changes, -1 where there is none. Where a
     clock steps back, or nobody listened, a time between changes is left out: ``unheard`` are the changes up to when
-    that was last. ``data`` are the bytes of the last telegram.
+    that was last. ``data`` are the bytes of the last telegram since somebody listens, None before it.
     """
 
     stream: Stream
@@ -51,7 +51,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One element in one telegram: its bytes there, and in the telegram before (None for the first)."""
+    """One element in one telegram: its bytes there, and in the telegram before, None where nobody has seen that."""
 
     frame: int
     time_ns: int
@@ -65,12 +65,12 @@ class Entry:
 class History:
     """The changes of wanted elements, told as batches come; however these are cut, it is the same.
 
-    What is a change is said in ``tracker.variables.values``. With ``every`` the elements of each telegram are told,
-    changed or not. Of several definitions of a list, the first that fits a telegram is taken; where another one
-    fits, what comes is compared with what that one fitted before. ``tracks`` are what was seen, by stream, Items
-    and bytes of data; ``unfitting`` counts the telegrams that have the list and SubIndex of a wanted element, but
-    other Items or Length than its definitions; ``unlike_known_part`` those that differ from what is known of a
-    definition, where an element has no known size.
+    What is a change is said in ``tracker.variables.values``. Behind a time in which nobody listened it begins anew,
+    with the first telegram's values. With ``every`` the elements of each telegram are told, changed or not. Of several
+    definitions of a list, the first that fits a telegram is taken; where another one fits, what comes is compared with
+    what that one fitted before. ``tracks`` are what was seen, by stream, Items and bytes of data; ``unfitting`` counts
+    the telegrams that have the list and SubIndex of a wanted element, but other Items or Length than its definitions;
+    ``unlike_known_part`` those that differ from what is known of a definition, where an element has no known size.
     """
 
     by_stream: ClassVar[bool] = True
@@ -90,7 +90,7 @@ class History:
         for unheard in told.unheard:
             for track in self.tracks.values():
                 if track.stream.number in unheard.streams:
-                    track.unheard = track.changes.copy()
+                    track.unheard, track.data = track.changes.copy(), None
         self._shown = [shown for part in joined(self.read.of(told)) if (shown := self._add(part)) is not None]
 
     def entries(self) -> Iterator[Entry]:

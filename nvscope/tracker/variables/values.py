@@ -4,7 +4,8 @@ Elements of one type that follow each other are one block, looked at as a table 
 element; the number of steps depends on the blocks of a list, not on its telegrams.
 
 A change is another value, not other bytes: 0.0 and -0.0 are equal, any NaN is as any other, all TRUE are one, and what
-stands behind the end of a string does not count.
+stands behind the end of a string does not count. It is seen between two telegrams: where nobody listened for a time,
+nobody knows how often a value changed, and when.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from nvscope.definition.variables import Elementary, ScalarKind, String, scalar_
 from nvscope.engine.dealing import Share
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.list_key import ListKey
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.events import EventRows
@@ -141,8 +143,8 @@ class StreamValues:
 
     ``changes`` counts how often an element was not as in the telegram before, ``changed_ns`` is when it was last (its
     first time before that). ``data`` are the last telegram's bytes behind the header, ``last_ns`` its time and
-    ``last_frame`` its frame. ``least`` and ``most`` have one array a block, None where it has no numbers; NaN is left
-    aside.
+    ``last_frame`` its frame; ``heard``: somebody has listened since. ``least`` and ``most`` have one array a block,
+    None where it has no numbers; NaN is left aside.
     """
 
     layout: TelegramLayout
@@ -155,6 +157,7 @@ class StreamValues:
     changed_ns: I64
     least: list[Table | None]
     most: list[Table | None]
+    heard: bool = True
 
 
 class Values:
@@ -219,6 +222,12 @@ class Values:
                 bounds = np.array([0]), np.array([len(others)])
                 self.unfitting.add(np.array([stream]), *bounds, rows.time_ns, rows.packet + first_frame, others)
 
+    def resume(self, unheard: Unheard) -> None:
+        """Let what comes next of the unheard change nothing."""
+        for stream in set(unheard.streams.tolist()) & self._sequences.keys():
+            for known in self._sequences[stream]:
+                known.heard = False
+
     def take(self, part: Values, share: Share) -> None:
         """Take over the values of a part's share of the lists."""
         self.streams |= part.streams
@@ -273,7 +282,8 @@ class Values:
                 [None if row is None else row.reshape(-1).copy() for row in first],
             )  # fmt: skip
             sequence.append(known)
-        whole = np.concatenate([known.data[np.newaxis], data])
+        whole = np.concatenate([known.data[np.newaxis] if known.heard else data[:1], data])
+        known.heard = True
         for place, block in enumerate(known.blocks):
             part = slice(block.first, block.first + block.count)
             cells = block.cells_of(whole)

@@ -24,7 +24,8 @@ class TelegramField:
     the column class of the type. ``known`` tells where in it the field exists, None for everywhere; where it does not,
     the column holds anything. Who has rows asks for ``column`` and ``exists``, which are of all rows.
 
-    ``hex_digits`` other than 0: people write the number in hexadecimal. ``calendar``: they write the time as a date.
+    ``hex_digits`` other than 0: people write the number in hexadecimal. ``calendar``: they write the time as a date;
+    ``zoned`` is False where it is that of a clock of which nobody knows the zone, as a controller's.
     ``of_others``: only frames have it in which no protocol is found that is looked for.
     ``constant``: it is the same in all frames of a variety (``dissectors.varieties``). ``judged``: it is known when the
     whole capture was read. ``values`` are names of its numbers, ``texts`` the only ones it holds, empty where it
@@ -43,6 +44,7 @@ class TelegramField:
     of: str = ""
     hex_digits: int = 0
     calendar: bool = False
+    zoned: bool = True
     constant: bool = False
     judged: bool = False
     values: Mapping[str, int] = dataclass_field(default_factory=dict)

@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from dissectors.batch import Bool
 from dissectors.headers import IPV4_HIGH, IPV4_LOW
 from dissectors.headers import TCP as TCP_LAYOUT
 from dissectors.headers import UDP as LAYOUT
@@ -47,6 +48,11 @@ def _ip_version(ends: IpEnds) -> Numbers:
     return np.where(is_ipv4, np.uint8(4), np.uint8(6))
 
 
+def _is_ipv6(ends: IpEnds) -> Bool:
+    told: Bool = _ip_version(ends) == 6
+    return told
+
+
 def _source(ends: IpEnds) -> AddressColumn:
     return AddressColumn(ends.source_hi, ends.source_lo)
 
@@ -65,6 +71,14 @@ _IP_FIELDS = (
     TelegramField(
         "ip.dst", _ADDRESS, "Destination address", "IPv4 or IPv6 address of the receiver", _destination, of=IP,
         constant=True,
+    ),
+    TelegramField(
+        "ipv6.src", _ADDRESS, "IPv6 source address", "address of the sender, of IPv6 alone", _source, _is_ipv6, of=IP,
+        constant=True,
+    ),
+    TelegramField(
+        "ipv6.dst", _ADDRESS, "IPv6 destination address", "address of the receiver, of IPv6 alone", _destination,
+        _is_ipv6, of=IP, constant=True,
     ),
 )  # fmt: skip
 
@@ -172,8 +186,8 @@ DEFAULT_ALL_FIELDS = (
 
 EITHER_OF = MappingProxyType(
     {
-        "eth.addr": ("eth.src", "eth.dst"), "ip.addr": ("ip.src", "ip.dst"), "udp.port": ("udp.srcport", "udp.dstport"),
-        "tcp.port": ("tcp.srcport", "tcp.dstport"),
+        "eth.addr": ("eth.src", "eth.dst"), "ip.addr": ("ip.src", "ip.dst"), "ipv6.addr": ("ipv6.src", "ipv6.dst"),
+        "udp.port": ("udp.srcport", "udp.dstport"), "tcp.port": ("tcp.srcport", "tcp.dstport"),
     }
 )  # fmt: skip
 """Names that expressions know beside the fields: each stands for the fields of both sides."""

@@ -220,7 +220,7 @@ def _field(name: str, places: list[_Place]) -> TelegramField:
     return TelegramField(
         name, kind, first.element.name, f"{first.element.type.name} of list {lists}{seconds}",
         lambda rows: _read(kind, places, rows), lambda rows: _known(places, rows), calendar=kind is FieldType.TIME,
-        values=values, beyond=(lambda rows: sum(place.beyond(rows) for place in large)) if large else None,
+        zoned=False, values=values, beyond=(lambda rows: sum(place.beyond(rows) for place in large)) if large else None,
     )  # fmt: skip
 
 

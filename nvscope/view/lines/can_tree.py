@@ -106,7 +106,9 @@ class CanTree:
                 return
             told = units.count_of(pdo.layout.layout.size_bytes, "byte")
             why = "not captured whole"
-            if fitting is None:
+            if fitting is None and pdo.unknown:
+                why = "not even of the shape that the known part of its definition has"
+            elif fitting is None:
                 why = f"not of the {told} that its definition has ({DLC_MISMATCH.code})"
             yield Entry([Cell("Variables", Tone.STRONG), Cell(f"  {visible(pdo.list.name)}: {why}", Tone.WARNING)])
         missing = length - len(data) if frame.fault[0] in (Fault.NONE, Fault.TRUNCATED, Fault.TOO_LONG) else 0

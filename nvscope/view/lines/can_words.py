@@ -97,7 +97,8 @@ class Meanings:
             return ""
         if self._pdos.fitting(key, size_bytes) is not None:
             return ""
-        return f": not of {count_of(pdo.layout.layout.size_bytes, 'byte')} ({DLC_MISMATCH.code})"
+        size = count_of(pdo.layout.layout.size_bytes, "byte")
+        return f": less than the {size} that are known" if pdo.unknown else f": not of {size} ({DLC_MISMATCH.code})"
 
     def _list_name(self, key: ListKey) -> str:
         if key not in self._lists:

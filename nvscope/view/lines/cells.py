@@ -73,7 +73,7 @@ def json_texts(field: TelegramField, rows: FrameRows) -> list[str]:
     elif field.type is FieldType.BOOL:
         cells = [_JSON_BITS[bit] for bit in column.tolist()]
     elif field.type is FieldType.TIME:
-        cells = _quoted(moments.iso(column) if field.calendar else map(str, column.tolist()))
+        cells = _quoted(moments.iso(column, zoned=field.zoned) if field.calendar else map(str, column.tolist()))
     elif field.type is FieldType.REAL:
         cells = [text if isfinite(float(text)) else "null" for text in map(str, column)]
     else:
@@ -103,7 +103,7 @@ def _number_texts(field: TelegramField, column: Numbers, *, raw: bool) -> list[s
     if field.in_nanoseconds and not raw:
         return moments.seconds(column)
     if field.type is FieldType.TIME and field.calendar:
-        return moments.iso(column)
+        return moments.iso(column, zoned=field.zoned)
     if field.type is FieldType.REAL:
         # As short as tells them from their neighbours of the same width.
         cells = list(map(str, column))

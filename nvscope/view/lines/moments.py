@@ -41,9 +41,10 @@ def seconds(time_ns: I64, digits: int = 9) -> list[str]:
     return texts
 
 
-def iso(time_ns: I64) -> list[str]:
-    """Return ``2024-05-02T14:03:07.123456789Z`` for nanoseconds since 1970-01-01 UTC."""
-    return [f"{text}Z" for text in _of_seconds(time_ns, 9, lambda second: str(np.datetime64(second, "s")))]
+def iso(time_ns: I64, *, zoned: bool = True) -> list[str]:
+    """Return ``2024-05-02T14:03:07.123456789Z`` for nanoseconds since 1970-01-01 UTC, or in no zone without the Z."""
+    texts = _of_seconds(time_ns, 9, lambda second: str(np.datetime64(second, "s")))
+    return [f"{text}Z" for text in texts] if zoned else texts
 
 
 def clock(time_ns: I64, digits: int, *, utc: bool, date: bool) -> list[str]:

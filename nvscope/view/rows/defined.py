@@ -132,6 +132,7 @@ class DefinedTelegrams:
     What is known so far: ``frames`` and ``fragments`` (IP fragments, which are not put together), ``telegrams`` (data
     telegrams of the lists, and how many of them were ``chosen``), ``senders`` (their addresses), ``left_out`` (chosen
     telegrams by key and reason), and ``undefined`` (chosen data telegrams of lists without a definition).
+    ``recordings_from`` are the frames with which further recordings begin, behind a time in which nobody listened.
     """
 
     by_stream: ClassVar[bool] = False
@@ -150,6 +151,7 @@ class DefinedTelegrams:
         self._described: Varieties | None = None
         self._renew()
         self.rows: DefinedRows
+        self.recordings_from: list[int] = []
         self.frames = self.fragments = self.telegrams = self.chosen = self.undefined = 0
         self._left_out = np.zeros((len(self.keys), len(LeftOut)), np.int64)
 
@@ -211,6 +213,8 @@ class DefinedTelegrams:
             packets.ts_ns[own], packets.offset[own] + self._begin[variety], self._size_bytes[variety],
         )  # fmt: skip
         self.frames += len(told)
+        if told.is_deaf:
+            self.recordings_from.append(told.first_frame + len(told))
 
     def _renew(self) -> None:
         """Forget the varieties; the first one is that of packets without a telegram."""

@@ -77,14 +77,19 @@ def test_a_last_line_that_is_cut_is_no_other_frame(tmp_path: Path, ending: str, 
         assert found[: len(whole) - 1] == whole[:-1]
 
 
-@pytest.mark.parametrize(("ending", "head"), [("trc", TRC_1), ("trc", TRC_2)])
+@pytest.mark.parametrize(("ending", "head"), [("trc", TRC_1), ("trc", TRC_2), ("asc", HEX), ("asc", DEC)])
 def test_a_log_that_is_cut_within_its_head_is_told(tmp_path: Path, ending: str, head: str) -> None:
     assert read(tmp_path / f"a.{ending}", head) == ([], "")
     for end in range(20, len(head)):
         fault = read(tmp_path / f"a.{ending}", head[:end])[1]
-        assert ("the file ends within this line" in fault) is (head[end - 1] != "\n"), head[:end]
+        told = "the file ends within this line" in fault or "neither a time nor a head of a log" in fault
+        assert told is (head[end - 1] != "\n"), head[:end]
 
 
 def test_a_last_comment_behind_messages_needs_no_line_end(tmp_path: Path) -> None:
-    found, fault = read(tmp_path / "a.trc", TRC_1 + "     1)       200.0  Rx         0110  1  05\n; end")
-    assert (len(found), fault) == (1, "")
+    for name, text in (
+        ("a.trc", TRC_1 + "     1)       200.0  Rx         0110  1  05\n; end"),
+        ("a.asc", HEX + " 0.2 1 110 Rx d 2 05 06\nEnd TriggerBlock"),
+    ):
+        found, fault = read(tmp_path / name, text)
+        assert (len(found), fault) == (1, "")

@@ -252,3 +252,39 @@ def test_a_database_that_changes_meanwhile_is_told(tmp_path: Path) -> None:
     truncation = source.infos[0].truncation
     assert truncation is not None
     assert truncation.message.startswith("changed while it was read")
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_of_a_database_that_is_cut_short_the_rows_in_front_are_read(tmp_path: Path, packed: bool) -> None:
+    data = database(tmp_path / "whole.db", rows=2000).read_bytes()
+    (page_bytes,) = struct.unpack_from(">H", data, 16)
+    before = 0
+    for size in [*range(2 * page_bytes, len(data), 3 * page_bytes // 2), len(data) - 1]:
+        cut = tmp_path / "cut.db"
+        cut.write_bytes(gzip.compress(data[:size]) if packed else data[:size])
+        kept_before = kept(tmp_path)
+        numbers, fault = read(cut)
+        assert numbers == list(range(len(numbers)))
+        assert before <= len(numbers) < 2000
+        before = len(numbers)
+        after = f"after row {before}" if before else "of its rows"
+        assert fault == f"cut short: {size} of {len(data)} bytes; nothing {after} can be read"
+        assert kept(tmp_path) == kept_before
+    assert before > 1800
+
+
+def test_pages_that_no_row_lies_in_are_missed_too(tmp_path: Path) -> None:
+    path = database(tmp_path / "log.db", rows=2000)
+    changed(path, "DELETE FROM messages WHERE rowid > 1000")
+    data = path.read_bytes()
+    path.write_bytes(data[:-1])
+    assert read(path) == (list(range(1000)), f"cut short: {len(data) - 1} of {len(data)} bytes")
+
+
+@pytest.mark.parametrize("size", [40, 100, 1000, 4096, 5000])
+def test_a_database_that_is_cut_before_its_tables_is_no_log(tmp_path: Path, size: int) -> None:
+    path = database(tmp_path / "log.db", rows=2000)
+    data = path.read_bytes()
+    path.write_bytes(data[:size])
+    with pytest.raises(UnreadableInput, match=f"an SQLite file that is cut short: {size} of {len(data)} bytes"):
+        read(path)

@@ -25,7 +25,7 @@ from tests.report.packets.written import PUBLIC, READER, SENDER, fields, written
 
 
 def test_json_values_have_the_types_of_their_fields() -> None:
-    frames = mutate(5, generate(5, frames=300))
+    frames = mutate(10, generate(10, frames=300))
     every = [entry for entry in FIELDS.values() if not entry.name.startswith("can") and not entry.of_others]
     records = json.loads(written(JsonArray(every), Batches([batch_of(frames)])))
     types = {

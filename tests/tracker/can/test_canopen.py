@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 from collections import defaultdict
+from collections.abc import Collection
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -14,7 +16,7 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.can.canopen import CanOpen, CanOpenNode, Emergency
 from tests.laws import examples
-from tests.packets import Batches
+from tests.packets import Batches, recorded
 from tests.packets import cut as pieces_of
 from tests.tracker.can.test_state import START_NS, Frame, batch
 
@@ -23,9 +25,16 @@ STATES = {0, 4, 5, 127}
 AFTER = {1: 5, 2: 4, 128: 127, 129: 0, 130: 0}
 
 
-def nodes_of(frames: list[Frame], cut: int = 1 << 17, channel: int = 0, **more: Any) -> list[CanOpenNode]:
-    seen, whole = CanOpen(), batch(frames)
-    for told in run(Batches(pieces_of(whole, cut)), Reading(), []):
+def nodes_of(
+    frames: list[Frame], cut: int = 1 << 17, channel: int = 0, holes: Collection[int] = (), **more: Any
+) -> list[CanOpenNode]:
+    """Return the nodes of a channel; ``holes`` are in front of these frames, counted from 0."""
+    bounds = [0, *sorted(holes), len(frames)]
+    recordings = [pieces_of(batch(frames[begin:end]), cut) for begin, end in pairwise(bounds)]
+    seen = CanOpen()
+    for told in run(Batches(recorded(*recordings)), Reading(), []):
+        for unheard in told.unheard:
+            seen.resume(unheard)
         if told.can is not None:
             seen.observe(told, told.can)
     return seen.by_channel(**more).get(channel, [])
@@ -65,6 +74,9 @@ class Dialogue:
 
     def __init__(self) -> None:
         self.majority = Majority()
+        self.forget()
+
+    def forget(self) -> None:
         self.asked: tuple[int, bytes] | None = None
         self.in_block = self.asked_in_block = False
 
@@ -88,8 +100,9 @@ class Dialogue:
         self.asked_in_block = self.in_block
 
 
-def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
-    """Follow channel 0 frame by frame."""
+def followed(frames: list[Frame], holes: Collection[int]) -> dict[int, dict[str, Any]]:
+    """Follow channel 0 frame by frame; what is known of nodes is no longer so behind holes."""
+    known_state: dict[int, int] = {}
     nodes: dict[int, dict[str, Any]] = defaultdict(
         lambda: {"heartbeats": 0, "changes": 0, "boot_ups": 0, "state": None, "since_ns": None, "emergencies": 0}
     )
@@ -98,16 +111,21 @@ def followed(frames: list[Frame]) -> dict[int, dict[str, Any]]:
     dialogues: dict[int, Dialogue] = defaultdict(Dialogue)
     commands = Majority()
     strays: dict[int, int] = defaultdict(int)
-    for time_ns, channel, word, data in frames:
+    for place, (time_ns, channel, word, data) in enumerate(frames):
+        if place in holes:
+            known_state.clear()
+            for dialogue in dialogues.values():
+                dialogue.forget()
         if channel or word > 0x7FF:
             continue
         if 0x701 <= word <= 0x77F and len(data) == 1 and data[0] & 0x7F in STATES:
             node, state = nodes[word - 0x700], data[0] & 0x7F
             node["heartbeats"] += 1
             node["boot_ups"] += state == 0
-            if state != node["state"]:
-                node["changes"] += node["state"] is not None
+            if state != known_state.get(word):
+                node["changes"] += word in known_state
                 node["state"], node["since_ns"] = state, time_ns
+            known_state[word] = state
         elif 0x701 <= word <= 0x77F:
             number = word - 0x700
             strays[number] += number in nodes and nodes[number]["heartbeats"] > 0
@@ -170,12 +188,16 @@ def talk(seed: int, count: int) -> list[Frame]:
 
 
 @examples(60)
-@given(st.integers(0, 10_000), st.integers(1, 200), st.sampled_from([1, 3, 50]))
-def test_nodes_are_those_found_frame_by_frame_whatever_the_cut(seed: int, count: int, cut: int) -> None:
-    frames = talk(seed, count)
-    found = nodes_of(frames, cut)
-    assert found == nodes_of(frames)
-    expected = followed(frames)
+@given(
+    st.integers(0, 10_000), st.integers(1, 200), st.sampled_from([1, 3, 50]), st.sets(st.integers(1, 199), max_size=3)
+)  # fmt: skip
+def test_nodes_are_those_found_frame_by_frame_whatever_the_cut(
+    seed: int, count: int, cut: int, holes: set[int]
+) -> None:  # fmt: skip
+    frames, holes = talk(seed, count), {place for place in holes if place < count}
+    found = nodes_of(frames, cut, holes=holes)
+    assert found == nodes_of(frames, holes=holes)
+    expected = followed(frames, holes)
     assert {node.node for node in found} == expected.keys()
     for node in found:
         told = expected[node.node]
@@ -208,6 +230,18 @@ def test_a_node_without_heartbeat_has_the_state_it_was_commanded_to() -> None:
     assert [(node.node, node.state, node.since_ns, node.commanded) for node in nodes_of(frames)] == [
         (5, 127, START_NS + 3, True), (7, 5, START_NS + 2, True),
     ]  # fmt: skip
+
+
+def test_a_state_behind_a_time_in_which_nobody_listened_is_no_change() -> None:
+    """It is known since its first heartbeat behind it, or its first command, whatever it was before."""
+    beats: list[Frame] = [(START_NS + place * MS, 0, 0x705, data) for place, data in enumerate([b"\5", b"\x7f"])]
+    (node,) = nodes_of(beats, holes={1})
+    assert (node.state, node.since_ns, node.changes, node.heartbeats) == (127, START_NS + MS, 0, 2)
+    (node,) = nodes_of([beats[0], (START_NS + MS, 0, 0x705, b"\5")], holes={1})
+    assert (node.state, node.since_ns, node.changes) == (5, START_NS + MS, 0)
+    commands: list[Frame] = [(START_NS, 0, 0x000, b"\1\0"), (START_NS + MS, 0, 0x85, bytes(8))]
+    (node,) = nodes_of(commands, holes={1})
+    assert (node.state, node.since_ns, node.commanded, node.emergencies) == (None, None, False, 1)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dissectors.batch import PacketBatch
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition
 from nvscope.definition.packing import pack
@@ -27,7 +28,7 @@ from nvscope.view.documents.history import at_document, change_row, change_summa
 from tests.definition.lists import INT, REAL, UDINT, VARIABLES, list_of, telegram
 from tests.laws import examples
 from tests.oracle.frame import Frame
-from tests.packets import Batches, batch_of, observed
+from tests.packets import Batches, batch_of, observed, recorded
 from tests.packets import cut as cut_into
 from tests.tracker.variables.test_values import POINTER, START_NS, seen, telegrams_of
 
@@ -83,6 +84,38 @@ def test_a_history_is_that_of_one_telegram_after_the_other(
         between = [later - sooner for sooner, later in itertools.pairwise(times) if later >= sooner]
         assert row["changes"] == len(times)
         assert (row["shortest_ns"], row["longest_ns"]) == (min(between, default=None), max(between, default=None))
+
+
+@settings(deadline=None)
+@given(VARIABLES, st.booleans(), st.lists(st.integers(0, 10_000), min_size=2, max_size=4), st.integers(1, 40))
+def test_a_history_of_recordings_is_those_of_each_one_behind_the_other(
+    types: list[Type], every: bool, seeds: list[int], cut: int
+) -> None:
+    definition = list_of(types, pack=False)
+    layouts = Layouts(Definition((definition,)))
+    recordings = [
+        cut_into(batch_of([frame for frame, _, _ in shaken(telegrams_of(definition, seed, 20), seed)]), cut)
+        for seed in seeds
+    ]
+
+    def history_of(batches: list[PacketBatch]) -> tuple[list[dict[str, Any]], dict[tuple[str, int], dict[str, Any]]]:
+        history = History(layouts, select(layouts, "*").names_in, every=every)
+        parts = Batches(batches)
+        rows = [change_row(entry) for _ in run(parts, Reading(), [history]) for entry in history.entries()]
+        return rows, {(row["name"], row["subindex"]): row for row in change_summary(history)}
+
+    rows, summary = history_of(recorded(*recordings))
+    alone = [history_of(batches) for batches in recordings]
+    expected = []
+    for number, (own, _) in enumerate(alone):
+        before = sum(len(batch) for batches in recordings[:number] for batch in batches)
+        expected += [{**row, "frame": row["frame"] + before} for row in own]
+    assert rows == expected
+    for place, row in summary.items():
+        known = [own[place] for _, own in alone if place in own]
+        for name, join in (("telegrams", sum), ("changes", sum), ("shortest_ns", min), ("longest_ns", max)):
+            figures = [one[name] for one in known if one[name] is not None]
+            assert row[name] == (join(figures) if figures else None)
 
 
 @settings(deadline=None)

@@ -10,6 +10,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissectors.batch import PacketBatch
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.definition.packing import pack
@@ -20,7 +21,7 @@ from nvscope.tracker.variables.values import MOST_LAYOUTS, Values
 from nvscope.view.documents.variables import json_value, variables_document
 from tests.definition.lists import BOOL, INT, LREAL, REAL, STATE, TIME, UDINT, UNKNOWN, VARIABLES, list_of, telegram
 from tests.oracle.frame import Frame
-from tests.packets import batch_of, observed
+from tests.packets import batch_of, observed, recorded
 from tests.packets import cut as cut_into
 
 POINTER = Scalar("POINTER", ScalarKind.RAW, "V0", 0)
@@ -111,6 +112,28 @@ def test_bulk_values_are_those_of_one_telegram_after_the_other(
             numbers = [number for number in found if isinstance(number, int | float) and not math.isnan(number)]
             if has_order(kind) and kind is not BOOL and numbers and all(map(math.isfinite, numbers)):
                 assert (row["min"], row["max"]) == (json_value(kind, min(numbers)), json_value(kind, max(numbers)))
+
+
+@given(VARIABLES, st.lists(st.integers(0, 10_000), min_size=2, max_size=4), st.integers(1, 40))
+def test_changes_of_recordings_are_those_of_each(types: list[Type], seeds: list[int], cut: int) -> None:
+    """Another value behind a time in which nobody listened is no change: nobody knows how many there were, and when."""
+    definition = list_of(types, pack=False)
+    recordings = [
+        cut_into(batch_of([frame for frame, _, _ in telegrams_of(definition, seed, 20)]), cut) for seed in seeds
+    ]
+
+    def rows_of(batches: list[PacketBatch]) -> dict[tuple[int, str], dict[str, Any]]:
+        values = Values(Layouts(Definition((definition,))))
+        state = observed(TrackerState(values=values), batches)
+        return {(row["subindex"], row["name"]): row for row in variables_document(state, values)["variables"]}
+
+    alone = [rows_of(batches) for batches in recordings]
+    for place, row in rows_of(recorded(*recordings)).items():
+        known = [own[place] for own in alone if place in own]
+        changed = [one for one in known if one["changes"]]
+        assert row["changes"] == sum(one["changes"] for one in known)
+        assert row["changed_ns"] == (changed[-1] if changed else known[0])["changed_ns"]
+        assert row["text"] == known[-1]["text"]
 
 
 def test_what_does_not_fit_is_counted_and_not_decoded() -> None:
