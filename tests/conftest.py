@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, settings
 
 from tests.laws import FULL_EXAMPLES
 
-QUICK_EXAMPLES = 20
+QUICK_EXAMPLES = 16
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from hypothesis import settings
 
 FULL_EXAMPLES = 100
-"""What a law draws in full that names no number: so a profile that draws 20 draws a fifth of every law."""
+"""What a law draws in full that names no number: so a profile that draws 16 draws 16 % of every law."""
 
 FEWEST = 5
 """Where a law names no more than these, all are drawn: they are few because each is large, or there for something."""

@@ -207,10 +207,15 @@ def _erratic(facts: Facts, stream: StreamSummary, _: Events) -> str:
     )
     if not stream.byte_swapped:
         return f"{claim}, more than there was time for. It does not count telegrams."
-    own = facts.state.senders.loss.streams
+    own, nodes = facts.state.senders.loss.streams, facts.state.senders.loss.nodes
     steps, regular, swapped = (int(column[stream.stream]) for column in (own.steps, own.regular, own.swapped))
+    its, of_all = "its", ""
+    if 2 * swapped <= steps - regular:  # it is the Counter of all that the node sends
+        steps, swapped = int(nodes.steps[stream.node]), int(nodes.swapped[stream.node])
+        regular = max(int(nodes.regular_telegram[stream.node]), int(nodes.regular_send[stream.node]))
+        its, of_all = "the", " of all telegrams of the node"
     share = percent(regular + swapped, steps)
-    return f"{claim}. It is written byte-swapped: {share} of its steps are +1 in one of both byte orders."
+    return f"{claim}. It is written byte-swapped: {share} of {its} steps{of_all} are +1 in one of both byte orders."
 
 
 _STEPS = (

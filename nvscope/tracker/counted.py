@@ -13,7 +13,7 @@ import numpy as np
 
 from nvscope.engine.keys import Keys
 from nvscope.tracker.can.bus import CanBusSummary
-from nvscope.tracker.counters import Scope, byte_swapped, is_erratic
+from nvscope.tracker.counters import Scope, is_erratic
 from nvscope.tracker.histograms import Histograms
 from nvscope.tracker.joins import KEYS, NUMBERS, TABLES, Extremes, add, extremes_of, subtract, tables_of
 from nvscope.tracker.scopes import scopes_in_force
@@ -163,10 +163,10 @@ def _erratic(state: TrackerState, before: Extremes | None) -> frozenset[int]:
     """Return the streams of which so many telegrams are lost that their counters are not believed."""
     loss, memory, keys = state.senders.loss.streams, state.memory.columns, state.keys
     telegrams, lost = memory.column("telegrams"), loss.column("lost")
-    swapped = byte_swapped(*(loss.column(name) for name in ("steps", "regular", "swapped")))
     suspects: Collection[int] = np.flatnonzero(lost.max(axis=1, initial=0) > telegrams[: len(lost)]).tolist()
     if not suspects:
         return frozenset()
+    swapped = state.senders.loss.byte_swapped(keys.node_of(np.arange(len(loss))))
     scopes, histograms = scopes_in_force(state), Histograms(state.senders.timing)
     extremes = extremes_of(state, before)
     found = set()

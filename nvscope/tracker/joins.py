@@ -57,9 +57,9 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
         "lost": SUM, "gaps": SUM, "longest_gap": MOST, "overtaken": SUM, "restarts": SUM, "duplicates": SUM,
     },
     "senders.loss.nodes": {
-        "current": LAST, "missing": LAST, "last_stream": LAST, "last_ns": LAST, "gaps": LAST, "steps": LAST,
-        "regular_telegram": LAST, "regular_send": LAST, "between_streams": LAST, "regular_between_streams": LAST,
-        "between_lists": LAST, "regular_between_lists": LAST,
+        "current": LAST, "missing": LAST, "last_stream": LAST, "last_ns": LAST, "last": LAST, "gaps": LAST,
+        "steps": LAST, "swapped": LAST, "regular_telegram": LAST, "regular_send": LAST, "between_streams": LAST,
+        "regular_between_streams": LAST, "between_lists": LAST, "regular_between_lists": LAST,
     },
     "senders.timing.columns": {
         "last_ns": LAST, "last_frame": LAST, "node_gaps": LAST, "count": SUM, "total_ns": SUM, "least_ns": LEAST,

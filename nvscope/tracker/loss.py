@@ -21,7 +21,7 @@ from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import order_by, runs_of_lengths
 from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
-from nvscope.tracker.counters import Scope
+from nvscope.tracker.counters import Scope, byte_swapped
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.node_steps import NodeOrder, NodeSteps
@@ -89,16 +89,19 @@ class NodeSequences(KeyedColumns):
     """One row a node: the sequence of all its telegrams, and the gaps in it.
 
     ``last_stream`` is that of its last telegram that was not repeated, ``NO_STREAM`` before, and while it is unheard;
-    ``last_ns`` is when its last one came. Of its steps, ``between_streams`` are those from one stream to another,
-    ``between_lists`` those from one list to another; of which so many are ``regular``.
+    ``last_ns`` is when its last one came, ``last`` its Counter. ``swapped`` is as for streams. Of its steps,
+    ``between_streams`` are those from one stream to another, ``between_lists`` those from one list to another; of which
+    so many are ``regular``.
     """
 
     current: U16
     missing: U64
     last_stream: I64
     last_ns: I64
+    last: U16
     gaps: I64
     steps: I64
+    swapped: I64
     regular_telegram: I64
     regular_send: I64
     between_streams: I64
@@ -110,8 +113,10 @@ class NodeSequences(KeyedColumns):
         "missing": (np.uint64(0), 1),
         "last_stream": (np.int64(NO_STREAM), 1),
         "last_ns": (np.int64(0), 1),
+        "last": (np.uint16(0), 1),
         "gaps": (np.int64(0), 1),
         "steps": (np.int64(0), 1),
+        "swapped": (np.int64(0), 1),
         "regular_telegram": (np.int64(0), 1),
         "regular_send": (np.int64(0), 1),
         "between_streams": (np.int64(0), 1),
@@ -199,7 +204,7 @@ class Loss:
         run = np.searchsorted(rows.start, place, "right") - 1
         first = (rows.signature_before[run] >> COUNTER_SHIFT).astype(np.uint16)
         before = np.where(rows.start[run] == place, first, rows.counter[place - 1])
-        swapped = rows.counter[place].byteswap() - before.byteswap() == 1
+        swapped = _is_next(before.byteswap(), rows.counter[place].byteswap())
         np.add.at(self.streams.swapped, rows.run_stream[run[swapped]], 1)
 
     def _walk_nodes(self, told: Told, rows: DataRows, keys: Keys) -> NodeSteps:
@@ -238,9 +243,15 @@ class Loss:
             nodes.regular_between_streams[run] += of_streams
             nodes.regular_between_lists[run] += of_lists
             last = changes.last_stream
+        place = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
+        if len(place):
+            own = np.searchsorted(start, place, "right") - 1
+            before = np.where(start[own] == place, nodes.last[run[own]], told.counter[packet[place - 1]])
+            swapped = _is_next(before.byteswap(), told.counter[packet[place]].byteswap())
+            np.add.at(nodes.swapped, run[own[swapped]], 1)
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
         nodes.last_stream[run] = last
-        nodes.last_ns[run] = time_ns[packet[stop - 1]]
+        nodes.last_ns[run], nodes.last[run] = time_ns[packet[stop - 1]], told.counter[packet[stop - 1]]
         gaps = steps.at(Step.GAP)
         before = np.searchsorted(gaps, bounds)
         counted = nodes.gaps[run] - before[:-1]
@@ -291,9 +302,26 @@ class Loss:
             )
         )  # fmt: skip
 
+    def byte_swapped(self, node: I64) -> Bool:
+        """Tell which streams have a Counter that is written byte-swapped: their own, or that of all of their node.
+
+        ``node`` is that of each stream, ``NOBODY`` of those on CAN.
+        """
+        own, nodes = self.streams, self.nodes
+        of_stream = byte_swapped(own.column("steps"), own.column("regular"), own.column("swapped"))
+        regular = np.maximum(nodes.column("regular_telegram"), nodes.column("regular_send"))
+        of_node = np.append(byte_swapped(nodes.column("steps"), regular, nodes.column("swapped")), False)
+        told: Bool = of_stream | of_node[node[: len(of_stream)]]
+        return told
+
     def events_of(self, step: Step, scope: Scope) -> EventRows:
         """Return the events of a step in a scope, by stream; those of duplicates are of the step LATE."""
         return self._events[step, min(scope, Scope.NODE_TELEGRAM)]  # both node scopes take the same steps
+
+
+def _is_next(before: U16, counter: U16) -> Bool:
+    told: Bool = counter - before == 1
+    return told
 
 
 def _places(chosen: Bool | None) -> I64:

@@ -23,7 +23,7 @@ from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.can.summary import CanSummary, summarize_can
 from nvscope.tracker.capture import CaptureSummary
-from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope, byte_swapped, is_erratic
+from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED, Scope, is_erratic
 from nvscope.tracker.diagnosis import Diagnosis
 from nvscope.tracker.figures import BY_SCOPE
 from nvscope.tracker.intervals import StreamIntervals
@@ -154,7 +154,7 @@ def _streams(
     columns = (
         known, of_list, node, subindex, telegrams, memory.first_ns[known], memory.last_ns[known], counting, unused,
         signature & np.uint64(0xFFFF), signature >> LENGTH_SHIFT & np.uint64(0xFFFF), signed,
-        signature >> CHECKSUM_SHIFT, byte_swapped(loss.steps[known], loss.regular[known], loss.swapped[known]),
+        signature >> CHECKSUM_SHIFT, state.senders.loss.byte_swapped(keys.node_of(np.arange(len(loss))))[known],
     )  # fmt: skip
     found = []
     nominal = [intervals_ns.get(key) for key in lists] if intervals_ns else [None] * len(lists)

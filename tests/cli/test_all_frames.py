@@ -316,7 +316,7 @@ def damaged(draw: st.DrawFn) -> list[Frame]:
     return frames
 
 
-@examples(60)
+@examples(30)
 @given(frames=damaged())
 def test_damaged_frames_are_shown_like_others(frames: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.mktemp("damaged") / "a.pcap"

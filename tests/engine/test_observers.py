@@ -132,7 +132,7 @@ def at_edges(batches: Sequence[PacketBatch], length_ns: int) -> list[PacketBatch
 
 
 @pytest.mark.long
-@examples()
+@examples(60)
 @given(
     st.integers(0, 10_000),
     st.lists(st.sampled_from(NAMES), min_size=1, unique=True),

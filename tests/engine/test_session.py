@@ -46,7 +46,7 @@ def codes(state: TrackerState, **options: Any) -> dict[str, int]:
     return {finding.code: finding.count for finding in looked.findings}
 
 
-@examples()
+@examples(50)
 @given(st.integers(0, 10_000), st.integers(1, 90))
 def test_snapshots_change_nothing(seed: int, packets: int) -> None:
     whole = batch_of(generate(seed, frames=200, link=LINKS[seed % len(LINKS)]))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 from typing import Any
+
+import pytest
 
 from tests.oracle.wire import Wire
 from tests.packets import batch_of, document_of, tracked
@@ -55,6 +58,24 @@ def test_a_sender_that_writes_its_counter_byte_swapped_may_pause() -> None:
     assert "NV207" in codes
     assert not {"NV201", "NV202", "NV203", "NV204"} & codes.keys()
     assert "more than there was time for" not in codes["NV207"]["message"]
+
+
+@pytest.mark.parametrize("repeated", [False, True], ids=["each once", "mirrored"])
+def test_a_counter_of_a_whole_node_that_is_written_byte_swapped_is_told_as_such(repeated: bool) -> None:
+    """No stream alone has a counter that goes on in any byte order; one of them is sent seldom, and pauses."""
+    wire = Wire()
+    for number in range(1_000):
+        value = number if number < 128 else (number & 0xFF) << 8 | number >> 8
+        time_ns = number * 50_000_000 + (number >= 600) * 3_600_000_000_000
+        index = 9 if number % 60 == 7 else 7 + number % 2
+        for copy in range(1 + repeated):
+            wire.data(time_ns + copy * 1_000, value, list_id=index, data=struct.pack("<I", number))
+    findings = document_of(tracked([batch_of(wire.frames)]))["findings"]
+    told = [finding for finding in findings if finding["code"].startswith("NV20")]
+    codes = {(finding["code"], finding["list"]) for finding in told}
+    assert codes == {("NV207", f"udp/1202/{index}") for index in (7, 8, 9)}
+    for finding in told:
+        assert "byte-swapped: 100 % of the steps of all telegrams of the node are" in finding["message"]
 
 
 def test_a_loss_that_looks_byte_swapped_once_is_a_loss() -> None:

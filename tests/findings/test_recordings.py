@@ -128,7 +128,7 @@ def traffic(seed: int, day: int) -> list[PacketBatch]:
     return [replace(part, ts_ns=part.ts_ns + day * 1000 * DAY) for part in batches]
 
 
-@examples(200)
+@examples(80)
 @given(st.lists(st.integers(0, 10_000), min_size=2, max_size=4))
 def test_what_is_found_in_recordings_given_together_is_found_in_one_of_them(seeds: Sequence[int]) -> None:
     batches = [traffic(seed, day) for day, seed in enumerate(seeds)]
@@ -136,7 +136,7 @@ def test_what_is_found_in_recordings_given_together_is_found_in_one_of_them(seed
     assert {place for place in places(recorded(*batches)) - alone if not place[0].startswith(POOLED)} == set()
 
 
-@examples(200)
+@examples(80)
 @given(st.lists(st.integers(0, 10_000), min_size=2, max_size=4), st.integers(2, 5), st.sampled_from([3, 200_000]))
 def test_recordings_folded_in_parts_give_the_same(seeds: Sequence[int], parts: int, most: int) -> None:
     batches = recorded(*(traffic(seed, day) for day, seed in enumerate(seeds)))

@@ -169,7 +169,8 @@ def stream_report(tracker: Tracker, at: StreamKey, stream: Stream) -> dict[str, 
     timing = Timing(tuple(stream.intervals))
     still_missing = tracker.loss.still_missing(at)
     verdict = judge_stream(
-        tracker.notes, at, stream, figures, timing.percentile(50), still_missing=still_missing
+        tracker.notes, at, stream, tracker.loss.nodes[at.node], figures, timing.percentile(50),
+        still_missing=still_missing,
     )  # fmt: skip
     judge_silence(tracker.notes, at, stream.last.moment, timing, max(tracker.times))
     return {

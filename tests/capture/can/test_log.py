@@ -179,7 +179,7 @@ def test_cut_logs_give_a_prefix_and_never_a_traceback(
     whole = frames_of(CaptureFile(str(path)))
     cut = tmp_path / "cut"
     # A process is started for each .mf4.
-    every = 1 if len(raw) < 3000 else len(raw) // (50 if suffix == ".mf4" else 150)
+    every = 1 if len(raw) < 3000 else len(raw) // (40 if suffix == ".mf4" else 150)
     capfd.readouterr()
     for end in some(range(0, len(raw), every)):
         cut.write_bytes(raw[:end])
@@ -204,7 +204,7 @@ def test_damaged_logs_never_raise(tmp_path: Path, suffix: str, capfd: pytest.Cap
     chance = random.Random(6)
     path = tmp_path / "damaged"
     read = 0
-    for _ in range(share_of(40 if suffix == ".mf4" else 300)):
+    for _ in range(share_of(30 if suffix == ".mf4" else 300)):
         mutated = bytearray(raw)
         for _ in range(chance.choice((1, 3, 20))):
             at = chance.randrange(len(mutated))

@@ -46,13 +46,21 @@ class Figures:
 class Node:
     """The two sequences that a node counts through all its data telegrams.
 
-    ``changes`` tells of each step from one stream to another, and of each from one list to another, if it was regular.
+    ``previous`` is its last telegram that was not repeated, ``last`` its last one. ``changes`` tells of each step from
+    one stream to another, and of each from one list to another, if it was regular.
     """
 
     telegrams: CounterSequence = field(default_factory=CounterSequence)
     sends: CounterSequence = field(default_factory=CounterSequence)
     previous: Telegram | None = None
+    last: Telegram | None = None
+    swapped: int = 0
     changes: dict[str, list[bool]] = field(default_factory=lambda: {"stream": [], "list": []})
+
+    @property
+    def byte_swapped(self) -> bool:
+        regular = max(self.telegrams.regular, self.sends.regular)
+        return is_swapped(self.telegrams.steps, regular, self.swapped)
 
     def goes_on_from_one_to_another(self, what: str) -> bool:
         """Tell whether more than half of the steps from one stream, or list, to another are regular."""
@@ -81,17 +89,12 @@ class Stream:
             self.varied = True
             self.sequence.h = self.first.counter
         kind, lost = self.sequence.step(sent.counter, zero_is_regular=False, repeated=repeated)
-        if kind in ("gap", "overtaken", "restart"):
-            now, before = (int.from_bytes(one.counter.to_bytes(2, "little"), "big") for one in (sent, self.last))
-            self.swapped += (now - before) % 65536 == 1
+        self.swapped += kind in LEAPS and is_next_swapped(self.last, sent)
         return kind, lost
 
     @property
     def byte_swapped(self) -> bool:
-        """Whether nine of ten steps are +1 in one of both byte orders, in the other one a hundred or more."""
-        steps, regular = self.sequence.steps, self.sequence.regular
-        most = self.swapped >= 100 and 2 * self.swapped > steps - regular
-        return most and 10 * (regular + self.swapped) >= 9 * steps
+        return is_swapped(self.sequence.steps, self.sequence.regular, self.swapped)
 
     @property
     def unused(self) -> bool:
@@ -99,6 +102,20 @@ class Stream:
 
     def figures_in(self, scope: str) -> Figures:
         return self.figures[scope] if self.varied else Figures()
+
+
+LEAPS = ("gap", "overtaken", "restart")
+
+
+def is_next_swapped(before: Telegram, seen: Telegram) -> bool:
+    """Tell whether a counter is the next one if the bytes of both are swapped."""
+    now, last = (int.from_bytes(one.counter.to_bytes(2, "little"), "big") for one in (seen, before))
+    return (now - last) % 65536 == 1
+
+
+def is_swapped(steps: int, regular: int, swapped: int) -> bool:
+    """Tell whether nine of ten steps are +1 in one of both byte orders, in the other one a hundred or more."""
+    return swapped >= 100 and 2 * swapped > steps - regular and 10 * (regular + swapped) >= 9 * steps
 
 
 def share(sequences: Iterable[CounterSequence]) -> Fraction:
@@ -137,6 +154,8 @@ class Loss:
 
         node = self.nodes.setdefault(seen.source, Node())
         kind, lost = node.telegrams.step(seen.counter, zero_is_regular=False, repeated=repeated)
+        node.swapped += kind in LEAPS and node.last is not None and is_next_swapped(node.last, seen)
+        node.last = seen
         stream.figures["node-telegram"].book(kind, lost, seen.moment)
         same_list = node.previous is not None and node.previous.list_key == seen.list_key
         same_stream = same_list and node.previous is not None and node.previous.subindex == seen.subindex
@@ -189,7 +208,14 @@ class Verdict(NamedTuple):
 
 
 def judge_stream(
-    notes: Notes, at: StreamKey, stream: Stream, figures: Figures, median: int | None, *, still_missing: bool
+    notes: Notes,
+    at: StreamKey,
+    stream: Stream,
+    node: Node,
+    figures: Figures,
+    median: int | None,
+    *,
+    still_missing: bool,
 ) -> Verdict:
     """Find what the figures of a stream show at the end of the run; ``median`` is that of its intervals.
 
@@ -198,7 +224,7 @@ def judge_stream(
     where = (at.list_key, at.node, at.subindex)
     duration = stream.last.time - stream.first.time
     medians = [None if median is None else Fraction(median) * (100 + percent) / 100 for percent in (0, -2, 2)]
-    swapped = stream.byte_swapped and figures.lost > stream.telegrams
+    swapped = (stream.byte_swapped or node.byte_swapped) and figures.lost > stream.telegrams
     verdicts = [swapped or erratic(figures.lost, stream.telegrams, duration, value) for value in medians]
     verdict = Verdict(verdicts[0], len(set(verdicts)) == 1)
     for moment in figures.gaps:
