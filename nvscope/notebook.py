@@ -203,6 +203,27 @@ class Captures:
         kinds["frames_cut"] = int
         return _frame(rows, kinds | {"message": str, "hint": str})
 
+    @cached_property
+    def causes(self) -> pl.DataFrame:
+        """A row a cause: what happened that explains findings; what is not over, ``until`` null, comes first.
+
+        All telegrams count, whatever the filter. ``codes`` are those of the findings that it explains.
+        """
+        from nvscope.view.documents.causes import cause_rows  # noqa: PLC0415
+
+        summary, causes = self._inquiry.causes()
+        keys = {entry.number: str(entry.key) for entry in (*summary.lists, *summary.can.lists)}
+        rows = [
+            one | {
+                "since": one["since_ns"], "until": one["until_ns"],
+                "codes": sorted({finding["code"] for finding in one["findings"]}),
+            }
+            for one in cause_rows(causes, summary, keys)
+        ]  # fmt: skip
+        kinds: dict[str, _Kind] = {"kind": str, "severity": str, "title": str, "checked": [str], "next": str}
+        kinds |= {"lists": [str], "nodes": [str], "channel": str, "since": "time", "until": "time", "codes": [str]}
+        return _frame(rows, kinds | {"frames": [int], "frames_cut": int})
+
     def telegrams(self, *fields: str) -> pl.DataFrame:
         """Return a row a telegram and a column a field; without ``fields`` those of the header.
 

@@ -25,6 +25,7 @@ from nvscope.capture.open import open_source
 from nvscope.capture.source import FileSource, Source, SourceInfo
 from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
+from nvscope.engine.events import Listeners
 from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.run import Observer, run
@@ -38,6 +39,7 @@ from nvscope.tracker.summary import Summary
 from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
+    from nvscope.causes.cause import Cause
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
     from nvscope.engine.session import Session
@@ -344,14 +346,30 @@ class Inquiry:
         found = snapshot(state, source, self.project, self.pdos, protocols=self.protocols)
         return Analysis(found.infos, state, found.summary, found.findings, state.values, hops=hops)
 
-    def _state(self, *, values: bool = False) -> TrackerState:
+    def causes(self) -> tuple[Summary, list[Cause]]:
+        """Return what happened, from all telegrams: what explains the findings; the summary knows nodes by number."""
+        from nvscope.causes.judge import judge_causes  # noqa: PLC0415
+        from nvscope.findings.facts import Facts  # noqa: PLC0415
+        from nvscope.tracker.evidence.witness import Witness  # noqa: PLC0415
+
+        witness = Witness()
+        source, state = self.open(), self._state(listeners=(witness,))
+        for _ in self.run(source, [state, witness]):
+            pass
+        found = snapshot(state, source, self.project, self.pdos, protocols=self.protocols)
+        facts = Facts(
+            state, found.summary, found.infos, found.at_ns or 0, self.project.limits, self.project.definition
+        )  # fmt: skip
+        return found.summary, judge_causes(facts, found.findings, witness, source.channels)
+
+    def _state(self, *, values: bool = False, listeners: Listeners = ()) -> TrackerState:
         """Return a state that has seen nothing, and goes by the definitions; ``values`` are kept if they are wanted."""
         taken = None
         if self.layouts is not None:
             from nvscope.tracker.variables.values import Values  # noqa: PLC0415
 
             taken = Values(self.layouts, wanted=values)
-        return TrackerState(values=taken, others=accumulators_of(self.protocols))
+        return TrackerState(values=taken, others=accumulators_of(self.protocols), listeners=listeners)
 
     def session(self) -> Session[Snapshot]:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""

@@ -15,8 +15,9 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.engine.events import NOWHERE
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.findings.facts import AnyList, AnyStream, Facts
+from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
+from nvscope.findings.unusual_intervals import AnyStream
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.event_columns import EventTable

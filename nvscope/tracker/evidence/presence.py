@@ -250,7 +250,8 @@ class Presence:
         np.maximum.at(most, ip[known], pair[known])
         # Of an address with one pair in all of the batch, one packet tells as much as all.
         simple = np.flatnonzero((least == most) & (most >= 0))
-        several = known & (least < most)[ip]
+        several = known.copy()
+        several[known] = (least < most)[ip[known]]
         told = seen.rows("pair", several)[1]
         owner = seen.rows("ip", several)[1]
         owner, told = np.append(simple, owner), np.append(most[simple], told)
