@@ -13,6 +13,7 @@ from typing import NoReturn, cast
 import typer
 
 from nvscope.capture.bus_error import end_in_words
+from nvscope.cli.interrupts import comes_of_an_interrupt, lose_no_interrupt
 from nvscope.cli.memory import leave_the_rest_at_exit, look_for_cycles_seldom
 from nvscope.cli.program import VERBS, program
 from nvscope.cli.streams import drop_output, prepare, spare_inputs
@@ -40,6 +41,7 @@ _OUTPUT_FAILS = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT, errno.EBADF
 def main() -> NoReturn:
     """Run the program and exit with what its exit codes promise (``nvscope.errors.ExitCode``)."""
     _end_in_order()
+    lose_no_interrupt()
     end_in_words(_tidied)
     start_no_threads()
     look_for_cycles_seldom()
@@ -85,6 +87,8 @@ def main() -> NoReturn:
         _show(CaptureError(f"the output cannot be written: {why}", next_step="make room, or write elsewhere"))
         sys.exit(ExitCode.CAPTURE)
     except Exception as error:
+        if comes_of_an_interrupt(error):
+            sys.exit(ExitCode.INTERRUPTED)
         if short := shortage(error):
             _show(short)
             sys.exit(short.exit_code)

