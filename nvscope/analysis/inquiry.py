@@ -39,7 +39,6 @@ from nvscope.tracker.summary import Summary
 from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
-    from nvscope.causes.cause import Cause
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
     from nvscope.engine.session import Session
@@ -333,7 +332,7 @@ class Inquiry:
         self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False,
         others: Sequence[Observer] = (),
     ) -> Analysis:  # fmt: skip
-        source, state = self.open(), self._state(values=values)
+        source, state = self.open(), self.state(values=values)
         observers: list[Observer] = [state, *others]
         hops = None
         if compare and self.layouts is not None:
@@ -346,23 +345,7 @@ class Inquiry:
         found = snapshot(state, source, self.project, self.pdos, protocols=self.protocols)
         return Analysis(found.infos, state, found.summary, found.findings, state.values, hops=hops)
 
-    def causes(self) -> tuple[Summary, list[Cause]]:
-        """Return what happened, from all telegrams: what explains the findings; the summary knows nodes by number."""
-        from nvscope.causes.judge import judge_causes  # noqa: PLC0415
-        from nvscope.findings.facts import Facts  # noqa: PLC0415
-        from nvscope.tracker.evidence.witness import Witness  # noqa: PLC0415
-
-        witness = Witness()
-        source, state = self.open(), self._state(listeners=(witness,))
-        for _ in self.run(source, [state, witness]):
-            pass
-        found = snapshot(state, source, self.project, self.pdos, protocols=self.protocols)
-        facts = Facts(
-            state, found.summary, found.infos, found.at_ns or 0, self.project.limits, self.project.definition
-        )  # fmt: skip
-        return found.summary, judge_causes(facts, found.findings, witness, source.channels)
-
-    def _state(self, *, values: bool = False, listeners: Listeners = ()) -> TrackerState:
+    def state(self, *, values: bool = False, listeners: Listeners = ()) -> TrackerState:
         """Return a state that has seen nothing, and goes by the definitions; ``values`` are kept if they are wanted."""
         taken = None
         if self.layouts is not None:
@@ -375,7 +358,7 @@ class Inquiry:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
         from nvscope.engine.session import Session  # noqa: PLC0415
 
-        source, reading, state = self.open(), self.reading(), self._state()
+        source, reading, state = self.open(), self.reading(), self.state()
 
         def look() -> Snapshot:
             return snapshot(

@@ -97,7 +97,8 @@ class Case:
 
     def free(self, *codes: str) -> Bool:
         """Tell which symptoms of some codes nothing has explained yet."""
-        return (self.owner == NOBODY) & self.symptoms.of_codes(*codes)
+        free: Bool = (self.owner == NOBODY) & self.symptoms.of_codes(*codes)
+        return free
 
     def explain(self, draft: Draft, chosen: Bool) -> None:
         """Add a cause, which explains the chosen symptoms that nothing has explained before."""
@@ -105,13 +106,15 @@ class Case:
         self.owner[draft.rows] = len(self.drafts)
         self.drafts.append(draft)
 
-    def of_node(self, node: int) -> Bool:
-        """Tell which symptoms are those of a node."""
-        return self.symptoms.node == node
+    def only(self, rows: Sequence[int] | I64) -> Bool:
+        """Return the symptoms in some rows as a mask."""
+        mask: Bool = np.zeros(len(self.owner), np.bool_)
+        mask[rows] = True
+        return mask
 
     def overlapping(self, since_ns: int, until_ns: int | None) -> Bool:
         """Tell which symptoms lie in a time, or begin or end in it; None has no end."""
-        told = self.symptoms.time_ns >= since_ns
+        told: Bool = self.symptoms.time_ns >= since_ns
         if until_ns is not None:
             told &= self.symptoms.since_ns <= until_ns
         return told
@@ -119,8 +122,8 @@ class Case:
     @cached_property
     def lists(self) -> dict[int, AnyList]:
         """The lists by number."""
-        summary = self.facts.summary
-        return {entry.number: entry for entry in (*summary.lists, *summary.can.lists)}
+        every: list[AnyList] = [*self.facts.summary.lists, *self.facts.summary.can.lists]
+        return {entry.number: entry for entry in every}
 
     @cached_property
     def streams_of_node(self) -> dict[int, list[NodeStream]]:
@@ -186,24 +189,29 @@ class Case:
             owners = owners[owners >= 0]
             if len(owners):
                 found[int(np.bincount(owners).argmax())].append(finding)
-        made = [self._made(number, draft, found[number]) for number, draft in enumerate(self.drafts)]
+        made = [self._made(draft, found[number]) for number, draft in enumerate(self.drafts)]
         made.sort(key=lambda one: one[0])
         return [cause for _, cause in made]
 
-    def _made(self, number: int, draft: Draft, findings: Sequence[Finding]) -> tuple[tuple[object, ...], Cause]:
+    def _made(self, draft: Draft, findings: Sequence[Finding]) -> tuple[tuple[object, ...], Cause]:
         rows = draft.rows
         worst = [self.findings[place].kind.severity for place in np.unique(self.symptoms.finding[rows]).tolist()]
         severity = max([draft.severity, draft.kind.at_least, *worst])
         frames = np.unique(self.symptoms.frame[rows])
         frames = frames[frames > 0]
+        since_ns, until_ns = draft.since_ns, draft.until_ns
+        if since_ns is not None and until_ns is not None:
+            until_ns = max(since_ns, until_ns)  # a clock may have stepped back in between
         lists = sorted({entry.number: entry for entry in draft.lists}.values(), key=lambda entry: entry.key)
         cause = Cause(
             draft.kind, severity, draft.title, draft.next, tuple(draft.checked), tuple(entry.key for entry in lists),
-            tuple(dict.fromkeys(draft.nodes)), draft.channel, draft.since_ns, draft.until_ns,
+            tuple(dict.fromkeys(draft.nodes)), draft.channel, since_ns, until_ns,
             tuple(frames[:FRAMES_KEPT].tolist()), len(frames), tuple(findings),
         )  # fmt: skip
         telegrams = sum(entry.diagnosis.nSendCount for entry in lists)
-        return (draft.until_ns is not None, -severity, -telegrams, draft.since_ns or 0, number), cause
+        # Numbers of nodes and lists hang on how the capture was cut into batches.
+        order = until_ns is not None, -severity, -telegrams, since_ns or 0, cause.lists, cause.title
+        return order, cause
 
 
 _NO_ROWS = np.empty(0, np.int64)

@@ -5,8 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
+from nvscope.causes.buses import (
+    judge_bus_errors,
+    judge_buses_off,
+    judge_incomplete_cycles,
+    judge_overloads,
+)
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.cause import Cause
+from nvscope.causes.counters import judge_foreign_counters
+from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
 from nvscope.causes.other import judge_others
 from nvscope.causes.readers import (
@@ -26,7 +34,11 @@ from nvscope.tracker.evidence.witness import Witness
 Judge = Callable[[Case], Iterator[Draft]]
 
 JUDGES: tuple[Judge, ...] = (
+    judge_buses_off,
+    judge_bus_errors,
+    judge_overloads,
     judge_second_senders,
+    judge_foreign_counters,
     judge_node_restarts,
     partial(judge_nodes, kind=NODE_SILENT),
     partial(judge_nodes, kind=PROGRAM_STOPPED),
@@ -39,6 +51,9 @@ JUDGES: tuple[Judge, ...] = (
     judge_boot_up,
     judge_losses_at_senders,
     judge_losses_of_lists,
+    judge_late_senders,
+    judge_bursts,
+    judge_incomplete_cycles,
     judge_others,
 )
 """In the order of causes.md, section 2: an event belongs to the first one that explains it."""

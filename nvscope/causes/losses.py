@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
@@ -19,7 +19,7 @@ LOSS_AT_SENDER = CauseKind(
     "loss-at-sender",
     "Telegrams of several lists of one node are missing, and none of other nodes at those moments.",
     "Losses of at least two lists of the node are due within 100 ms of each other, or all its lists lose alike.",
-    "The error counters of the sender's switch port, its cable, and whether its stack drops what a cycle sends at once.",
+    "The error counters of the sender's switch port, its cable, and whether its stack drops what it sends at once.",
 )
 LOSS_OF_LIST = CauseKind(
     "loss-of-list",
@@ -77,8 +77,11 @@ def judge_losses_at_senders(case: Case) -> Iterator[Draft]:
             lists = [case.lists[number] for number in dict.fromkeys(loss.list for loss in cluster)]
             alone = len(case.streams_of_node) == 1
             checked = [_share(case, cluster)]
-            checked.append("it is the only sender: its link, or the capture" if alone else "no other sender lost any then")
-            where = f"Node {case.address(node)} lost {count_of(_lost(cluster), 'telegram')} of {lists_in_words(case, lists)}"
+            checked.append(
+                "it is the only sender: its link, or the capture" if alone else "no other sender lost any then"
+            )
+            lost, which = count_of(_lost(cluster), "telegram"), lists_in_words(case, lists)
+            where = f"Node {case.address(node)} lost {lost} of {which}"
             yield from _draft(case, LOSS_AT_SENDER, where, node, lists, cluster, checked)
 
 
@@ -163,8 +166,7 @@ def _draft(
     if len(losses) > 1:
         usual_ns = max(2 * (last_ns - since_ns) // (len(losses) - 1), longest_ns * 5 // 2)
         until_ns = None if case.end_ns - last_ns <= usual_ns else last_ns
-    chosen = np.zeros(len(symptoms.code), np.bool_)
-    chosen[rows] = True
+    chosen = case.only(rows)
     effects = case.free(*_EFFECTS) & (symptoms.node == node) & np.isin(symptoms.list, [one.number for one in lists])
     chosen |= effects & _at_moments(case, rows, longest_ns)
     when = (
@@ -179,13 +181,13 @@ def _draft(
     yield draft
 
 
-def _at_moments(case: Case, rows: I64, slack_ns: int) -> I64:
+def _at_moments(case: Case, rows: I64, slack_ns: int) -> Bool:
     """Tell which symptoms touch one of the gaps, or come within an interval of one."""
     symptoms = case.symptoms
     since, until = np.sort(symptoms.since_ns[rows]) - slack_ns, np.sort(symptoms.time_ns[rows]) + slack_ns
     begun = np.searchsorted(since, symptoms.time_ns, "right")
     ended = np.searchsorted(until, symptoms.since_ns, "left")
-    touches: I64 = begun > ended
+    touches: Bool = begun > ended
     return touches
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
@@ -65,9 +65,10 @@ def judge_rejections(case: Case) -> Iterator[Draft]:
         checked = [f"{count_of(len(own), 'negative acknowledgement')}: its definition of the list is another one"]
         draft = Draft(
             READER_REJECTS, f"{who} rejects {name} since {moment(case, since_ns)}", READER_REJECTS.next_step, checked,
-            [entry], [reader] if reader >= 0 else [], since_ns=since_ns, until_ns=_end_of_many(case, [entry], own, last_ns),
+            [entry], [reader] if reader >= 0 else [], since_ns=since_ns,
+            until_ns=_end_of_many(case, [entry], own, last_ns),
         )  # fmt: skip
-        case.explain(draft, _mask(case, own))
+        case.explain(draft, case.only(own))
         yield draft
 
 
@@ -81,7 +82,7 @@ def judge_without_program(case: Case) -> Iterator[Draft]:
         lists = [case.lists[number] for number in np.unique(symptoms.list[own]).tolist()]
         towards = np.unique(symptoms.peer[own])
         since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
-        chosen = _mask(case, own)
+        chosen = case.only(own)
         waits = case.free("NV301") & np.isin(symptoms.peer, towards) & np.isin(symptoms.list, symptoms.list[own])
         chosen |= waits & (symptoms.time_ns >= since_ns)
         ports = sorted({entry.key.port for entry in lists if isinstance(entry, ListSummary)})
@@ -121,10 +122,10 @@ def judge_impossible(case: Case) -> Iterator[Draft]:
         else:
             checked.append("it is a broadcast: nobody has to answer")
         draft = Draft(
-            ACKNOWLEDGEMENT_IMPOSSIBLE, f"{name[0].upper()}{name[1:]} asks for acknowledgements that nobody sends", step,
-            checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
+            ACKNOWLEDGEMENT_IMPOSSIBLE, f"{name[0].upper()}{name[1:]} asks for acknowledgements that nobody sends",
+            step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
         )  # fmt: skip
-        case.explain(draft, _mask(case, own))
+        case.explain(draft, case.only(own))
         yield draft
 
 
@@ -132,8 +133,8 @@ class _Run(NamedTuple):
     """Telegrams of a list in a row that a reader did not acknowledge."""
 
     readers: tuple[int, ...]
-    list: int
-    rows: list[int]
+    list_number: int
+    rows: Sequence[int]
     since_ns: int
     until_ns: int
 
@@ -166,7 +167,7 @@ def _runs(case: Case, rows: Sequence[int]) -> list[list[int]]:
     for own in by_stream.values():
         own.sort(key=lambda row: int(symptoms.since_ns[row]))
         parts = [[own[0]]]
-        for before, row in zip(own, own[1:], strict=False):
+        for before, row in pairwise(own):
             interval_ns = int(symptoms.since_ns[row] - symptoms.since_ns[before])
             stream = next(
                 one.stream for one in case.streams_of_node[int(symptoms.node[row])]
@@ -197,9 +198,9 @@ def _overlapping(runs: Sequence[_Run]) -> list[list[_Run]]:
 
 
 def _silent(case: Case, runs: Sequence[_Run]) -> Draft:
-    symptoms, readers = case.symptoms, runs[0].readers
+    readers = runs[0].readers
     rows = [row for run in runs for row in run.rows]
-    lists = [case.lists[number] for number in dict.fromkeys(run.list for run in runs)]
+    lists = [case.lists[number] for number in dict.fromkeys(run.list_number for run in runs)]
     since_ns, last_ns = min(run.since_ns for run in runs), max(run.until_ns for run in runs)
     in_a_row = len(runs[0].rows) >= _RUN and len(_runs(case, runs[0].rows)) == 1
     which = lists_in_words(case, lists)
@@ -221,7 +222,7 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Draft:
         READER_SILENT, title, READER_SILENT.next_step, [one for one in checked if one], lists,
         [reader for reader in readers if reader >= 0], since_ns=since_ns, until_ns=until_ns,
     )  # fmt: skip
-    case.explain(draft, _mask(case, rows))
+    case.explain(draft, case.only(rows))
     return draft
 
 
@@ -273,14 +274,8 @@ def judge_boot_up(case: Case) -> Iterator[Draft]:
             BOOT_UP_UNANSWERED.next_step, checked, [entry], askers, since_ns=since_ns,
             until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
         )  # fmt: skip
-        case.explain(draft, _mask(case, own))
+        case.explain(draft, case.only(own))
         yield draft
-
-
-def _mask(case: Case, rows: Sequence[int] | I64) -> I64:
-    mask: I64 = np.zeros(len(case.symptoms.code), np.bool_)
-    mask[rows] = True
-    return mask
 
 
 def _longest(lists: Sequence[AnyList]) -> int:

@@ -12,13 +12,13 @@ from nvscope.causes.case import Case, Draft, NodeStream
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.tracker.counters import Scope
-from nvscope.units import count_of, duration
+from nvscope.units import duration
 
 NODE_RESTART = CauseKind(
     "node-restart",
     "A node began anew: a download, a reset, a power cycle, or its watchdog.",
-    "The Counters of more than half of its streams begin anew within ten seconds; boot-up requests and announcements of "
-    "its address support it.",
+    "The Counters of more than half of its streams begin anew within ten seconds; that it announces its address "
+    "supports it.",
     "The log of the node at that time: a download, a reset, its watchdog, or its power supply.",
 )
 LIST_RESTARTED = CauseKind(
@@ -110,17 +110,17 @@ def _node_draft(
 ) -> Iterator[Draft]:  # fmt: skip
     symptoms = case.symptoms
     last_ns = int(symptoms.time_ns[list(cluster)].max())
-    chosen = np.zeros(len(symptoms.code), np.bool_)
-    chosen[list(cluster)] = True
+    chosen = case.only(cluster)
     own = (symptoms.node == node) | (symptoms.peer == node)
     chosen |= case.free(*_IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
     lists = list({one.list.number: one.list for one in case.streams_of_node[node]}.values())
     away_ns = until_ns - since_ns
     usual_ns = max((one.nominal_ns for one in streams), default=0)
-    checked = [
-        f"the {'counter' if len(streams) == 1 else 'counters'} of {lists_in_words(case, [one.list for one in streams])} "
-        f"began anew, {len(streams)} of {count_of(len(going_on), 'stream')} that go on"
-    ]
+    which, counters = lists_in_words(case, [one.list for one in streams]), "counters" if len(streams) > 1 else "counter"
+    if len(going_on) == 1:
+        checked = [f"the counter of its only stream ({which}) began anew"]
+    else:
+        checked = [f"the {counters} of {which} began anew: {len(streams)} of its {len(going_on)} streams that go on"]
     if shown:
         checked.append(shown)
     checked.append(
@@ -148,8 +148,7 @@ def judge_list_restarts(case: Case) -> Iterator[Draft]:
             lists = list({one.list.number: one.list for one in streams}.values())
             since_ns, until_ns = _last_before(case, node, cluster), _first_ns(case, cluster)
             symptoms = case.symptoms
-            chosen = np.zeros(len(symptoms.code), np.bool_)
-            chosen[list(cluster)] = True
+            chosen = case.only(cluster)
             beside = (symptoms.node == node) & np.isin(symptoms.list, [entry.number for entry in lists])
             chosen |= case.free(*_BESIDE) & beside & _within(case, since_ns, until_ns)
             which = lists_in_words(case, lists)

@@ -96,7 +96,7 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[_Sil
         if ended and (until_ns or 0) - last.since_ns <= _SHORTEST * longest_ns:
             continue
         silence = _Silence(Pause(last.since_ns, until_ns, last.frame), longest_ns)
-        if ended or (case.free("NV504") & case.of_node(node)).any():
+        if ended or (case.free("NV504") & (case.symptoms.node == node)).any():
             found.append(silence)
     return found
 
@@ -161,7 +161,9 @@ def _draft(
 def _sends_later(case: Case, node: int, pause: Pause) -> bool:
     """Tell whether a node sends something while another one is silent."""
     end_ns = case.end_ns if pause.until_ns is None else pause.until_ns
-    return any(one.stream.first_ns < end_ns and one.stream.last_ns > pause.since_ns for one in case.streams_of_node[node])
+    return any(
+        one.stream.first_ns < end_ns and one.stream.last_ns > pause.since_ns for one in case.streams_of_node[node]
+    )
 
 
 def judge_lists(case: Case) -> Iterator[Draft]:
@@ -180,7 +182,9 @@ def judge_lists(case: Case) -> Iterator[Draft]:
             since_ns = int(symptoms.time_ns[together].max())
             chosen = np.isin(symptoms.list, [entry.number for entry in lists])
             chosen &= (symptoms.node == node) | (symptoms.node < 0)
-            chosen &= case.free("NV504", "NV505", "NV301", "NV304") & (symptoms.time_ns >= since_ns - _slack(case, lists))
+            chosen &= case.free("NV504", "NV505", "NV301", "NV304") & (
+                symptoms.time_ns >= since_ns - _slack(case, lists)
+            )
             chosen[together] = True
             yield from _list_draft(case, node, lists, since_ns, chosen)
 

@@ -183,7 +183,7 @@ def _of_intervals(facts: Facts, places: _Places, evidence: Evidence) -> Iterator
     for column in key:
         changes |= np.append(True, np.diff(column) != 0)[: len(order)]
     start = np.flatnonzero(changes)
-    stop = np.append(start[1:], len(order))
+    stop = np.append(start, len(order))[1:]
     rows = {
         place: order[first:end]
         for place, first, end in zip(
@@ -224,9 +224,10 @@ def _chosen(facts: Facts, code: str, entry: AnyList, stream: AnyStream, table: E
 
 def _of_silences(facts: Facts, places: _Places) -> Iterator[Symptoms]:
     """Yield the silences at the ends of captures; the time is their beginning."""
-    streams: dict[tuple[int, int, int], AnyStream] = {
+    every: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
+    streams = {
         (entry.number, NOWHERE if stream.node is None else stream.node, stream.subindex): stream
-        for entry, stream in [*facts.streams(), *facts.pdo_streams()]
+        for entry, stream in every
     }
     rows: list[tuple[int, ...]] = []
     for number, finding in places.of_code.get("NV504", ()):

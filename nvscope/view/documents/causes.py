@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from nvscope.causes.cause import Cause
@@ -11,8 +11,10 @@ from nvscope.view.documents.figures import time_text
 from nvscope.view.documents.verdicts import key_of
 
 
-def cause_rows(causes: Sequence[Cause], summary: Summary, keys: Mapping[int, str]) -> list[dict[str, Any]]:
-    """Return a row a cause, in their order; ``keys`` are those of the lists by number."""
+def cause_rows(summary: Summary, causes: Sequence[Cause]) -> list[dict[str, Any]]:
+    """Return a row a cause, in their order; ``summary`` knows their nodes and lists."""
+    keys = {entry.number: str(entry.key) for entry in summary.lists}
+    keys |= {entry.number: str(entry.key) for entry in summary.can.lists}
     return [
         {
             "kind": cause.kind.name,
