@@ -5,7 +5,7 @@ For looking at all frames, also at those in which ``dissectors.link`` finds noth
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,32 +68,40 @@ class FrameAddresses(Columns):
         return told
 
 
-def addresses_of(packets: PacketBatch) -> FrameAddresses:
-    """Return who sent the frames of a batch. Total: no bytes raise, and what was not captured whole is not read."""
+def addresses_of(packets: PacketBatch, rows: I64 | None = None) -> FrameAddresses:
+    """Return who sent the frames of a batch, or of some of its rows (rising).
+
+    Total: no bytes raise, and what was not captured whole is not read.
+    """
     packets = packets.with_margin()
-    count = len(packets)
+    chosen = np.arange(len(packets)) if rows is None else rows
+    count = len(chosen)
     found = FrameAddresses(
-        np.arange(count), np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.uint64),
+        chosen, np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.uint64),
         np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.bool_),
     )  # fmt: skip
-    for link in np.unique(packets.link).tolist():
-        rows = np.flatnonzero(packets.link == link)
+    kinds = packets.link[chosen]
+    for link in np.flatnonzero(np.bincount(kinds)).tolist():
+        own = np.flatnonzero(kinds == link)
         if link in _WITH_HARDWARE:
-            _read_with_hardware(packets, rows, *_WITH_HARDWARE[link], found)
+            _read_with_hardware(packets, own, *_WITH_HARDWARE[link], found)
         else:
-            for is_ipv4, network in network_layers(packets, link, rows):
-                (_read_ipv4 if is_ipv4 else _read_ipv6)(packets, network, found)
+            for is_ipv4, network in network_layers(packets, link, chosen[own]):
+                place = replace(network, row=np.searchsorted(chosen, network.row))
+                (_read_ipv4 if is_ipv4 else _read_ipv6)(packets, place, found)
     return found.take((found.hardware != 0) | found.has_ip)
 
 
 def _read_with_hardware(packets: PacketBatch, rows: I64, layout: Layout, at: int, found: FrameAddresses) -> None:
-    rows = rows[packets.captured[rows] >= layout.size_bytes]
-    data, begin = packets.data, packets.offset[rows]
+    """Read what some rows of ``found`` are about."""
+    captured = packets.captured[found.row[rows]]
+    rows, captured = rows[captured >= layout.size_bytes], captured[captured >= layout.size_bytes]
+    data, begin = packets.data, packets.offset[found.row[rows]]
     # Eight bytes that end with the address; the two in front of it belong to the same header.
     words = gather_bytes(data, begin + at - 2, 8).view(">u8").astype(np.uint64)
     found.hardware[rows] = words & _HARDWARE_MASK
     kind = layout.gather(data, begin)["type"].astype(np.uint16)
-    network = Place(rows, begin + layout.size_bytes, begin + packets.captured[rows], np.zeros(len(rows), np.uint8))
+    network = Place(rows, begin + layout.size_bytes, begin + captured, np.zeros(len(rows), np.uint8))
     found.vlan[rows] = step_over_tags(data, network, kind)
     for ethertype, read in ((TYPE_IPV4, _read_ipv4), (TYPE_IPV6, _read_ipv6), (TYPE_ARP, _read_arp)):
         read(packets, network.take(kind == ethertype), found)

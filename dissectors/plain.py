@@ -37,11 +37,12 @@ BLOCK = 1 << 12
 """So many rows stay in the cache while they are looked at."""
 
 _FRAGMENT_BITS = 0x3FFF  # of more fragments, and of the offset
+# Whose hardware address and time to live differ, tells who sent or forwarded it: not what it is, but by which way.
 _TELLING: dict[str, dict[str, int | None]] = {
-    "eth": {"group": 1, "type": None},
+    "eth": {"group": 1, "source": None, "type": None},
     "ip": {
-        "version_ihl": None, "total_length": None, "fragment": _FRAGMENT_BITS, "protocol": None, "source": None,
-        "destination": None,
+        "version_ihl": None, "total_length": None, "fragment": _FRAGMENT_BITS, "ttl": None, "protocol": None,
+        "source": None, "destination": None,
     },
     "udp": {"destination_port": None, "length": None},
     "nv": {
@@ -51,8 +52,9 @@ _TELLING: dict[str, dict[str, int | None]] = {
 }  # fmt: skip
 """What tells packets of the plain shape apart: fields of their headers, None: all bits of them."""
 
-TELLING_WORDS = 3, 4, 6
-"""Words that nearly always tell packets apart: of the source; of destination and port; of ID, Index, SubIndex."""
+TELLING_WORDS = 1, 3, 4, 6
+"""Words that nearly always tell packets apart: of the sender's hardware address; of time to live and source; of
+destination and port; of ID, Index, SubIndex."""
 
 MOST_CAPTURED = 0xFFFF
 """So much captured, and more, is not told apart. It takes the place of the bytes in front of the packet."""
@@ -66,7 +68,8 @@ def _telling_bits() -> U64:
     row = np.zeros(1, _ROW)
     for layout, names in _TELLING.items():
         for name, bits in names.items():
-            row[layout][name] = np.iinfo(_ROW[layout][name]).max if bits is None else bits
+            part = _ROW[layout][name]
+            row[layout][name] = np.frombuffer(b"\xff" * part.itemsize, part)[0] if bits is None else bits
     return row.view(_WORD).astype(np.uint64)
 
 

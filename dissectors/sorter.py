@@ -52,7 +52,9 @@ class SortedPackets:
 
     ``variety`` int64 (``NO_TELEGRAM`` where there is none) and ``counter`` uint16 have one entry a packet; what a
     variety is stands in ``varieties``. ``quoted`` is as in ``dissectors.netvar.Dissection``, ``fragments`` and
-    ``unsupported`` are as in ``dissectors.link.Peeled``. ``can`` are the CAN frames of the batch, None where there is
+    ``unsupported`` are as in ``dissectors.link.Peeled``. ``header`` int64 numbers, from 1, headers that are the
+    same, hardware address and time to live included, in the order in which they appear; 0 where that is not known.
+    Numbers stay as those of ``varieties`` do. ``can`` are the CAN frames of the batch, None where there is
     none; each has a variety too. ``datagrams`` and ``segments`` are those of claimed ports; datagrams that are
     telegrams are not among them.
     """
@@ -66,6 +68,7 @@ class SortedPackets:
     unsupported: Bool | None
     datagrams: DatagramBatch
     segments: SegmentBatch
+    header: I64
     can: CanBatch | None = None
 
     def __len__(self) -> int:
@@ -104,11 +107,17 @@ class Sorter:
         packets = packets.with_margin(LEAD_BYTES)
         rest: I64 | None = None
         if self._ports is None and packets.single_link == LinkType.ETHERNET:
-            variety, counter, rest = self._recognise(packets)
+            header, counter = self._recognise(packets)
+            # Behind the last one stands what is said of those that are unknown, whose number is -1.
+            variety = np.append(self._variety_of, _UNKNOWN)[header]
+            rest = np.flatnonzero(variety < 0)
+            header += 1
+            header[rest] = NO_TELEGRAM
             variety[rest] = NO_TELEGRAM
             counter[rest] = 0
             rest = self._not_idle(packets, rest)
         else:
+            header = np.zeros(len(packets), np.int64)
             variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
             if packets.single_link == LinkType.CAN_SOCKETCAN:
                 rest = np.empty(0, np.int64)
@@ -129,7 +138,7 @@ class Sorter:
             unsupported[frames.row] = False
         return SortedPackets(
             packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, unsupported,
-            self._claimed(dissection, variety), peeled.tcp, frames,
+            self._claimed(dissection, variety), peeled.tcp, header, frames,
         )  # fmt: skip
 
     def _not_idle(self, packets: PacketBatch, rest: I64) -> I64:
@@ -148,35 +157,31 @@ class Sorter:
         wanted = self._claims.claim_udp(datagrams.source_port, datagrams.destination_port)
         return datagrams.take(wanted & (variety[datagrams.row] == NO_TELEGRAM))
 
-    def _recognise(self, packets: PacketBatch) -> tuple[I64, U16, I64]:
-        """Return the varieties that the headers of packets tell (or ``_UNKNOWN``, ``_PECULIAR``), and the counters.
-
-        The third are the packets whose headers do not tell it, rising.
-        """
-        variety, counter = np.empty(len(packets), np.int64), np.empty(len(packets), np.uint16)
+    def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
+        """Return the numbers of the packets' headers, ``_UNKNOWN`` of what is no telegram; and the counters."""
+        header, counter = np.empty(len(packets), np.int64), np.empty(len(packets), np.uint16)
         captured = np.minimum(packets.captured, MOST_CAPTURED).astype(np.uint16)
         for start in range(0, len(packets), BLOCK):
             part = slice(start, start + BLOCK)
             rows = rows_of(packets.data, packets.offset[part])
             counter[part] = counters_of(rows)
             make_keys(rows, captured[part])
-            variety[part] = self._usual.find(rows)
-        without = np.flatnonzero(variety < 0)
-        unknown = without[variety[without] == _UNKNOWN]
+            header[part] = self._usual.find(rows)
+        unknown = np.flatnonzero(header == _UNKNOWN)
         count = BLOCK
         while len(unknown):
             # To look rows up takes ten times as long as to find them; what some of them are, most of the others are.
             some, unknown = unknown[:count], unknown[count:]
-            variety[some] = self._look_up(packets, some, captured[some])
+            header[some] = self._look_up(packets, some, captured[some])
             for start in range(0, len(unknown), BLOCK):
                 again = unknown[start : start + BLOCK]
-                variety[again] = self._usual.find(_keys_of(packets, again, captured[again]))
-            unknown = unknown[variety[unknown] == _UNKNOWN]
+                header[again] = self._usual.find(_keys_of(packets, again, captured[again]))
+            unknown = unknown[header[unknown] == _UNKNOWN]
             count *= 2
-        return variety, counter, without[variety[without] < 0]
+        return header, counter
 
     def _look_up(self, packets: PacketBatch, rows: I64, captured: U16) -> I64:
-        """Return the varieties of some packets, having learned those that are new; ``_UNKNOWN`` of what is no telegram.
+        """Return the numbers of some packets' headers, having learned those that are new; ``_UNKNOWN`` as above.
 
         In the order of the packets, so that numbers do not depend on how many are looked up at a time.
         """
@@ -187,9 +192,9 @@ class Sorter:
         fresh = np.flatnonzero(number >= known)
         if len(fresh):
             self._learn(packets, rows[told[fresh]], number[fresh])
-        variety = np.full(len(rows), _UNKNOWN)
-        variety[told] = self._variety_of[number]
-        return variety
+        header = np.full(len(rows), _UNKNOWN)
+        header[told] = number
+        return header
 
     def _learn(self, packets: PacketBatch, rows: I64, number: I64) -> None:
         """Find out what the packets are whose headers have new numbers."""
@@ -205,7 +210,7 @@ class Sorter:
         learned[place[own]] = self._varieties.numbers(telegrams.take(own), packets)
         self._variety_of = np.concatenate([self._variety_of, learned])
         rows_of_new = np.stack([word[known:] for word in self._headers.words], axis=1)
-        self._usual.add(rows_of_new, learned)
+        self._usual.add(rows_of_new, np.arange(known, len(self._variety_of)))
 
 
 def _keys_of(packets: PacketBatch, rows: I64, captured: U16) -> U64:

@@ -203,6 +203,24 @@ class Captures:
         kinds["frames_cut"] = int
         return _frame(rows, kinds | {"message": str, "hint": str})
 
+    @cached_property
+    def causes(self) -> pl.DataFrame:
+        """A row a cause: what happened that explains findings; what is not over, ``until`` null, comes first.
+
+        All telegrams count, whatever the filter. ``codes`` are those of the findings that it explains.
+        """
+        from nvscope.analysis.causes import causes_of  # noqa: PLC0415
+        from nvscope.view.documents.causes import cause_rows  # noqa: PLC0415
+
+        rows = cause_rows(*causes_of(self._inquiry))
+        for one in rows:
+            one |= {"since": one["since_ns"], "until": one["until_ns"]}
+            one["codes"] = sorted({finding["code"] for finding in one["findings"]})
+        texts, lists, times = ("title", "next", "channel"), ("checked", "lists", "nodes", "codes"), ("since", "until")
+        kinds: dict[str, _Kind] = {"kind": str, "severity": str, **dict.fromkeys(texts, str)}
+        kinds |= {**{key: [str] for key in lists}, **dict.fromkeys(times, "time"), "frames": [int], "frames_cut": int}
+        return _frame(rows, kinds)
+
     def telegrams(self, *fields: str) -> pl.DataFrame:
         """Return a row a telegram and a column a field; without ``fields`` those of the header.
 

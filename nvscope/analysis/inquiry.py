@@ -25,6 +25,7 @@ from nvscope.capture.open import open_source
 from nvscope.capture.source import FileSource, Source, SourceInfo
 from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
+from nvscope.engine.events import Listeners
 from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.run import Observer, run
@@ -331,7 +332,7 @@ class Inquiry:
         self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False,
         others: Sequence[Observer] = (),
     ) -> Analysis:  # fmt: skip
-        source, state = self.open(), self._state(values=values)
+        source, state = self.open(), self.state(values=values)
         observers: list[Observer] = [state, *others]
         hops = None
         if compare and self.layouts is not None:
@@ -344,20 +345,20 @@ class Inquiry:
         found = snapshot(state, source, self.project, self.pdos, protocols=self.protocols)
         return Analysis(found.infos, state, found.summary, found.findings, state.values, hops=hops)
 
-    def _state(self, *, values: bool = False) -> TrackerState:
+    def state(self, *, values: bool = False, listeners: Listeners = ()) -> TrackerState:
         """Return a state that has seen nothing, and goes by the definitions; ``values`` are kept if they are wanted."""
         taken = None
         if self.layouts is not None:
             from nvscope.tracker.variables.values import Values  # noqa: PLC0415
 
             taken = Values(self.layouts, wanted=values)
-        return TrackerState(values=taken, others=accumulators_of(self.protocols))
+        return TrackerState(values=taken, others=accumulators_of(self.protocols), listeners=listeners)
 
     def session(self) -> Session[Snapshot]:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
         from nvscope.engine.session import Session  # noqa: PLC0415
 
-        source, reading, state = self.open(), self.reading(), self._state()
+        source, reading, state = self.open(), self.reading(), self.state()
 
         def look() -> Snapshot:
             return snapshot(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import dissectors.sorter
+from dissectors.addresses import addresses_of
 from dissectors.batch import PacketBatch
 from dissectors.netvar import Fault, PortRules, dissect
 from dissectors.sorter import Sorter
@@ -62,6 +63,26 @@ def test_told_is_dissected(seed: int) -> None:
     check(sorter, packets)  # all recognised now
     for begin in range(0, len(packets), 37):
         check(sorter, packets[begin : begin + 37])
+
+
+def test_packets_of_one_header_come_by_one_way() -> None:
+    """From one sender, by hardware address and way, and they are of one variety; numbers are by first appearance."""
+    numbered = 0
+    for seed in range(12):
+        packets = batch_of(traffic(seed))
+        sorter = Sorter()
+        ways: dict[int, tuple[int, ...]] = {}
+        for begin in range(0, len(packets), 61):
+            part = packets[begin : begin + 61]
+            told, found = sorter.sort(part), addresses_of(part)
+            columns = (found.hardware, found.vlan, found.high, found.low, found.ttl)
+            way = dict(zip(found.row.tolist(), zip(*(one.tolist() for one in columns), strict=True), strict=True))
+            for row in np.flatnonzero(told.header).tolist():
+                number, seen = int(told.header[row]), (int(told.variety[row]), *way[row])
+                assert number in ways or number > max(ways, default=0)
+                assert ways.setdefault(number, seen) == seen
+        numbered += bool(ways)
+    assert numbered > 3
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -23,7 +23,7 @@ class PauseTable(NamedTuple):
 class Pauses:
     """An observer of all frames, which keeps the ``most`` longest pauses; of those as long, the first ones.
 
-    ``left_out`` counts the others. A clock that steps back makes no pause, nor do times in which nobody listened.
+    A clock that steps back makes no pause, nor do times in which nobody listened.
     """
 
     by_stream: ClassVar[bool] = False
@@ -31,8 +31,8 @@ class Pauses:
     def __init__(self, most: int = MOST_PAUSES) -> None:
         self._most = most
         self._last_ns: int | None = None
+        self._longer_than_ns = 0
         self.table = PauseTable(*[np.empty(0, np.int64)] * len(PauseTable._fields))
-        self.left_out = 0
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -41,15 +41,22 @@ class Pauses:
             self._last_ns = None
         if not len(time_ns):
             return
-        before_ns = np.roll(time_ns, 1)
-        before_ns[0] = time_ns[0] if self._last_ns is None else self._last_ns
+        length_ns = np.empty_like(time_ns)
+        np.subtract(time_ns[1:], time_ns[:-1], out=length_ns[1:])
+        length_ns[0] = 0 if self._last_ns is None else time_ns[0] - self._last_ns
         self._last_ns = int(time_ns[-1])
-        row = np.flatnonzero(time_ns > before_ns)
-        found = PauseTable(before_ns[row], time_ns[row], row + told.first_frame)
-        since_ns, until_ns, frame = (
-            np.concatenate(parts) for parts in zip(self.table, found, strict=True)
-        )  # fmt: skip
+        # Once there are enough, hardly any batch has one that is longer than the shortest of them.
+        if length_ns.max() <= self._longer_than_ns:
+            return
+        row = np.flatnonzero(length_ns > self._longer_than_ns)
+        length_ns = length_ns[row]
+        if len(row) > self._most:
+            least_ns = np.partition(length_ns, -self._most)[-self._most]
+            row, length_ns = row[length_ns >= least_ns], length_ns[length_ns >= least_ns]
+        found = PauseTable(time_ns[row] - length_ns, time_ns[row], row + told.first_frame)
+        since_ns, until_ns, frame = (np.concatenate(parts) for parts in zip(self.table, found, strict=True))
         longest = np.argsort(since_ns - until_ns, kind="stable")[: self._most]
-        self.left_out += len(frame) - len(longest)
+        if len(longest) == self._most:
+            self._longer_than_ns = int((until_ns - since_ns)[longest[-1]])
         longest.sort()
         self.table = PauseTable(since_ns[longest], until_ns[longest], frame[longest])

@@ -9,6 +9,7 @@ import numpy as np
 from dissectors.batch import I64
 from dissectors.keys import KeyTable
 from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import distinct, runs_of
 from nvscope.engine.told import Told
 
 SLOT_NS = 100_000_000
@@ -42,11 +43,26 @@ class Throughput:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        packets = told.packets
-        slot = (packets.ts_ns // SLOT_NS).view(np.uint64)
+        if not len(told):
+            return
+        start = _starts(told)
+        slot = (told.packets.ts_ns[start] // SLOT_NS).view(np.uint64)
+        frames = np.diff(start, append=len(told))
+        size_bytes = np.add.reduceat(told.packets.original, start)
         number = self.slots.numbers_within(self._most, slot)
         room = number >= 0
-        self.left_out += len(slot) - int(np.count_nonzero(room))
+        self.left_out += int(frames[~room].sum())
         self.columns.resize(len(self.slots))
-        np.add.at(self.columns.frames, number[room], 1)
-        np.add.at(self.columns.bytes, number[room], packets.original[room])
+        np.add.at(self.columns.frames, number[room], frames[room])
+        np.add.at(self.columns.bytes, number[room], size_bytes[room])
+
+
+def _starts(told: Told) -> I64:
+    """Return where in a batch stretches begin whose packets are of one slot."""
+    time_ns = told.packets.ts_ns
+    first, last = int(time_ns[0]) // SLOT_NS, int(time_ns[-1]) // SLOT_NS
+    if told.clock.steady and last - first < len(told):
+        edge = np.searchsorted(time_ns, np.arange(first + 1, last + 1) * SLOT_NS)
+        return distinct(np.append(0, edge))
+    slot = time_ns // SLOT_NS
+    return runs_of(slot)[0]

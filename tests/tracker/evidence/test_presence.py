@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ from dissectors.netvar import LIST_SERVICES, dissect
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.buckets import bucket_of
-from nvscope.tracker.evidence.presence import HARDWARE, Presence
+from nvscope.tracker.evidence.presence import HARDWARE, NEVER, Presence
 from nvscope.tracker.evidence.presence import IP as IP_KIND
+from nvscope.tracker.evidence.signs import CLOSE_NS, SignsOfLife
 from tests.laws import examples
 from tests.oracle.builders import LINKS
 from tests.oracle.traffic import generate, mutate
@@ -65,9 +67,9 @@ def singly(batch: PacketBatch) -> tuple[dict[Key, Any], dict[tuple[int, ...], An
         others = [time_ns for time_ns, other in times if other]
         distances = np.diff(np.array(others, np.int64))
         addresses[key] = (
-            len(times), times[0][0], times[-1][0], len(others), Counter(bucket_of(distances).tolist())
+            len(times), times[0][0], len(others), Counter(bucket_of(distances).tolist())
         )  # fmt: skip
-    told = {pair: (len(times), times[0], times[-1], alternations[pair]) for pair, times in pairs.items()}
+    told = {pair: (len(times), times[0], alternations[pair]) for pair, times in pairs.items()}
     return addresses, told, announced
 
 
@@ -76,13 +78,13 @@ def as_told(presence: Presence) -> tuple[dict[Key, Any], dict[tuple[int, ...], A
     columns, pairs = presence.columns, presence.pair_columns
     addresses = {
         key: (
-            *(int(columns.column(name)[row]) for name in ("count", "first_ns", "last_ns", "others")),
+            *(int(columns.column(name)[row]) for name in ("count", "first_ns", "others")),
             Counter(dict(zip(*(one.tolist() for one in presence.distances.counts_of(row)), strict=True))),
         )
         for row, key in enumerate(keys)
     }  # fmt: skip
     told = {
-        pair: tuple(int(pairs.column(name)[row]) for name in ("count", "first_ns", "last_ns", "alternations"))
+        pair: tuple(int(pairs.column(name)[row]) for name in ("count", "first_ns", "alternations"))
         for row, pair in enumerate(zip(*(word.tolist() for word in presence.pairs.words), strict=True))
     }
     announced = [
@@ -104,6 +106,51 @@ def test_it_is_what_is_counted_of_one_frame_after_the_other(seed: int, packets: 
     assert not presence.left_out
 
 
+@given(st.integers(0, 10_000), st.integers(1, 90), st.sampled_from([1, 20, 1000]))
+@examples(60)
+def test_signs_of_life_are_spans_without_a_pause(seed: int, packets: int, slower: int) -> None:
+    frames = generate(seed, frames=150, link=[*LINKS, None][seed % (len(LINKS) + 1)])
+    whole = batch_of(frames)
+    whole = replace(whole, ts_ns=whole.ts_ns[0] + (whole.ts_ns - whole.ts_ns[0]) * slower)
+    presence = present(cut(whole, packets))
+    expected: dict[Key, list[list[int]]] = defaultdict(list)
+    dissection = dissect(whole)
+    lists = set(dissection.telegrams.row[np.isin(dissection.telegrams.header["id"], LIST_SERVICES)].tolist())
+    found = addresses_of(whole)
+    columns = (found.row, found.hardware, found.high, found.low)
+    for row, hardware, high, low in zip(*(one.tolist() for one in columns), strict=True):
+        time_ns = int(whole.ts_ns[row])
+        keys = [(HARDWARE, 0, hardware)] * (hardware > 0) + [(IP_KIND, high, low)] * bool(high or low)
+        for spans in (expected[key] for key in keys if row not in lists):
+            if spans and 0 <= time_ns - spans[-1][1] <= CLOSE_NS:
+                spans[-1][1] = time_ns
+            else:
+                spans.append([time_ns, time_ns])
+    told: dict[Key, list[list[int]]] = defaultdict(list)
+    keys = list(zip(*(word.tolist() for word in presence.addresses.words), strict=True))
+    spans = presence.signs.columns
+    names = ("address", "since_ns", "until_ns")
+    for number, since_ns, until_ns in zip(*(spans.column(name).tolist() for name in names), strict=True):
+        told[keys[number]].append([since_ns, until_ns])
+    assert told == {key: spans for key, spans in expected.items() if spans}
+    for key, own in told.items():
+        number = np.array([keys.index(key)])
+        first, last = own[0], own[-1]
+        assert presence.signs.seen_between(number, last[1], last[1] + 1)
+        assert not presence.signs.seen_between(number, max(one[1] for one in own) + 1, last[1] + 10**18)
+        assert not presence.signs.seen_between(number, 0, min(one[0] for one in own) - 1)
+        assert presence.signs.seen_between(number, first[0], first[0])
+
+
+def test_signs_without_room_are_counted() -> None:
+    signs = SignsOfLife(most=2)
+    address, time_ns = np.array([0, 0, 1, 2]), np.array([0, 10**9, 0, 5])
+    signs.observe(address, time_ns, np.array([NEVER, 0, NEVER, NEVER]), 3)
+    assert signs.columns.column("address").tolist() == [0, 0]
+    assert signs.left_out == 2
+    assert not signs.seen_between(np.array([1, 2]), 0, 10)
+
+
 def exchange() -> PacketBatch:
     """Two devices of one address that answer in turn, another one beside them, and what ARP says of it."""
     frames = [
@@ -119,7 +166,7 @@ def test_two_devices_of_one_address_alternate() -> None:
     presence = present([exchange()])
     addresses, pairs, announced = as_told(presence)
     assert sorted(count for count, *_ in addresses.values()) == [2, 2, 2, 2, 4]
-    assert sorted((pair[2] & 0xFF, count, alternations) for pair, (count, _, _, alternations) in pairs.items()) == [
+    assert sorted((pair[2] & 0xFF, count, alternations) for pair, (count, _, alternations) in pairs.items()) == [
         (1, 2, 1), (2, 2, 2), (3, 1, 0),
     ]  # fmt: skip
     assert [(time_ns, frame, hardware & 0xFF) for time_ns, frame, _, hardware in announced] == [(50, 6, 3)]

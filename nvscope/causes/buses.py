@@ -1,0 +1,150 @@
+"""What happens on a CAN bus as a whole: bus-off, bus-errors, bus-overloaded, and cycles of which frames are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dissectors.batch import Bool
+from nvscope.causes.case import Case, Draft
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.tracker.event_kinds import EventKind
+from nvscope.units import count_of, duration
+
+BUS_OFF = CauseKind(
+    "bus-off",
+    "A CAN controller left the bus: its transmit errors went on, and it neither sent nor received until it came back.",
+    "Error frames that say 'bus off', and what says that it came back.",
+    "The plug, cable and bit rate of the device that left; its termination.",
+)
+BUS_ERRORS = CauseKind(
+    "bus-errors",
+    "Nodes of a CAN bus reject what others send, and frames are repeated.",
+    "Error frames without a bus-off.",
+    "The resistance between CAN_H and CAN_L with the power off: about 60 ohms; then bit rates and sample points.",
+)
+BUS_OVERLOADED = CauseKind(
+    "bus-overloaded",
+    "A CAN bus was busy for most of some seconds: frames of low priority come late or not at all.",
+    "The bits of each second, held against the bit rate.",
+    "Lengthen the intervals of the busiest identifiers first.",
+)
+INCOMPLETE_CYCLES = CauseKind(
+    "incomplete-cycles",
+    "A list over several frames came without all of them.",
+    "Cycles in which identifiers of the list are missing.",
+    "Error counters and receive buffers of the device that records, then the sender's transmit queue.",
+)
+
+_BEFORE_NS = 1_000_000_000
+_MEANWHILE = ("NV501", "NV502", "NV503", "NV504", "NV604")
+
+
+def _of_channel(case: Case, channel: int) -> Bool:
+    """Tell which symptoms are of a channel, or of a list on it."""
+    name = case.channels[channel] if 0 <= channel < len(case.channels) else ""
+    numbers = [number for number, entry in case.lists.items() if str(entry.key.port) == name]
+    told: Bool = (case.symptoms.channel == channel) | np.isin(case.symptoms.list, numbers)
+    return told
+
+
+def judge_buses_off(case: Case) -> Iterator[Draft]:
+    """Explain what a bus-off brings about, one cause each."""
+    table = case.witness.evidence.columns["buses"].table()
+    off, back = table.kind == EventKind.BUS_OFF, table.kind == EventKind.BUS_BACK
+    errors = (table.kind == EventKind.ERROR_FRAME) | off
+    for channel, time_ns in zip(table.channel[off].tolist(), table.time_ns[off].tolist(), strict=True):
+        own = _of_channel(case, channel)
+        if not (case.free("NV606") & own).any():
+            continue
+        before = errors & (table.channel == channel) & (table.time_ns <= time_ns)
+        since_ns = int(table.time_ns[before & (table.time_ns >= time_ns - _BEFORE_NS)].min())
+        later = table.time_ns[back & (table.channel == channel) & (table.time_ns >= time_ns)]
+        until_ns = int(later.min()) if len(later) else None
+        slack_ns = _longest_ns(case, channel) * 5 // 2
+        chosen = case.free("NV606", *_MEANWHILE) & own
+        chosen &= case.overlapping(since_ns, None if until_ns is None else until_ns + slack_ns)
+        name = case.channels[channel] if 0 <= channel < len(case.channels) else "CAN"
+        checked = [
+            f"back after {duration(until_ns - time_ns)}" if until_ns is not None else "it did not come back"
+        ]  # fmt: skip
+        title = f"A controller of {name} left the bus at {moment(case, time_ns)}"
+        lists = [case.lists[number] for number in np.unique(case.symptoms.list[chosen]).tolist() if number >= 0]
+        draft = Draft(
+            BUS_OFF, title, BUS_OFF.next_step, checked, lists, channel=name, since_ns=since_ns, until_ns=until_ns
+        )  # fmt: skip
+        case.explain(draft, chosen)
+        yield draft
+
+
+def _longest_ns(case: Case, channel: int) -> int:
+    name = case.channels[channel] if 0 <= channel < len(case.channels) else ""
+    return max(
+        (stream.intervals.nominal or 0 for entry in case.lists.values() if str(entry.key.port) == name
+         for stream in entry.streams), default=0,
+    )  # fmt: skip
+
+
+def judge_bus_errors(case: Case) -> Iterator[Draft]:
+    """Explain error frames without a bus-off, and what is late or incomplete at their moments, one cause a channel."""
+    yield from _conditions(case, BUS_ERRORS, "NV606", "Nodes of {name} reject frames", "error frame")
+
+
+def judge_overloads(case: Case) -> Iterator[Draft]:
+    """Explain overload, and what is late or incomplete meanwhile, one cause a channel."""
+    yield from _conditions(case, BUS_OVERLOADED, "NV605", "{name} is overloaded", "second")
+
+
+def _conditions(case: Case, kind: CauseKind, code: str, title: str, noun: str) -> Iterator[Draft]:
+    symptoms = case.symptoms
+    for channel in np.unique(symptoms.channel[case.free(code)]).tolist():
+        told = case.free(code) & (symptoms.channel == channel)
+        name = case.channels[channel] if 0 <= channel < len(case.channels) else "CAN"
+        since_ns, last_ns = int(symptoms.since_ns[told].min()), int(symptoms.time_ns[told].max())
+        chosen = told | (case.free(*_MEANWHILE) & _of_channel(case, channel) & _near(case, told))
+        usual_ns = 2 * (last_ns - since_ns) // max(int(told.sum()) - 1, 1)
+        until_ns = None if case.end_ns - last_ns <= usual_ns else last_ns
+        lists = [case.lists[number] for number in np.unique(symptoms.list[chosen]).tolist() if number >= 0]
+        finding = case.findings[int(symptoms.finding[told][0])]
+        draft = Draft(
+            kind, f"{title.format(name=name)} since {moment(case, since_ns)}", kind.next_step,
+            [count_of(finding.count, noun), finding.message], lists, channel=name, since_ns=since_ns, until_ns=until_ns,
+        )  # fmt: skip
+        case.explain(draft, chosen)
+        yield draft
+
+
+def _near(case: Case, told: Bool) -> Bool:
+    """Tell which symptoms lie within a second of one that is told."""
+    times = np.sort(case.symptoms.time_ns[told])
+    place = np.searchsorted(times, case.symptoms.since_ns - _BEFORE_NS)
+    near: Bool = np.append(times, np.iinfo(np.int64).max)[place] <= case.symptoms.time_ns + _BEFORE_NS
+    return near
+
+
+def judge_incomplete_cycles(case: Case) -> Iterator[Draft]:
+    """Explain lists on CAN of which frames are missing, one cause a list."""
+    symptoms = case.symptoms
+    for number in np.unique(symptoms.list[case.free("NV604")]).tolist():
+        if number < 0:
+            continue
+        own = case.free("NV604", "NV501", "NV502") & (symptoms.list == number)
+        told = case.free("NV604") & (symptoms.list == number)
+        entry = case.lists[number]
+        since_ns, last_ns = int(symptoms.since_ns[told].min()), int(symptoms.time_ns[told].max())
+        which = lists_in_words(case, [entry])
+        checked = []
+        missing = np.bitwise_or.reduce(symptoms.detail[told])
+        if missing > 0:
+            parts = [str(bit) for bit in range(62) if int(missing) >> bit & 1]
+            checked.append(f"missing: SubIndex {', '.join(parts)}")
+        usual_ns = 2 * (last_ns - since_ns) // max(int(told.sum()) - 1, 1)
+        draft = Draft(
+            INCOMPLETE_CYCLES, f"{which[0].upper()}{which[1:]} came incomplete, {count_of(int(told.sum()), 'time')}",
+            INCOMPLETE_CYCLES.next_step, checked, [entry], channel=str(entry.key.port), since_ns=since_ns,
+            until_ns=None if case.end_ns - last_ns <= usual_ns else last_ns,
+        )  # fmt: skip
+        case.explain(draft, own)
+        yield draft

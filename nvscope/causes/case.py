@@ -1,0 +1,217 @@
+"""Case: what causes are judged from, looked up once for all judges, and what they have explained so far."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from nvscope.causes.cause import Cause
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.life import Life
+from nvscope.causes.symptoms import Symptoms, symptoms_of
+from nvscope.findings.facts import AnyList, Facts
+from nvscope.findings.finding import Finding
+from nvscope.findings.kind import Severity
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.tracker.evidence.event_columns import EventTable
+from nvscope.tracker.evidence.witness import Witness
+from nvscope.tracker.stream_summary import StreamSummary
+from nvscope.tracker.summary import ListSummary
+
+NOBODY = -1
+"""The owner of a symptom that nothing has explained yet."""
+
+PAUSE_PERCENT = 250
+"""An interval that is longer than so much of the nominal one is a pause (diagnosis.md, section 5)."""
+
+
+class Pause(NamedTuple):
+    """A time in which a stream sent nothing, or a node: from its last telegram, the frame ``frame``, to the next one.
+
+    ``until_ns`` is None where none came any more.
+    """
+
+    since_ns: int
+    until_ns: int | None
+    frame: int
+
+
+class NodeStream(NamedTuple):
+    """A stream of a node with its list."""
+
+    list: ListSummary
+    stream: StreamSummary
+
+    @property
+    def nominal_ns(self) -> int:
+        """Its nominal interval, 0 where it has none."""
+        return self.stream.intervals.nominal or 0
+
+
+@dataclass(slots=True)
+class Draft:
+    """A cause that is being judged: everything but what follows from the symptoms that it explains."""
+
+    kind: CauseKind
+    title: str
+    next: str
+    checked: Sequence[str] = ()
+    lists: Sequence[AnyList] = ()
+    nodes: Sequence[int] = ()
+    channel: str | None = None
+    since_ns: int | None = None
+    until_ns: int | None = None
+    severity: Severity = Severity.NOTE
+    rows: I64 = field(default_factory=lambda: np.empty(0, np.int64))
+
+
+class Case:
+    """Everything that was seen, what of it breaks rules, and which cause explains each of the events behind that.
+
+    ``owner`` has the number of the draft that explains each symptom, ``NOBODY`` before.
+    """
+
+    def __init__(self, facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str]) -> None:
+        self.facts = facts
+        self.findings = findings
+        self.witness = witness
+        self.channels = channels
+        self.symptoms: Symptoms = symptoms_of(facts, findings, witness.evidence, channels)
+        self.owner = np.full(len(self.symptoms.code), NOBODY)
+        self.drafts: list[Draft] = []
+        self.life = Life(witness.presence, facts)
+
+    @property
+    def start_ns(self) -> int:
+        return self.facts.summary.start_ns or 0
+
+    @property
+    def end_ns(self) -> int:
+        return self.facts.at_ns
+
+    def free(self, *codes: str) -> Bool:
+        """Tell which symptoms of some codes nothing has explained yet."""
+        free: Bool = (self.owner == NOBODY) & self.symptoms.of_codes(*codes)
+        return free
+
+    def explain(self, draft: Draft, chosen: Bool) -> None:
+        """Add a cause, which explains the chosen symptoms that nothing has explained before."""
+        draft.rows = np.flatnonzero(chosen & (self.owner == NOBODY))
+        self.owner[draft.rows] = len(self.drafts)
+        self.drafts.append(draft)
+
+    def only(self, rows: Sequence[int] | I64) -> Bool:
+        """Return the symptoms in some rows as a mask."""
+        mask: Bool = np.zeros(len(self.owner), np.bool_)
+        mask[rows] = True
+        return mask
+
+    def overlapping(self, since_ns: int, until_ns: int | None) -> Bool:
+        """Tell which symptoms lie in a time, or begin or end in it; None has no end."""
+        told: Bool = self.symptoms.time_ns >= since_ns
+        if until_ns is not None:
+            told &= self.symptoms.since_ns <= until_ns
+        return told
+
+    @cached_property
+    def lists(self) -> dict[int, AnyList]:
+        """The lists by number."""
+        every: list[AnyList] = [*self.facts.summary.lists, *self.facts.summary.can.lists]
+        return {entry.number: entry for entry in every}
+
+    @cached_property
+    def streams_of_node(self) -> dict[int, list[NodeStream]]:
+        """The streams on UDP by node."""
+        found: dict[int, list[NodeStream]] = defaultdict(list)
+        for entry, stream in self.facts.streams():
+            found[stream.node].append(NodeStream(entry, stream))
+        return dict(sorted(found.items()))
+
+    @cached_property
+    def _intervals(self) -> dict[tuple[int, int, int], I64]:
+        """Where the unusual intervals of each stream stand in their table, by list, node and SubIndex."""
+        table = self._interval_table
+        place = table.list, table.node, table.subindex
+        order = np.lexsort((table.frame, place[2], place[1], place[0]))
+        changes = np.zeros(len(order), np.bool_)
+        for column in place:
+            changes |= np.append(True, np.diff(column[order]) != 0)[: len(order)]
+        start = np.flatnonzero(changes)
+        parts = np.split(order, start[1:]) if len(start) else []
+        keys = zip(*(column[order[start]].tolist() for column in place), strict=True)
+        return dict(zip(keys, parts, strict=True))
+
+    @cached_property
+    def _interval_table(self) -> EventTable:
+        return self.witness.evidence.columns["intervals"].table()
+
+    def pauses(self, number: int, stream: StreamSummary) -> list[Pause]:
+        """Return the pauses of a cyclic stream, with the one that goes on at the end; none of others."""
+        nominal_ns = stream.intervals.nominal
+        if not nominal_ns:
+            return []
+        longest_ns = nominal_ns * PAUSE_PERCENT // 100
+        table, row = self._interval_table, self._intervals.get((number, stream.node, stream.subindex), _NO_ROWS)
+        row = row[table.amount[row] > longest_ns]
+        columns = (column[row].tolist() for column in (table.since_ns, table.time_ns, table.frame))
+        found = [Pause(*one) for one in zip(*columns, strict=True)]
+        silences = self.facts.silences_of(stream)
+        if silences and silences[-1].until_ns >= self.end_ns and silences[-1].length_ns > longest_ns:
+            found.append(Pause(silences[-1].since_ns, None, silences[-1].frame))
+        return found
+
+    @cached_property
+    def last_acknowledgement_ns(self) -> dict[int, int]:
+        """When each node acknowledged something last."""
+        answers = self.witness.evidence.answers
+        last: dict[int, int] = {}
+        readers, times = answers.pairs.low.tolist(), answers.columns.column("last_ns").tolist()
+        for node, time_ns in zip(readers, times, strict=True):
+            last[node] = max(last.get(node, time_ns), time_ns)
+        return last
+
+    def address(self, node: int) -> str:
+        """Return the text of a node's address."""
+        return self.facts.address(node)
+
+    def causes(self) -> list[Cause]:
+        """Return the causes, those that are not over first, then by severity, share of telegrams, and time."""
+        numbers = self.symptoms.finding
+        found: dict[int, list[Finding]] = defaultdict(list)
+        for place, finding in enumerate(self.findings):
+            owners = self.owner[numbers == place]
+            owners = owners[owners >= 0]
+            if len(owners):
+                found[int(np.bincount(owners).argmax())].append(finding)
+        made = [self._made(draft, found[number]) for number, draft in enumerate(self.drafts)]
+        made.sort(key=lambda one: one[0])
+        return [cause for _, cause in made]
+
+    def _made(self, draft: Draft, findings: Sequence[Finding]) -> tuple[tuple[object, ...], Cause]:
+        rows = draft.rows
+        worst = [self.findings[place].kind.severity for place in np.unique(self.symptoms.finding[rows]).tolist()]
+        severity = max([draft.severity, draft.kind.at_least, *worst])
+        frames = np.unique(self.symptoms.frame[rows])
+        frames = frames[frames > 0]
+        since_ns, until_ns = draft.since_ns, draft.until_ns
+        if since_ns is not None and until_ns is not None:
+            until_ns = max(since_ns, until_ns)  # a clock may have stepped back in between
+        lists = sorted({entry.number: entry for entry in draft.lists}.values(), key=lambda entry: entry.key)
+        cause = Cause(
+            draft.kind, severity, draft.title, draft.next, tuple(draft.checked), tuple(entry.key for entry in lists),
+            tuple(dict.fromkeys(draft.nodes)), draft.channel, since_ns, until_ns,
+            tuple(frames[:FRAMES_KEPT].tolist()), len(frames), tuple(findings),
+        )  # fmt: skip
+        telegrams = sum(entry.diagnosis.nSendCount for entry in lists)
+        # Numbers of nodes and lists hang on how the capture was cut into batches.
+        order = until_ns is not None, -severity, -telegrams, since_ns or 0, cause.lists, cause.title
+        return order, cause
+
+
+_NO_ROWS = np.empty(0, np.int64)

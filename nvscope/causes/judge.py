@@ -1,0 +1,70 @@
+"""judge_causes: from findings, their events, and who was there, to what happened; a pure function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+from nvscope.causes.buses import (
+    judge_bus_errors,
+    judge_buses_off,
+    judge_incomplete_cycles,
+    judge_overloads,
+)
+from nvscope.causes.case import Case, Draft
+from nvscope.causes.cause import Cause
+from nvscope.causes.counters import judge_foreign_counters
+from nvscope.causes.lateness import judge_bursts, judge_late_senders
+from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
+from nvscope.causes.other import judge_others
+from nvscope.causes.readers import (
+    judge_boot_up,
+    judge_impossible,
+    judge_rejections,
+    judge_silent_readers,
+    judge_without_program,
+)
+from nvscope.causes.restarts import judge_list_restarts, judge_node_restarts
+from nvscope.causes.senders import judge_second_senders
+from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
+from nvscope.findings.facts import Facts
+from nvscope.findings.finding import Finding
+from nvscope.tracker.evidence.witness import Witness
+
+Judge = Callable[[Case], Iterator[Draft]]
+
+JUDGES: tuple[Judge, ...] = (
+    judge_buses_off,
+    judge_bus_errors,
+    judge_overloads,
+    judge_second_senders,
+    judge_foreign_counters,
+    judge_node_restarts,
+    partial(judge_nodes, kind=NODE_SILENT),
+    partial(judge_nodes, kind=PROGRAM_STOPPED),
+    judge_list_restarts,
+    judge_lists,
+    judge_rejections,
+    judge_without_program,
+    judge_impossible,
+    judge_silent_readers,
+    judge_boot_up,
+    judge_losses_at_senders,
+    judge_losses_of_lists,
+    judge_late_senders,
+    judge_bursts,
+    judge_incomplete_cycles,
+    judge_others,
+)
+"""In the order of causes.md, section 2: an event belongs to the first one that explains it."""
+
+
+def judge_causes(
+    facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = ()
+) -> list[Cause]:
+    """Return what explains findings: what is not over first, then by severity, share of telegrams, and time."""
+    case = Case(facts, findings, witness, channels)
+    for judge in JUDGES:
+        for _ in judge(case):
+            pass
+    return case.causes()

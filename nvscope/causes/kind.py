@@ -1,0 +1,26 @@
+"""What a row of the catalogue of causes is: one kind of event or condition in a plant that breaks rules.
+
+The rows stand beside the judges that find them, in the file of their family; their names are stable. What happened in
+one capture is said where the cause is made; in a row is what is true of all causes of its kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nvscope.findings.kind import Severity
+
+
+@dataclass(frozen=True, slots=True)
+class CauseKind:
+    """One kind of cause, and what an engineer in front of the plant should know about it.
+
+    ``meaning`` says what happened, ``evidence`` by what it is told, ``next_step`` what to do first. ``at_least`` is how
+    bad it is, whatever findings it explains.
+    """
+
+    name: str
+    meaning: str
+    evidence: str
+    next_step: str
+    at_least: Severity = Severity.NOTE

@@ -1,0 +1,109 @@
+"""Senders that keep no time, without loss: sender-late, sender-bursts."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+
+from nvscope.causes.case import Case, Draft
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.kind import Severity
+from nvscope.units import count_of, duration
+
+SENDER_LATE = CauseKind(
+    "sender-late",
+    "A list came later than it should, and nothing of it was lost.",
+    "Intervals of more than two and a half times the nominal one, or jitter, without a loss in them.",
+    "The cycle and priority of the task that sends it; a breakpoint, or a task that takes too long.",
+)
+SENDER_BURSTS = CauseKind(
+    "sender-bursts",
+    "A list was sent several times in quick succession.",
+    "Intervals of less than a tenth of the nominal one, or below the MinGap of the definition.",
+    "What triggers its sending: an event that is set in each cycle, or a MinGap that is missing.",
+)
+
+_LATE = ("NV501", "NV502", "NV505")
+
+
+def judge_late_senders(case: Case) -> Iterator[Draft]:
+    """Explain what came late: one cause a list, joined over the lists of a node that are late at the same time."""
+    symptoms = case.symptoms
+    rows = np.flatnonzero(case.free(*_LATE))
+    by_list: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row in rows.tolist():
+        by_list[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
+    by_node: dict[int, list[list[int]]] = defaultdict(list)
+    for (node, _), own in by_list.items():
+        by_node[node].append(own)
+    for node, parts in by_node.items():
+        parts.sort(key=lambda own: int(symptoms.since_ns[own].min()))
+        joined: list[list[int]] = []
+        for own in parts:
+            if node >= 0 and joined and symptoms.since_ns[own].min() <= symptoms.time_ns[joined[-1]].max():
+                joined[-1] += own
+            else:
+                joined.append(list(own))
+        for own in joined:
+            yield _late(case, node, own)
+
+
+def _late(case: Case, node: int, rows: list[int]) -> Draft:
+    symptoms = case.symptoms
+    numbers = [number for number in np.unique(symptoms.list[rows]).tolist() if number >= 0]
+    lists = [case.lists[number] for number in numbers]
+    since_ns, last_ns = int(symptoms.since_ns[rows].min()), int(symptoms.time_ns[rows].max())
+    nominal_ns = max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
+    intervals = symptoms.of_codes("NV501", "NV502")[rows]
+    longest_ns = int(symptoms.amount[rows][intervals].max(initial=0))
+    checked = []
+    if longest_ns and nominal_ns:
+        tenths = 10 * longest_ns // nominal_ns
+        checked.append(
+            f"up to {duration(longest_ns)}, {tenths // 10}.{tenths % 10} times the nominal {duration(nominal_ns)}"
+        )
+    if node >= 0:
+        every = {one.list.number for one in case.streams_of_node[node] if one.nominal_ns}
+        if len(every) > 1:
+            of_all = "all" if set(numbers) >= every else f"{len(numbers)} of its {len(every)} cyclic lists"
+            checked.append(f"{'all its cyclic lists' if of_all == 'all' else of_all} at once")
+        checked.append("nothing of it was lost")
+    which = lists_in_words(case, lists)
+    who = f"Node {case.address(node)} sent {which} late" if node >= 0 else f"{which[0].upper()}{which[1:]} came late"
+    when = (
+        f"at {moment(case, since_ns)}" if len(rows) == 1
+        else f"{count_of(len(rows), 'time')} from {moment(case, since_ns)} to {moment(case, last_ns)}"
+    )  # fmt: skip
+    usual_ns = 2 * (last_ns - since_ns) // max(len(rows) - 1, 1) if len(rows) > 1 else 0
+    over = case.end_ns - last_ns > max(usual_ns, nominal_ns * 5 // 2)
+    channels = {str(entry.key.port) for entry in lists} if node < 0 else set()
+    draft = Draft(
+        SENDER_LATE, f"{who}, {when}", SENDER_LATE.next_step, checked, lists, [node] if node >= 0 else [],
+        channels.pop() if len(channels) == 1 else None, since_ns=since_ns, until_ns=last_ns if over else None,
+    )  # fmt: skip
+    case.explain(draft, case.only(rows))
+    return draft
+
+
+def judge_bursts(case: Case) -> Iterator[Draft]:
+    """Explain bursts that break a limit somebody set; as they are notes otherwise, they need no cause."""
+    symptoms = case.symptoms
+    places: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row in np.flatnonzero(case.free("NV503")).tolist():
+        if case.findings[int(symptoms.finding[row])].kind.severity > Severity.NOTE:
+            places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
+    for (node, number), rows in places.items():
+        entry = case.lists[number]
+        which = lists_in_words(case, [entry])
+        since_ns, last_ns = int(symptoms.since_ns[rows].min()), int(symptoms.time_ns[rows].max())
+        who = f"Node {case.address(node)} sent {which}" if node >= 0 else f"{which[0].upper()}{which[1:]} came"
+        draft = Draft(
+            SENDER_BURSTS, f"{who} in quick succession, {count_of(len(rows), 'time')}", SENDER_BURSTS.next_step,
+            [f"the shortest interval was {duration(int(symptoms.amount[rows].min()))}"], [entry],
+            [node] if node >= 0 else [], since_ns=since_ns, until_ns=last_ns,
+        )  # fmt: skip
+        case.explain(draft, case.only(rows))
+        yield draft

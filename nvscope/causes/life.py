@@ -1,0 +1,111 @@
+"""Life: whether a node goes on, told by its frames that are no telegrams of lists."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from dissectors.batch import I64, U64
+from nvscope.findings.facts import Facts
+from nvscope.tracker.evidence.presence import HARDWARE, IP, Presence
+from nvscope.tracker.evidence.signs import CLOSE_NS
+
+_HARDWARE_BITS = np.uint64((1 << 48) - 1)
+_PERCENT_USUAL = 95
+_FACTOR_PERCENT = 250
+
+
+class Life:
+    """A look at who is there; all of it is what was seen up to now."""
+
+    def __init__(self, presence: Presence, facts: Facts) -> None:
+        self._presence = presence
+        self._nodes = facts.state.keys.nodes
+
+    def goes_on(self, node: int, after_ns: int, until_ns: int, pause: tuple[int, int]) -> bool:
+        """Tell whether a node sent a frame that is no telegram of a list, soon enough after a time.
+
+        ``pause`` is the time in question: how often the node is heard is told by all others.
+        """
+        numbers = self._numbers(node)
+        usual_ns = self._usual_distance_ns(numbers, pause)
+        if usual_ns is None:
+            return False
+        end_ns = min(after_ns + usual_ns * _FACTOR_PERCENT // 100, until_ns)
+        return end_ns >= after_ns and self._presence.signs.seen_between(numbers, after_ns, end_ns)
+
+    def sent_between(self, node: int, since_ns: int, until_ns: int) -> bool:
+        """Tell whether a node sent a frame that is no telegram of a list from one time to another."""
+        numbers = self._numbers(node)
+        return bool(len(numbers)) and self._presence.signs.seen_between(numbers, since_ns, until_ns)
+
+    def is_heard(self, node: int) -> bool:
+        """Tell whether a node ever sent a frame that is no telegram of a list."""
+        numbers = self._numbers(node)
+        return bool(len(numbers)) and bool(self._presence.columns.others[numbers].any())
+
+    def last_sign_ns(self, node: int) -> int | None:
+        """Return when a node sent its last frame that is no telegram of a list; None where there is none."""
+        spans = self._presence.signs.columns
+        own = np.isin(spans.column("address"), self._numbers(node))
+        return int(spans.column("until_ns")[own].max()) if own.any() else None
+
+    def numbers_of_ip(self, node: int) -> I64:
+        """Return the number of a node's IP address among those that were seen; none where it was not."""
+        if node >= len(self._nodes):
+            return np.empty(0, np.int64)
+        key = (np.array([word], np.uint64) for word in (IP, int(self._nodes.high[node]), int(self._nodes.low[node])))
+        found = self._presence.addresses.find(*key)
+        return found[found >= 0]
+
+    def hardware_of(self, node: int) -> list[int]:
+        """Return the hardware addresses that a node's IP packets came from, in the order of their first frames."""
+        words = self._presence.pairs.words
+        own = np.flatnonzero(self._is_of(node, words[0], words[1]))
+        order = own[np.argsort(self._presence.pair_columns.column("first_frame")[own], kind="stable")]
+        return list(dict.fromkeys((words[2][order] & _HARDWARE_BITS).tolist()))
+
+    def _is_of(self, node: int, high: U64, low: U64) -> I64:
+        own: I64 = (high == self._nodes.high[node]) & (low == self._nodes.low[node])
+        return own
+
+    @cached_property
+    def _shared_hardware(self) -> set[int]:
+        """The hardware addresses with several IP addresses: a router's tell nothing of a node."""
+        high, low, device, _ = self._presence.pairs.words
+        owners: dict[int, set[tuple[int, int]]] = {}
+        for one, *address in zip((device & _HARDWARE_BITS).tolist(), high.tolist(), low.tolist(), strict=True):
+            owners.setdefault(one, set()).add((address[0], address[1]))
+        return {one for one, several in owners.items() if len(several) > 1}
+
+    def _numbers(self, node: int) -> I64:
+        """Return the numbers of a node's addresses: its IP address, and hardware addresses that are its alone."""
+        if node >= len(self._nodes):
+            return np.empty(0, np.int64)
+        hardware = [one for one in self.hardware_of(node) if one not in self._shared_hardware]
+        kinds = np.array([IP, *[HARDWARE] * len(hardware)], np.uint64)
+        high = np.array([int(self._nodes.high[node]), *[0] * len(hardware)], np.uint64)
+        low = np.array([int(self._nodes.low[node]), *hardware], np.uint64)
+        found = self._presence.addresses.find(kinds, high, low)
+        return found[found >= 0]
+
+    def _usual_distance_ns(self, numbers: I64, pause: tuple[int, int]) -> int | None:
+        """Return the distance between such frames that one in twenty exceeds, beside the pause; None without any."""
+        spans = self._presence.signs.columns
+        distances: list[int] = []
+        close = 0
+        for number in numbers.tolist():
+            own = np.flatnonzero(spans.column("address") == number)
+            if not len(own):
+                continue
+            since, until = spans.since_ns[own[1:]], spans.until_ns[own[:-1]]
+            beside = (since <= pause[0]) | (until >= pause[1])
+            distances += (since - until)[beside].tolist()
+            close += int(self._presence.columns.others[number]) - len(own)
+        if not distances and not close:
+            return None
+        distances.sort()
+        # Those within spans are the shortest of all.
+        place = -(-_PERCENT_USUAL * (close + len(distances)) // 100) - 1 - close
+        return distances[place] if place >= 0 else CLOSE_NS

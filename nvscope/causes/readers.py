@@ -1,0 +1,298 @@
+"""What readers do not answer, or reject, and lists that nobody acknowledges at all."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from nvscope.causes.case import Case, Draft
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.facts import AnyList
+from nvscope.tracker.summary import ListSummary
+from nvscope.units import count, count_of, duration
+
+READER_REJECTS = CauseKind(
+    "reader-rejects",
+    "A reader rejects what it gets: the checksum of its own definition of the list is another one.",
+    "Acknowledgements with 'invalid checksum' (Flags bit 2).",
+    "Export the definition from the sender's project, import it at the reader, build and download.",
+)
+READER_WITHOUT_PROGRAM = CauseKind(
+    "reader-without-program",
+    "A node that telegrams are sent to has nobody listening at the port.",
+    "ICMP port unreachable, sent by that node or by a router in front of it.",
+    "Whether its application runs, and whether its list is read at this port.",
+)
+ACKNOWLEDGEMENT_IMPOSSIBLE = CauseKind(
+    "acknowledgement-impossible",
+    "Every telegram of a list asks for an acknowledgement, and none ever comes.",
+    "Not one acknowledgement of the list in the whole capture.",
+    "Switch 'acknowledgement' off for the list, or give it a reader that acknowledges.",
+)
+READER_SILENT = CauseKind(
+    "reader-silent",
+    "A reader that usually acknowledges a list did not do so for some telegrams.",
+    "Telegrams that stayed without acknowledgement beside others that got one.",
+    "The log of the reader at that time: whether its program stood still or its cable was out.",
+)
+BOOT_UP_UNANSWERED = CauseKind(
+    "boot-up-unanswered",
+    "A node asked for the values of a list at its start, and nobody sent them.",
+    "Boot-up requests after which no data telegram of the list came in time.",
+    "Whether the sender of the list runs, and answers requests ('transmit on boot-up').",
+)
+
+_RUN = 3
+
+
+def judge_rejections(case: Case) -> Iterator[Draft]:
+    """Explain negative acknowledgements, by list and reader."""
+    symptoms = case.symptoms
+    rows = np.flatnonzero(case.free("NV302"))
+    places: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row in rows.tolist():
+        places[int(symptoms.list[row]), int(symptoms.peer[row])].append(row)
+    for (number, reader), own in places.items():
+        entry = case.lists[number]
+        name = lists_in_words(case, [entry])
+        who = f"Node {case.address(reader)}" if reader >= 0 else "A reader"
+        since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
+        checked = [f"{count_of(len(own), 'negative acknowledgement')}: its definition of the list is another one"]
+        draft = Draft(
+            READER_REJECTS, f"{who} rejects {name} since {moment(case, since_ns)}", READER_REJECTS.next_step, checked,
+            [entry], [reader] if reader >= 0 else [], since_ns=since_ns,
+            until_ns=_end_of_many(case, [entry], own, last_ns),
+        )  # fmt: skip
+        case.explain(draft, case.only(own))
+        yield draft
+
+
+def judge_without_program(case: Case) -> Iterator[Draft]:
+    """Explain telegrams that came back as undeliverable, by who says so."""
+    symptoms = case.symptoms
+    places: dict[int, list[int]] = defaultdict(list)
+    for row in np.flatnonzero(case.free("NV305")).tolist():
+        places[int(symptoms.detail[row])].append(row)
+    for told_by, own in places.items():
+        lists = [case.lists[number] for number in np.unique(symptoms.list[own]).tolist()]
+        towards = np.unique(symptoms.peer[own])
+        since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
+        chosen = case.only(own)
+        waits = case.free("NV301") & np.isin(symptoms.peer, towards) & np.isin(symptoms.list, symptoms.list[own])
+        chosen |= waits & (symptoms.time_ns >= since_ns)
+        ports = sorted({entry.key.port for entry in lists if isinstance(entry, ListSummary)})
+        name = case.address(told_by) if 0 <= told_by < len(case.facts.summary.addresses) else "a node"
+        at_port = f"at port {ports[0]}" if len(ports) == 1 else f"at {len(ports)} ports"
+        title = f"Node {name} has no program {at_port} for {lists_in_words(case, lists)} since {moment(case, since_ns)}"
+        checked = [f"it says so itself (ICMP), {count_of(len(own), 'time')}"]
+        draft = Draft(
+            READER_WITHOUT_PROGRAM, title, READER_WITHOUT_PROGRAM.next_step, checked, lists,
+            [told_by] if 0 <= told_by < len(case.facts.summary.addresses) else [], since_ns=since_ns,
+            until_ns=_end_of_many(case, lists, own, last_ns),
+        )  # fmt: skip
+        case.explain(draft, chosen)
+        yield draft
+
+
+def judge_impossible(case: Case) -> Iterator[Draft]:
+    """Explain lists of which no telegram was ever acknowledged."""
+    symptoms = case.symptoms
+    for number in np.unique(symptoms.list[case.free("NV301")]).tolist():
+        entry = case.lists[number]
+        if not isinstance(entry, ListSummary) or entry.diagnosis.nAcknowledges:
+            continue
+        own = np.flatnonzero(case.free("NV301") & (symptoms.list == number))
+        to = [node for node in np.unique(symptoms.peer[own]).tolist() if node >= 0]
+        since_ns, last_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
+        name = lists_in_words(case, [entry])
+        answers = [node for node in to if node in case.last_acknowledgement_ns]
+        checked = [f"not one of {count_of(entry.diagnosis.nSendCount, 'telegram')} was acknowledged"]
+        step = ACKNOWLEDGEMENT_IMPOSSIBLE.next_step
+        if answers:
+            checked.append(f"{case.address(answers[0])} acknowledges other lists: it does not know this one")
+            step = f"The definition of {name} at {case.address(answers[0])}."
+        elif to:
+            seen = any(case.life.is_heard(node) or node in case.streams_of_node for node in to)
+            checked.append(f"it goes to {case.address(to[0])}, which {'is there' if seen else 'was never seen'}")
+        else:
+            checked.append("it is a broadcast: nobody has to answer")
+        draft = Draft(
+            ACKNOWLEDGEMENT_IMPOSSIBLE, f"{name[0].upper()}{name[1:]} asks for acknowledgements that nobody sends",
+            step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
+        )  # fmt: skip
+        case.explain(draft, case.only(own))
+        yield draft
+
+
+class _Run(NamedTuple):
+    """Telegrams of a list in a row that a reader did not acknowledge."""
+
+    readers: tuple[int, ...]
+    list_number: int
+    rows: Sequence[int]
+    since_ns: int
+    until_ns: int
+
+
+def judge_silent_readers(case: Case) -> Iterator[Draft]:
+    """Explain what stayed without acknowledgement: runs each for itself, all others of a reader and list as one."""
+    symptoms = case.symptoms
+    places: dict[tuple[tuple[int, ...], int], list[int]] = defaultdict(list)
+    for row in np.flatnonzero(case.free("NV301")).tolist():
+        number, peer = int(symptoms.list[row]), int(symptoms.peer[row])
+        entry = case.lists[number]
+        readers = (peer,) if peer in entry.readers or not entry.readers else tuple(entry.readers)  # type: ignore[union-attr]
+        places[readers, number].append(row)
+    runs: list[_Run] = []
+    for (readers, number), rows in places.items():
+        for own in _runs(case, rows):
+            since_ns, until_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
+            runs.append(_Run(readers, number, own, since_ns, until_ns))
+    for together in _overlapping(runs):
+        yield _silent(case, together)
+
+
+def _runs(case: Case, rows: Sequence[int]) -> list[list[int]]:
+    """Return waits of a list: those of at least three telegrams in a row, and all others as one."""
+    symptoms = case.symptoms
+    by_stream: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row in rows:
+        by_stream[int(symptoms.node[row]), int(symptoms.subindex[row])].append(row)
+    runs, rest = [], []
+    for own in by_stream.values():
+        own.sort(key=lambda row: int(symptoms.since_ns[row]))
+        parts = [[own[0]]]
+        for before, row in pairwise(own):
+            interval_ns = int(symptoms.since_ns[row] - symptoms.since_ns[before])
+            stream = next(
+                one.stream for one in case.streams_of_node[int(symptoms.node[row])]
+                if (one.list.number, one.stream.subindex) == (int(symptoms.list[row]), int(symptoms.subindex[row]))
+            )  # fmt: skip
+            usual_ns = stream.intervals.nominal or stream.intervals.p95 or interval_ns
+            if interval_ns <= usual_ns * 3 // 2:
+                parts[-1].append(row)
+            else:
+                parts.append([row])
+        runs += [part for part in parts if len(part) >= _RUN]
+        rest += [row for part in parts if len(part) < _RUN for row in part]
+    return [*runs, *([sorted(rest)] if rest else [])]
+
+
+def _overlapping(runs: Sequence[_Run]) -> list[list[_Run]]:
+    """Return runs of the same reader that overlap together."""
+    found: list[list[_Run]] = []
+    for run in sorted(runs, key=lambda one: one.since_ns):
+        for known in found:
+            last_ns = max(one.until_ns for one in known)
+            if known[0].readers == run.readers and len(run.rows) >= _RUN and run.since_ns <= last_ns:
+                known.append(run)
+                break
+        else:
+            found.append([run])
+    return found
+
+
+def _silent(case: Case, runs: Sequence[_Run]) -> Draft:
+    readers = runs[0].readers
+    rows = [row for run in runs for row in run.rows]
+    lists = [case.lists[number] for number in dict.fromkeys(run.list_number for run in runs)]
+    since_ns, last_ns = min(run.since_ns for run in runs), max(run.until_ns for run in runs)
+    in_a_row = len(runs[0].rows) >= _RUN and len(_runs(case, runs[0].rows)) == 1
+    which = lists_in_words(case, lists)
+    who = f"Node {case.address(readers[0])}" if len(readers) == 1 else f"None of {count_of(len(readers), 'reader')}"
+    over = case.end_ns - last_ns > _longest(lists) * 5 // 2
+    until_ns = _answered_again(case, lists, readers, last_ns) if in_a_row and over else None
+    if not in_a_row:
+        until_ns = _end_of_many(case, lists, rows, last_ns)
+    did_not = "did not answer for" if len(readers) == 1 else "answered for"
+    if in_a_row and until_ns is not None:
+        title = f"{who} {did_not} {which} from {moment(case, since_ns)} to {moment(case, last_ns)}"
+    elif in_a_row:
+        title = f"{who} {did_not} {which} since {moment(case, since_ns)}"
+    else:
+        title = f"{who} {did_not} {count_of(len(rows), 'telegram')} of {which}"
+    checked = _usual_answers(case, readers, lists)
+    checked.append(_meanwhile(case, readers, since_ns, last_ns, lists))
+    draft = Draft(
+        READER_SILENT, title, READER_SILENT.next_step, [one for one in checked if one], lists,
+        [reader for reader in readers if reader >= 0], since_ns=since_ns, until_ns=until_ns,
+    )  # fmt: skip
+    case.explain(draft, case.only(rows))
+    return draft
+
+
+def _usual_answers(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> list[str]:
+    """Return how many telegrams of the lists readers answered, and how fast."""
+    answers = case.witness.evidence.answers
+    numbers, nodes = (word.astype(np.int64) for word in answers.pairs.words)
+    own = np.isin(numbers, [entry.number for entry in lists]) & np.isin(nodes, readers)
+    total = int(answers.columns.column("count")[own].sum())
+    if not total:
+        return []
+    usual = answers.latencies.figures(np.where(own, 0, -1)).get(0)
+    took = f", in {duration(usual.p50)}" if usual is not None and usual.p50 is not None else ""
+    return [f"it answered the {count(total)} others{took}"]
+
+
+def _meanwhile(case: Case, readers: Sequence[int], since_ns: int, until_ns: int, lists: Sequence[AnyList]) -> str:
+    """Return what else readers did in the time in question."""
+    if len(readers) != 1 or readers[0] < 0:
+        return ""
+    reader = readers[0]
+    sent = any(
+        one.stream.first_ns < since_ns and one.stream.last_ns > until_ns
+        and not any(pause.since_ns <= since_ns and (pause.until_ns or until_ns) >= until_ns
+                    for pause in case.pauses(one.list.number, one.stream))
+        for one in case.streams_of_node.get(reader, ())
+    )  # fmt: skip
+    if sent:
+        return "it went on sending its own lists: its program ran"
+    if case.life.sent_between(reader, since_ns + 1, until_ns):
+        return "it sent other frames in that time: it has power and cable"
+    return "it sent nothing else in that time"
+
+
+def judge_boot_up(case: Case) -> Iterator[Draft]:
+    """Explain boot-up requests that nobody answered, by list."""
+    symptoms = case.symptoms
+    for number in np.unique(symptoms.list[case.free("NV304")]).tolist():
+        own = np.flatnonzero(case.free("NV304") & (symptoms.list == number))
+        entry = case.lists[number]
+        askers = [node for node in np.unique(symptoms.peer[own]).tolist() if node >= 0]
+        since_ns, last_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
+        senders = [case.address(node) for node in getattr(entry, "senders", ())]
+        who = f"node {case.address(askers[0])}" if len(askers) == 1 else count_of(len(askers), "node")
+        name = lists_in_words(case, [entry])
+        checked = [f"the list is sent by {senders[0]}" if senders else "nobody ever sent the list"]
+        draft = Draft(
+            BOOT_UP_UNANSWERED, f"Nobody answered {who}, which asked for {name} at {moment(case, since_ns)}",
+            BOOT_UP_UNANSWERED.next_step, checked, [entry], askers, since_ns=since_ns,
+            until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
+        )  # fmt: skip
+        case.explain(draft, case.only(own))
+        yield draft
+
+
+def _longest(lists: Sequence[AnyList]) -> int:
+    return max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
+
+
+def _answered_again(case: Case, lists: Sequence[AnyList], readers: Sequence[int], last_ns: int) -> int | None:
+    """Return when a run ended; None where nothing was acknowledged any more."""
+    answers = case.witness.evidence.answers
+    numbers, nodes = (word.astype(np.int64) for word in answers.pairs.words)
+    own = np.isin(numbers, [entry.number for entry in lists]) & np.isin(nodes, readers)
+    later = answers.columns.column("last_ns")[own]
+    return last_ns if (later > last_ns).any() else None
+
+
+def _end_of_many(case: Case, lists: Sequence[AnyList], rows: Sequence[int], last_ns: int) -> int | None:
+    """Return when events that come again and again ended; None where they go on as far as one can tell."""
+    first_ns = int(case.symptoms.time_ns[rows].min())
+    usual_ns = 2 * (last_ns - first_ns) // max(len(rows) - 1, 1)
+    return None if case.end_ns - last_ns <= max(usual_ns, _longest(lists) * 5 // 2) else last_ns

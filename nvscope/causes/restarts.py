@@ -1,0 +1,163 @@
+"""Senders whose Counters begin anew: node-restart, list-restarted."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from dissectors.batch import Bool
+from nvscope.causes.case import Case, Draft, NodeStream
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.tracker.counters import Scope
+from nvscope.units import duration
+
+NODE_RESTART = CauseKind(
+    "node-restart",
+    "A node began anew: a download, a reset, a power cycle, or its watchdog.",
+    "The Counters of more than half of its streams begin anew within ten seconds; that it announces its address "
+    "supports it.",
+    "The log of the node at that time: a download, a reset, its watchdog, or its power supply.",
+)
+LIST_RESTARTED = CauseKind(
+    "list-restarted",
+    "The Counter of a list began anew while the other lists of its node went on.",
+    "A step of the Counter to 0 or 1 in some of the streams of a node, and not in most of them.",
+    "Whether its list was downloaded alone (online change), or its task was started anew.",
+)
+
+_CLUSTER_NS = 10_000_000_000
+_IN_PAUSE = ("NV201", "NV301", "NV304", "NV305", "NV501", "NV502", "NV505")
+_BESIDE = ("NV201", "NV501", "NV502", "NV505")
+
+
+def judge_node_restarts(case: Case) -> Iterator[Draft]:
+    """Explain Counters that begin anew together, as those of a node that did."""
+    for node, rows in _restarts(case).items():
+        for cluster in _clusters(case, node, rows):
+            streams = _concerned(case, node, cluster)
+            going_on = [one for one in case.streams_of_node[node] if one.stream.last_ns >= _first_ns(case, cluster)]
+            whole = case.facts.summary.scopes.get(node) not in (None, Scope.STREAM)
+            since_ns, until_ns = _last_before(case, node, cluster), _first_ns(case, cluster)
+            shown = _announced(case, node, since_ns, until_ns + _CLUSTER_NS)
+            enough = 2 * len(streams) > len(going_on) or (bool(shown) and 2 * len(streams) == len(going_on))
+            if whole or enough:
+                yield from _node_draft(case, node, cluster, streams, going_on, since_ns, until_ns, shown)
+
+
+def _restarts(case: Case) -> dict[int, list[int]]:
+    """Return the steps of Counters that begin anew, by node, in the order of time."""
+    found: dict[int, list[int]] = defaultdict(list)
+    for row in np.flatnonzero(case.free("NV204")).tolist():
+        found[int(case.symptoms.node[row])].append(row)
+    return {node: found[node] for node in sorted(found)}
+
+
+def _clusters(case: Case, node: int, rows: Sequence[int]) -> list[list[int]]:
+    """Return restarts by ten seconds from the first of each; of a slow stream, the next telegram belongs, too."""
+    time_ns, since_ns = case.symptoms.time_ns, case.symptoms.since_ns
+    found: list[list[int]] = []
+    for row in rows:
+        if found:
+            first_ns = _first_ns(case, found[-1])
+            if time_ns[row] - first_ns <= _CLUSTER_NS or (
+                since_ns[row] < first_ns and not _same_stream(case, found[-1], row)
+            ):
+                found[-1].append(row)
+                continue
+        found.append([row])
+    return found
+
+
+def _same_stream(case: Case, cluster: Sequence[int], row: int) -> bool:
+    return any(_place(case, one) == _place(case, row) for one in cluster)
+
+
+def _place(case: Case, row: int) -> tuple[int, int]:
+    return int(case.symptoms.list[row]), int(case.symptoms.subindex[row])
+
+
+def _first_ns(case: Case, cluster: Sequence[int]) -> int:
+    return int(case.symptoms.time_ns[cluster[0]])
+
+
+def _concerned(case: Case, node: int, cluster: Sequence[int]) -> list[NodeStream]:
+    places = {_place(case, row) for row in cluster}
+    return [one for one in case.streams_of_node[node] if (one.list.number, one.stream.subindex) in places]
+
+
+def _last_before(case: Case, node: int, cluster: Sequence[int]) -> int:
+    """Return when the node sent its last telegram before it began anew, as far as its restarted streams tell."""
+    first_ns, since_ns = _first_ns(case, cluster), case.symptoms.since_ns
+    return max((int(since_ns[row]) for row in cluster if since_ns[row] < first_ns), default=first_ns)
+
+
+def _announced(case: Case, node: int, since_ns: int, until_ns: int) -> str:
+    """Return by which frames a node showed that it starts, '' if there was none."""
+    presence = case.witness.presence
+    time_ns, _, address, _ = presence.announcements.columns()
+    own = np.isin(address, case.life.numbers_of_ip(node))
+    if (own & (time_ns >= since_ns) & (time_ns <= until_ns)).any():
+        return "it announced its address (ARP)"
+    return ""
+
+
+def _node_draft(
+    case: Case, node: int, cluster: Sequence[int], streams: Sequence[NodeStream], going_on: Sequence[NodeStream],
+    since_ns: int, until_ns: int, shown: str,
+) -> Iterator[Draft]:  # fmt: skip
+    symptoms = case.symptoms
+    last_ns = int(symptoms.time_ns[list(cluster)].max())
+    chosen = case.only(cluster)
+    own = (symptoms.node == node) | (symptoms.peer == node)
+    chosen |= case.free(*_IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
+    lists = list({one.list.number: one.list for one in case.streams_of_node[node]}.values())
+    away_ns = until_ns - since_ns
+    usual_ns = max((one.nominal_ns for one in streams), default=0)
+    which, counters = lists_in_words(case, [one.list for one in streams]), "counters" if len(streams) > 1 else "counter"
+    if len(going_on) == 1:
+        checked = [f"the counter of its only stream ({which}) began anew"]
+    else:
+        checked = [f"the {counters} of {which} began anew: {len(streams)} of its {len(going_on)} streams that go on"]
+    if shown:
+        checked.append(shown)
+    checked.append(
+        f"it sent nothing for {duration(away_ns)}" if away_ns > usual_ns * 5 // 2 else "without a pause"
+    )  # fmt: skip
+    title = f"Node {case.address(node)} started anew at {moment(case, until_ns)}"
+    draft = Draft(
+        NODE_RESTART, title, NODE_RESTART.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
+    )  # fmt: skip
+    case.explain(draft, chosen)
+    yield draft
+
+
+def _within(case: Case, since_ns: int, until_ns: int) -> Bool:
+    """Tell which symptoms lie in a pause, or end with it."""
+    told: Bool = (case.symptoms.time_ns > since_ns) & (case.symptoms.since_ns < until_ns)
+    return told
+
+
+def judge_list_restarts(case: Case) -> Iterator[Draft]:
+    """Explain Counters that begin anew alone."""
+    for node, rows in _restarts(case).items():
+        for cluster in _clusters(case, node, rows):
+            streams = _concerned(case, node, cluster)
+            lists = list({one.list.number: one.list for one in streams}.values())
+            since_ns, until_ns = _last_before(case, node, cluster), _first_ns(case, cluster)
+            symptoms = case.symptoms
+            chosen = case.only(cluster)
+            beside = (symptoms.node == node) & np.isin(symptoms.list, [entry.number for entry in lists])
+            chosen |= case.free(*_BESIDE) & beside & _within(case, since_ns, until_ns)
+            which = lists_in_words(case, lists)
+            others = {one.list.number: one.list for one in case.streams_of_node[node] if one not in streams}
+            checked = [f"{lists_in_words(case, list(others.values()))} of it went on"] if others else []
+            title = f"Node {case.address(node)} began {which} anew at {moment(case, until_ns)}"
+            draft = Draft(
+                LIST_RESTARTED, title, LIST_RESTARTED.next_step, checked, lists, [node], since_ns=since_ns,
+                until_ns=until_ns,
+            )  # fmt: skip
+            case.explain(draft, chosen)
+            yield draft

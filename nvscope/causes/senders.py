@@ -1,0 +1,126 @@
+"""Nodes that send what another one sends: second-sender."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from nvscope.causes.case import Case, Draft, NodeStream
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.tracker.summary import ListSummary
+from nvscope.units import count_of
+
+SECOND_SENDER = CauseKind(
+    "second-sender",
+    "A further node sends a list: readers take whatever comes, so their values alternate between the senders.",
+    "Data telegrams of one list from several IP addresses; shape, checksum and hardware address tell them apart.",
+    "Stop one of the senders, or give its list another identifier.",
+)
+
+_TOGETHER_NS = 1_000_000_000
+_OF_LIST = ("NV401", "NV402", "NV403", "NV405")
+_OF_SENDER = (
+    "NV201", "NV202", "NV203", "NV204", "NV205", "NV206", "NV207", "NV301", "NV501", "NV502", "NV503", "NV504", "NV505",
+)  # fmt: skip
+
+
+class _Further(NamedTuple):
+    """A node that sends a list which another one had sent first, and since when."""
+
+    node: int
+    list: ListSummary
+    since_ns: int
+
+
+def judge_second_senders(case: Case) -> Iterator[Draft]:
+    """Explain lists with several senders: one cause a further sender, and lists that it begins within a second."""
+    found = [
+        one for finding in case.findings if finding.code == "NV401" and finding.list_number is not None
+        for one in _further(case, finding.list_number)
+    ]  # fmt: skip
+    found.sort(key=lambda one: (one.node, one.since_ns, one.list.key))
+    groups: list[list[_Further]] = []
+    for one in found:
+        if groups and groups[-1][-1].node == one.node and one.since_ns - groups[-1][-1].since_ns <= _TOGETHER_NS:
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    for group in sorted(groups, key=lambda group: group[0].since_ns):
+        yield from _draft(case, group)
+
+
+def _further(case: Case, number: int) -> Iterator[_Further]:
+    together = case.facts.state.lists.several_senders.together(case.facts.state.lists.flows)[number]
+    entry = case.lists[number]
+    assert isinstance(entry, ListSummary)
+    first: dict[int, int] = {}
+    for stream in entry.streams:
+        if stream.node in together.nodes:
+            first[stream.node] = min(first.get(stream.node, stream.first_ns), stream.first_ns)
+    for node in sorted(first, key=lambda node: first[node])[1:]:
+        yield _Further(node, entry, first[node])
+
+
+def _draft(case: Case, group: Sequence[_Further]) -> Iterator[Draft]:
+    node, since_ns = group[0].node, group[0].since_ns
+    lists, symptoms = [one.list for one in group], case.symptoms
+    numbers = [entry.number for entry in lists]
+    of_lists = np.isin(symptoms.list, numbers)
+    chosen = case.free(*_OF_LIST) & of_lists & (symptoms.time_ns >= since_ns)
+    chosen |= case.free(*_OF_SENDER) & of_lists & (symptoms.node == node)
+    own = [one for one in case.streams_of_node[node] if one.list.number in numbers]
+    last_ns = max(one.stream.last_ns for one in own)
+    longest_ns = max(one.nominal_ns or (one.stream.intervals.p99 or 0) for one in own)
+    until_ns = None if case.end_ns - last_ns <= longest_ns * 5 // 2 else last_ns
+    which, name = lists_in_words(case, lists), case.address(node)
+    if until_ns is None:
+        title = f"A further node sends {which} since {moment(case, since_ns)}: {name}"
+    else:
+        title = f"A further node sent {which} from {moment(case, since_ns)} to {moment(case, until_ns)}: {name}"
+    checked, others = _compared(case, group[0], own)
+    step = (
+        f"Stop {name}, or give its list another identifier: readers take turns between both." if len(others) < 2
+        else f"Stop {name}, or give its list another identifier: readers take turns between all of them."
+    )  # fmt: skip
+    draft = Draft(SECOND_SENDER, title, step, checked, lists, [node, *others], since_ns=since_ns, until_ns=until_ns)
+    case.explain(draft, chosen)
+    yield draft
+
+
+def _compared(case: Case, further: _Further, own: Sequence[NodeStream]) -> tuple[list[str], list[int]]:
+    """Return in what a further sender differs from the others of a list, and who these are."""
+    entry = further.list
+    others = list(dict.fromkeys(stream.node for stream in entry.streams if stream.node != further.node))
+    pair = others[0], further.node
+    subindexes = sorted({stream.subindex for stream in entry.streams if stream.node in pair})
+    looks = [[_look(entry, node, subindex) for node in pair] for subindex in subindexes]
+    # Where shapes differ, that tells more than a checksum.
+    different = sorted((one for one in looks if one[0] != one[1]), key=lambda one: _shape(one[0]) == _shape(one[1]))
+    if different:
+        checked = [f"{case.address(node)}: {look}" for node, look in zip(pair, different[0], strict=True)]
+    else:
+        checked = [f"both send {looks[0][0]}: the same definition"]
+    hardware = [case.life.hardware_of(node) for node in pair]
+    if all(hardware):
+        same = hardware[0][0] == hardware[1][0]
+        checked.append(
+            "one hardware address with two IP addresses: one device, or a router in between" if same
+            else "different hardware addresses: two devices, not one address twice"
+        )  # fmt: skip
+    return checked, others
+
+
+def _look(entry: ListSummary, node: int, subindex: int) -> str:
+    """Return what telegrams of a sender look like."""
+    for stream in entry.streams:
+        if (stream.node, stream.subindex) == (node, subindex):
+            checksum = "" if stream.checksum is None else f", checksum 16#{stream.checksum:02X}"
+            return f"{count_of(stream.items, 'item')} in {stream.length} bytes{checksum}"
+    return f"no SubIndex {subindex}"
+
+
+def _shape(look: str) -> str:
+    return look.partition(",")[0]

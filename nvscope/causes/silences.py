@@ -1,0 +1,233 @@
+"""Nodes and lists of which nothing comes any more, or for a while: node-silent, program-stopped, list-stopped."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.batch import Bool
+from nvscope.causes.case import Case, Draft, NodeStream, Pause
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.facts import AnyList
+from nvscope.findings.kind import Severity
+from nvscope.list_key import Transport
+from nvscope.units import count_of, duration
+
+NODE_SILENT = CauseKind(
+    "node-silent",
+    "A node that sent cyclic lists sends nothing at all any more, or sent nothing for a while.",
+    "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included.",
+    "Its power and LEDs, then its cable and switch port. Its task comes last.",
+    at_least=Severity.ERROR,
+)
+PROGRAM_STOPPED = CauseKind(
+    "program-stopped",
+    "A node is there, and sends none of its cyclic lists any more, or sent none for a while.",
+    "All its cyclic streams pause at once, while other frames of it (ARP, ICMP, TCP) go on as before.",
+    "Its run/stop switch and the state of its application: stopped, halted at a breakpoint, or in an exception.",
+    at_least=Severity.ERROR,
+)
+LIST_STOPPED = CauseKind(
+    "list-stopped",
+    "A list, or a part of it, is not sent any more, while its sender goes on with others.",
+    "The streams of the list are silent for more than ten intervals, other streams of the node are not.",
+    "The task that the list is sent from, and what enables its sending (event, variable, 'transmit on change').",
+)
+
+_OF_SILENCE = ("NV504", "NV201", "NV501", "NV502", "NV505")
+_WAITS = ("NV301", "NV304", "NV305")
+_SHORTEST = 10  # a pause with an end is told from ten of the longest interval on
+_HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near to a pause prove nothing
+
+
+class _Silence(NamedTuple):
+    """A time in which a node sent none of its cyclic lists, and the longest interval among them."""
+
+    pause: Pause
+    longest_ns: int
+
+
+def judge_nodes(case: Case, kind: CauseKind) -> Iterator[Draft]:
+    """Explain the silences of nodes; ``kind`` is NODE_SILENT or PROGRAM_STOPPED."""
+    for node, streams in case.streams_of_node.items():
+        for silence in _silences(case, node, streams):
+            pause, half_ns = silence.pause, silence.longest_ns // 2
+            end_ns = case.end_ns if pause.until_ns is None else pause.until_ns
+            after_ns = pause.since_ns + _HALVES_BEFORE * half_ns
+            before_ns = end_ns if pause.until_ns is None else end_ns - _HALVES_AFTER * half_ns
+            goes_on = case.life.goes_on(node, after_ns, before_ns, (pause.since_ns, end_ns))
+            acknowledged_ns = case.last_acknowledgement_ns.get(node)
+            goes_on |= pause.until_ns is None and acknowledged_ns is not None and acknowledged_ns > after_ns
+            if goes_on != (kind is PROGRAM_STOPPED):
+                continue
+            chosen = _explained(case, node, pause)
+            if not chosen.any():
+                continue
+            yield from _draft(case, kind, node, streams, pause, chosen)
+
+
+def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[_Silence]:
+    """Return when all cyclic streams of a node paused together."""
+    timed = [one for one in streams if one.nominal_ns]
+    if not timed:
+        return []
+    longest_ns = max(one.nominal_ns for one in timed)
+    fastest, *others = sorted(timed, key=lambda one: one.nominal_ns)
+    pauses = {one.stream.stream: case.pauses(one.list.number, one.stream) for one in timed}
+    found = []
+    for pause in pauses[fastest.stream.stream]:
+        together = [pause, *(_meanwhile(pauses[one.stream.stream], pause) for one in others)]
+        whole = [one for one in together if one is not None]
+        if len(whole) < len(together):
+            continue
+        last = max(whole, key=lambda one: one.since_ns)
+        ends = [one.until_ns for one in whole if one.until_ns is not None]
+        ended = len(ends) == len(whole)
+        if 0 < len(ends) < len(whole):
+            continue  # some came back and others did not: that is of the lists
+        until_ns = min(ends) if ended else None
+        others_ns = [one.stream.last_ns for one in streams if not one.nominal_ns]
+        if not ended and any(one > last.since_ns + longest_ns * 3 // 2 for one in others_ns):
+            continue
+        if ended and (until_ns or 0) - last.since_ns <= _SHORTEST * longest_ns:
+            continue
+        silence = _Silence(Pause(last.since_ns, until_ns, last.frame), longest_ns)
+        if ended or (case.free("NV504") & (case.symptoms.node == node)).any():
+            found.append(silence)
+    return found
+
+
+def _meanwhile(pauses: Sequence[Pause], pause: Pause) -> Pause | None:
+    """Return which of a stream's pauses overlaps one of another stream."""
+    for one in pauses:
+        if (pause.until_ns is None or one.since_ns < pause.until_ns) and (
+            one.until_ns is None or one.until_ns > pause.since_ns
+        ):
+            return one
+    return None
+
+
+def _explained(case: Case, node: int, pause: Pause) -> Bool:
+    """Tell what a silence of a node explains: its own, and the waits for it."""
+    symptoms, meanwhile = case.symptoms, case.overlapping(pause.since_ns, pause.until_ns)
+    own = case.free(*_OF_SILENCE) & (symptoms.node == node) & meanwhile
+    own |= case.free("NV504") & (symptoms.node == node) & (pause.until_ns is None)
+    waits = case.free(*_WAITS) & ((symptoms.node == node) | (symptoms.peer == node)) & meanwhile
+    explained: Bool = own | waits
+    return explained
+
+
+def _draft(
+    case: Case, kind: CauseKind, node: int, streams: Sequence[NodeStream], pause: Pause, chosen: Bool
+) -> Iterator[Draft]:
+    timed = {one.list.number: one.list for one in streams if one.nominal_ns}
+    name, which = case.address(node), lists_in_words(case, list(timed.values()))
+    since, checked = moment(case, pause.since_ns), []
+    others = [other for other in case.streams_of_node if other != node and _sends_later(case, other, pause)]
+    going = f"{count_of(len(others), 'other node')} {'goes' if len(others) == 1 else 'go'} on" if others else ""
+    what = "is silent" if kind is NODE_SILENT else "sends none of its lists"
+    past = "was silent" if kind is NODE_SILENT else "sent none of its lists"
+    if pause.until_ns is None:
+        title = f"Node {name} {what} since {since} ({which})"
+    else:
+        title = f"Node {name} {past} from {since} to {moment(case, pause.until_ns)} ({which})"
+    if kind is NODE_SILENT:
+        checked.append(
+            "nothing of it came afterwards, ARP included" if pause.until_ns is None
+            else f"nothing of it came for {duration(pause.until_ns - pause.since_ns)}, ARP included"
+        )  # fmt: skip
+    else:
+        checked.append("other frames of it (ARP, ICMP, TCP …) go on: it has power and cable")
+    if going:
+        checked.append(going)
+    if pause.until_ns is not None:
+        lost = case.free("NV201") & chosen
+        checked.append(
+            "its counters went on meanwhile: its program ran, cable or switch port did not" if lost.any()
+            else "its counters stood still meanwhile: it did not send"
+        )  # fmt: skip
+    draft = Draft(
+        kind, title, kind.next_step, checked, list(timed.values()), [node], since_ns=pause.since_ns,
+        until_ns=pause.until_ns,
+    )  # fmt: skip
+    case.explain(draft, chosen)
+    yield draft
+
+
+def _sends_later(case: Case, node: int, pause: Pause) -> bool:
+    """Tell whether a node sends something while another one is silent."""
+    end_ns = case.end_ns if pause.until_ns is None else pause.until_ns
+    return any(
+        one.stream.first_ns < end_ns and one.stream.last_ns > pause.since_ns for one in case.streams_of_node[node]
+    )
+
+
+def judge_lists(case: Case) -> Iterator[Draft]:
+    """Explain lists that stop while their sender goes on; on CAN, where no frame names its sender, those together."""
+    symptoms = case.symptoms
+    ended = np.flatnonzero(case.free("NV504"))
+    groups: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row in ended.tolist():
+        entry = case.lists[int(symptoms.list[row])]
+        on_can = entry.key.transport is Transport.CAN
+        place = (-1, _channel(case, entry)) if on_can else (int(symptoms.node[row]), entry.number)
+        groups[place].append(row)
+    for (node, _), rows in groups.items():
+        for together in _together(case, rows):
+            lists: list[AnyList] = [case.lists[number] for number in dict.fromkeys(symptoms.list[together].tolist())]
+            since_ns = int(symptoms.time_ns[together].max())
+            chosen = np.isin(symptoms.list, [entry.number for entry in lists])
+            chosen &= (symptoms.node == node) | (symptoms.node < 0)
+            chosen &= case.free("NV504", "NV505", "NV301", "NV304") & (
+                symptoms.time_ns >= since_ns - _slack(case, lists)
+            )
+            chosen[together] = True
+            yield from _list_draft(case, node, lists, since_ns, chosen)
+
+
+def _channel(case: Case, entry: AnyList) -> int:
+    return case.channels.index(str(entry.key.port)) if str(entry.key.port) in case.channels else -1
+
+
+def _slack(case: Case, lists: Sequence[AnyList]) -> int:
+    nominal = [stream.intervals.nominal or 0 for entry in lists for stream in entry.streams]
+    return max(nominal, default=0) * 5 // 2
+
+
+def _together(case: Case, rows: Sequence[int]) -> list[list[int]]:
+    """Return symptoms by silences that begin within two and a half intervals of each other."""
+    time_ns, found = case.symptoms.time_ns, [[min(rows, key=lambda row: int(case.symptoms.time_ns[row]))]]
+    for row in sorted(rows, key=lambda row: int(time_ns[row]))[1:]:
+        before = found[-1][-1]
+        lists = [case.lists[int(case.symptoms.list[one])] for one in (before, row)]
+        if time_ns[row] - time_ns[before] <= _slack(case, lists):
+            found[-1].append(row)
+        else:
+            found.append([row])
+    return found
+
+
+def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, chosen: Bool) -> Iterator[Draft]:
+    which, since, checked = lists_in_words(case, lists), moment(case, since_ns), []
+    if node >= 0:
+        others = {one.list.number: one.list for one in case.streams_of_node[node] if one.stream.last_ns > since_ns}
+        others = {number: entry for number, entry in others.items() if entry not in lists}
+        title = f"Node {case.address(node)} sends {which} no more since {since}"
+        if others:
+            checked.append(f"it goes on with {lists_in_words(case, list(others.values()))}")
+        channel = None
+    else:
+        title = f"{which[0].upper()}{which[1:]} {'is' if len(lists) == 1 else 'are'} silent since {since}"
+        channel = str(lists[0].key.port)
+        if len(lists) > 1:
+            checked.append("they ended together: one device?")
+    draft = Draft(
+        LIST_STOPPED, title, LIST_STOPPED.next_step, checked, lists, [node] if node >= 0 else [], channel,
+        since_ns=since_ns,
+    )  # fmt: skip
+    case.explain(draft, chosen)
+    yield draft

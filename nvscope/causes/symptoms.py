@@ -1,0 +1,262 @@
+"""Symptoms: the events behind findings, as columns, each of which is explained by one cause.
+
+A finding sums up a whole capture, so that one can have several causes: what its events come of is judged event by
+event (causes.md, section 1).
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from nvscope.engine.events import NOWHERE
+from nvscope.findings.catalogue import CATALOGUE
+from nvscope.findings.facts import AnyList, Facts
+from nvscope.findings.finding import Finding
+from nvscope.findings.unusual_intervals import AnyStream
+from nvscope.tracker.counters import Scope
+from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.evidence.event_columns import EventTable
+from nvscope.tracker.evidence.evidence import Evidence
+from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
+
+_STEPS = {
+    EventKind.GAP: "NV201", EventKind.DUPLICATE: "NV202", EventKind.OVERTAKEN: "NV203", EventKind.RESTART: "NV204",
+}  # fmt: skip
+_OF_KIND = {EventKind.STEP_BACK: "NV902", EventKind.ERROR_FRAME: "NV606", EventKind.BUS_OFF: "NV606"} | {
+    kind.from_event: code for code, kind in CATALOGUE.items() if kind.from_event is not None
+}
+_OF_CYCLES = ("NV505", "NV604")
+
+
+def code_number(code: str) -> int:
+    """Return a code as a number: 201 for ``NV201``."""
+    return int(code[2:])
+
+
+class Symptoms(NamedTuple):
+    """The events behind findings, by time; columns int64 of shape (n,).
+
+    ``finding`` is the place of the finding among all (of one that stands for several, of that one); ``code`` is its
+    number. The others are as in ``EventTable``; where nobody knows, times are 0.
+    """
+
+    finding: I64
+    code: I64
+    list: I64
+    node: I64
+    subindex: I64
+    channel: I64
+    since_ns: I64
+    time_ns: I64
+    frame: I64
+    amount: I64
+    peer: I64
+    detail: I64
+
+    def of_codes(self, *codes: str) -> Bool:
+        """Tell which are behind findings of some codes."""
+        chosen: Bool = np.isin(self.code, [code_number(code) for code in codes])
+        return chosen
+
+
+def symptoms_of(facts: Facts, findings: Sequence[Finding], evidence: Evidence, channels: Sequence[str]) -> Symptoms:
+    """Return the events behind findings; of a finding whose events nobody has kept, one that is all of it.
+
+    ``channels`` are the names of the CAN channels by number.
+    """
+    places = _Places(findings, channels)
+    parts = [
+        *_of_tables(places, evidence), *_of_steps(facts, places, evidence), *_of_intervals(facts, places, evidence),
+        *_of_silences(facts, places),
+    ]  # fmt: skip
+    known = {finding for part in parts for finding in np.unique(part.finding).tolist()}
+    parts.append(_of_findings(places, known))
+    whole = Symptoms(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    order = np.lexsort((whole.code, whole.frame, whole.time_ns))
+    return Symptoms(*(column[order] for column in whole))
+
+
+class _Places:
+    """Findings by code and place: those that stand for several, by each of them."""
+
+    def __init__(self, findings: Sequence[Finding], channels: Sequence[str]) -> None:
+        self.channels = {name: number for number, name in enumerate(channels)}
+        self.each: list[tuple[int, Finding]] = [
+            (number, one) for number, finding in enumerate(findings) for one in finding.parts or (finding,)
+        ]
+        self._number: dict[tuple[str, int, int, int, int], int] = {}
+        self.of_code: dict[str, list[tuple[int, Finding]]] = defaultdict(list)
+        for number, one in self.each:
+            self._number.setdefault((one.code, *self.place(one)), number)
+            self.of_code[one.code].append((number, one))
+
+    def place(self, finding: Finding) -> tuple[int, int, int, int]:
+        """Return list, node, SubIndex and channel of a finding, ``NOWHERE`` for none."""
+        channel = NOWHERE if finding.channel is None else self.channels.get(finding.channel, NOWHERE)
+        parts = (finding.list_number, finding.node, finding.subindex)
+        whole = tuple(NOWHERE if part is None else part for part in parts)
+        return whole[0], whole[1], whole[2], channel
+
+    def find(self, code: str, number: int, node: int, subindex: int, channel: int) -> int:
+        """Return the finding of a code at a place, or at the narrowest one around it; ``NOWHERE`` if there is none."""
+        for place in (
+            (number, node, subindex, NOWHERE), (number, NOWHERE, subindex, NOWHERE), (number, node, NOWHERE, NOWHERE),
+            (number, NOWHERE, NOWHERE, NOWHERE), (NOWHERE, NOWHERE, NOWHERE, channel),
+            (NOWHERE, NOWHERE, NOWHERE, NOWHERE),
+        ):  # fmt: skip
+            found = self._number.get((code, *place))
+            if found is not None:
+                return found
+        return NOWHERE
+
+    def behind(self, code: str, table: EventTable) -> Symptoms | None:
+        """Return those of some events that are behind findings of a code; None where no finding has it."""
+        if code not in self.of_code or not len(table.frame):
+            return None
+        columns = table.list, table.node, table.subindex, table.channel
+        order = np.lexsort(columns)
+        changes = np.zeros(len(order), np.bool_)
+        for column in columns:
+            changes |= np.append(True, np.diff(column[order]) != 0)
+        start = np.flatnonzero(changes)
+        first = order[start]
+        numbers = [
+            self.find(code, *place) for place in zip(*(column[first].tolist() for column in columns), strict=True)
+        ]  # fmt: skip
+        finding = np.empty(len(order), np.int64)
+        finding[order] = np.repeat(numbers, np.diff(start, append=len(order)))
+        chosen = np.flatnonzero(finding >= 0)
+        return Symptoms(
+            finding[chosen], np.full(len(chosen), code_number(code)),
+            *(getattr(table, name)[chosen] for name in Symptoms._fields[2:]),
+        )  # fmt: skip
+
+
+def _where(table: EventTable, chosen: Bool | I64) -> EventTable:
+    return EventTable(*(column[chosen] for column in table))
+
+
+def _of_tables(places: _Places, evidence: Evidence) -> Iterator[Symptoms]:
+    """Yield the events that are findings as they are."""
+    for theme in evidence.columns.values():
+        table = theme.table()
+        kinds = theme.kinds
+        for number in np.unique(table.kind).tolist():
+            own = _where(table, table.kind == number)
+            kind = kinds[number]
+            codes = _OF_CYCLES if kind is EventKind.TORN_CYCLE else (_OF_KIND.get(kind, ""),)  # type: ignore[call-overload]
+            for code in codes:
+                found = places.behind(code, own)
+                if found is not None:
+                    yield found
+
+
+def _of_steps(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Symptoms]:
+    """Yield the steps of counters, in the scope that each node's Counter has."""
+    table = evidence.columns["steps"].table()
+    scopes = np.full(len(facts.summary.addresses) + 1, Scope.STREAM.value)
+    for node, scope in facts.summary.scopes.items():
+        scopes[node] = min(scope, Scope.NODE_TELEGRAM)  # both node scopes take the same steps
+    table = _where(table, table.scope == scopes[table.node])
+    for kind, code in _STEPS.items():
+        found = places.behind(code, _where(table, table.kind == kind))
+        if found is not None:
+            yield found
+
+
+def _of_intervals(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Symptoms]:
+    """Yield the intervals that are late, or bursts, or what makes the jitter."""
+    table = evidence.columns["intervals"].table()
+    every: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
+    by_place = {
+        (entry.number, NOWHERE if stream.node is None else stream.node, stream.subindex): (entry, stream)
+        for entry, stream in every
+    }
+    order = np.lexsort((table.subindex, table.node, table.list))
+    key = [column[order] for column in (table.list, table.node, table.subindex)]
+    changes = np.zeros(len(order), np.bool_)
+    for column in key:
+        changes |= np.append(True, np.diff(column) != 0)[: len(order)]
+    start = np.flatnonzero(changes)
+    stop = np.append(start, len(order))[1:]
+    rows = {
+        place: order[first:end]
+        for place, first, end in zip(
+            zip(*(column[start].tolist() for column in key), strict=True), start.tolist(), stop.tolist(), strict=True
+        )
+    }
+    for code in ("NV501", "NV502", "NV503"):
+        for number, finding in places.of_code.get(code, ()):
+            place = places.place(finding)[:3]
+            row = rows.get(place)
+            if row is None or place not in by_place:
+                continue
+            chosen = _chosen(facts, code, *by_place[place], _where(table, row))
+            own = _where(table, row[chosen])
+            yield Symptoms(
+                np.full(len(own.frame), number), np.full(len(own.frame), code_number(code)),
+                *(getattr(own, name) for name in Symptoms._fields[2:]),
+            )  # fmt: skip
+
+
+def _chosen(facts: Facts, code: str, entry: AnyList, stream: AnyStream, table: EventTable) -> Bool:
+    """Tell which intervals of a stream are what a finding of a code is about."""
+    nominal_ns, limits = stream.intervals.nominal or 0, facts.limits
+    if code == "NV503":
+        defined = facts.definition_of(entry)
+        min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
+        shortest_ns = max(-(-nominal_ns * limits.burst_percent // 100), min_gap_ns)
+        short: Bool = (table.amount >= 0) & (table.amount < shortest_ns)
+        return short
+    if code == "NV502":
+        long: Bool = table.amount > (stream.intervals.p50 or 0) + nominal_ns // 2
+        return long
+    scope = facts.summary.scopes.get(stream.node, Scope.STREAM) if stream.node is not None else Scope.STREAM
+    bit = LOSS_OF_STREAM if scope == Scope.STREAM else LOSS_OF_NODE
+    late: Bool = (table.amount > nominal_ns * limits.late_percent // 100) & (table.detail & bit == 0)
+    return late
+
+
+def _of_silences(facts: Facts, places: _Places) -> Iterator[Symptoms]:
+    """Yield the silences at the ends of captures; the time is their beginning."""
+    every: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
+    streams = {
+        (entry.number, NOWHERE if stream.node is None else stream.node, stream.subindex): stream
+        for entry, stream in every
+    }
+    rows: list[tuple[int, ...]] = []
+    for number, finding in places.of_code.get("NV504", ()):
+        place = places.place(finding)
+        stream = streams[place[:3]]
+        nominal_ns = stream.intervals.nominal or 0
+        for silence in facts.silences_of(stream):
+            if 100 * silence.length_ns > facts.limits.stopped_percent * nominal_ns:
+                rows.append(
+                    (number, code_number("NV504"), *place, silence.since_ns, silence.since_ns, silence.frame,
+                     silence.length_ns, NOWHERE, silence.until_ns)
+                )  # fmt: skip
+    if rows:
+        yield _table(rows)
+
+
+def _of_findings(places: _Places, known: set[int]) -> Symptoms:
+    """Return a row for each finding of which no event is known."""
+    rows = [
+        (
+            number, code_number(one.code), *places.place(one), one.first_ns or 0,
+            one.first_ns or 0, one.frames[0] if one.frames else 0, one.count, NOWHERE, 0,
+        )
+        for number, one in places.each
+        if number not in known
+    ]  # fmt: skip
+    return _table(rows)
+
+
+def _table(rows: Sequence[tuple[int, ...]]) -> Symptoms:
+    whole = np.array(rows, np.int64).reshape(len(rows), len(Symptoms._fields))
+    return Symptoms(*whole.T)

@@ -1,0 +1,34 @@
+"""Witness: who was there, how long nothing came, and how much did, for who judges what happened."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from nvscope.engine.events import EventBatch
+from nvscope.engine.told import Told
+from nvscope.tracker.evidence.evidence import Evidence
+from nvscope.tracker.evidence.pauses import Pauses
+from nvscope.tracker.evidence.presence import Presence
+from nvscope.tracker.evidence.throughput import Throughput
+
+
+class Witness:
+    """An observer of all frames, and a listener to all events: what causes are judged from beside the state."""
+
+    by_stream: ClassVar[bool] = False
+
+    def __init__(self) -> None:
+        self.evidence = Evidence()
+        self.presence = Presence()
+        self.pauses = Pauses()
+        self.throughput = Throughput()
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        self.presence.observe(told)
+        self.pauses.observe(told)
+        self.throughput.observe(told)
+
+    def hear(self, events: EventBatch) -> None:
+        """Take events of any kind."""
+        self.evidence.hear(events)
