@@ -200,6 +200,9 @@ class Case:
         frames = np.unique(self.symptoms.frame[rows])
         frames = frames[frames > 0]
         since_ns, until_ns = draft.since_ns, draft.until_ns
+        nominal_ns = max((one.intervals.nominal or 0 for entry in draft.lists for one in entry.streams), default=0)
+        if since_ns is not None and since_ns - self.start_ns <= 2 * nominal_ns:
+            since_ns = self.start_ns  # what is so from the beginning may have been so before
         if since_ns is not None and until_ns is not None:
             until_ns = max(since_ns, until_ns)  # a clock may have stepped back in between
         lists = sorted({entry.number: entry for entry in draft.lists}.values(), key=lambda entry: entry.key)

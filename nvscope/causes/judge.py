@@ -14,6 +14,8 @@ from nvscope.causes.buses import (
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.cause import Cause
 from nvscope.causes.counters import judge_foreign_counters
+from nvscope.causes.definitions import judge_differing_definitions
+from nvscope.causes.identifiers import judge_collisions
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
 from nvscope.causes.other import judge_others
@@ -24,6 +26,7 @@ from nvscope.causes.readers import (
     judge_silent_readers,
     judge_without_program,
 )
+from nvscope.causes.recording import judge_clock_steps, judge_mirroring
 from nvscope.causes.restarts import judge_list_restarts, judge_node_restarts
 from nvscope.causes.senders import judge_second_senders
 from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
@@ -34,16 +37,20 @@ from nvscope.tracker.evidence.witness import Witness
 Judge = Callable[[Case], Iterator[Draft]]
 
 JUDGES: tuple[Judge, ...] = (
+    judge_mirroring,
+    judge_clock_steps,
     judge_buses_off,
     judge_bus_errors,
     judge_overloads,
     judge_second_senders,
+    judge_collisions,
     judge_foreign_counters,
     judge_node_restarts,
     partial(judge_nodes, kind=NODE_SILENT),
     partial(judge_nodes, kind=PROGRAM_STOPPED),
     judge_list_restarts,
     judge_lists,
+    judge_differing_definitions,
     judge_rejections,
     judge_without_program,
     judge_impossible,

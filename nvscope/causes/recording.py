@@ -1,0 +1,71 @@
+"""What the capture itself brings about: mirrored-twice, clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from nvscope.causes.case import Case, Draft
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import moment
+from nvscope.units import duration
+
+MIRRORED_TWICE = CauseKind(
+    "mirrored-twice",
+    "The capture holds nearly every telegram twice: the mirror port shows each frame two times.",
+    "More than 80 repeated data telegrams for 100 that are not.",
+    "Mirror one direction only (receive), or capture on one interface.",
+)
+CLOCK = CauseKind(
+    "clock",
+    "The clock of the computer that captured was set back: times and intervals around that moment are not real.",
+    "A frame whose time is more than 1 ms before that of the frame in front of it.",
+    "Time synchronisation of the computer that captures: let it finish before recording.",
+)
+
+_OF_COPIES = ("NV905", "NV202", "NV203", "NV303", "NV503")
+_OF_CLOCK = ("NV501", "NV502", "NV503", "NV301", "NV304", "NV505", "NV604")
+
+
+def judge_mirroring(case: Case) -> Iterator[Draft]:
+    """Explain copies of nearly all telegrams."""
+    told = case.free("NV905")
+    if not told.any():
+        return
+    chosen = case.free(*_OF_COPIES)
+    symptoms = case.symptoms
+    copies = chosen & symptoms.of_codes("NV202")
+    times = symptoms.time_ns[copies] if copies.any() else symptoms.time_ns[told]
+    since_ns, last_ns = int(times.min()), int(times.max())
+    finding = case.findings[int(symptoms.finding[told][0])]
+    lists = [case.lists[number] for number in np.unique(symptoms.list[copies]).tolist() if number >= 0]
+    draft = Draft(
+        MIRRORED_TWICE, "The capture holds nearly every telegram twice", MIRRORED_TWICE.next_step, [finding.message],
+        lists, since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= 2 * _usual_ns(times) else last_ns,
+    )  # fmt: skip
+    case.explain(draft, chosen)
+    yield draft
+
+
+def _usual_ns(times: object) -> int:
+    times_ns = np.sort(np.asarray(times))
+    return int((times_ns[-1] - times_ns[0]) // max(len(times_ns) - 1, 1)) + 1_000_000_000
+
+
+def judge_clock_steps(case: Case) -> Iterator[Draft]:
+    """Explain steps back of the clock, and what they make of the intervals and waits at that moment, one cause each."""
+    symptoms = case.symptoms
+    for row in np.flatnonzero(case.free("NV902")).tolist():
+        before_ns, now_ns = int(symptoms.since_ns[row]), int(symptoms.time_ns[row])
+        low_ns, high_ns = min(before_ns, now_ns), max(before_ns, now_ns)
+        near = (symptoms.since_ns <= high_ns) & (symptoms.time_ns >= low_ns)
+        across = near & ((symptoms.frame >= symptoms.frame[row]) | (symptoms.time_ns < symptoms.since_ns))
+        chosen = case.only([row]) | (case.free(*_OF_CLOCK) & across)
+        draft = Draft(
+            CLOCK, f"The clock of the capture went back by {duration(before_ns - now_ns)} at {moment(case, before_ns)}",
+            CLOCK.next_step, [f"frame {int(symptoms.frame[row])} has an earlier time than the one in front of it"],
+            since_ns=now_ns, until_ns=before_ns,
+        )  # fmt: skip
+        case.explain(draft, chosen)
+        yield draft
