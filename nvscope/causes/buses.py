@@ -10,6 +10,10 @@ from dissectors.batch import Bool
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
+from nvscope.findings.kind import FindingKind
+from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count_of, duration
 
@@ -39,7 +43,7 @@ INCOMPLETE_CYCLES = CauseKind(
 )
 
 _BEFORE_NS = 1_000_000_000
-_MEANWHILE = ("NV501", "NV502", "NV503", "NV504", "NV604")
+_MEANWHILE = (LATE, JITTER, BURST, STOPPED, INCOMPLETE_CYCLE)
 
 
 def _of_channel(case: Case, channel: int) -> Bool:
@@ -57,14 +61,14 @@ def judge_buses_off(case: Case) -> Iterator[Draft]:
     errors = (table.kind == EventKind.ERROR_FRAME) | off
     for channel, time_ns in zip(table.channel[off].tolist(), table.time_ns[off].tolist(), strict=True):
         own = _of_channel(case, channel)
-        if not (case.free("NV606") & own).any():
+        if not (case.free(ERROR_FRAMES) & own).any():
             continue
         before = errors & (table.channel == channel) & (table.time_ns <= time_ns)
         since_ns = int(table.time_ns[before & (table.time_ns >= time_ns - _BEFORE_NS)].min())
         later = table.time_ns[back & (table.channel == channel) & (table.time_ns >= time_ns)]
         until_ns = int(later.min()) if len(later) else None
         slack_ns = _longest_ns(case, channel) * 5 // 2
-        chosen = case.free("NV606", *_MEANWHILE) & own
+        chosen = case.free(ERROR_FRAMES, *_MEANWHILE) & own
         chosen &= case.overlapping(since_ns, None if until_ns is None else until_ns + slack_ns)
         name = case.channels[channel] if 0 <= channel < len(case.channels) else "CAN"
         checked = [
@@ -89,18 +93,18 @@ def _longest_ns(case: Case, channel: int) -> int:
 
 def judge_bus_errors(case: Case) -> Iterator[Draft]:
     """Explain error frames without a bus-off, and what is late or incomplete at their moments, one cause a channel."""
-    yield from _conditions(case, BUS_ERRORS, "NV606", "Nodes of {name} reject frames", "error frame")
+    yield from _conditions(case, BUS_ERRORS, ERROR_FRAMES, "Nodes of {name} reject frames", "error frame")
 
 
 def judge_overloads(case: Case) -> Iterator[Draft]:
     """Explain overload, and what is late or incomplete meanwhile, one cause a channel."""
-    yield from _conditions(case, BUS_OVERLOADED, "NV605", "{name} is overloaded", "second")
+    yield from _conditions(case, BUS_OVERLOADED, BUS_LOAD, "{name} is overloaded", "second")
 
 
-def _conditions(case: Case, kind: CauseKind, code: str, title: str, noun: str) -> Iterator[Draft]:
+def _conditions(case: Case, kind: CauseKind, told_by: FindingKind, title: str, noun: str) -> Iterator[Draft]:
     symptoms = case.symptoms
-    for channel in np.unique(symptoms.channel[case.free(code)]).tolist():
-        told = case.free(code) & (symptoms.channel == channel)
+    for channel in np.unique(symptoms.channel[case.free(told_by)]).tolist():
+        told = case.free(told_by) & (symptoms.channel == channel)
         name = case.channels[channel] if 0 <= channel < len(case.channels) else "CAN"
         since_ns, last_ns = int(symptoms.since_ns[told].min()), int(symptoms.time_ns[told].max())
         chosen = told | (case.free(*_MEANWHILE) & _of_channel(case, channel) & _near(case, told))
@@ -127,11 +131,11 @@ def _near(case: Case, told: Bool) -> Bool:
 def judge_incomplete_cycles(case: Case) -> Iterator[Draft]:
     """Explain lists on CAN of which frames are missing, one cause a list."""
     symptoms = case.symptoms
-    for number in np.unique(symptoms.list[case.free("NV604")]).tolist():
+    for number in np.unique(symptoms.list[case.free(INCOMPLETE_CYCLE)]).tolist():
         if number < 0:
             continue
-        own = case.free("NV604", "NV501", "NV502") & (symptoms.list == number)
-        told = case.free("NV604") & (symptoms.list == number)
+        own = case.free(INCOMPLETE_CYCLE, LATE, JITTER) & (symptoms.list == number)
+        told = case.free(INCOMPLETE_CYCLE) & (symptoms.list == number)
         entry = case.lists[number]
         since_ns, last_ns = int(symptoms.since_ns[told].min()), int(symptoms.time_ns[told].max())
         which = lists_in_words(case, [entry])

@@ -17,7 +17,7 @@ from nvscope.causes.life import Life
 from nvscope.causes.symptoms import Symptoms, symptoms_of
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
-from nvscope.findings.kind import Severity
+from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.witness import Witness
@@ -95,9 +95,9 @@ class Case:
     def end_ns(self) -> int:
         return self.facts.at_ns
 
-    def free(self, *codes: str) -> Bool:
-        """Tell which symptoms of some codes nothing has explained yet."""
-        free: Bool = (self.owner == NOBODY) & self.symptoms.of_codes(*codes)
+    def free(self, *kinds: FindingKind) -> Bool:
+        """Tell which symptoms of some kinds of findings nothing has explained yet."""
+        free: Bool = (self.owner == NOBODY) & self.symptoms.of_kinds(*kinds)
         return free
 
     def explain(self, draft: Draft, chosen: Bool) -> None:

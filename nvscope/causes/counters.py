@@ -9,6 +9,16 @@ import numpy as np
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words
+from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
+from nvscope.findings.consistency import CHECKSUM_FLAG
+from nvscope.findings.loss import (
+    COUNTER_ERRATIC,
+    COUNTER_SCOPE,
+    DUPLICATE_TELEGRAM,
+    OVERTAKEN_TELEGRAM,
+    SENDER_RESTART,
+    TELEGRAM_GAP,
+)
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import percent
 
@@ -19,8 +29,16 @@ COUNTER_FOREIGN = CauseKind(
     "Have the sender write a 16-bit little-endian counter for each list and SubIndex.",
 )
 
-_TOLD_BY = ("NV207", "NV404")
-_OF_COUNTERS = ("NV201", "NV202", "NV203", "NV204", "NV206", "NV207", "NV404")
+_TOLD_BY = (COUNTER_ERRATIC, CHECKSUM_FLAG)
+_OF_COUNTERS = (
+    TELEGRAM_GAP,
+    DUPLICATE_TELEGRAM,
+    OVERTAKEN_TELEGRAM,
+    SENDER_RESTART,
+    COUNTER_SCOPE,
+    COUNTER_ERRATIC,
+    CHECKSUM_FLAG,
+)
 
 
 def judge_foreign_counters(case: Case) -> Iterator[Draft]:
@@ -33,8 +51,8 @@ def judge_foreign_counters(case: Case) -> Iterator[Draft]:
         numbers = np.unique(symptoms.list[told & (symptoms.node == node)]).tolist()
         lists = [case.lists[number] for number in numbers]
         own = (symptoms.node == node) & (np.isin(symptoms.list, numbers) | (symptoms.list < 0))
-        carries = (symptoms.of_codes("NV404") & own).any()
-        chosen = case.free(*_OF_COUNTERS, *(("NV301",) if carries else ())) & own
+        carries = (symptoms.of_kinds(CHECKSUM_FLAG) & own).any()
+        chosen = case.free(*_OF_COUNTERS, *((NO_ACKNOWLEDGEMENT,) if carries else ())) & own
         streams = [one.stream for one in case.streams_of_node.get(node, ()) if one.list.number in numbers]
         swapped = any(stream.byte_swapped for stream in streams)
         checked = []

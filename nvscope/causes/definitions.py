@@ -9,6 +9,9 @@ import numpy as np
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.answers import NEGATIVE_ACKNOWLEDGEMENT
+from nvscope.findings.consistency import CHECKSUM_CHANGED, SHAPE_CHANGED
+from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.findings.facts import AnyList
 from nvscope.units import count_of
 
@@ -19,7 +22,7 @@ DEFINITION_DIFFERS = CauseKind(
     "Export the definition from the writing project, import it everywhere, build and download all.",
 )
 
-_CHANGES = ("NV402", "NV403", "NV405")
+_CHANGES = (SHAPE_CHANGED, CHECKSUM_CHANGED, DEFINITION_MISMATCH)
 _HOLDS = 10
 
 
@@ -35,7 +38,7 @@ def judge_differing_definitions(case: Case) -> Iterator[Draft]:
         if not _lasts(case, entry, told.tolist()):
             continue
         since_ns, last_ns = int(symptoms.time_ns[told].min()), int(symptoms.time_ns[told].max())
-        rejected = case.free("NV302") & own & (symptoms.time_ns >= since_ns)
+        rejected = case.free(NEGATIVE_ACKNOWLEDGEMENT) & own & (symptoms.time_ns >= since_ns)
         chosen = case.only(told) | rejected
         which = lists_in_words(case, [entry])
         findings = {int(place): case.findings[int(place)] for place in np.unique(symptoms.finding[told]).tolist()}
@@ -56,12 +59,12 @@ def judge_differing_definitions(case: Case) -> Iterator[Draft]:
 def _lasts(case: Case, entry: AnyList, rows: list[int]) -> bool:
     """Tell whether telegrams went on to be different: for ten of them, or to the end."""
     symptoms = case.symptoms
-    if symptoms.of_codes("NV405")[rows].any():
+    if symptoms.of_kinds(DEFINITION_MISMATCH)[rows].any():
         return True
-    checksums = int(symptoms.of_codes("NV403")[rows].sum())
+    checksums = int(symptoms.of_kinds(CHECKSUM_CHANGED)[rows].sum())
     if checksums >= _HOLDS:
         return True
-    changed = np.sort(symptoms.time_ns[rows][symptoms.of_codes("NV402")[rows]])
+    changed = np.sort(symptoms.time_ns[rows][symptoms.of_kinds(SHAPE_CHANGED)[rows]])
     if not len(changed):
         return False
     longest_ns = _longest_ns(entry) or 1

@@ -9,6 +9,9 @@ import numpy as np
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import moment
+from nvscope.findings.can import DLC_MISMATCH, INCOMPLETE_CYCLE
+from nvscope.findings.cob_ids import CANOPEN_COLLISION, COB_ID_OVERLAP
+from nvscope.findings.timing import BURST
 
 IDENTIFIER_COLLISION = CauseKind(
     "identifier-collision",
@@ -17,8 +20,8 @@ IDENTIFIER_COLLISION = CauseKind(
     "Give one of them other identifiers.",
 )
 
-_TOLD_BY = ("NV601", "NV602")
-_OF_LISTS = ("NV603", "NV604", "NV503")
+_TOLD_BY = (COB_ID_OVERLAP, CANOPEN_COLLISION)
+_OF_LISTS = (DLC_MISMATCH, INCOMPLETE_CYCLE, BURST)
 
 
 def judge_collisions(case: Case) -> Iterator[Draft]:

@@ -11,6 +11,7 @@ from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.kind import Severity
+from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
 from nvscope.units import count_of, duration
 
 SENDER_LATE = CauseKind(
@@ -26,7 +27,7 @@ SENDER_BURSTS = CauseKind(
     "What triggers its sending: an event that is set in each cycle, or a MinGap that is missing.",
 )
 
-_LATE = ("NV501", "NV502", "NV505")
+_LATE = (LATE, JITTER, TORN_CYCLE)
 
 
 def judge_late_senders(case: Case) -> Iterator[Draft]:
@@ -57,7 +58,7 @@ def _late(case: Case, node: int, rows: list[int]) -> Draft:
     lists = [case.lists[number] for number in numbers]
     since_ns, last_ns = int(symptoms.since_ns[rows].min()), int(symptoms.time_ns[rows].max())
     nominal_ns = max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
-    intervals = symptoms.of_codes("NV501", "NV502")[rows]
+    intervals = symptoms.of_kinds(LATE, JITTER)[rows]
     longest_ns = int(symptoms.amount[rows][intervals].max(initial=0))
     checked = []
     if longest_ns and nominal_ns:
@@ -92,7 +93,7 @@ def judge_bursts(case: Case) -> Iterator[Draft]:
     """Explain bursts that break a limit somebody set; as they are notes otherwise, they need no cause."""
     symptoms = case.symptoms
     places: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free("NV503")).tolist():
+    for row in np.flatnonzero(case.free(BURST)).tolist():
         if case.findings[int(symptoms.finding[row])].kind.severity > Severity.NOTE:
             places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
     for (node, number), rows in places.items():

@@ -12,7 +12,10 @@ from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.facts import AnyList
+from nvscope.findings.loss import TELEGRAM_GAP
+from nvscope.findings.timing import JITTER, TORN_CYCLE
 from nvscope.units import count_of, percent
 
 LOSS_AT_SENDER = CauseKind(
@@ -32,7 +35,7 @@ _NEAR_NS = 100_000_000
 _CLUSTER_NS = 2_000_000_000
 _IN_A_ROW = 5
 _ENOUGH_TELEGRAMS, _ENOUGH_GAPS, _SHARE_FACTOR = 20, 2, 4
-_EFFECTS = ("NV505", "NV502", "NV301")
+_EFFECTS = (TORN_CYCLE, JITTER, NO_ACKNOWLEDGEMENT)
 
 
 class Loss(NamedTuple):
@@ -52,7 +55,7 @@ def losses_in(case: Case) -> list[Loss]:
         (one.list.number, node, one.stream.subindex): one.nominal_ns
         for node, streams in case.streams_of_node.items() for one in streams
     }  # fmt: skip
-    rows = np.flatnonzero(case.free("NV201"))
+    rows = np.flatnonzero(case.free(TELEGRAM_GAP))
     columns = (symptoms.list, symptoms.node, symptoms.subindex, symptoms.since_ns, symptoms.time_ns, symptoms.amount)
     found = []
     for row, number, node, subindex, since_ns, time_ns, lost in zip(

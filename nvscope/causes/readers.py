@@ -12,6 +12,7 @@ import numpy as np
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.answers import BOOT_UP_UNANSWERED, NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import count, count_of, duration
@@ -40,7 +41,7 @@ READER_SILENT = CauseKind(
     "Telegrams that stayed without acknowledgement beside others that got one.",
     "The log of the reader at that time: whether its program stood still or its cable was out.",
 )
-BOOT_UP_UNANSWERED = CauseKind(
+REQUEST_UNANSWERED = CauseKind(
     "boot-up-unanswered",
     "A node asked for the values of a list at its start, and nobody sent them.",
     "Boot-up requests after which no data telegram of the list came in time.",
@@ -53,7 +54,7 @@ _RUN = 3
 def judge_rejections(case: Case) -> Iterator[Draft]:
     """Explain negative acknowledgements, by list and reader."""
     symptoms = case.symptoms
-    rows = np.flatnonzero(case.free("NV302"))
+    rows = np.flatnonzero(case.free(NEGATIVE_ACKNOWLEDGEMENT))
     places: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row in rows.tolist():
         places[int(symptoms.list[row]), int(symptoms.peer[row])].append(row)
@@ -76,14 +77,16 @@ def judge_without_program(case: Case) -> Iterator[Draft]:
     """Explain telegrams that came back as undeliverable, by who says so."""
     symptoms = case.symptoms
     places: dict[int, list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free("NV305")).tolist():
+    for row in np.flatnonzero(case.free(SEND_REJECTED)).tolist():
         places[int(symptoms.detail[row])].append(row)
     for told_by, own in places.items():
         lists = [case.lists[number] for number in np.unique(symptoms.list[own]).tolist()]
         towards = np.unique(symptoms.peer[own])
         since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
         chosen = case.only(own)
-        waits = case.free("NV301") & np.isin(symptoms.peer, towards) & np.isin(symptoms.list, symptoms.list[own])
+        waits = (
+            case.free(NO_ACKNOWLEDGEMENT) & np.isin(symptoms.peer, towards) & np.isin(symptoms.list, symptoms.list[own])
+        )
         chosen |= waits & (symptoms.time_ns >= since_ns)
         ports = sorted({entry.key.port for entry in lists if isinstance(entry, ListSummary)})
         name = case.address(told_by) if 0 <= told_by < len(case.facts.summary.addresses) else "a node"
@@ -102,11 +105,11 @@ def judge_without_program(case: Case) -> Iterator[Draft]:
 def judge_impossible(case: Case) -> Iterator[Draft]:
     """Explain lists of which no telegram was ever acknowledged."""
     symptoms = case.symptoms
-    for number in np.unique(symptoms.list[case.free("NV301")]).tolist():
+    for number in np.unique(symptoms.list[case.free(NO_ACKNOWLEDGEMENT)]).tolist():
         entry = case.lists[number]
         if not isinstance(entry, ListSummary) or entry.diagnosis.nAcknowledges:
             continue
-        own = np.flatnonzero(case.free("NV301") & (symptoms.list == number))
+        own = np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & (symptoms.list == number))
         to = [node for node in np.unique(symptoms.peer[own]).tolist() if node >= 0]
         since_ns, last_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
         name = lists_in_words(case, [entry])
@@ -143,7 +146,7 @@ def judge_silent_readers(case: Case) -> Iterator[Draft]:
     """Explain what stayed without acknowledgement: runs each for itself, all others of a reader and list as one."""
     symptoms = case.symptoms
     places: dict[tuple[tuple[int, ...], int], list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free("NV301")).tolist():
+    for row in np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT)).tolist():
         number, peer = int(symptoms.list[row]), int(symptoms.peer[row])
         entry = case.lists[number]
         readers = (peer,) if peer in entry.readers or not entry.readers else tuple(entry.readers)  # type: ignore[union-attr]
@@ -260,8 +263,8 @@ def _meanwhile(case: Case, readers: Sequence[int], since_ns: int, until_ns: int,
 def judge_boot_up(case: Case) -> Iterator[Draft]:
     """Explain boot-up requests that nobody answered, by list."""
     symptoms = case.symptoms
-    for number in np.unique(symptoms.list[case.free("NV304")]).tolist():
-        own = np.flatnonzero(case.free("NV304") & (symptoms.list == number))
+    for number in np.unique(symptoms.list[case.free(BOOT_UP_UNANSWERED)]).tolist():
+        own = np.flatnonzero(case.free(BOOT_UP_UNANSWERED) & (symptoms.list == number))
         entry = case.lists[number]
         askers = [node for node in np.unique(symptoms.peer[own]).tolist() if node >= 0]
         since_ns, last_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
@@ -270,8 +273,8 @@ def judge_boot_up(case: Case) -> Iterator[Draft]:
         name = lists_in_words(case, [entry])
         checked = [f"the list is sent by {senders[0]}" if senders else "nobody ever sent the list"]
         draft = Draft(
-            BOOT_UP_UNANSWERED, f"Nobody answered {who}, which asked for {name} at {moment(case, since_ns)}",
-            BOOT_UP_UNANSWERED.next_step, checked, [entry], askers, since_ns=since_ns,
+            REQUEST_UNANSWERED, f"Nobody answered {who}, which asked for {name} at {moment(case, since_ns)}",
+            REQUEST_UNANSWERED.next_step, checked, [entry], askers, since_ns=since_ns,
             until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
         )  # fmt: skip
         case.explain(draft, case.only(own))

@@ -9,9 +9,14 @@ import numpy as np
 from nvscope.causes.case import Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import moment
+from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, UNEXPECTED_ACKNOWLEDGEMENT
+from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.capture import CLOCK_STEP, MIRRORED_TWICE
+from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM
+from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
 from nvscope.units import duration
 
-MIRRORED_TWICE = CauseKind(
+SEEN_TWICE = CauseKind(
     "mirrored-twice",
     "The capture holds nearly every telegram twice: the mirror port shows each frame two times.",
     "More than 80 repeated data telegrams for 100 that are not.",
@@ -24,24 +29,24 @@ CLOCK = CauseKind(
     "Time synchronisation of the computer that captures: let it finish before recording.",
 )
 
-_OF_COPIES = ("NV905", "NV202", "NV203", "NV303", "NV503")
-_OF_CLOCK = ("NV501", "NV502", "NV503", "NV301", "NV304", "NV505", "NV604")
+_OF_COPIES = (MIRRORED_TWICE, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, UNEXPECTED_ACKNOWLEDGEMENT, BURST)
+_OF_CLOCK = (LATE, JITTER, BURST, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, TORN_CYCLE, INCOMPLETE_CYCLE)
 
 
 def judge_mirroring(case: Case) -> Iterator[Draft]:
     """Explain copies of nearly all telegrams."""
-    told = case.free("NV905")
+    told = case.free(MIRRORED_TWICE)
     if not told.any():
         return
     chosen = case.free(*_OF_COPIES)
     symptoms = case.symptoms
-    copies = chosen & symptoms.of_codes("NV202")
+    copies = chosen & symptoms.of_kinds(DUPLICATE_TELEGRAM)
     times = symptoms.time_ns[copies] if copies.any() else symptoms.time_ns[told]
     since_ns, last_ns = int(times.min()), int(times.max())
     finding = case.findings[int(symptoms.finding[told][0])]
     lists = [case.lists[number] for number in np.unique(symptoms.list[copies]).tolist() if number >= 0]
     draft = Draft(
-        MIRRORED_TWICE, "The capture holds nearly every telegram twice", MIRRORED_TWICE.next_step, [finding.message],
+        SEEN_TWICE, "The capture holds nearly every telegram twice", SEEN_TWICE.next_step, [finding.message],
         lists, since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= 2 * _usual_ns(times) else last_ns,
     )  # fmt: skip
     case.explain(draft, chosen)
@@ -56,7 +61,7 @@ def _usual_ns(times: object) -> int:
 def judge_clock_steps(case: Case) -> Iterator[Draft]:
     """Explain steps back of the clock, and what they make of the intervals and waits at that moment, one cause each."""
     symptoms = case.symptoms
-    for row in np.flatnonzero(case.free("NV902")).tolist():
+    for row in np.flatnonzero(case.free(CLOCK_STEP)).tolist():
         before_ns, now_ns = int(symptoms.since_ns[row]), int(symptoms.time_ns[row])
         low_ns, high_ns = min(before_ns, now_ns), max(before_ns, now_ns)
         near = (symptoms.since_ns <= high_ns) & (symptoms.time_ns >= low_ns)

@@ -11,6 +11,9 @@ from dissectors.batch import Bool
 from nvscope.causes.case import Case, Draft, NodeStream
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
+from nvscope.findings.loss import SENDER_RESTART, TELEGRAM_GAP
+from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
 from nvscope.tracker.counters import Scope
 from nvscope.units import duration
 
@@ -29,8 +32,8 @@ LIST_RESTARTED = CauseKind(
 )
 
 _CLUSTER_NS = 10_000_000_000
-_IN_PAUSE = ("NV201", "NV301", "NV304", "NV305", "NV501", "NV502", "NV505")
-_BESIDE = ("NV201", "NV501", "NV502", "NV505")
+_IN_PAUSE = (TELEGRAM_GAP, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED, LATE, JITTER, TORN_CYCLE)
+_BESIDE = (TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 
 
 def judge_node_restarts(case: Case) -> Iterator[Draft]:
@@ -50,7 +53,7 @@ def judge_node_restarts(case: Case) -> Iterator[Draft]:
 def _restarts(case: Case) -> dict[int, list[int]]:
     """Return the steps of Counters that begin anew, by node, in the order of time."""
     found: dict[int, list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free("NV204")).tolist():
+    for row in np.flatnonzero(case.free(SENDER_RESTART)).tolist():
         found[int(case.symptoms.node[row])].append(row)
     return {node: found[node] for node in sorted(found)}
 

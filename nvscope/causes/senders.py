@@ -10,6 +10,19 @@ import numpy as np
 from nvscope.causes.case import Case, Draft, NodeStream
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
+from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS, SHAPE_CHANGED
+from nvscope.findings.definition import DEFINITION_MISMATCH
+from nvscope.findings.loss import (
+    COUNTER_ERRATIC,
+    COUNTER_SCOPE,
+    COUNTER_UNUSED,
+    DUPLICATE_TELEGRAM,
+    OVERTAKEN_TELEGRAM,
+    SENDER_RESTART,
+    TELEGRAM_GAP,
+)
+from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import count_of
 
@@ -21,9 +34,10 @@ SECOND_SENDER = CauseKind(
 )
 
 _TOGETHER_NS = 1_000_000_000
-_OF_LIST = ("NV401", "NV402", "NV403", "NV405")
+_OF_LIST = (SEVERAL_SENDERS, SHAPE_CHANGED, CHECKSUM_CHANGED, DEFINITION_MISMATCH)
 _OF_SENDER = (
-    "NV201", "NV202", "NV203", "NV204", "NV205", "NV206", "NV207", "NV301", "NV501", "NV502", "NV503", "NV504", "NV505",
+    TELEGRAM_GAP, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART, COUNTER_UNUSED, COUNTER_SCOPE,
+    COUNTER_ERRATIC, NO_ACKNOWLEDGEMENT, LATE, JITTER, BURST, STOPPED, TORN_CYCLE,
 )  # fmt: skip
 
 
@@ -38,7 +52,7 @@ class _Further(NamedTuple):
 def judge_second_senders(case: Case) -> Iterator[Draft]:
     """Explain lists with several senders: one cause a further sender, and lists that it begins within a second."""
     found = [
-        one for finding in case.findings if finding.code == "NV401" and finding.list_number is not None
+        one for finding in case.findings if finding.kind is SEVERAL_SENDERS and finding.list_number is not None
         for one in _further(case, finding.list_number)
     ]  # fmt: skip
     found.sort(key=lambda one: (one.node, one.since_ns, one.list.key))

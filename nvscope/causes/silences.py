@@ -12,8 +12,11 @@ from dissectors.batch import Bool
 from nvscope.causes.case import Case, Draft, NodeStream, Pause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
 from nvscope.findings.kind import Severity
+from nvscope.findings.loss import TELEGRAM_GAP
+from nvscope.findings.timing import JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.list_key import Transport
 from nvscope.units import count_of, duration
 
@@ -38,8 +41,8 @@ LIST_STOPPED = CauseKind(
     "The task that the list is sent from, and what enables its sending (event, variable, 'transmit on change').",
 )
 
-_OF_SILENCE = ("NV504", "NV201", "NV501", "NV502", "NV505")
-_WAITS = ("NV301", "NV304", "NV305")
+_OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
+_WAITS = (NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED)
 _SHORTEST = 10  # a pause with an end is told from ten of the longest interval on
 _HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near to a pause prove nothing
 
@@ -96,7 +99,7 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[_Sil
         if ended and (until_ns or 0) - last.since_ns <= _SHORTEST * longest_ns:
             continue
         silence = _Silence(Pause(last.since_ns, until_ns, last.frame), longest_ns)
-        if ended or (case.free("NV504") & (case.symptoms.node == node)).any():
+        if ended or (case.free(STOPPED) & (case.symptoms.node == node)).any():
             found.append(silence)
     return found
 
@@ -115,7 +118,7 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     """Tell what a silence of a node explains: its own, and the waits for it."""
     symptoms, meanwhile = case.symptoms, case.overlapping(pause.since_ns, pause.until_ns)
     own = case.free(*_OF_SILENCE) & (symptoms.node == node) & meanwhile
-    own |= case.free("NV504") & (symptoms.node == node) & (pause.until_ns is None)
+    own |= case.free(STOPPED) & (symptoms.node == node) & (pause.until_ns is None)
     waits = case.free(*_WAITS) & ((symptoms.node == node) | (symptoms.peer == node)) & meanwhile
     explained: Bool = own | waits
     return explained
@@ -145,7 +148,7 @@ def _draft(
     if going:
         checked.append(going)
     if pause.until_ns is not None:
-        lost = case.free("NV201") & chosen
+        lost = case.free(TELEGRAM_GAP) & chosen
         checked.append(
             "its counters went on meanwhile: its program ran, cable or switch port did not" if lost.any()
             else "its counters stood still meanwhile: it did not send"
@@ -169,7 +172,7 @@ def _sends_later(case: Case, node: int, pause: Pause) -> bool:
 def judge_lists(case: Case) -> Iterator[Draft]:
     """Explain lists that stop while their sender goes on; on CAN, where no frame names its sender, those together."""
     symptoms = case.symptoms
-    ended = np.flatnonzero(case.free("NV504"))
+    ended = np.flatnonzero(case.free(STOPPED))
     groups: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row in ended.tolist():
         entry = case.lists[int(symptoms.list[row])]
@@ -182,7 +185,7 @@ def judge_lists(case: Case) -> Iterator[Draft]:
             since_ns = int(symptoms.time_ns[together].max())
             chosen = np.isin(symptoms.list, [entry.number for entry in lists])
             chosen &= (symptoms.node == node) | (symptoms.node < 0)
-            chosen &= case.free("NV504", "NV505", "NV301", "NV304") & (
+            chosen &= case.free(STOPPED, TORN_CYCLE, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED) & (
                 symptoms.time_ns >= since_ns - _slack(case, lists)
             )
             chosen[together] = True

@@ -14,9 +14,15 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.engine.events import NOWHERE
+from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.can_bus import ERROR_FRAMES
+from nvscope.findings.capture import CLOCK_STEP
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
+from nvscope.findings.kind import FindingKind
+from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART, TELEGRAM_GAP
+from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.findings.unusual_intervals import AnyStream
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
@@ -25,17 +31,20 @@ from nvscope.tracker.evidence.evidence import Evidence
 from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
 
 _STEPS = {
-    EventKind.GAP: "NV201", EventKind.DUPLICATE: "NV202", EventKind.OVERTAKEN: "NV203", EventKind.RESTART: "NV204",
-}  # fmt: skip
-_OF_KIND = {EventKind.STEP_BACK: "NV902", EventKind.ERROR_FRAME: "NV606", EventKind.BUS_OFF: "NV606"} | {
-    kind.from_event: code for code, kind in CATALOGUE.items() if kind.from_event is not None
+    EventKind.GAP: TELEGRAM_GAP,
+    EventKind.DUPLICATE: DUPLICATE_TELEGRAM,
+    EventKind.OVERTAKEN: OVERTAKEN_TELEGRAM,
+    EventKind.RESTART: SENDER_RESTART,
 }
-_OF_CYCLES = ("NV505", "NV604")
+_OF_EVENT = {EventKind.STEP_BACK: CLOCK_STEP, EventKind.ERROR_FRAME: ERROR_FRAMES, EventKind.BUS_OFF: ERROR_FRAMES} | {
+    kind.from_event: kind for kind in CATALOGUE.values() if kind.from_event is not None
+}
+_OF_CYCLES = (TORN_CYCLE, INCOMPLETE_CYCLE)
 
 
-def code_number(code: str) -> int:
-    """Return a code as a number: 201 for ``NV201``."""
-    return int(code[2:])
+def code_number(kind: FindingKind) -> int:
+    """Return the code of a kind of finding as a number."""
+    return int(kind.code[2:])
 
 
 class Symptoms(NamedTuple):
@@ -58,9 +67,9 @@ class Symptoms(NamedTuple):
     peer: I64
     detail: I64
 
-    def of_codes(self, *codes: str) -> Bool:
-        """Tell which are behind findings of some codes."""
-        chosen: Bool = np.isin(self.code, [code_number(code) for code in codes])
+    def of_kinds(self, *kinds: FindingKind) -> Bool:
+        """Tell which are behind findings of some kinds."""
+        chosen: Bool = np.isin(self.code, [code_number(kind) for kind in kinds])
         return chosen
 
 
@@ -90,10 +99,10 @@ class _Places:
             (number, one) for number, finding in enumerate(findings) for one in finding.parts or (finding,)
         ]
         self._number: dict[tuple[str, int, int, int, int], int] = {}
-        self.of_code: dict[str, list[tuple[int, Finding]]] = defaultdict(list)
+        self.of_kind: dict[FindingKind, list[tuple[int, Finding]]] = defaultdict(list)
         for number, one in self.each:
             self._number.setdefault((one.code, *self.place(one)), number)
-            self.of_code[one.code].append((number, one))
+            self.of_kind[one.kind].append((number, one))
 
     def place(self, finding: Finding) -> tuple[int, int, int, int]:
         """Return list, node, SubIndex and channel of a finding, ``NOWHERE`` for none."""
@@ -102,21 +111,21 @@ class _Places:
         whole = tuple(NOWHERE if part is None else part for part in parts)
         return whole[0], whole[1], whole[2], channel
 
-    def find(self, code: str, number: int, node: int, subindex: int, channel: int) -> int:
-        """Return the finding of a code at a place, or at the narrowest one around it; ``NOWHERE`` if there is none."""
+    def find(self, kind: FindingKind, number: int, node: int, subindex: int, channel: int) -> int:
+        """Return the finding of a kind at a place, or at the narrowest one around it; ``NOWHERE`` if there is none."""
         for place in (
             (number, node, subindex, NOWHERE), (number, NOWHERE, subindex, NOWHERE), (number, node, NOWHERE, NOWHERE),
             (number, NOWHERE, NOWHERE, NOWHERE), (NOWHERE, NOWHERE, NOWHERE, channel),
             (NOWHERE, NOWHERE, NOWHERE, NOWHERE),
         ):  # fmt: skip
-            found = self._number.get((code, *place))
+            found = self._number.get((kind.code, *place))
             if found is not None:
                 return found
         return NOWHERE
 
-    def behind(self, code: str, table: EventTable) -> Symptoms | None:
-        """Return those of some events that are behind findings of a code; None where no finding has it."""
-        if code not in self.of_code or not len(table.frame):
+    def behind(self, kind: FindingKind, table: EventTable) -> Symptoms | None:
+        """Return those of some events that are behind findings of a kind; None where no finding is of it."""
+        if kind not in self.of_kind or not len(table.frame):
             return None
         columns = table.list, table.node, table.subindex, table.channel
         order = np.lexsort(columns)
@@ -126,13 +135,13 @@ class _Places:
         start = np.flatnonzero(changes)
         first = order[start]
         numbers = [
-            self.find(code, *place) for place in zip(*(column[first].tolist() for column in columns), strict=True)
+            self.find(kind, *place) for place in zip(*(column[first].tolist() for column in columns), strict=True)
         ]  # fmt: skip
         finding = np.empty(len(order), np.int64)
         finding[order] = np.repeat(numbers, np.diff(start, append=len(order)))
         chosen = np.flatnonzero(finding >= 0)
         return Symptoms(
-            finding[chosen], np.full(len(chosen), code_number(code)),
+            finding[chosen], np.full(len(chosen), code_number(kind)),
             *(getattr(table, name)[chosen] for name in Symptoms._fields[2:]),
         )  # fmt: skip
 
@@ -148,10 +157,12 @@ def _of_tables(places: _Places, evidence: Evidence) -> Iterator[Symptoms]:
         kinds = theme.kinds
         for number in np.unique(table.kind).tolist():
             own = _where(table, table.kind == number)
-            kind = kinds[number]
-            codes = _OF_CYCLES if kind is EventKind.TORN_CYCLE else (_OF_KIND.get(kind, ""),)  # type: ignore[call-overload]
-            for code in codes:
-                found = places.behind(code, own)
+            event = kinds[number]
+            if not isinstance(event, EventKind):
+                continue  # what protocols tell of their own is one with its finding
+            of_event = _OF_CYCLES if event is EventKind.TORN_CYCLE else (_OF_EVENT.get(event),)
+            for kind in of_event:
+                found = None if kind is None else places.behind(kind, own)
                 if found is not None:
                     yield found
 
@@ -163,8 +174,8 @@ def _of_steps(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Sym
     for node, scope in facts.summary.scopes.items():
         scopes[node] = min(scope, Scope.NODE_TELEGRAM)  # both node scopes take the same steps
     table = _where(table, table.scope == scopes[table.node])
-    for kind, code in _STEPS.items():
-        found = places.behind(code, _where(table, table.kind == kind))
+    for event, kind in _STEPS.items():
+        found = places.behind(kind, _where(table, table.kind == event))
         if found is not None:
             yield found
 
@@ -190,30 +201,30 @@ def _of_intervals(facts: Facts, places: _Places, evidence: Evidence) -> Iterator
             zip(*(column[start].tolist() for column in key), strict=True), start.tolist(), stop.tolist(), strict=True
         )
     }
-    for code in ("NV501", "NV502", "NV503"):
-        for number, finding in places.of_code.get(code, ()):
+    for kind in (LATE, JITTER, BURST):
+        for number, finding in places.of_kind.get(kind, ()):
             place = places.place(finding)[:3]
             row = rows.get(place)
             if row is None or place not in by_place:
                 continue
-            chosen = _chosen(facts, code, *by_place[place], _where(table, row))
+            chosen = _chosen(facts, kind, *by_place[place], _where(table, row))
             own = _where(table, row[chosen])
             yield Symptoms(
-                np.full(len(own.frame), number), np.full(len(own.frame), code_number(code)),
+                np.full(len(own.frame), number), np.full(len(own.frame), code_number(kind)),
                 *(getattr(own, name) for name in Symptoms._fields[2:]),
             )  # fmt: skip
 
 
-def _chosen(facts: Facts, code: str, entry: AnyList, stream: AnyStream, table: EventTable) -> Bool:
-    """Tell which intervals of a stream are what a finding of a code is about."""
+def _chosen(facts: Facts, kind: FindingKind, entry: AnyList, stream: AnyStream, table: EventTable) -> Bool:
+    """Tell which intervals of a stream are what a finding of a kind is about."""
     nominal_ns, limits = stream.intervals.nominal or 0, facts.limits
-    if code == "NV503":
+    if kind is BURST:
         defined = facts.definition_of(entry)
         min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
         shortest_ns = max(-(-nominal_ns * limits.burst_percent // 100), min_gap_ns)
         short: Bool = (table.amount >= 0) & (table.amount < shortest_ns)
         return short
-    if code == "NV502":
+    if kind is JITTER:
         long: Bool = table.amount > (stream.intervals.p50 or 0) + nominal_ns // 2
         return long
     scope = facts.summary.scopes.get(stream.node, Scope.STREAM) if stream.node is not None else Scope.STREAM
@@ -230,14 +241,14 @@ def _of_silences(facts: Facts, places: _Places) -> Iterator[Symptoms]:
         for entry, stream in every
     }
     rows: list[tuple[int, ...]] = []
-    for number, finding in places.of_code.get("NV504", ()):
+    for number, finding in places.of_kind.get(STOPPED, ()):
         place = places.place(finding)
         stream = streams[place[:3]]
         nominal_ns = stream.intervals.nominal or 0
         for silence in facts.silences_of(stream):
             if 100 * silence.length_ns > facts.limits.stopped_percent * nominal_ns:
                 rows.append(
-                    (number, code_number("NV504"), *place, silence.since_ns, silence.since_ns, silence.frame,
+                    (number, code_number(STOPPED), *place, silence.since_ns, silence.since_ns, silence.frame,
                      silence.length_ns, NOWHERE, silence.until_ns)
                 )  # fmt: skip
     if rows:
@@ -248,7 +259,7 @@ def _of_findings(places: _Places, known: set[int]) -> Symptoms:
     """Return a row for each finding of which no event is known."""
     rows = [
         (
-            number, code_number(one.code), *places.place(one), one.first_ns or 0,
+            number, code_number(one.kind), *places.place(one), one.first_ns or 0,
             one.first_ns or 0, one.frames[0] if one.frames else 0, one.count, NOWHERE, 0,
         )
         for number, one in places.each
