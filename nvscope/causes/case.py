@@ -182,13 +182,20 @@ class Case:
 
     def causes(self) -> list[Cause]:
         """Return the causes, those that are not over first, then by severity, share of telegrams, and time."""
-        numbers = self.symptoms.finding
         found: dict[int, list[Finding]] = defaultdict(list)
-        for place, finding in enumerate(self.findings):
-            owners = self.owner[numbers == place]
-            owners = owners[owners >= 0]
-            if len(owners):
-                found[int(np.bincount(owners).argmax())].append(finding)
+        owned = np.flatnonzero(self.owner >= 0)
+        order = owned[np.lexsort((self.owner[owned], self.symptoms.finding[owned]))]
+        place, owner = self.symptoms.finding[order], self.owner[order]
+        start = np.flatnonzero(np.append(True, (np.diff(place) != 0) | (np.diff(owner) != 0))[: len(order)])
+        most: dict[int, tuple[int, int]] = {}
+        for number, of, count in zip(
+            place[start].tolist(), owner[start].tolist(), np.diff(start, append=len(order)).tolist(), strict=True
+        ):
+            # Of as many events, the first of the causes.
+            if count > most.get(number, (0, 0))[0]:
+                most[number] = count, of
+        for number, (_, of) in sorted(most.items()):
+            found[of].append(self.findings[number])
         made = [self._made(draft, found[number]) for number, draft in enumerate(self.drafts)]
         made.sort(key=lambda one: one[0])
         return [cause for _, cause in made]

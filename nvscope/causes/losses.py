@@ -78,11 +78,11 @@ def judge_losses_at_senders(case: Case) -> Iterator[Draft]:
         chosen = _at_sender(case, node, own, every)
         for cluster in clusters(chosen):
             lists = [case.lists[number] for number in dict.fromkeys(loss.list for loss in cluster)]
-            alone = len(case.streams_of_node) == 1
             checked = [_share(case, cluster)]
-            checked.append(
-                "it is the only sender: its link, or the capture" if alone else "no other sender lost any then"
-            )
+            if len(case.streams_of_node) == 1:
+                checked.append("it is the only sender: its link, or the capture")
+            elif _alone(case, node, cluster):
+                checked.append("no other sender lost any then")
             lost, which = count_of(_lost(cluster), "telegram"), lists_in_words(case, lists)
             where = f"Node {case.address(node)} lost {lost} of {which}"
             yield from _draft(case, LOSS_AT_SENDER, where, node, lists, cluster, checked)
@@ -97,15 +97,14 @@ def _at_sender(case: Case, node: int, own: Sequence[Loss], every: Sequence[Loss]
         if _alike(case, node, own):
             return list(own)
     others = np.array([loss.due_ns for loss in every if loss.node != node], np.int64)
-    found: list[Loss] = []
-    for place, loss in enumerate(own):
-        near = [
-            one for one in own[max(0, place - 50) : place + 50]
-            if one.list != loss.list and abs(one.due_ns - loss.due_ns) <= _NEAR_NS
-        ]  # fmt: skip
-        if near and not (np.abs(others - loss.due_ns) <= _NEAR_NS).any():
-            found.append(loss)
-    return found
+    due_ns = np.array([loss.due_ns for loss in own], np.int64)
+    of_list = np.array([loss.list for loss in own], np.int64)
+    first, behind = np.searchsorted(due_ns, due_ns - _NEAR_NS), np.searchsorted(due_ns, due_ns + _NEAR_NS, "right")
+    # Losses stand by time: near one there is one of another list where the list changes in between.
+    changes = np.append(0, np.cumsum(of_list[1:] != of_list[:-1]))
+    several = changes[behind - 1] > changes[first]
+    beside = np.searchsorted(others, due_ns + _NEAR_NS, "right") > np.searchsorted(others, due_ns - _NEAR_NS)
+    return [loss for loss, chosen in zip(own, (several & ~beside).tolist(), strict=True) if chosen]
 
 
 def _alike(case: Case, node: int, own: Sequence[Loss]) -> bool:
@@ -134,7 +133,7 @@ def judge_losses_of_lists(case: Case) -> Iterator[Draft]:
         entry = case.lists[number]
         for cluster in clusters(own):
             checked = [_share(case, cluster)]
-            if len(case.streams_of_node) > 1:
+            if _alone(case, node, cluster):
                 checked.insert(0, "no other sender lost any then: not the capture")
             subindexes = np.unique(case.symptoms.subindex[[loss.row for loss in cluster]]).tolist()
             if len(subindexes) == 1 and len(entry.streams) > 1:
@@ -142,6 +141,16 @@ def judge_losses_of_lists(case: Case) -> Iterator[Draft]:
             name = lists_in_words(case, [entry])
             where = f"{name[0].upper()}{name[1:]} of {case.address(node)} lost {count_of(_lost(cluster), 'telegram')}"
             yield from _draft(case, LOSS_OF_LIST, where, node, [entry], cluster, checked)
+
+
+def _alone(case: Case, node: int, losses: Sequence[Loss]) -> bool:
+    """Tell whether there are other senders, and none of them lost anything near these losses."""
+    symptoms = case.symptoms
+    others = np.flatnonzero(symptoms.of_kinds(TELEGRAM_GAP) & (symptoms.node != node))
+    due_ns = np.array([loss.due_ns for loss in losses], np.int64)
+    begun = np.searchsorted(np.sort(symptoms.since_ns[others] - _NEAR_NS), due_ns, "right")
+    ended = np.searchsorted(np.sort(symptoms.time_ns[others] + _NEAR_NS), due_ns, "left")
+    return len(case.streams_of_node) > 1 and not (begun > ended).any()
 
 
 def clusters(losses: Sequence[Loss]) -> list[list[Loss]]:

@@ -21,11 +21,13 @@ OTHER = CauseKind(
 def judge_others(case: Case) -> Iterator[Draft]:
     """Explain what is left, one cause a finding; what is left of notes needs no cause."""
     symptoms = case.symptoms
-    for place in np.unique(symptoms.finding[case.owner == NOBODY]).tolist():
-        finding = case.findings[place]
+    left = np.flatnonzero(case.owner == NOBODY)
+    left = left[np.argsort(symptoms.finding[left], kind="stable")]
+    start = np.flatnonzero(np.append(True, np.diff(symptoms.finding[left]) != 0)[: len(left)])
+    for chosen in np.split(left, start[1:]) if len(left) else ():
+        finding = case.findings[int(symptoms.finding[chosen[0]])]
         if finding.kind.severity == Severity.NOTE:
             continue
-        chosen = (case.owner == NOBODY) & (symptoms.finding == place)
         times = symptoms.time_ns[chosen]
         lists = [case.lists[number] for number in np.unique(symptoms.list[chosen]).tolist() if number >= 0]
         draft = Draft(
@@ -33,5 +35,5 @@ def judge_others(case: Case) -> Iterator[Draft]:
             [node for node in np.unique(symptoms.node[chosen]).tolist() if node >= 0], finding.channel,
             since_ns=int(symptoms.since_ns[chosen].min()) or None, until_ns=int(times.max()) or None,
         )  # fmt: skip
-        case.explain(draft, chosen)
+        case.explain(draft, case.only(chosen))
         yield draft

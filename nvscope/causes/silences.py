@@ -162,11 +162,13 @@ def _draft(
 
 
 def _sends_later(case: Case, node: int, pause: Pause) -> bool:
-    """Tell whether a node sends something while another one is silent."""
+    """Tell whether a node sends one of its cyclic lists as usual while another node is silent."""
     end_ns = case.end_ns if pause.until_ns is None else pause.until_ns
     return any(
-        one.stream.first_ns < end_ns and one.stream.last_ns > pause.since_ns for one in case.streams_of_node[node]
-    )
+        one.stream.first_ns < end_ns and one.stream.last_ns > pause.since_ns
+        and _meanwhile(case.pauses(one.list.number, one.stream), pause) is None
+        for one in case.streams_of_node[node] if one.nominal_ns
+    )  # fmt: skip
 
 
 def judge_lists(case: Case) -> Iterator[Draft]:
