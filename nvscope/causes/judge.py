@@ -16,6 +16,7 @@ from nvscope.causes.cause import Cause
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
 from nvscope.causes.identifiers import judge_collisions
+from nvscope.causes.incomplete import judge_incomplete_captures
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
 from nvscope.causes.other import judge_others
@@ -37,6 +38,7 @@ from nvscope.tracker.evidence.witness import Witness
 Judge = Callable[[Case], Iterator[Draft]]
 
 JUDGES: tuple[Judge, ...] = (
+    judge_incomplete_captures,
     judge_mirroring,
     judge_clock_steps,
     judge_buses_off,

@@ -1,0 +1,155 @@
+"""Telegrams that the capture lacks though they were on the network: capture-incomplete."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from math import prod
+
+import numpy as np
+
+from dissectors.batch import Bool
+from nvscope.causes.case import Case, Draft
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.losses import Loss, losses_in
+from nvscope.causes.words import moment
+from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT
+from nvscope.findings.capture import CAPTURE_DROPS
+from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
+from nvscope.units import count, count_of, percent
+
+CAPTURE_INCOMPLETE = CauseKind(
+    "capture-incomplete",
+    "The capture lacks telegrams that were on the network: loss that it shows is its own.",
+    "Drops that the capturing program tells, several senders that lose at the same moments, or all lists that lose the "
+    "same share.",
+    "Capture with more room: a faster mirror port, one direction only, a capture filter, a larger buffer.",
+)
+
+_NEAR_NS = 100_000_000
+_SENDERS = 3
+_LEAST_MOMENTS = 2
+_BY_CHANCE = 3
+_EXPECTED, _FACTOR = 10, 3
+_SHORT_GAP, _SINGLE = 3, 2
+_MOST_COMBINED = 24  # of more senders, chance is reckoned with those that lose most
+_EFFECTS = (TORN_CYCLE, JITTER, LATE, BOOT_UP_UNANSWERED)
+
+
+def judge_incomplete_captures(case: Case) -> Iterator[Draft]:
+    """Explain losses that are the capture's own: told by itself, alike in all lists, or of several senders at once."""
+    losses = losses_in(case)
+    if not losses:
+        return
+    drops = sum(source.drops or 0 for source in case.facts.sources)
+    lost = sum(loss.lost for loss in losses)
+    if drops and 2 * drops >= lost:
+        told = f"the capture itself tells of {count_of(drops, 'dropped packet')}, for {count(lost)} lost telegrams"
+        yield _draft(case, losses, losses, told)
+    elif _alike(case, losses):
+        single = [loss for loss in losses if loss.lost <= _SINGLE]
+        yield _draft(case, single, losses, "all lists of several senders lose about the same share")
+    elif moments := _moments(case, losses):
+        chosen = [loss for group in moments for loss in group]
+        senders = max(len({loss.node for loss in group}) for group in moments)
+        told = f"up to {senders} senders lose within 0.1 s of each other, {count_of(len(moments), 'time')}"
+        yield _draft(case, [*chosen, *_between(chosen, losses)], losses, told)
+
+
+def _alike(case: Case, losses: Sequence[Loss]) -> bool:
+    """Tell whether the lists that should lose some at the mean share do so, about as many as they should."""
+    lost: dict[tuple[int, int], int] = defaultdict(int)
+    for loss in losses:
+        if loss.lost <= _SHORT_GAP:
+            lost[loss.node, loss.list] += loss.lost
+    sent: dict[tuple[int, int], int] = defaultdict(int)
+    for node, streams in case.streams_of_node.items():
+        for one in streams:
+            if one.stream.counter_scope != "unused" and not one.stream.erratic:
+                sent[node, one.list.number] += one.stream.telegrams
+    total = sum(sent.values()) + sum(lost.values())
+    share = sum(lost.values()) / total if total else 0.0
+    should = {place: share * (telegrams + lost[place]) for place, telegrams in sent.items()}
+    large = [place for place, expected in should.items() if expected >= _EXPECTED]
+    if len(large) < _SENDERS or len({node for node, _ in large}) < 2:
+        return False
+    return all(should[place] / _FACTOR <= lost[place] <= should[place] * _FACTOR for place in large)
+
+
+def _moments(case: Case, losses: Sequence[Loss]) -> list[list[Loss]]:
+    """Return the moments in which several senders lose, where there are more than by chance."""
+    senders = len(case.streams_of_node)
+    if senders < 2:
+        return []
+    groups: list[list[Loss]] = []
+    for loss in losses:
+        if groups and loss.due_ns - groups[-1][0].due_ns <= _NEAR_NS:
+            groups[-1].append(loss)
+        else:
+            groups.append([loss])
+    found = [group for group in groups if len({loss.node for loss in group}) >= min(_SENDERS, senders)]
+    if len(found) < _LEAST_MOMENTS:
+        return []
+    in_moments = sum(len(group) for group in found)
+    if 2 * in_moments > len(losses) or len(found) > _BY_CHANCE * _expected(case, losses) + 1:
+        return found
+    return []
+
+
+def _expected(case: Case, losses: Sequence[Loss]) -> float:
+    """Return in how many moments three senders would lose by chance, were their losses independent."""
+    duration_ns = max(case.end_ns - case.start_ns, 1)
+    number: dict[int, int] = defaultdict(int)
+    for loss in losses:
+        number[loss.node] += 1
+    most = sorted(number.values(), reverse=True)[:_MOST_COMBINED]
+    shares = [min(1.0, 2 * _NEAR_NS * one / duration_ns) for one in most]
+    at_once = min(_SENDERS, len(case.streams_of_node))
+    return sum(prod(some) for some in combinations(shares, at_once)) * duration_ns / (2 * _NEAR_NS)
+
+
+def _between(chosen: Sequence[Loss], losses: Sequence[Loss]) -> list[Loss]:
+    """Return single losses between the first and the last moment, of lists that lost nothing outside."""
+    first_ns, last_ns = min(loss.due_ns for loss in chosen), max(loss.due_ns for loss in chosen)
+    outside = {(loss.node, loss.list) for loss in losses if not first_ns <= loss.due_ns <= last_ns}
+    known = {loss.row for loss in chosen}
+    return [
+        loss for loss in losses
+        if loss.row not in known and loss.lost == 1 and (loss.node, loss.list) not in outside
+    ]  # fmt: skip
+
+
+def _draft(case: Case, own: Sequence[Loss], losses: Sequence[Loss], told: str) -> Draft:
+    symptoms = case.symptoms
+    rows = np.array([loss.row for loss in own], np.int64)
+    since_ns, last_ns = min(loss.due_ns for loss in own), int(symptoms.time_ns[rows].max())
+    lists = [case.lists[number] for number in dict.fromkeys(loss.list for loss in own)]
+    longest_ns = max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
+    chosen = case.only(rows) | case.free(CAPTURE_DROPS)
+    begun = np.searchsorted(np.sort(symptoms.since_ns[rows] - longest_ns), symptoms.time_ns, "right")
+    ended = np.searchsorted(np.sort(symptoms.time_ns[rows] + longest_ns), symptoms.since_ns, "left")
+    chosen |= case.free(*_EFFECTS) & (begun > ended)
+    chosen |= _single_waits(case, since_ns, last_ns)
+    usual_ns = 2 * (last_ns - since_ns) // max(len(own) - 1, 1)
+    lost, all_lost = sum(loss.lost for loss in own), sum(loss.lost for loss in losses)
+    draft = Draft(
+        CAPTURE_INCOMPLETE, f"The capture lacks {count_of(lost, 'telegram')}, since {moment(case, since_ns)}",
+        CAPTURE_INCOMPLETE.next_step, [told, f"{percent(lost, all_lost)} of all that is missing"], lists,
+        since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= max(usual_ns, longest_ns * 5 // 2) else last_ns,
+    )  # fmt: skip
+    case.explain(draft, chosen)
+    return draft
+
+
+def _single_waits(case: Case, since_ns: int, until_ns: int) -> Bool:
+    """Tell which waits ended without an acknowledgement alone, neither the one before nor the one behind."""
+    symptoms = case.symptoms
+    waits = np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & case.overlapping(since_ns, until_ns))
+    order = waits[np.lexsort((symptoms.since_ns[waits], symptoms.subindex[waits], symptoms.list[waits]))]
+    if not len(order):
+        return case.only(order)
+    same = (np.diff(symptoms.list[order]) == 0) & (np.diff(symptoms.subindex[order]) == 0)
+    follows = np.append(False, same & (symptoms.since_ns[order][1:] <= symptoms.time_ns[order][:-1]))
+    in_a_row = follows | np.append(follows[1:], False)
+    return case.only(order[~in_a_row])
