@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
 from nvscope.findings.kind import FindingKind
@@ -48,13 +49,12 @@ _MEANWHILE = (LATE, JITTER, BURST, STOPPED, INCOMPLETE_CYCLE)
 
 def _of_channel(case: Case, channel: int) -> Bool:
     """Tell which symptoms are of a channel, or of a list on it."""
-    name = case.channels[channel] if 0 <= channel < len(case.channels) else ""
-    numbers = [number for number, entry in case.lists.items() if str(entry.key.port) == name]
+    numbers = [entry.number for entry in case.lists_on(channel)]
     told: Bool = (case.symptoms.channel == channel) | np.isin(case.symptoms.list, numbers)
     return told
 
 
-def judge_buses_off(case: Case) -> Iterator[Draft]:
+def judge_buses_off(case: Case) -> Iterator[Explained]:
     """Explain what a bus-off brings about, one cause each."""
     table = case.witness.evidence.columns["buses"].table()
     off, back = table.kind == EventKind.BUS_OFF, table.kind == EventKind.BUS_BACK
@@ -67,57 +67,45 @@ def judge_buses_off(case: Case) -> Iterator[Draft]:
         since_ns = int(table.time_ns[before & (table.time_ns >= time_ns - _BEFORE_NS)].min())
         later = table.time_ns[back & (table.channel == channel) & (table.time_ns >= time_ns)]
         until_ns = int(later.min()) if len(later) else None
-        slack_ns = _longest_ns(case, channel) * 5 // 2
         chosen = case.free(ERROR_FRAMES, *_MEANWHILE) & own
-        chosen &= case.overlapping(since_ns, None if until_ns is None else until_ns + slack_ns)
-        name = case.channels[channel] if 0 <= channel < len(case.channels) else "CAN"
+        chosen &= case.overlapping(since_ns, None if until_ns is None else until_ns + slack_ns(case.lists_on(channel)))
+        name = case.channel_name(channel)
         checked = [
             f"back after {duration(until_ns - time_ns)}" if until_ns is not None else "it did not come back"
         ]  # fmt: skip
         title = f"A controller of {name} left the bus at {moment(case, time_ns)}"
-        lists = [case.lists[number] for number in np.unique(case.symptoms.list[chosen]).tolist() if number >= 0]
+        lists = case.lists_of(chosen)
         draft = Draft(
             BUS_OFF, title, BUS_OFF.next_step, checked, lists, channel=name, since_ns=since_ns, until_ns=until_ns
         )  # fmt: skip
-        case.explain(draft, chosen)
-        yield draft
+        yield draft, chosen
 
 
-def _longest_ns(case: Case, channel: int) -> int:
-    name = case.channels[channel] if 0 <= channel < len(case.channels) else ""
-    return max(
-        (stream.intervals.nominal or 0 for entry in case.lists.values() if str(entry.key.port) == name
-         for stream in entry.streams), default=0,
-    )  # fmt: skip
-
-
-def judge_bus_errors(case: Case) -> Iterator[Draft]:
+def judge_bus_errors(case: Case) -> Iterator[Explained]:
     """Explain error frames without a bus-off, and what is late or incomplete at their moments, one cause a channel."""
     yield from _conditions(case, BUS_ERRORS, ERROR_FRAMES, "Nodes of {name} reject frames", "error frame")
 
 
-def judge_overloads(case: Case) -> Iterator[Draft]:
+def judge_overloads(case: Case) -> Iterator[Explained]:
     """Explain overload, and what is late or incomplete meanwhile, one cause a channel."""
     yield from _conditions(case, BUS_OVERLOADED, BUS_LOAD, "{name} is overloaded", "second")
 
 
-def _conditions(case: Case, kind: CauseKind, told_by: FindingKind, title: str, noun: str) -> Iterator[Draft]:
+def _conditions(case: Case, kind: CauseKind, told_by: FindingKind, title: str, noun: str) -> Iterator[Explained]:
     symptoms = case.symptoms
-    for channel in np.unique(symptoms.channel[case.free(told_by)]).tolist():
+    for channel in distinct(symptoms.channel[case.free(told_by)]).tolist():
         told = case.free(told_by) & (symptoms.channel == channel)
-        name = case.channels[channel] if 0 <= channel < len(case.channels) else "CAN"
+        name = case.channel_name(channel)
         since_ns, last_ns = int(symptoms.since_ns[told].min()), int(symptoms.time_ns[told].max())
         chosen = told | (case.free(*_MEANWHILE) & _of_channel(case, channel) & _near(case, told))
-        usual_ns = 2 * (last_ns - since_ns) // max(int(told.sum()) - 1, 1)
-        until_ns = None if case.end_ns - last_ns <= usual_ns else last_ns
-        lists = [case.lists[number] for number in np.unique(symptoms.list[chosen]).tolist() if number >= 0]
+        until_ns = case.end_of_many(since_ns, last_ns, int(told.sum()))
+        lists = case.lists_of(chosen)
         finding = case.findings[int(symptoms.finding[told][0])]
         draft = Draft(
             kind, f"{title.format(name=name)} since {moment(case, since_ns)}", kind.next_step,
             [count_of(finding.count, noun), finding.message], lists, channel=name, since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
-        case.explain(draft, chosen)
-        yield draft
+        yield draft, chosen
 
 
 def _near(case: Case, told: Bool) -> Bool:
@@ -128,10 +116,10 @@ def _near(case: Case, told: Bool) -> Bool:
     return near
 
 
-def judge_incomplete_cycles(case: Case) -> Iterator[Draft]:
+def judge_incomplete_cycles(case: Case) -> Iterator[Explained]:
     """Explain lists on CAN of which frames are missing, one cause a list."""
     symptoms = case.symptoms
-    for number in np.unique(symptoms.list[case.free(INCOMPLETE_CYCLE)]).tolist():
+    for number in distinct(symptoms.list[case.free(INCOMPLETE_CYCLE)]).tolist():
         if number < 0:
             continue
         own = case.free(INCOMPLETE_CYCLE, LATE, JITTER) & (symptoms.list == number)
@@ -144,11 +132,9 @@ def judge_incomplete_cycles(case: Case) -> Iterator[Draft]:
         if missing > 0:
             parts = [str(bit) for bit in range(62) if int(missing) >> bit & 1]
             checked.append(f"missing: SubIndex {', '.join(parts)}")
-        usual_ns = 2 * (last_ns - since_ns) // max(int(told.sum()) - 1, 1)
         draft = Draft(
-            INCOMPLETE_CYCLES, f"{which[0].upper()}{which[1:]} came incomplete, {count_of(int(told.sum()), 'time')}",
+            INCOMPLETE_CYCLES, f"{capitalised(which)} came incomplete, {count_of(int(told.sum()), 'time')}",
             INCOMPLETE_CYCLES.next_step, checked, [entry], channel=str(entry.key.port), since_ns=since_ns,
-            until_ns=None if case.end_ns - last_ns <= usual_ns else last_ns,
+            until_ns=case.end_of_many(since_ns, last_ns, int(told.sum())),
         )  # fmt: skip
-        case.explain(draft, own)
-        yield draft
+        yield draft, own

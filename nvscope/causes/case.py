@@ -14,12 +14,12 @@ from dissectors.batch import I64, Bool
 from nvscope.causes.cause import Cause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
-from nvscope.causes.symptoms import Symptoms, symptoms_of
+from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
+from nvscope.engine.runs import distinct
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import FRAMES_KEPT
-from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.summary import ListSummary
@@ -71,6 +71,20 @@ class Draft:
     rows: I64 = field(default_factory=lambda: np.empty(0, np.int64))
 
 
+Explained = tuple[Draft, Bool]
+"""A cause, and a mask of the symptoms that it explains as far as nothing has explained them before."""
+
+
+def longest_ns(lists: Sequence[AnyList]) -> int:
+    """Return the longest nominal interval of lists, 0 where none has one."""
+    return max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
+
+
+def slack_ns(lists: Sequence[AnyList]) -> int:
+    """Return two and a half of the longest nominal interval of lists: what is no longer is no pause."""
+    return longest_ns(lists) * PAUSE_PERCENT // 100
+
+
 class Case:
     """Everything that was seen, what of it breaks rules, and which cause explains each of the events behind that.
 
@@ -82,7 +96,8 @@ class Case:
         self.findings = findings
         self.witness = witness
         self.channels = channels
-        self.symptoms: Symptoms = symptoms_of(facts, findings, witness.evidence, channels)
+        self._intervals = IntervalsByStream(witness.evidence)
+        self.symptoms: Symptoms = symptoms_of(facts, findings, witness.evidence, self._intervals, channels)
         self.owner = np.full(len(self.symptoms.code), NOBODY)
         self.drafts: list[Draft] = []
         self.life = Life(witness.presence, facts)
@@ -119,6 +134,35 @@ class Case:
             told &= self.symptoms.since_ns <= until_ns
         return told
 
+    def touching(self, rows: I64, slack_ns: int) -> Bool:
+        """Tell which symptoms touch one of some others, or come so near to one."""
+        symptoms = self.symptoms
+        begun = np.searchsorted(np.sort(symptoms.since_ns[rows]) - slack_ns, symptoms.time_ns, "right")
+        ended = np.searchsorted(np.sort(symptoms.time_ns[rows]) + slack_ns, symptoms.since_ns, "left")
+        touches: Bool = begun > ended
+        return touches
+
+    def end_of_many(self, first_ns: int, last_ns: int, events: int, least_ns: int = 0) -> int | None:
+        """Return when events that come again and again ended; None where they go on as far as one can tell.
+
+        They do where the last is no further from the end than twice their usual distance, or than ``least_ns``.
+        """
+        usual_ns = 2 * (last_ns - first_ns) // max(events - 1, 1)
+        return None if self.end_ns - last_ns <= max(usual_ns, least_ns) else last_ns
+
+    def lists_of(self, chosen: Bool | I64) -> list[AnyList]:
+        """Return the lists of some symptoms."""
+        return [self.lists[number] for number in distinct(self.symptoms.list[chosen]).tolist() if number >= 0]
+
+    def lists_on(self, channel: int) -> list[AnyList]:
+        """Return the lists on a channel of CAN."""
+        name = self.channel_name(channel)
+        return [entry for entry in self.lists.values() if str(entry.key.port) == name]
+
+    def channel_name(self, channel: int) -> str:
+        """Return the name of a channel of CAN, as far as it is known."""
+        return self.channels[channel] if 0 <= channel < len(self.channels) else "CAN"
+
     @cached_property
     def lists(self) -> dict[int, AnyList]:
         """The lists by number."""
@@ -133,32 +177,14 @@ class Case:
             found[stream.node].append(NodeStream(entry, stream))
         return dict(sorted(found.items()))
 
-    @cached_property
-    def _intervals(self) -> dict[tuple[int, int, int], I64]:
-        """Where the unusual intervals of each stream stand in their table, by list, node and SubIndex."""
-        table = self._interval_table
-        place = table.list, table.node, table.subindex
-        order = np.lexsort((table.frame, place[2], place[1], place[0]))
-        changes = np.zeros(len(order), np.bool_)
-        for column in place:
-            changes |= np.append(True, np.diff(column[order]) != 0)[: len(order)]
-        start = np.flatnonzero(changes)
-        parts = np.split(order, start[1:]) if len(start) else []
-        keys = zip(*(column[order[start]].tolist() for column in place), strict=True)
-        return dict(zip(keys, parts, strict=True))
-
-    @cached_property
-    def _interval_table(self) -> EventTable:
-        return self.witness.evidence.columns["intervals"].table()
-
     def pauses(self, number: int, stream: StreamSummary) -> list[Pause]:
         """Return the pauses of a cyclic stream, with the one that goes on at the end; none of others."""
         nominal_ns = stream.intervals.nominal
         if not nominal_ns:
             return []
         longest_ns = nominal_ns * PAUSE_PERCENT // 100
-        table, row = self._interval_table, self._intervals.get((number, stream.node, stream.subindex), _NO_ROWS)
-        row = row[table.amount[row] > longest_ns]
+        table = self._intervals.of((number, stream.node, stream.subindex))
+        row = table.amount > longest_ns
         columns = (column[row].tolist() for column in (table.since_ns, table.time_ns, table.frame))
         found = [Pause(*one) for one in zip(*columns, strict=True)]
         silences = self.facts.silences_of(stream)
@@ -202,13 +228,12 @@ class Case:
 
     def _made(self, draft: Draft, findings: Sequence[Finding]) -> tuple[tuple[object, ...], Cause]:
         rows = draft.rows
-        worst = [self.findings[place].kind.severity for place in np.unique(self.symptoms.finding[rows]).tolist()]
+        worst = [self.findings[place].kind.severity for place in distinct(self.symptoms.finding[rows]).tolist()]
         severity = max([draft.severity, draft.kind.at_least, *worst])
-        frames = np.unique(self.symptoms.frame[rows])
+        frames = distinct(self.symptoms.frame[rows])
         frames = frames[frames > 0]
         since_ns, until_ns = draft.since_ns, draft.until_ns
-        nominal_ns = max((one.intervals.nominal or 0 for entry in draft.lists for one in entry.streams), default=0)
-        if since_ns is not None and since_ns - self.start_ns <= 2 * nominal_ns:
+        if since_ns is not None and since_ns - self.start_ns <= 2 * longest_ns(draft.lists):
             since_ns = self.start_ns  # what is so from the beginning may have been so before
         if since_ns is not None and until_ns is not None:
             until_ns = max(since_ns, until_ns)  # a clock may have stepped back in between
@@ -222,6 +247,3 @@ class Case:
         # Numbers of nodes and lists hang on how the capture was cut into batches.
         order = until_ns is not None, -severity, -telegrams, since_ns or 0, cause.lists, cause.title
         return order, cause
-
-
-_NO_ROWS = np.empty(0, np.int64)

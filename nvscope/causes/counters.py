@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words
+from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.consistency import CHECKSUM_FLAG
 from nvscope.findings.loss import (
@@ -41,14 +42,14 @@ _OF_COUNTERS = (
 )
 
 
-def judge_foreign_counters(case: Case) -> Iterator[Draft]:
+def judge_foreign_counters(case: Case) -> Iterator[Explained]:
     """Explain what a Counter that does not count brings about, one cause a node."""
     symptoms = case.symptoms
     told = case.free(*_TOLD_BY)
-    for node in np.unique(symptoms.node[told]).tolist():
+    for node in distinct(symptoms.node[told]).tolist():
         if node < 0:
             continue
-        numbers = np.unique(symptoms.list[told & (symptoms.node == node)]).tolist()
+        numbers = distinct(symptoms.list[told & (symptoms.node == node)]).tolist()
         lists = [case.lists[number] for number in numbers]
         own = (symptoms.node == node) & (np.isin(symptoms.list, numbers) | (symptoms.list < 0))
         carries = (symptoms.of_kinds(CHECKSUM_FLAG) & own).any()
@@ -71,5 +72,4 @@ def judge_foreign_counters(case: Case) -> Iterator[Draft]:
             COUNTER_FOREIGN, f"Node {case.address(node)} {what} ({which})", COUNTER_FOREIGN.next_step, checked, udp,
             [node], since_ns=min((stream.first_ns for stream in streams), default=case.start_ns),
         )  # fmt: skip
-        case.explain(draft, chosen)
-        yield draft
+        yield draft, chosen

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NEGATIVE_ACKNOWLEDGEMENT
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SHAPE_CHANGED
 from nvscope.findings.definition import DEFINITION_MISMATCH
@@ -26,10 +27,10 @@ _CHANGES = (SHAPE_CHANGED, CHECKSUM_CHANGED, DEFINITION_MISMATCH)
 _HOLDS = 10
 
 
-def judge_differing_definitions(case: Case) -> Iterator[Draft]:
+def judge_differing_definitions(case: Case) -> Iterator[Explained]:
     """Explain telegrams that do not fit what the list was, or should be, one cause a list."""
     symptoms = case.symptoms
-    for number in np.unique(symptoms.list[case.free(*_CHANGES)]).tolist():
+    for number in distinct(symptoms.list[case.free(*_CHANGES)]).tolist():
         if number < 0:
             continue
         entry = case.lists[number]
@@ -41,19 +42,18 @@ def judge_differing_definitions(case: Case) -> Iterator[Draft]:
         rejected = case.free(NEGATIVE_ACKNOWLEDGEMENT) & own & (symptoms.time_ns >= since_ns)
         chosen = case.only(told) | rejected
         which = lists_in_words(case, [entry])
-        findings = {int(place): case.findings[int(place)] for place in np.unique(symptoms.finding[told]).tolist()}
+        findings = {int(place): case.findings[int(place)] for place in distinct(symptoms.finding[told]).tolist()}
         worst = sorted(findings.values(), key=lambda finding: finding.code, reverse=True)
         checked = [worst[0].message]
         if rejected.any():
             checked.append(f"{count_of(int(rejected.sum()), 'negative acknowledgement')} since then")
-        nodes = [node for node in np.unique(symptoms.node[told]).tolist() if node >= 0]
+        nodes = [node for node in distinct(symptoms.node[told]).tolist() if node >= 0]
         draft = Draft(
-            DEFINITION_DIFFERS, f"{which[0].upper()}{which[1:]} does not fit its definition since "
+            DEFINITION_DIFFERS, f"{capitalised(which)} does not fit its definition since "
             f"{moment(case, since_ns)}", worst[0].hint or DEFINITION_DIFFERS.next_step, checked, [entry], nodes,
             since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= _longest_ns(entry) * 5 else last_ns,
         )  # fmt: skip
-        case.explain(draft, chosen)
-        yield draft
+        yield draft, chosen
 
 
 def _lasts(case: Case, entry: AnyList, rows: list[int]) -> bool:

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.can import DLC_MISMATCH, INCOMPLETE_CYCLE
 from nvscope.findings.cob_ids import CANOPEN_COLLISION, COB_ID_OVERLAP
 from nvscope.findings.timing import BURST
@@ -24,13 +25,13 @@ _TOLD_BY = (COB_ID_OVERLAP, CANOPEN_COLLISION)
 _OF_LISTS = (DLC_MISMATCH, INCOMPLETE_CYCLE, BURST)
 
 
-def judge_collisions(case: Case) -> Iterator[Draft]:
+def judge_collisions(case: Case) -> Iterator[Explained]:
     """Explain identifiers that two share, one cause a finding."""
     symptoms = case.symptoms
-    for place in np.unique(symptoms.finding[case.free(*_TOLD_BY)]).tolist():
+    for place in distinct(symptoms.finding[case.free(*_TOLD_BY)]).tolist():
         finding = case.findings[place]
         told = symptoms.finding == place
-        numbers = [number for number in np.unique(symptoms.list[told]).tolist() if number >= 0]
+        numbers = [number for number in distinct(symptoms.list[told]).tolist() if number >= 0]
         chosen = told | (case.free(*_OF_LISTS) & np.isin(symptoms.list, numbers))
         since_ns = finding.first_ns if finding.first_ns is not None else case.start_ns
         last_ns = finding.last_ns if finding.last_ns is not None else case.end_ns
@@ -40,5 +41,4 @@ def judge_collisions(case: Case) -> Iterator[Draft]:
             finding.hint or finding.kind.next_steps[0], [finding.message], [case.lists[number] for number in numbers],
             channel=finding.channel, since_ns=since_ns, until_ns=last_ns if over else None,
         )  # fmt: skip
-        case.explain(draft, chosen)
-        yield draft
+        yield draft, chosen

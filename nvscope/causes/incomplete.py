@@ -10,7 +10,7 @@ from math import prod
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.losses import Loss, losses_in
 from nvscope.causes.words import moment
@@ -37,7 +37,7 @@ _MOST_COMBINED = 24  # of more senders, chance is reckoned with those that lose 
 _EFFECTS = (TORN_CYCLE, JITTER, LATE, BOOT_UP_UNANSWERED)
 
 
-def judge_incomplete_captures(case: Case) -> Iterator[Draft]:
+def judge_incomplete_captures(case: Case) -> Iterator[Explained]:
     """Explain losses that are the capture's own: told by itself, alike in all lists, or of several senders at once."""
     losses = losses_in(case)
     if not losses:
@@ -120,26 +120,21 @@ def _between(chosen: Sequence[Loss], losses: Sequence[Loss]) -> list[Loss]:
     ]  # fmt: skip
 
 
-def _draft(case: Case, own: Sequence[Loss], losses: Sequence[Loss], told: str) -> Draft:
+def _draft(case: Case, own: Sequence[Loss], losses: Sequence[Loss], told: str) -> Explained:
     symptoms = case.symptoms
     rows = np.array([loss.row for loss in own], np.int64)
     since_ns, last_ns = min(loss.due_ns for loss in own), int(symptoms.time_ns[rows].max())
     lists = [case.lists[number] for number in dict.fromkeys(loss.list for loss in own)]
-    longest_ns = max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
     chosen = case.only(rows) | case.free(CAPTURE_DROPS)
-    begun = np.searchsorted(np.sort(symptoms.since_ns[rows] - longest_ns), symptoms.time_ns, "right")
-    ended = np.searchsorted(np.sort(symptoms.time_ns[rows] + longest_ns), symptoms.since_ns, "left")
-    chosen |= case.free(*_EFFECTS) & (begun > ended)
+    chosen |= case.free(*_EFFECTS) & case.touching(rows, longest_ns(lists))
     chosen |= _single_waits(case, since_ns, last_ns)
-    usual_ns = 2 * (last_ns - since_ns) // max(len(own) - 1, 1)
     lost, all_lost = sum(loss.lost for loss in own), sum(loss.lost for loss in losses)
     draft = Draft(
         CAPTURE_INCOMPLETE, f"The capture lacks {count_of(lost, 'telegram')}, since {moment(case, since_ns)}",
         CAPTURE_INCOMPLETE.next_step, [told, f"{percent(lost, all_lost)} of all that is missing"], lists,
-        since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= max(usual_ns, longest_ns * 5 // 2) else last_ns,
+        since_ns=since_ns, until_ns=case.end_of_many(since_ns, last_ns, len(own), slack_ns(lists)),
     )  # fmt: skip
-    case.explain(draft, chosen)
-    return draft
+    return draft, chosen
 
 
 def _single_waits(case: Case, since_ns: int, until_ns: int) -> Bool:

@@ -11,7 +11,7 @@ from nvscope.causes.buses import (
     judge_incomplete_cycles,
     judge_overloads,
 )
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Explained
 from nvscope.causes.cause import Cause
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
@@ -35,7 +35,7 @@ from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.tracker.evidence.witness import Witness
 
-Judge = Callable[[Case], Iterator[Draft]]
+Judge = Callable[[Case], Iterator[Explained]]
 
 JUDGES: tuple[Judge, ...] = (
     judge_incomplete_captures,
@@ -72,8 +72,14 @@ def judge_causes(
     facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = ()
 ) -> list[Cause]:
     """Return what explains findings: what is not over first, then by severity, share of telegrams, and time."""
+    return judged(facts, findings, witness, channels).causes()
+
+
+def judged(facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = ()) -> Case:
+    """Return the case of some findings, with everything explained."""
     case = Case(facts, findings, witness, channels)
     for judge in JUDGES:
-        for _ in judge(case):
-            pass
-    return case.causes()
+        # What a judge finds next hangs on what was explained before.
+        for draft, chosen in judge(case):
+            case.explain(draft, chosen)
+    return case

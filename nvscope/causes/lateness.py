@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Draft, Explained, longest_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.kind import Severity
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
 from nvscope.units import count_of, duration
@@ -30,7 +31,7 @@ SENDER_BURSTS = CauseKind(
 _LATE = (LATE, JITTER, TORN_CYCLE)
 
 
-def judge_late_senders(case: Case) -> Iterator[Draft]:
+def judge_late_senders(case: Case) -> Iterator[Explained]:
     """Explain what came late: one cause a list, joined over the lists of a node that are late at the same time."""
     symptoms = case.symptoms
     rows = np.flatnonzero(case.free(*_LATE))
@@ -52,28 +53,28 @@ def judge_late_senders(case: Case) -> Iterator[Draft]:
             yield _late(case, node, own)
 
 
-def _late(case: Case, node: int, rows: list[int]) -> Draft:
+def _late(case: Case, node: int, rows: list[int]) -> Explained:
     symptoms = case.symptoms
-    numbers = [number for number in np.unique(symptoms.list[rows]).tolist() if number >= 0]
+    numbers = [number for number in distinct(symptoms.list[rows]).tolist() if number >= 0]
     lists = [case.lists[number] for number in numbers]
     since_ns, last_ns = int(symptoms.since_ns[rows].min()), int(symptoms.time_ns[rows].max())
-    nominal_ns = max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
+    nominal_ns = longest_ns(lists)
     intervals = symptoms.of_kinds(LATE, JITTER)[rows]
-    longest_ns = int(symptoms.amount[rows][intervals].max(initial=0))
+    most_ns = int(symptoms.amount[rows][intervals].max(initial=0))
     checked = []
-    if longest_ns and nominal_ns:
-        tenths = 10 * longest_ns // nominal_ns
+    if most_ns and nominal_ns:
+        tenths = 10 * most_ns // nominal_ns
         checked.append(
-            f"up to {duration(longest_ns)}, {tenths // 10}.{tenths % 10} times the nominal {duration(nominal_ns)}"
+            f"up to {duration(most_ns)}, {tenths // 10}.{tenths % 10} times the nominal {duration(nominal_ns)}"
         )
     if node >= 0:
         every = {one.list.number for one in case.streams_of_node[node] if one.nominal_ns}
         if len(every) > 1:
-            of_all = "all" if set(numbers) >= every else f"{len(numbers)} of its {len(every)} cyclic lists"
-            checked.append(f"{'all its cyclic lists' if of_all == 'all' else of_all} at once")
+            how_many = "all its" if set(numbers) >= every else f"{len(numbers)} of its {len(every)}"
+            checked.append(f"{how_many} cyclic lists at once")
         checked.append("nothing of it was lost")
     which = lists_in_words(case, lists)
-    who = f"Node {case.address(node)} sent {which} late" if node >= 0 else f"{which[0].upper()}{which[1:]} came late"
+    who = f"Node {case.address(node)} sent {which} late" if node >= 0 else f"{capitalised(which)} came late"
     when = (
         f"at {moment(case, since_ns)}" if len(rows) == 1
         else f"{count_of(len(rows), 'time')} from {moment(case, since_ns)} to {moment(case, last_ns)}"
@@ -85,11 +86,10 @@ def _late(case: Case, node: int, rows: list[int]) -> Draft:
         SENDER_LATE, f"{who}, {when}", SENDER_LATE.next_step, checked, lists, [node] if node >= 0 else [],
         channels.pop() if len(channels) == 1 else None, since_ns=since_ns, until_ns=last_ns if over else None,
     )  # fmt: skip
-    case.explain(draft, case.only(rows))
-    return draft
+    return draft, case.only(rows)
 
 
-def judge_bursts(case: Case) -> Iterator[Draft]:
+def judge_bursts(case: Case) -> Iterator[Explained]:
     """Explain bursts that break a limit somebody set; as they are notes otherwise, they need no cause."""
     symptoms = case.symptoms
     places: dict[tuple[int, int], list[int]] = defaultdict(list)
@@ -100,11 +100,10 @@ def judge_bursts(case: Case) -> Iterator[Draft]:
         entry = case.lists[number]
         which = lists_in_words(case, [entry])
         since_ns, last_ns = int(symptoms.since_ns[rows].min()), int(symptoms.time_ns[rows].max())
-        who = f"Node {case.address(node)} sent {which}" if node >= 0 else f"{which[0].upper()}{which[1:]} came"
+        who = f"Node {case.address(node)} sent {which}" if node >= 0 else f"{capitalised(which)} came"
         draft = Draft(
             SENDER_BURSTS, f"{who} in quick succession, {count_of(len(rows), 'time')}", SENDER_BURSTS.next_step,
             [f"the shortest interval was {duration(int(symptoms.amount[rows].min()))}"], [entry],
             [node] if node >= 0 else [], since_ns=since_ns, until_ns=last_ns,
         )  # fmt: skip
-        case.explain(draft, case.only(rows))
-        yield draft
+        yield draft, case.only(rows)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
-from dissectors.batch import I64, U64
+from dissectors.batch import I64, U64, Bool
 from nvscope.findings.facts import Facts
-from nvscope.tracker.evidence.presence import HARDWARE, IP, Presence
+from nvscope.tracker.evidence.presence import HARDWARE, HARDWARE_BITS, IP, Presence
 from nvscope.tracker.evidence.signs import CLOSE_NS
 
-_HARDWARE_BITS = np.uint64((1 << 48) - 1)
 _PERCENT_USUAL = 95
 _FACTOR_PERCENT = 250
 
@@ -45,29 +45,19 @@ class Life:
         numbers = self._numbers(node)
         return bool(len(numbers)) and bool(self._presence.columns.others[numbers].any())
 
-    def last_sign_ns(self, node: int) -> int | None:
-        """Return when a node sent its last frame that is no telegram of a list; None where there is none."""
-        spans = self._presence.signs.columns
-        own = np.isin(spans.column("address"), self._numbers(node))
-        return int(spans.column("until_ns")[own].max()) if own.any() else None
-
     def numbers_of_ip(self, node: int) -> I64:
         """Return the number of a node's IP address among those that were seen; none where it was not."""
-        if node >= len(self._nodes):
-            return np.empty(0, np.int64)
-        key = (np.array([word], np.uint64) for word in (IP, int(self._nodes.high[node]), int(self._nodes.low[node])))
-        found = self._presence.addresses.find(*key)
-        return found[found >= 0]
+        return self._find(node, ())
 
     def hardware_of(self, node: int) -> list[int]:
         """Return the hardware addresses that a node's IP packets came from, in the order of their first frames."""
         words = self._presence.pairs.words
         own = np.flatnonzero(self._is_of(node, words[0], words[1]))
         order = own[np.argsort(self._presence.pair_columns.column("first_frame")[own], kind="stable")]
-        return list(dict.fromkeys((words[2][order] & _HARDWARE_BITS).tolist()))
+        return list(dict.fromkeys((words[2][order] & HARDWARE_BITS).tolist()))
 
-    def _is_of(self, node: int, high: U64, low: U64) -> I64:
-        own: I64 = (high == self._nodes.high[node]) & (low == self._nodes.low[node])
+    def _is_of(self, node: int, high: U64, low: U64) -> Bool:
+        own: Bool = (high == self._nodes.high[node]) & (low == self._nodes.low[node])
         return own
 
     @cached_property
@@ -75,15 +65,19 @@ class Life:
         """The hardware addresses with several IP addresses: a router's tell nothing of a node."""
         high, low, device, _ = self._presence.pairs.words
         owners: dict[int, set[tuple[int, int]]] = {}
-        for one, *address in zip((device & _HARDWARE_BITS).tolist(), high.tolist(), low.tolist(), strict=True):
+        for one, *address in zip((device & HARDWARE_BITS).tolist(), high.tolist(), low.tolist(), strict=True):
             owners.setdefault(one, set()).add((address[0], address[1]))
         return {one for one, several in owners.items() if len(several) > 1}
 
     def _numbers(self, node: int) -> I64:
         """Return the numbers of a node's addresses: its IP address, and hardware addresses that are its alone."""
+        known = self.hardware_of(node) if node < len(self._nodes) else ()
+        return self._find(node, [one for one in known if one not in self._shared_hardware])
+
+    def _find(self, node: int, hardware: Sequence[int]) -> I64:
+        """Return the numbers of a node's IP address and of some hardware addresses, as far as they were seen."""
         if node >= len(self._nodes):
             return np.empty(0, np.int64)
-        hardware = [one for one in self.hardware_of(node) if one not in self._shared_hardware]
         kinds = np.array([IP, *[HARDWARE] * len(hardware)], np.uint64)
         high = np.array([int(self._nodes.high[node]), *[0] * len(hardware)], np.uint64)
         low = np.array([int(self._nodes.low[node]), *hardware], np.uint64)

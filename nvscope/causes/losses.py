@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, Bool
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.facts import AnyList
 from nvscope.findings.loss import TELEGRAM_GAP
@@ -68,7 +68,7 @@ def losses_in(case: Case) -> list[Loss]:
     return sorted(found, key=lambda loss: loss.due_ns)
 
 
-def judge_losses_at_senders(case: Case) -> Iterator[Draft]:
+def judge_losses_at_senders(case: Case) -> Iterator[Explained]:
     """Explain losses of several lists of one node that come together, or alike."""
     every = losses_in(case)
     by_node: dict[int, list[Loss]] = defaultdict(list)
@@ -91,11 +91,9 @@ def judge_losses_at_senders(case: Case) -> Iterator[Draft]:
 def _at_sender(case: Case, node: int, own: Sequence[Loss], every: Sequence[Loss]) -> list[Loss]:
     lists = {one.list.number for one in case.streams_of_node.get(node, ())}
     losing = {loss.list for loss in own}
-    if len(losing) >= 2 or (len(case.streams_of_node) == 1 and losing == lists):
-        if len(case.streams_of_node) == 1 and losing == lists:
-            return list(own)
-        if _alike(case, node, own):
-            return list(own)
+    alone = len(case.streams_of_node) == 1 and losing == lists
+    if alone or (len(losing) >= 2 and _alike(case, node, own)):
+        return list(own)
     others = np.array([loss.due_ns for loss in every if loss.node != node], np.int64)
     due_ns = np.array([loss.due_ns for loss in own], np.int64)
     of_list = np.array([loss.list for loss in own], np.int64)
@@ -124,7 +122,7 @@ def _alike(case: Case, node: int, own: Sequence[Loss]) -> bool:
     return max(shares) <= _SHARE_FACTOR * min(shares)
 
 
-def judge_losses_of_lists(case: Case) -> Iterator[Draft]:
+def judge_losses_of_lists(case: Case) -> Iterator[Explained]:
     """Explain all losses that are left, by list and node."""
     places: dict[tuple[int, int], list[Loss]] = defaultdict(list)
     for loss in losses_in(case):
@@ -135,11 +133,11 @@ def judge_losses_of_lists(case: Case) -> Iterator[Draft]:
             checked = [_share(case, cluster)]
             if _alone(case, node, cluster):
                 checked.insert(0, "no other sender lost any then: not the capture")
-            subindexes = np.unique(case.symptoms.subindex[[loss.row for loss in cluster]]).tolist()
+            subindexes = distinct(case.symptoms.subindex[[loss.row for loss in cluster]]).tolist()
             if len(subindexes) == 1 and len(entry.streams) > 1:
                 checked.append(f"always SubIndex {subindexes[0]}")
             name = lists_in_words(case, [entry])
-            where = f"{name[0].upper()}{name[1:]} of {case.address(node)} lost {count_of(_lost(cluster), 'telegram')}"
+            where = f"{capitalised(name)} of {case.address(node)} lost {count_of(_lost(cluster), 'telegram')}"
             yield from _draft(case, LOSS_OF_LIST, where, node, [entry], cluster, checked)
 
 
@@ -169,18 +167,16 @@ def clusters(losses: Sequence[Loss]) -> list[list[Loss]]:
 def _draft(
     case: Case, kind: CauseKind, where: str, node: int, lists: Sequence[AnyList], losses: Sequence[Loss],
     checked: Sequence[str],
-) -> Iterator[Draft]:  # fmt: skip
+) -> Iterator[Explained]:  # fmt: skip
     symptoms = case.symptoms
     rows = np.array([loss.row for loss in losses], np.int64)
     since_ns, last_ns = losses[0].due_ns, int(symptoms.time_ns[rows].max())
-    longest_ns = max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
     until_ns: int | None = last_ns
     if len(losses) > 1:
-        usual_ns = max(2 * (last_ns - since_ns) // (len(losses) - 1), longest_ns * 5 // 2)
-        until_ns = None if case.end_ns - last_ns <= usual_ns else last_ns
+        until_ns = case.end_of_many(since_ns, last_ns, len(losses), slack_ns(lists))
     chosen = case.only(rows)
     effects = case.free(*_EFFECTS) & (symptoms.node == node) & np.isin(symptoms.list, [one.number for one in lists])
-    chosen |= effects & _at_moments(case, rows, longest_ns)
+    chosen |= effects & case.touching(rows, longest_ns(lists))
     when = (
         f"at {moment(case, since_ns)}" if len(losses) == 1
         else f"at {moment(case, since_ns)} and {moment(case, losses[-1].due_ns)}" if len(losses) == 2
@@ -189,18 +185,7 @@ def _draft(
     draft = Draft(
         kind, f"{where}, {when}", kind.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
     )  # fmt: skip
-    case.explain(draft, chosen)
-    yield draft
-
-
-def _at_moments(case: Case, rows: I64, slack_ns: int) -> Bool:
-    """Tell which symptoms touch one of the gaps, or come within an interval of one."""
-    symptoms = case.symptoms
-    since, until = np.sort(symptoms.since_ns[rows]) - slack_ns, np.sort(symptoms.time_ns[rows]) + slack_ns
-    begun = np.searchsorted(since, symptoms.time_ns, "right")
-    ended = np.searchsorted(until, symptoms.since_ns, "left")
-    touches: Bool = begun > ended
-    return touches
+    yield draft, chosen
 
 
 def _lost(losses: Sequence[Loss]) -> int:

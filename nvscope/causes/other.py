@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import NOBODY, Case, Draft
+from nvscope.causes.case import NOBODY, Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
+from nvscope.engine.runs import distinct
 from nvscope.findings.kind import Severity
 
 OTHER = CauseKind(
@@ -18,7 +19,7 @@ OTHER = CauseKind(
 )
 
 
-def judge_others(case: Case) -> Iterator[Draft]:
+def judge_others(case: Case) -> Iterator[Explained]:
     """Explain what is left, one cause a finding; what is left of notes needs no cause."""
     symptoms = case.symptoms
     left = np.flatnonzero(case.owner == NOBODY)
@@ -29,11 +30,10 @@ def judge_others(case: Case) -> Iterator[Draft]:
         if finding.kind.severity == Severity.NOTE:
             continue
         times = symptoms.time_ns[chosen]
-        lists = [case.lists[number] for number in np.unique(symptoms.list[chosen]).tolist() if number >= 0]
+        lists = case.lists_of(chosen)
         draft = Draft(
             OTHER, finding.message, finding.hint or finding.kind.next_steps[0], (), lists,
-            [node for node in np.unique(symptoms.node[chosen]).tolist() if node >= 0], finding.channel,
+            [node for node in distinct(symptoms.node[chosen]).tolist() if node >= 0], finding.channel,
             since_ns=int(symptoms.since_ns[chosen].min()) or None, until_ns=int(times.max()) or None,
         )  # fmt: skip
-        case.explain(draft, case.only(chosen))
-        yield draft
+        yield draft, case.only(chosen)

@@ -9,9 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft
+from dissectors.batch import Bool
+from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
 from nvscope.tracker.summary import ListSummary
@@ -51,7 +53,7 @@ REQUEST_UNANSWERED = CauseKind(
 _RUN = 3
 
 
-def judge_rejections(case: Case) -> Iterator[Draft]:
+def judge_rejections(case: Case) -> Iterator[Explained]:
     """Explain negative acknowledgements, by list and reader."""
     symptoms = case.symptoms
     rows = np.flatnonzero(case.free(NEGATIVE_ACKNOWLEDGEMENT))
@@ -69,19 +71,18 @@ def judge_rejections(case: Case) -> Iterator[Draft]:
             [entry], [reader] if reader >= 0 else [], since_ns=since_ns,
             until_ns=_end_of_many(case, [entry], own, last_ns),
         )  # fmt: skip
-        case.explain(draft, case.only(own))
-        yield draft
+        yield draft, case.only(own)
 
 
-def judge_without_program(case: Case) -> Iterator[Draft]:
+def judge_without_program(case: Case) -> Iterator[Explained]:
     """Explain telegrams that came back as undeliverable, by who says so."""
     symptoms = case.symptoms
     places: dict[int, list[int]] = defaultdict(list)
     for row in np.flatnonzero(case.free(SEND_REJECTED)).tolist():
         places[int(symptoms.detail[row])].append(row)
     for told_by, own in places.items():
-        lists = [case.lists[number] for number in np.unique(symptoms.list[own]).tolist()]
-        towards = np.unique(symptoms.peer[own])
+        lists = [case.lists[number] for number in distinct(symptoms.list[own]).tolist()]
+        towards = distinct(symptoms.peer[own])
         since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
         chosen = case.only(own)
         waits = (
@@ -98,19 +99,18 @@ def judge_without_program(case: Case) -> Iterator[Draft]:
             [told_by] if 0 <= told_by < len(case.facts.summary.addresses) else [], since_ns=since_ns,
             until_ns=_end_of_many(case, lists, own, last_ns),
         )  # fmt: skip
-        case.explain(draft, chosen)
-        yield draft
+        yield draft, chosen
 
 
-def judge_impossible(case: Case) -> Iterator[Draft]:
+def judge_impossible(case: Case) -> Iterator[Explained]:
     """Explain lists of which no telegram was ever acknowledged."""
     symptoms = case.symptoms
-    for number in np.unique(symptoms.list[case.free(NO_ACKNOWLEDGEMENT)]).tolist():
+    for number in distinct(symptoms.list[case.free(NO_ACKNOWLEDGEMENT)]).tolist():
         entry = case.lists[number]
         if not isinstance(entry, ListSummary) or entry.diagnosis.nAcknowledges:
             continue
         own = np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & (symptoms.list == number))
-        to = [node for node in np.unique(symptoms.peer[own]).tolist() if node >= 0]
+        to = [node for node in distinct(symptoms.peer[own]).tolist() if node >= 0]
         since_ns, last_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
         name = lists_in_words(case, [entry])
         answers = [node for node in to if node in case.last_acknowledgement_ns]
@@ -125,11 +125,10 @@ def judge_impossible(case: Case) -> Iterator[Draft]:
         else:
             checked.append("it is a broadcast: nobody has to answer")
         draft = Draft(
-            ACKNOWLEDGEMENT_IMPOSSIBLE, f"{name[0].upper()}{name[1:]} asks for acknowledgements that nobody sends",
+            ACKNOWLEDGEMENT_IMPOSSIBLE, f"{capitalised(name)} asks for acknowledgements that nobody sends",
             step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
         )  # fmt: skip
-        case.explain(draft, case.only(own))
-        yield draft
+        yield draft, case.only(own)
 
 
 class _Run(NamedTuple):
@@ -142,14 +141,15 @@ class _Run(NamedTuple):
     until_ns: int
 
 
-def judge_silent_readers(case: Case) -> Iterator[Draft]:
+def judge_silent_readers(case: Case) -> Iterator[Explained]:
     """Explain what stayed without acknowledgement: runs each for itself, all others of a reader and list as one."""
     symptoms = case.symptoms
     places: dict[tuple[tuple[int, ...], int], list[int]] = defaultdict(list)
     for row in np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT)).tolist():
         number, peer = int(symptoms.list[row]), int(symptoms.peer[row])
         entry = case.lists[number]
-        readers = (peer,) if peer in entry.readers or not entry.readers else tuple(entry.readers)  # type: ignore[union-attr]
+        assert isinstance(entry, ListSummary), "nobody acknowledges on CAN"
+        readers = (peer,) if peer in entry.readers or not entry.readers else tuple(entry.readers)
         places[readers, number].append(row)
     runs: list[_Run] = []
     for (readers, number), rows in places.items():
@@ -169,13 +169,14 @@ def _runs(case: Case, rows: Sequence[int]) -> list[list[int]]:
     runs, rest = [], []
     for own in by_stream.values():
         own.sort(key=lambda row: int(symptoms.since_ns[row]))
+        place = int(symptoms.list[own[0]]), int(symptoms.subindex[own[0]])
+        stream = next(
+            one.stream for one in case.streams_of_node[int(symptoms.node[own[0]])]
+            if (one.list.number, one.stream.subindex) == place
+        )  # fmt: skip
         parts = [[own[0]]]
         for before, row in pairwise(own):
             interval_ns = int(symptoms.since_ns[row] - symptoms.since_ns[before])
-            stream = next(
-                one.stream for one in case.streams_of_node[int(symptoms.node[row])]
-                if (one.list.number, one.stream.subindex) == (int(symptoms.list[row]), int(symptoms.subindex[row]))
-            )  # fmt: skip
             usual_ns = stream.intervals.nominal or stream.intervals.p95 or interval_ns
             if interval_ns <= usual_ns * 3 // 2:
                 parts[-1].append(row)
@@ -200,7 +201,7 @@ def _overlapping(runs: Sequence[_Run]) -> list[list[_Run]]:
     return found
 
 
-def _silent(case: Case, runs: Sequence[_Run]) -> Draft:
+def _silent(case: Case, runs: Sequence[_Run]) -> Explained:
     readers = runs[0].readers
     rows = [row for run in runs for row in run.rows]
     lists = [case.lists[number] for number in dict.fromkeys(run.list_number for run in runs)]
@@ -208,7 +209,7 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Draft:
     in_a_row = len(runs[0].rows) >= _RUN and len(_runs(case, runs[0].rows)) == 1
     which = lists_in_words(case, lists)
     who = f"Node {case.address(readers[0])}" if len(readers) == 1 else f"None of {count_of(len(readers), 'reader')}"
-    over = case.end_ns - last_ns > _longest(lists) * 5 // 2
+    over = case.end_ns - last_ns > slack_ns(lists)
     until_ns = _answered_again(case, lists, readers, last_ns) if in_a_row and over else None
     if not in_a_row:
         until_ns = _end_of_many(case, lists, rows, last_ns)
@@ -220,20 +221,18 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Draft:
     else:
         title = f"{who} {did_not} {count_of(len(rows), 'telegram')} of {which}"
     checked = _usual_answers(case, readers, lists)
-    checked.append(_meanwhile(case, readers, since_ns, last_ns, lists))
+    checked.append(_meanwhile(case, readers, since_ns, last_ns))
     draft = Draft(
         READER_SILENT, title, READER_SILENT.next_step, [one for one in checked if one], lists,
         [reader for reader in readers if reader >= 0], since_ns=since_ns, until_ns=until_ns,
     )  # fmt: skip
-    case.explain(draft, case.only(rows))
-    return draft
+    return draft, case.only(rows)
 
 
 def _usual_answers(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> list[str]:
     """Return how many telegrams of the lists readers answered, and how fast."""
     answers = case.witness.evidence.answers
-    numbers, nodes = (word.astype(np.int64) for word in answers.pairs.words)
-    own = np.isin(numbers, [entry.number for entry in lists]) & np.isin(nodes, readers)
+    own = _of_readers(case, readers, lists)
     total = int(answers.columns.column("count")[own].sum())
     if not total:
         return []
@@ -242,7 +241,14 @@ def _usual_answers(case: Case, readers: Sequence[int], lists: Sequence[AnyList])
     return [f"it answered the {count(total)} others{took}"]
 
 
-def _meanwhile(case: Case, readers: Sequence[int], since_ns: int, until_ns: int, lists: Sequence[AnyList]) -> str:
+def _of_readers(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> Bool:
+    """Tell which pairs of those that acknowledge are readers of some lists."""
+    numbers, nodes = (word.astype(np.int64) for word in case.witness.evidence.answers.pairs.words)
+    own: Bool = np.isin(numbers, [entry.number for entry in lists]) & np.isin(nodes, readers)
+    return own
+
+
+def _meanwhile(case: Case, readers: Sequence[int], since_ns: int, until_ns: int) -> str:
     """Return what else readers did in the time in question."""
     if len(readers) != 1 or readers[0] < 0:
         return ""
@@ -260,13 +266,13 @@ def _meanwhile(case: Case, readers: Sequence[int], since_ns: int, until_ns: int,
     return "it sent nothing else in that time"
 
 
-def judge_boot_up(case: Case) -> Iterator[Draft]:
+def judge_boot_up(case: Case) -> Iterator[Explained]:
     """Explain boot-up requests that nobody answered, by list."""
     symptoms = case.symptoms
-    for number in np.unique(symptoms.list[case.free(BOOT_UP_UNANSWERED)]).tolist():
+    for number in distinct(symptoms.list[case.free(BOOT_UP_UNANSWERED)]).tolist():
         own = np.flatnonzero(case.free(BOOT_UP_UNANSWERED) & (symptoms.list == number))
         entry = case.lists[number]
-        askers = [node for node in np.unique(symptoms.peer[own]).tolist() if node >= 0]
+        askers = [node for node in distinct(symptoms.peer[own]).tolist() if node >= 0]
         since_ns, last_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
         senders = [case.address(node) for node in getattr(entry, "senders", ())]
         who = f"node {case.address(askers[0])}" if len(askers) == 1 else count_of(len(askers), "node")
@@ -277,19 +283,13 @@ def judge_boot_up(case: Case) -> Iterator[Draft]:
             REQUEST_UNANSWERED.next_step, checked, [entry], askers, since_ns=since_ns,
             until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
         )  # fmt: skip
-        case.explain(draft, case.only(own))
-        yield draft
-
-
-def _longest(lists: Sequence[AnyList]) -> int:
-    return max((stream.intervals.nominal or 0 for entry in lists for stream in entry.streams), default=0)
+        yield draft, case.only(own)
 
 
 def _answered_again(case: Case, lists: Sequence[AnyList], readers: Sequence[int], last_ns: int) -> int | None:
     """Return when a run ended; None where nothing was acknowledged any more."""
     answers = case.witness.evidence.answers
-    numbers, nodes = (word.astype(np.int64) for word in answers.pairs.words)
-    own = np.isin(numbers, [entry.number for entry in lists]) & np.isin(nodes, readers)
+    own = _of_readers(case, readers, lists)
     later = answers.columns.column("last_ns")[own]
     return last_ns if (later > last_ns).any() else None
 
@@ -297,5 +297,4 @@ def _answered_again(case: Case, lists: Sequence[AnyList], readers: Sequence[int]
 def _end_of_many(case: Case, lists: Sequence[AnyList], rows: Sequence[int], last_ns: int) -> int | None:
     """Return when events that come again and again ended; None where they go on as far as one can tell."""
     first_ns = int(case.symptoms.time_ns[rows].min())
-    usual_ns = 2 * (last_ns - first_ns) // max(len(rows) - 1, 1)
-    return None if case.end_ns - last_ns <= max(usual_ns, _longest(lists) * 5 // 2) else last_ns
+    return case.end_of_many(first_ns, last_ns, len(rows), slack_ns(lists))

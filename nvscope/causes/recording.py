@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft
+from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, UNEXPECTED_ACKNOWLEDGEMENT
@@ -33,7 +33,10 @@ _OF_COPIES = (MIRRORED_TWICE, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, UNEXPECTED
 _OF_CLOCK = (LATE, JITTER, BURST, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, TORN_CYCLE, INCOMPLETE_CYCLE)
 
 
-def judge_mirroring(case: Case) -> Iterator[Draft]:
+_ROOM_NS = 1_000_000_000
+
+
+def judge_mirroring(case: Case) -> Iterator[Explained]:
     """Explain copies of nearly all telegrams."""
     told = case.free(MIRRORED_TWICE)
     if not told.any():
@@ -43,22 +46,17 @@ def judge_mirroring(case: Case) -> Iterator[Draft]:
     copies = chosen & symptoms.of_kinds(DUPLICATE_TELEGRAM)
     times = symptoms.time_ns[copies] if copies.any() else symptoms.time_ns[told]
     since_ns, last_ns = int(times.min()), int(times.max())
+    usual_ns = (last_ns - since_ns) // max(len(times) - 1, 1) + _ROOM_NS
     finding = case.findings[int(symptoms.finding[told][0])]
-    lists = [case.lists[number] for number in np.unique(symptoms.list[copies]).tolist() if number >= 0]
+    lists = case.lists_of(copies)
     draft = Draft(
         SEEN_TWICE, "The capture holds nearly every telegram twice", SEEN_TWICE.next_step, [finding.message],
-        lists, since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= 2 * _usual_ns(times) else last_ns,
+        lists, since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= 2 * usual_ns else last_ns,
     )  # fmt: skip
-    case.explain(draft, chosen)
-    yield draft
+    yield draft, chosen
 
 
-def _usual_ns(times: object) -> int:
-    times_ns = np.sort(np.asarray(times))
-    return int((times_ns[-1] - times_ns[0]) // max(len(times_ns) - 1, 1)) + 1_000_000_000
-
-
-def judge_clock_steps(case: Case) -> Iterator[Draft]:
+def judge_clock_steps(case: Case) -> Iterator[Explained]:
     """Explain steps back of the clock, and what they make of the intervals and waits at that moment, one cause each."""
     symptoms = case.symptoms
     for row in np.flatnonzero(case.free(CLOCK_STEP)).tolist():
@@ -72,5 +70,4 @@ def judge_clock_steps(case: Case) -> Iterator[Draft]:
             CLOCK.next_step, [f"frame {int(symptoms.frame[row])} has an earlier time than the one in front of it"],
             since_ns=now_ns, until_ns=before_ns,
         )  # fmt: skip
-        case.explain(draft, chosen)
-        yield draft
+        yield draft, chosen

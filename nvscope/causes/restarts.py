@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import Case, Draft, NodeStream
+from nvscope.causes.case import Case, Draft, Explained, NodeStream
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
@@ -36,7 +36,7 @@ _IN_PAUSE = (TELEGRAM_GAP, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED
 _BESIDE = (TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 
 
-def judge_node_restarts(case: Case) -> Iterator[Draft]:
+def judge_node_restarts(case: Case) -> Iterator[Explained]:
     """Explain Counters that begin anew together, as those of a node that did."""
     for node, rows in _restarts(case).items():
         for cluster in _clusters(case, node, rows):
@@ -110,7 +110,7 @@ def _announced(case: Case, node: int, since_ns: int, until_ns: int) -> str:
 def _node_draft(
     case: Case, node: int, cluster: Sequence[int], streams: Sequence[NodeStream], going_on: Sequence[NodeStream],
     since_ns: int, until_ns: int, shown: str,
-) -> Iterator[Draft]:  # fmt: skip
+) -> Iterator[Explained]:  # fmt: skip
     symptoms = case.symptoms
     last_ns = int(symptoms.time_ns[list(cluster)].max())
     chosen = case.only(cluster)
@@ -133,8 +133,7 @@ def _node_draft(
     draft = Draft(
         NODE_RESTART, title, NODE_RESTART.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
     )  # fmt: skip
-    case.explain(draft, chosen)
-    yield draft
+    yield draft, chosen
 
 
 def _within(case: Case, since_ns: int, until_ns: int) -> Bool:
@@ -143,7 +142,7 @@ def _within(case: Case, since_ns: int, until_ns: int) -> Bool:
     return told
 
 
-def judge_list_restarts(case: Case) -> Iterator[Draft]:
+def judge_list_restarts(case: Case) -> Iterator[Explained]:
     """Explain Counters that begin anew alone."""
     for node, rows in _restarts(case).items():
         for cluster in _clusters(case, node, rows):
@@ -162,5 +161,4 @@ def judge_list_restarts(case: Case) -> Iterator[Draft]:
                 LIST_RESTARTED, title, LIST_RESTARTED.next_step, checked, lists, [node], since_ns=since_ns,
                 until_ns=until_ns,
             )  # fmt: skip
-            case.explain(draft, chosen)
-            yield draft
+            yield draft, chosen

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft, NodeStream
+from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
@@ -49,11 +49,12 @@ class _Further(NamedTuple):
     since_ns: int
 
 
-def judge_second_senders(case: Case) -> Iterator[Draft]:
+def judge_second_senders(case: Case) -> Iterator[Explained]:
     """Explain lists with several senders: one cause a further sender, and lists that it begins within a second."""
+    told = [finding.list_number for finding in case.findings if finding.kind is SEVERAL_SENDERS]
+    together = case.facts.state.lists.several_senders.together(case.facts.state.lists.flows) if told else {}
     found = [
-        one for finding in case.findings if finding.kind is SEVERAL_SENDERS and finding.list_number is not None
-        for one in _further(case, finding.list_number)
+        one for number in told if number is not None for one in _further(case, number, together[number].nodes)
     ]  # fmt: skip
     found.sort(key=lambda one: (one.node, one.since_ns, one.list.key))
     groups: list[list[_Further]] = []
@@ -66,19 +67,18 @@ def judge_second_senders(case: Case) -> Iterator[Draft]:
         yield from _draft(case, group)
 
 
-def _further(case: Case, number: int) -> Iterator[_Further]:
-    together = case.facts.state.lists.several_senders.together(case.facts.state.lists.flows)[number]
+def _further(case: Case, number: int, nodes: Collection[int]) -> Iterator[_Further]:
     entry = case.lists[number]
     assert isinstance(entry, ListSummary)
     first: dict[int, int] = {}
     for stream in entry.streams:
-        if stream.node in together.nodes:
+        if stream.node in nodes:
             first[stream.node] = min(first.get(stream.node, stream.first_ns), stream.first_ns)
     for node in sorted(first, key=lambda node: first[node])[1:]:
         yield _Further(node, entry, first[node])
 
 
-def _draft(case: Case, group: Sequence[_Further]) -> Iterator[Draft]:
+def _draft(case: Case, group: Sequence[_Further]) -> Iterator[Explained]:
     node, since_ns = group[0].node, group[0].since_ns
     lists, symptoms = [one.list for one in group], case.symptoms
     numbers = [entry.number for entry in lists]
@@ -94,17 +94,16 @@ def _draft(case: Case, group: Sequence[_Further]) -> Iterator[Draft]:
         title = f"A further node sends {which} since {moment(case, since_ns)}: {name}"
     else:
         title = f"A further node sent {which} from {moment(case, since_ns)} to {moment(case, until_ns)}: {name}"
-    checked, others = _compared(case, group[0], own)
+    checked, others = _compared(case, group[0])
     step = (
         f"Stop {name}, or give its list another identifier: readers take turns between both." if len(others) < 2
         else f"Stop {name}, or give its list another identifier: readers take turns between all of them."
     )  # fmt: skip
     draft = Draft(SECOND_SENDER, title, step, checked, lists, [node, *others], since_ns=since_ns, until_ns=until_ns)
-    case.explain(draft, chosen)
-    yield draft
+    yield draft, chosen
 
 
-def _compared(case: Case, further: _Further, own: Sequence[NodeStream]) -> tuple[list[str], list[int]]:
+def _compared(case: Case, further: _Further) -> tuple[list[str], list[int]]:
     """Return in what a further sender differs from the others of a list, and who these are."""
     entry = further.list
     others = list(dict.fromkeys(stream.node for stream in entry.streams if stream.node != further.node))

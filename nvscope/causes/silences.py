@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import Case, Draft, NodeStream, Pause
+from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
 from nvscope.findings.kind import Severity
@@ -54,7 +54,7 @@ class _Silence(NamedTuple):
     longest_ns: int
 
 
-def judge_nodes(case: Case, kind: CauseKind) -> Iterator[Draft]:
+def judge_nodes(case: Case, kind: CauseKind) -> Iterator[Explained]:
     """Explain the silences of nodes; ``kind`` is NODE_SILENT or PROGRAM_STOPPED."""
     for node, streams in case.streams_of_node.items():
         for silence in _silences(case, node, streams):
@@ -126,7 +126,7 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
 
 def _draft(
     case: Case, kind: CauseKind, node: int, streams: Sequence[NodeStream], pause: Pause, chosen: Bool
-) -> Iterator[Draft]:
+) -> Iterator[Explained]:
     timed = {one.list.number: one.list for one in streams if one.nominal_ns}
     name, which = case.address(node), lists_in_words(case, list(timed.values()))
     since, checked = moment(case, pause.since_ns), []
@@ -157,8 +157,7 @@ def _draft(
         kind, title, kind.next_step, checked, list(timed.values()), [node], since_ns=pause.since_ns,
         until_ns=pause.until_ns,
     )  # fmt: skip
-    case.explain(draft, chosen)
-    yield draft
+    yield draft, chosen
 
 
 def _sends_later(case: Case, node: int, pause: Pause) -> bool:
@@ -171,7 +170,7 @@ def _sends_later(case: Case, node: int, pause: Pause) -> bool:
     )  # fmt: skip
 
 
-def judge_lists(case: Case) -> Iterator[Draft]:
+def judge_lists(case: Case) -> Iterator[Explained]:
     """Explain lists that stop while their sender goes on; on CAN, where no frame names its sender, those together."""
     symptoms = case.symptoms
     ended = np.flatnonzero(case.free(STOPPED))
@@ -188,7 +187,7 @@ def judge_lists(case: Case) -> Iterator[Draft]:
             chosen = np.isin(symptoms.list, [entry.number for entry in lists])
             chosen &= (symptoms.node == node) | (symptoms.node < 0)
             chosen &= case.free(STOPPED, TORN_CYCLE, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED) & (
-                symptoms.time_ns >= since_ns - _slack(case, lists)
+                symptoms.time_ns >= since_ns - slack_ns(lists)
             )
             chosen[together] = True
             yield from _list_draft(case, node, lists, since_ns, chosen)
@@ -198,25 +197,20 @@ def _channel(case: Case, entry: AnyList) -> int:
     return case.channels.index(str(entry.key.port)) if str(entry.key.port) in case.channels else -1
 
 
-def _slack(case: Case, lists: Sequence[AnyList]) -> int:
-    nominal = [stream.intervals.nominal or 0 for entry in lists for stream in entry.streams]
-    return max(nominal, default=0) * 5 // 2
-
-
 def _together(case: Case, rows: Sequence[int]) -> list[list[int]]:
     """Return symptoms by silences that begin within two and a half intervals of each other."""
     time_ns, found = case.symptoms.time_ns, [[min(rows, key=lambda row: int(case.symptoms.time_ns[row]))]]
     for row in sorted(rows, key=lambda row: int(time_ns[row]))[1:]:
         before = found[-1][-1]
         lists = [case.lists[int(case.symptoms.list[one])] for one in (before, row)]
-        if time_ns[row] - time_ns[before] <= _slack(case, lists):
+        if time_ns[row] - time_ns[before] <= slack_ns(lists):
             found[-1].append(row)
         else:
             found.append([row])
     return found
 
 
-def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, chosen: Bool) -> Iterator[Draft]:
+def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, chosen: Bool) -> Iterator[Explained]:
     which, since, checked = lists_in_words(case, lists), moment(case, since_ns), []
     if node >= 0:
         others = {one.list.number: one.list for one in case.streams_of_node[node] if one.stream.last_ns > since_ns}
@@ -226,7 +220,7 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
             checked.append(f"it goes on with {lists_in_words(case, list(others.values()))}")
         channel = None
     else:
-        title = f"{which[0].upper()}{which[1:]} {'is' if len(lists) == 1 else 'are'} silent since {since}"
+        title = f"{capitalised(which)} {'is' if len(lists) == 1 else 'are'} silent since {since}"
         channel = str(lists[0].key.port)
         if len(lists) > 1:
             checked.append("they ended together: one device?")
@@ -234,5 +228,4 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
         LIST_STOPPED, title, LIST_STOPPED.next_step, checked, lists, [node] if node >= 0 else [], channel,
         since_ns=since_ns,
     )  # fmt: skip
-    case.explain(draft, chosen)
-    yield draft
+    yield draft, chosen

@@ -14,6 +14,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.engine.events import NOWHERE
+from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.can_bus import ERROR_FRAMES
 from nvscope.findings.capture import CLOCK_STEP
@@ -73,21 +74,50 @@ class Symptoms(NamedTuple):
         return chosen
 
 
-def symptoms_of(facts: Facts, findings: Sequence[Finding], evidence: Evidence, channels: Sequence[str]) -> Symptoms:
+def symptoms_of(
+    facts: Facts, findings: Sequence[Finding], evidence: Evidence, intervals: IntervalsByStream,
+    channels: Sequence[str],
+) -> Symptoms:  # fmt: skip
     """Return the events behind findings; of a finding whose events nobody has kept, one that is all of it.
 
     ``channels`` are the names of the CAN channels by number.
     """
     places = _Places(findings, channels)
     parts = [
-        *_of_tables(places, evidence), *_of_steps(facts, places, evidence), *_of_intervals(facts, places, evidence),
+        *_of_tables(places, evidence), *_of_steps(facts, places, evidence), *_of_intervals(facts, places, intervals),
         *_of_silences(facts, places),
     ]  # fmt: skip
-    known = {finding for part in parts for finding in np.unique(part.finding).tolist()}
+    known = {finding for part in parts for finding in distinct(part.finding).tolist()}
     parts.append(_of_findings(places, known))
     whole = Symptoms(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     order = np.lexsort((whole.code, whole.frame, whole.time_ns))
     return Symptoms(*(column[order] for column in whole))
+
+
+def _by_place(columns: Sequence[I64]) -> Iterator[tuple[tuple[int, ...], I64]]:
+    """Yield each row of numbers that some columns hold, and where they hold it, rising."""
+    order = np.lexsort(columns[::-1])
+    changes = np.zeros(len(order), np.bool_)
+    for column in columns:
+        changes |= np.append(True, np.diff(column[order]) != 0)[: len(order)]
+    start = np.flatnonzero(changes)
+    places = zip(*(column[order[start]].tolist() for column in columns), strict=True)
+    yield from zip(places, np.split(order, start[1:]) if len(start) else (), strict=True)
+
+
+class IntervalsByStream:
+    """The unusual intervals that were kept, by list, node and SubIndex; those of a stream by time."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self._table = evidence.columns["intervals"].table()
+        self._rows = dict(_by_place((self._table.list, self._table.node, self._table.subindex)))
+
+    def of(self, place: tuple[int, int, int]) -> EventTable:
+        """Return those of one stream."""
+        return _where(self._table, self._rows.get(place, _NO_ROWS))
+
+
+_NO_ROWS = np.empty(0, np.int64)
 
 
 class _Places:
@@ -128,17 +158,9 @@ class _Places:
         if kind not in self.of_kind or not len(table.frame):
             return None
         columns = table.list, table.node, table.subindex, table.channel
-        order = np.lexsort(columns)
-        changes = np.zeros(len(order), np.bool_)
-        for column in columns:
-            changes |= np.append(True, np.diff(column[order]) != 0)
-        start = np.flatnonzero(changes)
-        first = order[start]
-        numbers = [
-            self.find(kind, *place) for place in zip(*(column[first].tolist() for column in columns), strict=True)
-        ]  # fmt: skip
-        finding = np.empty(len(order), np.int64)
-        finding[order] = np.repeat(numbers, np.diff(start, append=len(order)))
+        finding = np.empty(len(table.frame), np.int64)
+        for place, row in _by_place(columns):
+            finding[row] = self.find(kind, place[0], place[1], place[2], place[3])
         chosen = np.flatnonzero(finding >= 0)
         return Symptoms(
             finding[chosen], np.full(len(chosen), code_number(kind)),
@@ -155,7 +177,7 @@ def _of_tables(places: _Places, evidence: Evidence) -> Iterator[Symptoms]:
     for theme in evidence.columns.values():
         table = theme.table()
         kinds = theme.kinds
-        for number in np.unique(table.kind).tolist():
+        for number in distinct(table.kind).tolist():
             own = _where(table, table.kind == number)
             event = kinds[number]
             if not isinstance(event, EventKind):
@@ -180,35 +202,16 @@ def _of_steps(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Sym
             yield found
 
 
-def _of_intervals(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Symptoms]:
+def _of_intervals(facts: Facts, places: _Places, intervals: IntervalsByStream) -> Iterator[Symptoms]:
     """Yield the intervals that are late, or bursts, or what makes the jitter."""
-    table = evidence.columns["intervals"].table()
-    every: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
-    by_place = {
-        (entry.number, NOWHERE if stream.node is None else stream.node, stream.subindex): (entry, stream)
-        for entry, stream in every
-    }
-    order = np.lexsort((table.subindex, table.node, table.list))
-    key = [column[order] for column in (table.list, table.node, table.subindex)]
-    changes = np.zeros(len(order), np.bool_)
-    for column in key:
-        changes |= np.append(True, np.diff(column) != 0)[: len(order)]
-    start = np.flatnonzero(changes)
-    stop = np.append(start, len(order))[1:]
-    rows = {
-        place: order[first:end]
-        for place, first, end in zip(
-            zip(*(column[start].tolist() for column in key), strict=True), start.tolist(), stop.tolist(), strict=True
-        )
-    }
+    streams = _streams_by_place(facts)
     for kind in (LATE, JITTER, BURST):
         for number, finding in places.of_kind.get(kind, ()):
             place = places.place(finding)[:3]
-            row = rows.get(place)
-            if row is None or place not in by_place:
+            if place not in streams:
                 continue
-            chosen = _chosen(facts, kind, *by_place[place], _where(table, row))
-            own = _where(table, row[chosen])
+            table = intervals.of(place)
+            own = _where(table, _chosen(facts, kind, *streams[place], table))
             yield Symptoms(
                 np.full(len(own.frame), number), np.full(len(own.frame), code_number(kind)),
                 *(getattr(own, name) for name in Symptoms._fields[2:]),
@@ -233,17 +236,22 @@ def _chosen(facts: Facts, kind: FindingKind, entry: AnyList, stream: AnyStream, 
     return late
 
 
-def _of_silences(facts: Facts, places: _Places) -> Iterator[Symptoms]:
-    """Yield the silences at the ends of captures; the time is their beginning."""
+def _streams_by_place(facts: Facts) -> dict[tuple[int, int, int], tuple[AnyList, AnyStream]]:
+    """Return all streams with their lists, by list, node and SubIndex."""
     every: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
-    streams = {
-        (entry.number, NOWHERE if stream.node is None else stream.node, stream.subindex): stream
+    return {
+        (entry.number, NOWHERE if stream.node is None else stream.node, stream.subindex): (entry, stream)
         for entry, stream in every
     }
+
+
+def _of_silences(facts: Facts, places: _Places) -> Iterator[Symptoms]:
+    """Yield the silences at the ends of captures; the time is their beginning."""
+    streams = _streams_by_place(facts)
     rows: list[tuple[int, ...]] = []
     for number, finding in places.of_kind.get(STOPPED, ()):
         place = places.place(finding)
-        stream = streams[place[:3]]
+        _, stream = streams[place[:3]]
         nominal_ns = stream.intervals.nominal or 0
         for silence in facts.silences_of(stream):
             if 100 * silence.length_ns > facts.limits.stopped_percent * nominal_ns:

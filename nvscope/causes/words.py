@@ -28,6 +28,11 @@ def lists_in_words(case: Case, lists: Sequence[AnyList]) -> str:
     return f"lists {', '.join(names[:-1])} and {names[-1]}"
 
 
+def capitalised(words: str) -> str:
+    """Return words as they begin a sentence."""
+    return words[:1].upper() + words[1:]
+
+
 def _name(case: Case, entry: AnyList) -> str:
     defined = case.facts.definition_of(entry)
     if defined is not None and defined.name:

@@ -166,7 +166,7 @@ def _erratic(state: TrackerState, before: Extremes | None) -> frozenset[int]:
     suspects: Collection[int] = np.flatnonzero(lost.max(axis=1, initial=0) > telegrams[: len(lost)]).tolist()
     if not suspects:
         return frozenset()
-    swapped = state.senders.loss.byte_swapped(keys.node_of(np.arange(len(loss))))
+    swapped = state.senders.loss.byte_swapped(keys)
     scopes, histograms = scopes_in_force(state), Histograms(state.senders.timing)
     extremes = extremes_of(state, before)
     found = set()

@@ -302,16 +302,14 @@ class Loss:
             )
         )  # fmt: skip
 
-    def byte_swapped(self, node: I64) -> Bool:
-        """Tell which streams have a Counter that is written byte-swapped: their own, or that of all of their node.
-
-        ``node`` is that of each stream, ``NOBODY`` of those on CAN.
-        """
+    def byte_swapped(self, keys: Keys) -> Bool:
+        """Tell which streams have a Counter that is written byte-swapped: their own, or that of all of their node."""
         own, nodes = self.streams, self.nodes
+        node = keys.node_of(np.arange(len(own)))  # of those on CAN -1, which is the last one below
         of_stream = byte_swapped(own.column("steps"), own.column("regular"), own.column("swapped"))
         regular = np.maximum(nodes.column("regular_telegram"), nodes.column("regular_send"))
         of_node = np.append(byte_swapped(nodes.column("steps"), regular, nodes.column("swapped")), False)
-        told: Bool = of_stream | of_node[node[: len(of_stream)]]
+        told: Bool = of_stream | of_node[node]
         return told
 
     def events_of(self, step: Step, scope: Scope) -> EventRows:

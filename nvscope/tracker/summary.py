@@ -154,7 +154,7 @@ def _streams(
     columns = (
         known, of_list, node, subindex, telegrams, memory.first_ns[known], memory.last_ns[known], counting, unused,
         signature & np.uint64(0xFFFF), signature >> LENGTH_SHIFT & np.uint64(0xFFFF), signed,
-        signature >> CHECKSUM_SHIFT, state.senders.loss.byte_swapped(keys.node_of(np.arange(len(loss))))[known],
+        signature >> CHECKSUM_SHIFT, state.senders.loss.byte_swapped(keys)[known],
     )  # fmt: skip
     found = []
     nominal = [intervals_ns.get(key) for key in lists] if intervals_ns else [None] * len(lists)

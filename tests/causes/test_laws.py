@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
 from nvscope.causes.case import NOBODY, Case
-from nvscope.causes.judge import JUDGES
+from nvscope.causes.judge import judged as explained
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.findings.facts import Facts
@@ -36,11 +36,7 @@ def judged(batches: Sequence[PacketBatch]) -> Case:
     summary = summarize(state)
     findings = judge(state, summary=summary)
     facts = Facts(state, summary, (), summary.capture.at_ns or 0)
-    case = Case(facts, findings, witness, CHANNELS)
-    for judge_some in JUDGES:
-        for _ in judge_some(case):
-            pass
-    return case
+    return explained(facts, findings, witness, CHANNELS)
 
 
 def told(case: Case) -> list[Any]:

@@ -30,7 +30,7 @@ HARDWARE, IP = 0, 1
 """The first word of the key of an address; the others are its halves, of a hardware address 0 and the address."""
 
 _VLAN_BIT = np.uint64(48)
-_HARDWARE_BITS = (np.uint64(1) << _VLAN_BIT) - np.uint64(1)
+HARDWARE_BITS = (np.uint64(1) << _VLAN_BIT) - np.uint64(1)
 
 
 class SeenColumns(KeyedColumns):
@@ -262,7 +262,7 @@ class Presence:
             return
         before = np.roll(told, 1)
         before[start] = self.columns.pair[owner[start]]
-        hardware = self.pairs.words[2] & _HARDWARE_BITS
+        hardware = self.pairs.words[2] & HARDWARE_BITS
         alternates = (before >= 0) & (hardware[before] != hardware[told])
         np.add.at(self.pair_columns.alternations, told[alternates], 1)
         self.columns.pair[owner[start]] = told[stop - 1]
