@@ -8,6 +8,7 @@ duplicate, however late it comes.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -193,19 +194,9 @@ class Loss:
         irregular = np.diff(np.searchsorted(steps.irregular, np.append(rows.start, len(rows))))
         streams.steps[run] += rows.stop - rows.start - idle
         streams.regular[run] += rows.stop - rows.start - irregular
-        self._count_swapped(rows, steps)
+        last = (rows.signature_before >> COUNTER_SHIFT).astype(np.uint16)
+        np.add.at(streams.swapped, run[_swapped(steps, rows.start, last, lambda place: rows.counter[place])], 1)
         return steps
-
-    def _count_swapped(self, rows: DataRows, steps: Steps) -> None:
-        """Count the steps that are +1 once the bytes of both counters are swapped."""
-        place = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
-        if not len(place):
-            return
-        run = np.searchsorted(rows.start, place, "right") - 1
-        first = (rows.signature_before[run] >> COUNTER_SHIFT).astype(np.uint16)
-        before = np.where(rows.start[run] == place, first, rows.counter[place - 1])
-        swapped = _is_next(before.byteswap(), rows.counter[place].byteswap())
-        np.add.at(self.streams.swapped, rows.run_stream[run[swapped]], 1)
 
     def _walk_nodes(self, told: Told, rows: DataRows, keys: Keys) -> NodeSteps:
         """Walk the nodes' sequences.
@@ -243,12 +234,8 @@ class Loss:
             nodes.regular_between_streams[run] += of_streams
             nodes.regular_between_lists[run] += of_lists
             last = changes.last_stream
-        place = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
-        if len(place):
-            own = np.searchsorted(start, place, "right") - 1
-            before = np.where(start[own] == place, nodes.last[run[own]], told.counter[packet[place - 1]])
-            swapped = _is_next(before.byteswap(), told.counter[packet[place]].byteswap())
-            np.add.at(nodes.swapped, run[own[swapped]], 1)
+        own = _swapped(steps, start, nodes.last[run], lambda place: told.counter[packet[place]])
+        np.add.at(nodes.swapped, run[own], 1)
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
         nodes.last_stream[run] = last
         nodes.last_ns[run], nodes.last[run] = time_ns[packet[stop - 1]], told.counter[packet[stop - 1]]
@@ -317,9 +304,18 @@ class Loss:
         return self._events[step, min(scope, Scope.NODE_TELEGRAM)]  # both node scopes take the same steps
 
 
-def _is_next(before: U16, counter: U16) -> Bool:
-    told: Bool = counter - before == 1
-    return told
+def _swapped(steps: Steps, start: I64, last: U16, counter_at: Callable[[I64], U16]) -> I64:
+    """Return, of each step that is +1 once the bytes of both counters are swapped, the sequence that takes it.
+
+    ``start`` is where each sequence begins, ``last`` the counter in front of that; ``counter_at`` those at places.
+    """
+    place = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
+    if not len(place):
+        return place
+    sequence = np.searchsorted(start, place, "right") - 1
+    before = np.where(start[sequence] == place, last[sequence], counter_at(place - 1))
+    found: I64 = sequence[counter_at(place).byteswap() - before.byteswap() == 1]
+    return found
 
 
 def _places(chosen: Bool | None) -> I64:
