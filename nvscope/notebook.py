@@ -147,7 +147,7 @@ class Captures:
 
     @cached_property
     def _analysis(self) -> Analysis:
-        found = self._inquiry.analyze(self._where)
+        found = self._inquiry.analyze(self._where, causes=True)
         self._warn_of_cuts(found.infos)
         return found
 
@@ -207,15 +207,13 @@ class Captures:
     def causes(self) -> pl.DataFrame:
         """A row a cause: what happened that explains findings; what is not over, ``until`` null, comes first.
 
-        All telegrams count, whatever the filter. ``codes`` are those of the findings that it explains.
+        ``codes`` are those of the findings that it explains.
         """
-        from nvscope.analysis.causes import causes_of  # noqa: PLC0415
-        from nvscope.view.documents.causes import cause_rows  # noqa: PLC0415
-
-        rows = cause_rows(*causes_of(self._inquiry))
-        for one in rows:
-            one |= {"since": one["since_ns"], "until": one["until_ns"]}
-            one["codes"] = sorted({finding["code"] for finding in one["findings"]})
+        rows = [
+            one | {"since": one["since_ns"], "until": one["until_ns"]}
+            | {"codes": sorted({finding["code"] for finding in one["findings"]})}
+            for one in self.report["causes"]
+        ]  # fmt: skip
         texts, lists, times = ("title", "next", "channel"), ("checked", "lists", "nodes", "codes"), ("since", "until")
         kinds: dict[str, _Kind] = {"kind": str, "severity": str, **dict.fromkeys(texts, str)}
         kinds |= {**{key: [str] for key in lists}, **dict.fromkeys(times, "time"), "frames": [int], "frames_cut": int}
@@ -226,6 +224,7 @@ class Captures:
 
         UsageError for a field that there is not: ``nvscope keys --fields`` lists them.
         """
+        from nvscope.analysis.default_fields import default_fields  # noqa: PLC0415
         from nvscope.analysis.packets import packets  # noqa: PLC0415
         from nvscope.export.frames import Collected  # noqa: PLC0415
         from nvscope.export.telegrams import TelegramTable  # noqa: PLC0415
@@ -237,7 +236,7 @@ class Captures:
         named = [output_field(name, inquiry.fields) for name in fields]
         chosen = None if self._where is None else inquiry.filter(self._where)
         source = inquiry.open()
-        table = TelegramTable(named or inquiry.default_fields(source))
+        table = TelegramTable(named or default_fields(inquiry, source))
         collected = Collected(table.schema)
         table.open(collected)
         for rows in packets(source, inquiry.reading(chosen), PacketRows()):

@@ -28,7 +28,7 @@ AXIS = [CAPTURES / "peers" / name for name in ("axis.gvl", "axis_types.st")]
 def test_lists_streams_and_findings_are_those_of_the_report() -> None:
     plant = nvscope.open(PLANT)
     inquiry = Inquiry([str(PLANT)])
-    report = inquiry.report(inquiry.analyze())
+    report = inquiry.report(inquiry.analyze(causes=True))
     assert plant.report == report
     assert plant.lists["key"].to_list() == [entry["key"] for entry in report["lists"]]
     assert plant.lists["lost"].to_list() == [entry["counters"]["lost"] for entry in report["lists"]]

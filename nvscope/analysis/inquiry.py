@@ -13,21 +13,18 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dissectors import address
-from dissectors.batch import PacketBatch
-from dissectors.can.frame import dissect_can
 from dissectors.netvar import PortRules
 from nvscope.analysis.extent import part_of
 from nvscope.analysis.reading import reading_of
-from nvscope.analysis.snapshot import Snapshot, snapshot
+from nvscope.analysis.snapshot import Happenings, Snapshot, snapshot
 from nvscope.capture.content import STDIN
 from nvscope.capture.last_time import latest_ns
 from nvscope.capture.open import open_source
-from nvscope.capture.source import FileSource, Source, SourceInfo
+from nvscope.capture.source import Source, SourceInfo
 from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
 from nvscope.engine.events import Listeners
 from nvscope.engine.reading import Reading
-from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.run import Observer, run
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
@@ -39,15 +36,16 @@ from nvscope.tracker.summary import Summary
 from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
+    from nvscope.causes.cause import Cause
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
     from nvscope.engine.session import Session
+    from nvscope.tracker.evidence.witness import Witness
     from nvscope.tracker.variables.hops import Hops
     from nvscope.tracker.variables.values import Values
     from nvscope.view.asked_time import AskedRange
     from nvscope.view.chosen import Chosen
     from nvscope.view.display_filter import DisplayFilter
-    from nvscope.view.fields.field import TelegramField
     from nvscope.view.fields.verdicts import Names, Verdicts
     from nvscope.view.fields.vocabulary import Vocabulary
 
@@ -66,7 +64,7 @@ class Analysis:
 
     ``summary`` and ``findings`` are those of all telegrams; ``chosen`` is what the filter chose, None without one.
     ``values`` are those of the chosen telegrams, None without definitions. ``hops`` compare the variables that several
-    lists have, whatever the filter; None where nobody asked.
+    lists have, whatever the filter; ``happened`` is why findings are there. None where nobody asked.
     """
 
     infos: Sequence[SourceInfo]
@@ -76,6 +74,23 @@ class Analysis:
     values: Values | None = None
     chosen: Chosen | None = None
     hops: Hops | None = None
+    happened: Happenings | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What is asked for beside figures and findings."""
+
+    values: bool = False
+    compare: bool = False
+    causes: bool = False
+    names: bool = True
+
+
+def _witness() -> Witness:
+    from nvscope.tracker.evidence.witness import Witness  # noqa: PLC0415
+
+    return Witness()
 
 
 @dataclass(frozen=True)
@@ -231,29 +246,31 @@ class Inquiry:
                 f"{', '.join(chosen.judged)}: known when the whole capture was read, and {once} cannot be read twice",
                 next_step="name a file instead of -",
             )
-        return self._judged(expression, self._read())
+        return self._judged(expression, self._read(_Wanted()))
 
     def analyze(
-        self, expression: str | None = None, *, values: bool = False, compare: bool = False,
-        others: Sequence[Observer] = (),
+        self, expression: str | None = None, *, values: bool = False, compare: bool = False, causes: bool = False,
+        names: bool = True, others: Sequence[Observer] = (),
     ) -> Analysis:  # fmt: skip
         """Read the captures, judge them, and choose among it what an expression chooses.
 
-        ``values``: the variables are wanted too; ``compare``: those that several lists have are compared; ``others``
-        observe too. UsageError as ``filter``, and without definitions to compare by.
+        ``values``: the variables are wanted too; ``compare``: those that several lists have are compared; ``causes``:
+        why findings are there, with the ``names`` of nodes; ``others`` observe too. UsageError as ``filter``, and
+        without definitions to compare by.
         """
         if compare and self.layouts is None:
             raise UsageError(
                 "--compare needs to know the variables of the lists",
                 next_step="name the exported lists and their types with --gvl FILE",
             )
+        wanted = _Wanted(values=values, compare=compare, causes=causes, names=names)
         if expression is None:
-            return self._read(values=values, compare=compare, others=others)
+            return self._read(wanted, others=others)
         from nvscope.view.chosen import Chosen  # noqa: PLC0415
 
         chosen = self.filter(expression)
-        found = self._read(values=values, chosen=chosen, compare=compare, others=others)
-        left = Chosen(found.state, chosen, found.findings)
+        found = self._read(wanted, chosen, others=others)
+        left = Chosen(found.state, chosen, found.findings, found.happened.causes if found.happened else ())
         return replace(found, chosen=left)
 
     def report(
@@ -272,14 +289,16 @@ class Inquiry:
 
             rows = values_by_list(found.state, found.values)
         summary, findings = found.summary, found.findings
+        causes = None if found.happened is None else found.happened.causes
         if found.chosen is not None:
             summary, findings = found.chosen.summary(summary), found.chosen.findings
+            causes = None if causes is None else found.chosen.causes
         if listed:
-            summary, findings = self._of_lists(found, summary, findings, listed)
+            summary, findings, causes = self._of_lists(found, summary, findings, causes, listed)
         document = report_document(
             summary, findings, found.infos, self.project.definition, rows,
             node_names=self.project.node_names if names else {}, whole=found.summary, all_findings=found.findings,
-            drawn=drawn,
+            causes=causes, drawn=drawn,
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}
@@ -291,59 +310,40 @@ class Inquiry:
         return document
 
     def _of_lists(
-        self, found: Analysis, summary: Summary, findings: Sequence[Finding], listed: Sequence[str]
-    ) -> tuple[Summary, Sequence[Finding]]:
+        self, found: Analysis, summary: Summary, findings: Sequence[Finding], causes: Sequence[Cause] | None,
+        listed: Sequence[str],
+    ) -> tuple[Summary, Sequence[Finding], Sequence[Cause] | None]:  # fmt: skip
         from nvscope.definition.selection import keys_named  # noqa: PLC0415
-        from nvscope.view.listed import names_of_seen_lists, of_lists  # noqa: PLC0415
+        from nvscope.view.listed import causes_of_lists, names_of_seen_lists, of_lists  # noqa: PLC0415
 
         names = {key: entry.name for key, entry in self.project.definition.by_key().items()}
         seen = names_of_seen_lists(found.summary, found.findings, names)
         wanted = {key for name in listed for key in keys_named(seen, name)}
-        return of_lists(summary, findings, wanted)
-
-    def default_fields(self, source: Source, *, all_frames: bool = False) -> Sequence[TelegramField]:
-        """Return what is written of each frame where nobody says, by what the captures begin with.
-
-        ``all_frames``: also of those that are no telegrams.
-        """
-        from nvscope.view.fields.frame import DEFAULT_ALL_FIELDS, DEFAULT_CAN_FIELDS, DEFAULT_FIELDS  # noqa: PLC0415
-
-        on_can = others = False
-        further: set[str] = set()
-        for first in source.first_batches() if isinstance(source, FileSource) else ():
-            frames = len(dissect_can(first))
-            on_can |= frames > 0
-            others |= frames < len(first)
-            further |= self._further_protocols(first)
-        usual = DEFAULT_ALL_FIELDS if all_frames else DEFAULT_FIELDS
-        fields = [*(usual if others or not on_can else ()), *(DEFAULT_CAN_FIELDS if on_can else ())]
-        fields += (field for one in self.protocols if one.name in further for field in one.fields())
-        # Fields cannot be compared, their names can.
-        return tuple({field.name: field for field in fields}.values())
-
-    def _further_protocols(self, first: PacketBatch) -> set[str]:
-        """Return which protocols with ports of their own some packets are of."""
-        reading = self.reading()
-        if not reading.dissectors:
-            return set()
-        return {name for told in Recogniser(reading, by_stream=False).tell(first) for name in told.parts}
+        return *of_lists(summary, findings, wanted), None if causes is None else causes_of_lists(causes, wanted)
 
     def _read(
-        self, *, values: bool = False, chosen: DisplayFilter | None = None, compare: bool = False,
-        others: Sequence[Observer] = (),
+        self, wanted: _Wanted, chosen: DisplayFilter | None = None, *, others: Sequence[Observer] = ()
     ) -> Analysis:  # fmt: skip
-        source, state = self.open(), self.state(values=values)
+        witness = _witness() if wanted.causes else None
+        source, state = self.open(), self.state(values=wanted.values, listeners=() if witness is None else (witness,))
         observers: list[Observer] = [state, *others]
+        if witness is not None:
+            observers.append(witness)
         hops = None
-        if compare and self.layouts is not None:
+        if wanted.compare and self.layouts is not None:
             from nvscope.tracker.variables.hops import Hops  # noqa: PLC0415
 
             hops = Hops(self.layouts)
             observers.append(hops)
         for _ in self.run(source, observers, chosen):
             pass
-        found = snapshot(state, source, self.project, self.pdos, protocols=self.protocols)
-        return Analysis(found.infos, state, found.summary, found.findings, state.values, hops=hops)
+        found = snapshot(
+            state, source, self.project, self.pdos, protocols=self.protocols, witness=witness,
+            node_names=None if wanted.names else {},
+        )  # fmt: skip
+        return Analysis(
+            found.infos, state, found.summary, found.findings, state.values, hops=hops, happened=found.happened
+        )  # fmt: skip
 
     def state(self, *, values: bool = False, listeners: Listeners = ()) -> TrackerState:
         """Return a state that has seen nothing, and goes by the definitions; ``values`` are kept if they are wanted."""
@@ -358,14 +358,16 @@ class Inquiry:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
         from nvscope.engine.session import Session  # noqa: PLC0415
 
-        source, reading, state = self.open(), self.reading(), self.state()
+        witness = _witness()
+        source, reading, state = self.open(), self.reading(), self.state(listeners=(witness,))
 
         def look() -> Snapshot:
             return snapshot(
-                state, source, self.project, self.pdos, overdue=True, protocols=self.protocols, figures=True
-            )
+                state, source, self.project, self.pdos, overdue=True, protocols=self.protocols, figures=True,
+                witness=witness,
+            )  # fmt: skip
 
-        return Session(source, reading, [state], look)
+        return Session(source, reading, [state, witness], look)
 
     def _fields(self, verdicts: Verdicts | None) -> Vocabulary:
         from nvscope.view.fields.vocabulary import vocabulary  # noqa: PLC0415

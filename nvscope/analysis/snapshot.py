@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from nvscope.capture.source import Source, SourceInfo
 from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
+from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from nvscope.protocols.protocol import Protocol
@@ -18,7 +19,18 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary, summarize
 
 if TYPE_CHECKING:
+    from nvscope.causes.cause import Cause
+    from nvscope.causes.chronicle import Chronicle
     from nvscope.definition.pdos import Pdos
+    from nvscope.tracker.evidence.witness import Witness
+
+
+@dataclass(frozen=True, slots=True)
+class Happenings:
+    """What happened: the causes behind findings, those that are over too, and what each list did when."""
+
+    causes: Sequence[Cause]
+    chronicle: Chronicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +38,7 @@ class Snapshot:
     """What follows from all that was observed up to ``at_ns``, what is wrong with it, and what its sources say.
 
     ``at_ns`` is None where nothing was observed yet. The difference of two snapshots' ``figures`` is what was counted
-    between them; None where nobody asked for them.
+    between them; ``happened`` is why findings are there. None where nobody asked for them.
     """
 
     summary: Summary
@@ -34,17 +46,20 @@ class Snapshot:
     infos: Sequence[SourceInfo]
     at_ns: int | None
     figures: Counted | None = None
+    happened: Happenings | None = None
 
 
 def snapshot(
     state: TrackerState, source: Source, project: Project, pdos: Pdos | None = None, *, overdue: bool = False,
-    protocols: Sequence[Protocol] = PROTOCOLS, figures: bool = False,
+    protocols: Sequence[Protocol] = PROTOCOLS, figures: bool = False, witness: Witness | None = None,
+    node_names: Mapping[str, str] | None = None,
 ) -> Snapshot:  # fmt: skip
     """Look at a state; nothing in it changes.
 
     ``pdos`` are those of the project, where they are known already. ``overdue``: what nobody answered in time counts,
     frame or not. ``protocols`` are those that are judged. ``figures``: what was counted is wanted too, so that it can
-    be compared with that of other moments.
+    be compared with that of other moments. ``witness`` has observed what the state did, and listened to it, where
+    causes are wanted; these tell nodes by ``node_names``, else by those of the project.
     """
     definition = project.definition
     pdos = pdos or pdos_of(definition)
@@ -59,4 +74,20 @@ def snapshot(
         state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition,
         judges=judges_of(protocols, state),
     )  # fmt: skip
-    return Snapshot(summary, tuple(findings), infos, at_ns, Counted.of(state) if figures else None)
+    happened = None
+    if witness is not None:
+        facts = Facts(state, summary, infos, at_ns or 0, project.limits, definition, overdue)
+        names = project.node_names if node_names is None else node_names
+        happened = _happenings(facts, findings, witness, source.channels, names)
+    return Snapshot(summary, tuple(findings), infos, at_ns, Counted.of(state) if figures else None, happened)
+
+
+def _happenings(
+    facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str], names: Mapping[str, str]
+) -> Happenings:  # fmt: skip
+    # Who asks for findings alone need not import what judges causes.
+    from nvscope.causes.chronicle import chronicle_of  # noqa: PLC0415
+    from nvscope.causes.judge import judged  # noqa: PLC0415
+
+    case = judged(facts, findings, witness, channels, names)
+    return Happenings(case.causes(), chronicle_of(case))

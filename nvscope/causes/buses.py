@@ -20,24 +20,28 @@ from nvscope.units import count_of, duration
 
 BUS_OFF = CauseKind(
     "bus-off",
+    "bus off",
     "A CAN controller left the bus: its transmit errors went on, and it neither sent nor received until it came back.",
     "Error frames that say 'bus off', and what says that it came back.",
     "The plug, cable and bit rate of the device that left; its termination.",
 )
 BUS_ERRORS = CauseKind(
     "bus-errors",
+    "errors on the bus",
     "Nodes of a CAN bus reject what others send, and frames are repeated.",
     "Error frames without a bus-off.",
     "The resistance between CAN_H and CAN_L with the power off: about 60 ohms; then bit rates and sample points.",
 )
 BUS_OVERLOADED = CauseKind(
     "bus-overloaded",
+    "bus overloaded",
     "A CAN bus was busy for most of some seconds: frames of low priority come late or not at all.",
     "The bits of each second, held against the bit rate.",
     "Lengthen the intervals of the busiest identifiers first.",
 )
 INCOMPLETE_CYCLES = CauseKind(
     "incomplete-cycles",
+    "incomplete cycles",
     "A list over several frames came without all of them.",
     "Cycles in which identifiers of the list are missing.",
     "Error counters and receive buffers of the device that records, then the sender's transmit queue.",

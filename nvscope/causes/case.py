@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -91,7 +91,11 @@ class Case:
     ``owner`` has the number of the draft that explains each symptom, ``NOBODY`` before.
     """
 
-    def __init__(self, facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str]) -> None:
+    def __init__(
+        self, facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str],
+        names: Mapping[str, str],
+    ) -> None:  # fmt: skip
+        self._names = names
         self.facts = facts
         self.findings = findings
         self.witness = witness
@@ -203,8 +207,9 @@ class Case:
         return last
 
     def address(self, node: int) -> str:
-        """Return the text of a node's address."""
-        return self.facts.address(node)
+        """Return what a node is called: its name, or the text of its address."""
+        address = self.facts.address(node)
+        return self._names.get(address, address)
 
     def causes(self) -> list[Cause]:
         """Return the causes, those that are not over first, then by severity, share of telegrams, and time."""

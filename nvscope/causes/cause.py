@@ -35,6 +35,11 @@ class Cause:
     findings: Sequence[Finding] = ()
 
     @property
+    def of_capture(self) -> bool:
+        """Whether it concerns no list and no node: then it is about all that was captured, or about a bus."""
+        return not self.lists and not self.nodes
+
+    @property
     def frames_cut(self) -> int:
         """How many more frames there are behind those that are named; 0 where none is."""
         return max(self.count - len(self.frames), 0) if self.frames else 0

@@ -25,6 +25,7 @@ from nvscope.units import percent
 
 COUNTER_FOREIGN = CauseKind(
     "counter-foreign",
+    "counts in its own way",
     "A sender, mostly a library on a PC, writes the Counter in a way of its own: loss cannot be told from it.",
     "Steps of the Counter for which there was no time, or a carry that lands in Flags and Checksum.",
     "Have the sender write a 16-bit little-endian counter for each list and SubIndex.",

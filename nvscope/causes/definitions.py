@@ -18,6 +18,7 @@ from nvscope.units import count_of
 
 DEFINITION_DIFFERS = CauseKind(
     "definition-differs",
+    "definition differs",
     "What is sent does not fit the definition of the list, or changed during the capture: a download on one side only.",
     "Shape or checksum of the telegrams changed and stayed so, or no definition that is known fits them.",
     "Export the definition from the writing project, import it everywhere, build and download all.",

@@ -16,6 +16,7 @@ from nvscope.findings.timing import BURST
 
 IDENTIFIER_COLLISION = CauseKind(
     "identifier-collision",
+    "shares its identifier",
     "Two lists, or a list and a CANopen device, have the same identifiers: each reads what the other one sends.",
     "Definitions whose COB-IDs overlap, or frames of CANopen on the COB-IDs of a list.",
     "Give one of them other identifiers.",

@@ -1,9 +1,10 @@
-"""judge_causes: from findings, their events, and who was there, to what happened; a pure function."""
+"""judged: from findings, their events, and who was there, to what happened; a pure function."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 
 from nvscope.causes.buses import (
     judge_bus_errors,
@@ -12,7 +13,6 @@ from nvscope.causes.buses import (
     judge_overloads,
 )
 from nvscope.causes.case import Case, Explained
-from nvscope.causes.cause import Cause
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
 from nvscope.causes.identifiers import judge_collisions
@@ -68,16 +68,15 @@ JUDGES: tuple[Judge, ...] = (
 """In the order of causes.md, section 2: an event belongs to the first one that explains it."""
 
 
-def judge_causes(
-    facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = ()
-) -> list[Cause]:
-    """Return what explains findings: what is not over first, then by severity, share of telegrams, and time."""
-    return judged(facts, findings, witness, channels).causes()
+def judged(
+    facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = (),
+    names: Mapping[str, str] = MappingProxyType({}),
+) -> Case:  # fmt: skip
+    """Return the case of some findings, with everything explained.
 
-
-def judged(facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = ()) -> Case:
-    """Return the case of some findings, with everything explained."""
-    case = Case(facts, findings, witness, channels)
+    ``channels`` are those of CAN by number; ``names`` are those of nodes, by the text of their address.
+    """
+    case = Case(facts, findings, witness, channels, names)
     for judge in JUDGES:
         # What a judge finds next hangs on what was explained before.
         for draft, chosen in judge(case):

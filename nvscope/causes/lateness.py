@@ -17,12 +17,14 @@ from nvscope.units import count_of, duration
 
 SENDER_LATE = CauseKind(
     "sender-late",
+    "late",
     "A list came later than it should, and nothing of it was lost.",
     "Intervals of more than two and a half times the nominal one, or jitter, without a loss in them.",
     "The cycle and priority of the task that sends it; a breakpoint, or a task that takes too long.",
 )
 SENDER_BURSTS = CauseKind(
     "sender-bursts",
+    "bursts",
     "A list was sent several times in quick succession.",
     "Intervals of less than a tenth of the nominal one, or below the MinGap of the definition.",
     "What triggers its sending: an event that is set in each cycle, or a MinGap that is missing.",

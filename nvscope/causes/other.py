@@ -13,6 +13,7 @@ from nvscope.findings.kind import Severity
 
 OTHER = CauseKind(
     "other",
+    "see below",
     "A rule was broken, and nothing that is known of the plant explains it further.",
     "The events of one finding that belong to no other cause.",
     "What `nvscope explain CODE` says of the finding.",

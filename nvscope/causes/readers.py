@@ -21,30 +21,35 @@ from nvscope.units import count, count_of, duration
 
 READER_REJECTS = CauseKind(
     "reader-rejects",
+    "rejected",
     "A reader rejects what it gets: the checksum of its own definition of the list is another one.",
     "Acknowledgements with 'invalid checksum' (Flags bit 2).",
     "Export the definition from the sender's project, import it at the reader, build and download.",
 )
 READER_WITHOUT_PROGRAM = CauseKind(
     "reader-without-program",
+    "nobody listens",
     "A node that telegrams are sent to has nobody listening at the port.",
     "ICMP port unreachable, sent by that node or by a router in front of it.",
     "Whether its application runs, and whether its list is read at this port.",
 )
 ACKNOWLEDGEMENT_IMPOSSIBLE = CauseKind(
     "acknowledgement-impossible",
+    "never acknowledged",
     "Every telegram of a list asks for an acknowledgement, and none ever comes.",
     "Not one acknowledgement of the list in the whole capture.",
     "Switch 'acknowledgement' off for the list, or give it a reader that acknowledges.",
 )
 READER_SILENT = CauseKind(
     "reader-silent",
+    "unanswered",
     "A reader that usually acknowledges a list did not do so for some telegrams.",
     "Telegrams that stayed without acknowledgement beside others that got one.",
     "The log of the reader at that time: whether its program stood still or its cable was out.",
 )
 REQUEST_UNANSWERED = CauseKind(
     "boot-up-unanswered",
+    "boot-up unanswered",
     "A node asked for the values of a list at its start, and nobody sent them.",
     "Boot-up requests after which no data telegram of the list came in time.",
     "Whether the sender of the list runs, and answers requests ('transmit on boot-up').",

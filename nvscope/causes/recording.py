@@ -18,12 +18,14 @@ from nvscope.units import duration
 
 SEEN_TWICE = CauseKind(
     "mirrored-twice",
+    "seen twice",
     "The capture holds nearly every telegram twice: the mirror port shows each frame two times.",
     "More than 80 repeated data telegrams for 100 that are not.",
     "Mirror one direction only (receive), or capture on one interface.",
 )
 CLOCK = CauseKind(
     "clock",
+    "clock set back",
     "The clock of the computer that captured was set back: times and intervals around that moment are not real.",
     "A frame whose time is more than 1 ms before that of the frame in front of it.",
     "Time synchronisation of the computer that captures: let it finish before recording.",

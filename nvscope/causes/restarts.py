@@ -19,6 +19,7 @@ from nvscope.units import duration
 
 NODE_RESTART = CauseKind(
     "node-restart",
+    "node restarted",
     "A node began anew: a download, a reset, a power cycle, or its watchdog.",
     "The Counters of more than half of its streams begin anew within ten seconds; that it announces its address "
     "supports it.",
@@ -26,6 +27,7 @@ NODE_RESTART = CauseKind(
 )
 LIST_RESTARTED = CauseKind(
     "list-restarted",
+    "list restarted",
     "The Counter of a list began anew while the other lists of its node went on.",
     "A step of the Counter to 0 or 1 in some of the streams of a node, and not in most of them.",
     "Whether its list was downloaded alone (online change), or its task was started anew.",

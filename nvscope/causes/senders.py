@@ -28,6 +28,7 @@ from nvscope.units import count_of
 
 SECOND_SENDER = CauseKind(
     "second-sender",
+    "two senders",
     "A further node sends a list: readers take whatever comes, so their values alternate between the senders.",
     "Data telegrams of one list from several IP addresses; shape, checksum and hardware address tell them apart.",
     "Stop one of the senders, or give its list another identifier.",

@@ -22,6 +22,7 @@ from nvscope.units import count_of, duration
 
 NODE_SILENT = CauseKind(
     "node-silent",
+    "silent",
     "A node that sent cyclic lists sends nothing at all any more, or sent nothing for a while.",
     "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included.",
     "Its power and LEDs, then its cable and switch port. Its task comes last.",
@@ -29,6 +30,7 @@ NODE_SILENT = CauseKind(
 )
 PROGRAM_STOPPED = CauseKind(
     "program-stopped",
+    "program stopped",
     "A node is there, and sends none of its cyclic lists any more, or sent none for a while.",
     "All its cyclic streams pause at once, while other frames of it (ARP, ICMP, TCP) go on as before.",
     "Its run/stop switch and the state of its application: stopped, halted at a breakpoint, or in an exception.",
@@ -36,6 +38,7 @@ PROGRAM_STOPPED = CauseKind(
 )
 LIST_STOPPED = CauseKind(
     "list-stopped",
+    "silent",
     "A list, or a part of it, is not sent any more, while its sender goes on with others.",
     "The streams of the list are silent for more than ten intervals, other streams of the node are not.",
     "The task that the list is sent from, and what enables its sending (event, variable, 'transmit on change').",

@@ -144,6 +144,7 @@ def export(
     if fields and what == "values":
         raise UsageError("-e is for telegrams", next_step="add --what telegrams; --list chooses among values")
 
+    from nvscope.analysis.default_fields import default_fields
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import ProgressBar, watching
@@ -174,7 +175,7 @@ def export(
 
     keep_freed_memory()
     source, reading = inquiry.open(), inquiry.reading(filtered)
-    columns = [] if lists else named or inquiry.default_fields(source)
+    columns = [] if lists else named or default_fields(inquiry, source)
     inputs = [*(info.path for info in source.infos), *inquiry.project.inputs]
     files = WholeFiles(inputs, force=force)
     try:

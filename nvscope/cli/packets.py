@@ -274,9 +274,11 @@ def _face(
         separated = SeparatedFields(named, separation(settings))
         return lambda _: separated
     assert inquiry
+    from nvscope.analysis.default_fields import default_fields
+
     made: dict[str, Callable[[Sequence[TelegramField]], Face]] = {"csv": Csv, "json": JsonArray, "ndjson": JsonLines}
     record = made[chosen_format]
-    return lambda source: record(named or inquiry.default_fields(source, all_frames=all_frames))
+    return lambda source: record(named or default_fields(inquiry, source, all_frames=all_frames))
 
 
 def _line_width() -> int | None:

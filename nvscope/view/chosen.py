@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from nvscope.causes.cause import Cause
 from nvscope.findings.finding import Finding
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import ListSummary, Summary
@@ -21,10 +22,13 @@ _Place = tuple[int, int | None, int | None]
 class Chosen:
     """What the telegrams belong to that the filter of a state chose; ``findings`` are all there are.
 
-    Where a filter asks for findings, they are those that it was given, in the same order.
+    Where a filter asks for findings, they are those that it was given, in the same order. Of the ``causes``, those are
+    to be shown that explain one of the findings that are, or concern a list that is.
     """
 
-    def __init__(self, state: TrackerState, chosen: DisplayFilter, findings: Sequence[Finding]) -> None:
+    def __init__(
+        self, state: TrackerState, chosen: DisplayFilter, findings: Sequence[Finding], causes: Sequence[Cause] = ()
+    ) -> None:  # fmt: skip
         self._filter = chosen
         self.expression = chosen.text
         self._streams: set[int] = set()
@@ -39,6 +43,14 @@ class Chosen:
         self.findings = [finding for number, finding in enumerate(findings) if self._shows(number, finding)]
         """Those that are to be shown."""
         self._lists = {finding.list_number for finding in self.findings} | {place[0] for place in self._places}
+        shown = set(map(id, self.findings))
+        keys = {state.keys.list_key(number) for number in self._lists if number is not None and number >= 0}
+        self.causes = [
+            cause for cause in causes
+            if any(id(finding) in shown for finding in cause.findings)
+            or (not chosen.findings and (cause.of_capture or not keys.isdisjoint(cause.lists)))
+        ]  # fmt: skip
+        """Those that are to be shown."""
 
     def _shows(self, number: int, finding: Finding) -> bool:
         if self._filter.findings:

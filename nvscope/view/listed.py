@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
+from nvscope.causes.cause import Cause
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.summary import Summary
@@ -36,3 +37,8 @@ def of_lists(
 
     left = replace(summary, lists=lists, can=replace(summary.can, lists=on_can))
     return left, [finding for finding in findings if concerns(finding)]
+
+
+def causes_of_lists(causes: Sequence[Cause], wanted: Collection[ListKey]) -> list[Cause]:
+    """Return the causes that concern some lists, and those that concern no list and no node alone."""
+    return [cause for cause in causes if cause.of_capture or any(key in wanted for key in cause.lists)]

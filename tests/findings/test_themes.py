@@ -121,7 +121,7 @@ def test_judges_yield_their_own_rows_alone(found: Found, tmp_path: Path) -> None
         simulated(SCENARIOS / f"{name}.toml").report(tmp_path)
     axis = [str(PEERS.parent / name) for name in ("axis.gvl", "axis_types.st")]
     inquiry = Inquiry([str(PEERS)], read_project(None, axis))
-    inquiry.report(inquiry.analyze())
+    inquiry.report(inquiry.analyze(causes=True))
     # What a protocol with ports of its own shows is for tests/protocols.
     own = {
         theme.__name__: {row.code for row in own_rows(theme).values() if row.judged and not row.protocol}
@@ -140,7 +140,7 @@ def test_explaining_reads_rows_without_what_judges_need() -> None:
 def test_a_report_without_definitions_reads_none() -> None:
     code = (
         "import sys\nfrom nvscope.analysis.inquiry import Inquiry\nfrom nvscope.definition.project import Project\n"
-        f"inquiry = Inquiry([{str(PEERS)!r}], Project())\ninquiry.report(inquiry.analyze())\n"
+        f"inquiry = Inquiry([{str(PEERS)!r}], Project())\ninquiry.report(inquiry.analyze(causes=True))\n"
         "print({'lark', 'nvscope.findings.misfits', 'nvscope.findings.several_definitions'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

@@ -13,6 +13,7 @@ from dissectors.claims import Claims
 from dissectors.dissector import Dissector
 from dissectors.layout import Field, Layout
 from dissectors.transport import DatagramBatch, SegmentBatch
+from nvscope.analysis.default_fields import default_fields
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.packets import packets
 from nvscope.analysis.reading import reading_of
@@ -137,9 +138,9 @@ def test_records(inquiry: Inquiry) -> None:
 
 
 def test_default_columns_are_those_of_what_the_capture_begins_with(inquiry: Inquiry) -> None:
-    names = [field.name for field in inquiry.default_fields(inquiry.open())]
+    names = [field.name for field in default_fields(inquiry, inquiry.open())]
     assert names[-3:] == ["beacon.number", "beacon.kind", "beacon.speed"]
-    assert names[:-3] == [field.name for field in Inquiry(inquiry.paths).default_fields(inquiry.open())]
+    assert names[:-3] == [field.name for field in default_fields(Inquiry(inquiry.paths), inquiry.open())]
 
 
 @pytest.mark.parametrize(
@@ -149,7 +150,7 @@ def test_default_columns_are_those_of_what_the_capture_begins_with(inquiry: Inqu
 def test_a_filter_leaves_its_finding_where_it_chooses_a_frame(
     inquiry: Inquiry, expression: str, shown: bool
 ) -> None:  # fmt: skip
-    document = inquiry.report(inquiry.analyze(expression))
+    document = inquiry.report(inquiry.analyze(expression, causes=True))
     assert ("NV991" in {one["code"] for one in document["findings"]}) == shown
     assert document["filter"]["telegrams"] == (2 if expression in ("nv", "udp") else 0)
 
@@ -209,7 +210,7 @@ def test_what_was_not_captured_is_not_gathered(size_bytes: int) -> None:
 
 
 def test_the_report_has_its_finding_and_is_otherwise_the_same(inquiry: Inquiry) -> None:
-    document = inquiry.report(inquiry.analyze())
+    document = inquiry.report(inquiry.analyze(causes=True))
     alone = Inquiry(inquiry.paths)
     plain = alone.report(alone.analyze())
     (gap,) = (one for one in document["findings"] if one["code"] == "NV991")

@@ -47,7 +47,7 @@ def reports(captures: Sequence[Path], project: Project) -> Iterator[dict[str, An
     for most in (UNLIMITED, *range(1, UNLIMITED)):
         limited = replace(project, limits=replace(project.limits, max_streams=most))
         inquiry = Inquiry([str(path) for path in captures], limited)
-        report = inquiry.report(inquiry.analyze())
+        report = inquiry.report(inquiry.analyze(causes=True))
         yield report
         if most != UNLIMITED and not any(finding["code"] == "NV906" for finding in report["findings"]):
             return

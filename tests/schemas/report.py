@@ -8,6 +8,7 @@ from dissectors.can.canopen import ERROR_REGISTER, NODE_STATES
 from dissectors.can.error import CLASS_LABELS, CONTROLLER_BITS
 from nvscope.capture.formats import FORMATS
 from nvscope.capture.source import DropsPart
+from nvscope.causes.catalogue import BY_NAME
 from nvscope.findings.badness import EXTENTS
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.list_key import Transport
@@ -73,6 +74,7 @@ def report() -> Schema:
         {
             "capture": _capture(),
             "totals": _totals(),
+            "causes": several(shared("cause"), "what happened: what is broken now, then by severity and weight"),
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
             "findings": several(shared("finding"), "the worst first"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
@@ -84,7 +86,8 @@ def report() -> Schema:
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
-        "value": VALUE_OF_LIST, "finding": _finding(), "bus": _bus(), "canopen_node": _canopen_node(), "hop": _hop(),
+        "value": VALUE_OF_LIST, "cause": _cause(), "finding": _finding(), "bus": _bus(), "hop": _hop(),
+        "canopen_node": _canopen_node(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
 
@@ -219,6 +222,32 @@ def _can_stream() -> Schema:
             "length": whole("data bytes of the last frame", 0, 64),
             "checksum": unknown(_NOT_OF_CAN),
             **_pace_of_can(Of.STREAM),
+        }
+    )
+
+
+def _cause() -> Schema:
+    explained = {
+        "code": word([kind.code for kind in _JUDGED]),
+        "list": maybe(LIST_KEY),
+        "node": maybe(text("address")),
+        "subindex": maybe(SUBINDEX),
+    }
+    return record(
+        {
+            "kind": word(BY_NAME),
+            "severity": word(SEVERITIES),
+            "lists": several(LIST_KEY),
+            "nodes": several(text("address")),
+            "channel": maybe(text("that of CAN it is about")),
+            "since_ns": maybe(time("the last moment at which all was well; at the beginning, that of the capture")),
+            "until_ns": maybe(time("null: it is still so at the end")),
+            "frames": several(whole("", 1), "the first of its events") | {"maxItems": FRAMES_KEPT},
+            "frames_cut": whole("how many more there are behind those that are named"),
+            "title": text("what happened, where and when"),
+            "checked": several(text(), "facts, the deciding one first"),
+            "next": text("what to do first"),
+            "findings": several(record(explained), "those of which it explains most of the events"),
         }
     )
 

@@ -68,7 +68,7 @@ class Simulation:
     def report(self, directory: Path) -> dict[str, Any]:
         """Return the report on it, made anew."""
         inquiry = self.inquiry(directory)
-        return inquiry.report(inquiry.analyze())
+        return inquiry.report(inquiry.analyze(causes=True))
 
 
 @cache

@@ -7,6 +7,7 @@ from typing import ClassVar
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
 from nvscope.tracker.evidence.evidence import Evidence
+from nvscope.tracker.evidence.long_pauses import LongPauses
 from nvscope.tracker.evidence.pauses import Pauses
 from nvscope.tracker.evidence.presence import Presence
 from nvscope.tracker.evidence.throughput import Throughput
@@ -19,6 +20,7 @@ class Witness:
 
     def __init__(self) -> None:
         self.evidence = Evidence()
+        self.long_pauses = LongPauses()
         self.presence = Presence()
         self.pauses = Pauses()
         self.throughput = Throughput()
@@ -32,3 +34,4 @@ class Witness:
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind."""
         self.evidence.hear(events)
+        self.long_pauses.hear(events)

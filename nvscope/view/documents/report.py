@@ -24,6 +24,7 @@ from nvscope.tracker.summary import ListSummary, Summary
 from nvscope.version import head
 from nvscope.view.documents.buses import can_buses
 from nvscope.view.documents.can_lists import CanListRow, ValuedCanListRow
+from nvscope.view.documents.causes import cause_rows
 from nvscope.view.documents.drawn import Drawn, DrawnRow, Part, fields, lists, plain
 from nvscope.view.documents.figures import (
     COUNTED_OF_LIST,
@@ -38,6 +39,7 @@ from nvscope.view.documents.measured_row import MeasuredRow, of_measured, with_v
 from nvscope.view.documents.verdicts import Verdicts, key_of, verdicts
 
 if TYPE_CHECKING:
+    from nvscope.causes.cause import Cause
     from nvscope.definition.model import Definition
 
 SCHEMA = "nvscope.report/2"
@@ -53,6 +55,7 @@ def report_document(
     node_names: Mapping[str, str] = MappingProxyType({}),
     whole: Summary | None = None,
     all_findings: Sequence[Finding] | None = None,
+    causes: Sequence[Cause] | None = None,
     drawn: bool = False,
 ) -> dict[str, Any]:
     """Return the document of what was summarized and judged, and where it was read from.
@@ -60,8 +63,9 @@ def report_document(
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by the key
     of their list, each list has its own. ``node_names`` are by the text of the address. ``whole`` is what the summary
     shows a part of: figures are those of all its streams; ``all_findings`` are those that ``findings`` were chosen
-    from: they decide on the status of lists. ``drawn``: lists and findings are made when they are asked
-    for (``nvscope.view.documents.drawn``), so that never all of them are there.
+    from: they decide on the status of lists. ``causes`` are those to be shown, None where nobody asked. ``drawn``:
+    lists and findings are made when they are asked for (``nvscope.view.documents.drawn``), so that never all of them
+    are there.
     """
     names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
     keys, shown = _keys(whole or summary), _keys(summary)
@@ -94,6 +98,7 @@ def report_document(
             "until_ns": time_text(capture.until_ns),
         },
         "totals": judged.totals,
+        **({} if causes is None else {"causes": cause_rows(whole or summary, causes)}),
         "lists": Drawn((*summary.can.lists, *summary.lists), row_of),
         "findings": Drawn(findings, lambda finding: _finding_row(finding, keys, summary)),
     }

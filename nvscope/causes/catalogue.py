@@ -1,0 +1,59 @@
+"""Every cause there can be: the rows of all families, by name, in the order in which they are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from nvscope.causes.buses import BUS_ERRORS, BUS_OFF, BUS_OVERLOADED, INCOMPLETE_CYCLES
+from nvscope.causes.counters import COUNTER_FOREIGN
+from nvscope.causes.definitions import DEFINITION_DIFFERS
+from nvscope.causes.identifiers import IDENTIFIER_COLLISION
+from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.lateness import SENDER_BURSTS, SENDER_LATE
+from nvscope.causes.losses import LOSS_AT_SENDER, LOSS_OF_LIST
+from nvscope.causes.other import OTHER
+from nvscope.causes.readers import (
+    ACKNOWLEDGEMENT_IMPOSSIBLE,
+    READER_REJECTS,
+    READER_SILENT,
+    READER_WITHOUT_PROGRAM,
+    REQUEST_UNANSWERED,
+)
+from nvscope.causes.recording import CLOCK, SEEN_TWICE
+from nvscope.causes.restarts import LIST_RESTARTED, NODE_RESTART
+from nvscope.causes.senders import SECOND_SENDER
+from nvscope.causes.silences import LIST_STOPPED, NODE_SILENT, PROGRAM_STOPPED
+
+KINDS: tuple[CauseKind, ...] = (
+    CAPTURE_INCOMPLETE,
+    SEEN_TWICE,
+    CLOCK,
+    BUS_OFF,
+    BUS_ERRORS,
+    BUS_OVERLOADED,
+    SECOND_SENDER,
+    IDENTIFIER_COLLISION,
+    COUNTER_FOREIGN,
+    NODE_RESTART,
+    NODE_SILENT,
+    PROGRAM_STOPPED,
+    LIST_RESTARTED,
+    LIST_STOPPED,
+    DEFINITION_DIFFERS,
+    READER_REJECTS,
+    READER_WITHOUT_PROGRAM,
+    ACKNOWLEDGEMENT_IMPOSSIBLE,
+    READER_SILENT,
+    REQUEST_UNANSWERED,
+    LOSS_AT_SENDER,
+    LOSS_OF_LIST,
+    SENDER_LATE,
+    SENDER_BURSTS,
+    INCOMPLETE_CYCLES,
+    OTHER,
+)
+"""In the order of causes.md, section 2."""
+
+BY_NAME: Mapping[str, CauseKind] = MappingProxyType({kind.name: kind for kind in KINDS})

@@ -1,0 +1,178 @@
+"""Chronicle: what happened to each list, when, so that it can be drawn as a strip of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.causes.case import PAUSE_PERCENT, Case
+from nvscope.causes.symptoms import code_number
+from nvscope.findings.answers import NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT
+from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.consistency import SEVERAL_SENDERS
+from nvscope.findings.facts import AnyList
+from nvscope.findings.kind import FindingKind
+from nvscope.findings.loss import SENDER_RESTART, TELEGRAM_GAP
+from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
+from nvscope.tracker.evidence.long_pauses import PauseColumns
+from nvscope.tracker.silences import Silence
+
+
+class Mark(IntEnum):
+    """What a list did in a stretch of time; of several, the highest one is told (causes.md, section 4)."""
+
+    USUAL = 0
+    SILENT = 1
+    LATE = 2
+    UNANSWERED = 3
+    RESTARTED = 4
+    SEVERAL_SENDERS = 5
+    LOST = 6
+
+
+_MARKS: Mapping[FindingKind, Mark] = {
+    TELEGRAM_GAP: Mark.LOST,
+    SENDER_RESTART: Mark.RESTARTED,
+    NO_ACKNOWLEDGEMENT: Mark.UNANSWERED,
+    NEGATIVE_ACKNOWLEDGEMENT: Mark.UNANSWERED,
+    LATE: Mark.LATE,
+    JITTER: Mark.LATE,
+    TORN_CYCLE: Mark.LATE,
+    INCOMPLETE_CYCLE: Mark.LATE,
+}
+_FOR_SILENCE = 2
+"""A cell is silent where a list was for at least one part in so many of it."""
+
+_Span = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Chronicle:
+    """What happened to lists from ``start_ns`` to ``end_ns``; all of it is a copy of what was known then.
+
+    ``lists`` are by number. ``marks`` are the columns list, since, until and ``Mark``, int64 of shape (n,), by list.
+    """
+
+    start_ns: int
+    end_ns: int
+    lists: Mapping[int, AnyList]
+    marks: tuple[I64, I64, I64, I64]
+    pauses: PauseColumns
+    silences: Mapping[int, Sequence[Silence]]
+
+    def strip(self, number: int, cells: int) -> list[Mark]:
+        """Return the worst mark of a list in each of so many equal parts of the time."""
+        length_ns = max(self.end_ns - self.start_ns, 1)
+        edge = self.start_ns + np.arange(cells + 1) * length_ns // cells
+        found = np.full(cells, Mark.USUAL.value)
+        found[self._silent_ns(number, edge) * _FOR_SILENCE >= np.maximum(np.diff(edge), 1)] = Mark.SILENT
+        lists, since_ns, until_ns, mark = self.marks
+        own = slice(*np.searchsorted(lists, [number, number + 1]).tolist())
+        first = (np.searchsorted(edge, since_ns[own], "right") - 1).clip(0, cells - 1)
+        last = (np.searchsorted(edge, until_ns[own], "right") - 1).clip(0, cells - 1)
+        for worse in Mark:
+            of_mark = mark[own] == worse
+            # How many stretches with the mark each cell is in.
+            depth = np.zeros(cells + 1, np.int64)
+            np.add.at(depth, first[of_mark], 1)
+            np.add.at(depth, last[of_mark] + 1, -1)
+            found[(np.cumsum(depth[:-1]) > 0) & (found < worse)] = worse
+        return [Mark(one) for one in found.tolist()]
+
+    def _silent_ns(self, number: int, edge: I64) -> I64:
+        """Return for how long a list was silent in each part: none of its streams was heard."""
+        entry = self.lists[number]
+        heard = [place for place in range(len(entry.streams)) if entry.streams[place].telegrams]
+        spans = [self._silences(entry, place) for place in heard]
+        silent: list[_Span] = [(self.start_ns, self.end_ns)]
+        for one in spans:
+            silent = _both(silent, one)
+        total = np.zeros(len(edge) - 1, np.int64)
+        for since_ns, until_ns in silent:
+            total += (np.minimum(edge[1:], until_ns) - np.maximum(edge[:-1], since_ns)).clip(0)
+        return total
+
+    def _silences(self, entry: AnyList, place: int) -> list[_Span]:
+        """Return when a stream was silent: before and behind what there is of it, and its pauses."""
+        stream = entry.streams[place]
+        intervals, pauses = stream.intervals, self.pauses
+        usual_ns = intervals.nominal * PAUSE_PERCENT // 100 if intervals.nominal else (intervals.p99 or 0)
+        node = -1 if stream.node is None else stream.node
+        own = (pauses.list == entry.number) & (pauses.node == node) & (pauses.subindex == stream.subindex)
+        own &= pauses.time_ns - pauses.since_ns > usual_ns
+        spans = [(self.start_ns, stream.first_ns), (stream.last_ns, self.end_ns)]
+        spans += [(one.since_ns, one.until_ns) for one in self.silences.get(stream.stream, ())]
+        found = [(since_ns, until_ns) for since_ns, until_ns in spans if until_ns - since_ns > usual_ns]
+        found += zip(pauses.since_ns[own].tolist(), pauses.time_ns[own].tolist(), strict=True)
+        return sorted(found)
+
+
+def _both(some: Sequence[_Span], others: Sequence[_Span]) -> list[_Span]:
+    """Return the times that are in both of two sequences of spans, each of which rises."""
+    found, place = [], 0
+    for since_ns, until_ns in some:
+        while place < len(others) and others[place][1] <= since_ns:
+            place += 1
+        for other in others[place:]:
+            if other[0] >= until_ns:
+                break
+            found.append((max(since_ns, other[0]), min(until_ns, other[1])))
+    return found
+
+
+def chronicle_of(case: Case) -> Chronicle:
+    """Return what happened to each list of a case."""
+    symptoms = case.symptoms
+    mark = np.zeros(max(map(code_number, _MARKS)) + 1, np.int64)
+    for kind, value in _MARKS.items():
+        mark[code_number(kind)] = value
+    of_symptom = np.where(symptoms.code < len(mark), mark[np.minimum(symptoms.code, len(mark) - 1)], Mark.USUAL)
+    row = np.flatnonzero((of_symptom > Mark.USUAL) & (symptoms.list >= 0))
+    since_ns, until_ns = symptoms.since_ns[row], symptoms.time_ns[row]
+    # What was late is told when it came, what was not answered when it was sent.
+    since_ns = np.where(of_symptom[row] == Mark.LATE, until_ns, since_ns)
+    until_ns = np.where(of_symptom[row] == Mark.UNANSWERED, since_ns, until_ns)
+    lost = of_symptom[row] == Mark.LOST
+    between_ns = (until_ns - since_ns) // (symptoms.amount[row] + 1)
+    since_ns, until_ns = (
+        np.where(lost, since_ns + between_ns, since_ns),
+        np.where(lost, until_ns - between_ns, until_ns),
+    )
+    since_ns = np.where(of_symptom[row] == Mark.RESTARTED, until_ns, since_ns)
+    until_ns = np.maximum(since_ns, until_ns)  # a clock may have stepped back in between
+    several = _several_senders(case)
+    columns = symptoms.list[row], since_ns, until_ns, of_symptom[row]
+    whole = [np.append(column, several[:, place]) for place, column in enumerate(columns)]
+    order = np.argsort(whole[0], kind="stable")
+    lists, since_ns, until_ns, marks = (column[order] for column in whole)
+    silences = case.facts.state.senders.timing.silences.by_stream()
+    return Chronicle(
+        case.start_ns, case.end_ns, case.lists, (lists, since_ns, until_ns, marks),
+        case.witness.long_pauses.columns(), silences,
+    )  # fmt: skip
+
+
+def _several_senders(case: Case) -> I64:
+    """Return when lists had several senders at once: rows of list, since, until and mark."""
+    rows = []
+    for finding in case.findings:
+        if finding.kind is not SEVERAL_SENDERS or finding.list_number is None:
+            continue
+        streams = case.lists[finding.list_number].streams
+        nodes = {stream.node for stream in streams}
+        spans = [
+            (min(one.first_ns for one in streams if one.node == node),
+             max(one.last_ns for one in streams if one.node == node))
+            for node in nodes
+        ]  # fmt: skip
+        spans.sort()
+        until_ns = spans[0][1]
+        for since_ns, last_ns in spans[1:]:
+            if since_ns < until_ns:
+                rows.append((finding.list_number, since_ns, min(until_ns, last_ns), Mark.SEVERAL_SENDERS.value))
+            until_ns = max(until_ns, last_ns)
+    return np.array(rows, np.int64).reshape(len(rows), 4)
