@@ -76,6 +76,7 @@ def snapshot(
     )  # fmt: skip
     happened = None
     if witness is not None:
+        witness.settle()
         facts = Facts(state, summary, infos, at_ns or 0, project.limits, definition, overdue)
         names = project.node_names if node_names is None else node_names
         happened = _happenings(facts, findings, witness, source.channels, names)

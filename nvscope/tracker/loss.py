@@ -19,13 +19,14 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import COUNTER_SHIFT, Keys
 from nvscope.engine.rows import DataRows
-from nvscope.engine.runs import order_by, runs_of_lengths
+from nvscope.engine.runs import order_by, runs_of_lengths, spans
 from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
 from nvscope.tracker.counters import Scope, byte_swapped
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.node_steps import NodeOrder, NodeSteps
+from nvscope.tracker.rare import rare_ones
 from nvscope.tracker.repeated import Repeated
 from nvscope.tracker.sender_changes import Changes
 from nvscope.tracker.steps import Step, Steps
@@ -36,6 +37,19 @@ _TOLD = {
     Step.RESTART: EventKind.RESTART,
     Step.LATE: EventKind.DUPLICATE,
 }
+
+_COUNTED = {
+    Step.GAP: "gaps",
+    Step.OVERTAKEN: "overtaken",
+    Step.RESTART: "restarts",
+    Step.LATE: "duplicates",
+}
+
+_RARE = 4
+"""A step of a kind is rare of which there is one in so many telegrams: who loses more cannot be told when."""
+
+_CLEARLY = 256
+"""By so many regular steps a scope has to be ahead, that steps of the other one need not be told."""
 
 NO_STREAM = -1
 
@@ -54,6 +68,7 @@ class StreamSequences(KeyedColumns):
 
     current: U16
     missing: U64
+    telegrams: I64
     begun: I64
     counting: Bool
     moved: Bool
@@ -70,6 +85,7 @@ class StreamSequences(KeyedColumns):
     COLUMNS: ClassVar = {
         "current": (np.uint16(0), 1),
         "missing": (np.uint64(0), 1),
+        "telegrams": (np.int64(0), 1),
         "begun": (np.int64(0), 1),
         "counting": (np.False_, 1),
         "moved": (np.False_, 1),
@@ -90,7 +106,8 @@ class NodeSequences(KeyedColumns):
     """One row a node: the sequence of all its telegrams, and the gaps in it.
 
     ``last_stream`` is that of its last telegram that was not repeated, ``NO_STREAM`` before, and while it is unheard;
-    ``last_ns`` is when its last one came, ``last`` its Counter. ``swapped`` is as for streams. Of its steps,
+    ``last_ns`` is when its last one came, ``last`` its Counter. ``swapped`` is as for streams; ``regular_of_streams``
+    are the regular steps of its streams, ``regular_telegram`` and ``regular_send`` its own. Of its steps,
     ``between_streams`` are those from one stream to another, ``between_lists`` those from one list to another; of which
     so many are ``regular``.
     """
@@ -103,6 +120,7 @@ class NodeSequences(KeyedColumns):
     gaps: I64
     steps: I64
     swapped: I64
+    regular_of_streams: I64
     regular_telegram: I64
     regular_send: I64
     between_streams: I64
@@ -118,6 +136,7 @@ class NodeSequences(KeyedColumns):
         "gaps": (np.int64(0), 1),
         "steps": (np.int64(0), 1),
         "swapped": (np.int64(0), 1),
+        "regular_of_streams": (np.int64(0), 1),
         "regular_telegram": (np.int64(0), 1),
         "regular_send": (np.int64(0), 1),
         "between_streams": (np.int64(0), 1),
@@ -142,7 +161,7 @@ class Loss:
         self.nodes.resize(len(keys.nodes))
         for log in self._events.values():
             log.resize(len(keys.streams))
-        own = self._walk_streams(rows)
+        own = self._walk_streams(rows, keys)
         nodes = self._walk_nodes(told, rows, keys)
         self._book(told, rows, own, Scope.STREAM)
         self._book(told, rows, nodes, Scope.NODE_TELEGRAM)
@@ -164,7 +183,7 @@ class Loss:
         for key, log in self._events.items():
             log.take(part._events[key], share.streams)
 
-    def _walk_streams(self, rows: DataRows) -> Steps:
+    def _walk_streams(self, rows: DataRows, keys: Keys) -> Steps:
         streams, run = self.streams, rows.run_stream
         again = Repeated(_places(rows.repeated), rows.start)
         counter = rows.counter
@@ -173,6 +192,7 @@ class Loss:
             streams.repeated[run] += np.bincount(again.sequence, minlength=len(run))
         steps = again.walk(counter, streams.current[run], streams.missing[run], rows.fresh)
         streams.current[run], streams.missing[run] = steps.current, steps.missing
+        streams.telegrams[run] += rows.stop - rows.start
         streams.begun[run] += rows.fresh
         resting, waiting = ~streams.moved[run], ~streams.counting[run]
         # Rows that take no step: the first of a sequence, those in front of the second value, and repeated ones.
@@ -194,6 +214,7 @@ class Loss:
         irregular = np.diff(np.searchsorted(steps.irregular, np.append(rows.start, len(rows))))
         streams.steps[run] += rows.stop - rows.start - idle
         streams.regular[run] += rows.stop - rows.start - irregular
+        np.add.at(self.nodes.regular_of_streams, keys.node_of(run), rows.stop - rows.start - irregular)
         last = (rows.signature_before >> COUNTER_SHIFT).astype(np.uint16)
         np.add.at(streams.swapped, run[_swapped(steps, rows.start, last, lambda place: rows.counter[place])], 1)
         return steps
@@ -268,16 +289,37 @@ class Loss:
             else:
                 streams.duplicates[stream, scope] += count
             self._events[kind, scope].add(stream, start, stop, rows.time_ns, rows.packet, place, first_frame)
-            self._tell(told, kind, scope, rows, steps, place, lost)
+            if told.is_heard:
+                known = getattr(streams, _COUNTED[kind])[stream, scope] - count
+                self._tell(told, kind, scope, rows, steps, (stream, start, stop), known, place, lost)
 
     def _tell(
-        self, told: Told, step: Step, scope: Scope, rows: DataRows, steps: Steps | NodeSteps, place: I64,
-        lost: I64 | None = None,
+        self, told: Told, step: Step, scope: Scope, rows: DataRows, steps: Steps | NodeSteps,
+        runs: tuple[I64, I64, I64], known: I64, place: I64, lost: I64 | None,
     ) -> None:  # fmt: skip
-        """Tell of the steps at some places, in the order of the capture."""
-        if not told.is_heard:
+        """Tell of the steps at some places, in the order of the capture, as far as they are rare.
+
+        ``runs`` are those of one stream each among the places, ``known`` how many such steps each stream had before.
+        """
+        stream, start, stop = runs
+        asked = np.flatnonzero(self._is_in_question(told.keys.node_of(stream), scope))
+        if not len(asked):
             return
-        order = np.argsort(rows.packet[place], kind="stable")
+        stream, known, count = stream[asked], known[asked], (stop - start)[asked]
+        chosen = spans(start[asked], count)
+        of_rows = np.searchsorted(rows.run_stream, stream)
+        begins = rows.start[of_rows]
+        length = rows.stop[of_rows] - begins
+        stop = np.cumsum(count)
+        rare = rare_ones(
+            _RARE, known, self.streams.telegrams[stream] - length, length, stop - count, stop,
+            place[chosen] - np.repeat(begins, count),
+        )  # fmt: skip
+        if rare is not None:
+            chosen = chosen[rare]
+        order = chosen[np.argsort(rows.packet[place[chosen]], kind="stable")]
+        if not len(order):
+            return
         place = place[order]
         before = steps if isinstance(steps, NodeSteps) else rows
         lists, node, subindex = told.keys.described(rows.stream[place])
@@ -288,6 +330,15 @@ class Loss:
                 amount=None if lost is None else lost[order], scope=scope,
             )
         )  # fmt: skip
+
+    def _is_in_question(self, node: I64, scope: Scope) -> Bool:
+        """Tell of which nodes Counter may count in a scope: in no other one are clearly more of its steps regular."""
+        nodes = self.nodes
+        of_streams = nodes.regular_of_streams[node]
+        of_node = np.maximum(nodes.regular_telegram[node], nodes.regular_send[node])
+        ahead = of_node - of_streams if scope == Scope.STREAM else of_streams - of_node
+        told: Bool = ahead <= _CLEARLY
+        return told
 
     def byte_swapped(self, keys: Keys) -> Bool:
         """Tell which streams have a Counter that is written byte-swapped: their own, or that of all of their node."""

@@ -27,6 +27,7 @@ from nvscope.tracker.deviation import deviations, means
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
+from nvscope.tracker.rare import rare_ones
 from nvscope.tracker.silences import Silences
 from nvscope.tracker.steps import Step, Steps
 
@@ -34,6 +35,10 @@ LEARNED_INTERVALS = 8
 """So many intervals of a stream tell where its dense buckets lie."""
 
 DENSE_BUCKETS = BUCKETS_A_DOUBLING
+LONG_PARTS = 512
+"""An interval is long that takes at least one of so many parts of the time since the capture's first frame."""
+
+_RARE = 4  # an unusual interval is rare of which there is one in so many: what is cyclic has fewer of them
 _FEW = 8  # of the rows, up to one in so many is few
 _BUCKET_OFFSET = 1 << 20
 _LIMB_BITS = 23
@@ -53,7 +58,8 @@ class IntervalColumns(KeyedColumns):
     """One row a stream; ``squares`` are three limbs of 23 bits (the last one wider) of the sum of squares.
 
     ``last_ns`` is when its last telegram came that was not skipped, ``NEVER`` before the first, and while it is
-    unheard; ``last_frame`` is its frame. ``usual_ns`` is the median of the first intervals, 0 before these are known.
+    unheard; ``last_frame`` is its frame. ``usual_ns`` is the median of the first intervals, 0 before these are known;
+    ``unusual`` counts those outside of the dense buckets, as far as somebody listens.
     ``usual_frames`` are the frames that ended the first ``usual_kept`` intervals of the dense buckets, ``usual_keys``
     their keys as in ``Timing.unusual``.
     """
@@ -68,6 +74,7 @@ class IntervalColumns(KeyedColumns):
     squares: I64
     learned: I64
     usual_ns: I64
+    unusual: I64
     first_bucket: I64
     dense: I64
     usual_kept: I64
@@ -84,6 +91,7 @@ class IntervalColumns(KeyedColumns):
         "squares": (np.int64(0), 3),
         "learned": (np.int64(0), LEARNED_INTERVALS),
         "usual_ns": (np.int64(0), 1),
+        "unusual": (np.int64(0), 1),
         "first_bucket": (np.int64(0), 1),
         "dense": (np.int64(0), DENSE_BUCKETS),
         "usual_kept": (np.int64(0), 1),
@@ -247,14 +255,36 @@ class Timing:
             self.unusual.record(time_ns, frame, key.view(np.uint64))
             self.unusual.settle()
             if told.is_heard:
-                lists, node, subindex = told.keys.described(stream)
-                told.tell(
-                    EventBatch.of(
-                        EventKind.UNUSUAL_INTERVAL, time_ns, frame, lists=lists, node=node, subindex=subindex,
-                        since_ns=time_ns - took_ns, amount=took_ns, detail=lost,
-                    )
-                )  # fmt: skip
+                self._tell(told, ends, before, place, stream, time_ns, frame, took_ns, lost)
         return learned
+
+    def _tell(
+        self, told: Told, ends: _Kept, before: I64, place: I64, stream: I64, time_ns: I64, frame: I64, took_ns: I64,
+        lost: I64,
+    ) -> None:  # fmt: skip
+        """Tell of unusual intervals as far as they are rare, and of all that are long for a picture of the capture.
+
+        ``before`` are the intervals that each run's stream had before; ``place`` is where the unusual ones are.
+        """
+        columns = self.columns
+        bounds = np.searchsorted(place, np.append(ends.start, ends.stop[-1]))
+        start, stop = bounds[:-1], bounds[1:]
+        known, run = columns.unusual[ends.run], ends.run
+        columns.unusual[run] += stop - start
+        rare = rare_ones(
+            _RARE, known, before, ends.stop - ends.start, start, stop, place - np.repeat(ends.start, stop - start)
+        )  # fmt: skip
+        if rare is not None:
+            rare |= took_ns >= np.maximum(time_ns - told.start_ns, 0) // LONG_PARTS
+            chosen = np.flatnonzero(rare)
+            stream, time_ns, frame, took_ns, lost = (one[chosen] for one in (stream, time_ns, frame, took_ns, lost))
+        lists, node, subindex = told.keys.described(stream)
+        told.tell(
+            EventBatch.of(
+                EventKind.UNUSUAL_INTERVAL, time_ns, frame, lists=lists, node=node, subindex=subindex,
+                since_ns=time_ns - took_ns, amount=took_ns, detail=lost,
+            )
+        )  # fmt: skip
 
     def _keep_usual(
         self, rows: TimedRows, ends: _Kept, outside: Bool, interval: I64, loss: _LossBefore, first_frame: int

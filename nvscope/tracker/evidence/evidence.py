@@ -61,6 +61,10 @@ class Evidence:
         else:
             self.columns[_THEME_OF[events.kind]].hear(events)
 
+    def settle(self) -> None:
+        """Make what was told visible: before somebody looks at it."""
+        self.answers.settle()
+
     @property
     def left_out(self) -> int:
         """How many events there was no room for."""

@@ -41,13 +41,12 @@ class Pauses:
             self._last_ns = None
         if not len(time_ns):
             return
-        length_ns = np.empty_like(time_ns)
-        np.subtract(time_ns[1:], time_ns[:-1], out=length_ns[1:])
-        length_ns[0] = 0 if self._last_ns is None else time_ns[0] - self._last_ns
-        self._last_ns = int(time_ns[-1])
+        before_ns, self._last_ns = self._last_ns, int(time_ns[-1])
+        first_ns = 0 if before_ns is None else int(time_ns[0]) - before_ns
         # Once there are enough, hardly any batch has one that is longer than the shortest of them.
-        if length_ns.max() <= self._longer_than_ns:
+        if max(told.clock.longest_step_ns, first_ns) <= self._longer_than_ns:
             return
+        length_ns = np.diff(time_ns, prepend=time_ns[0] - first_ns)
         row = np.flatnonzero(length_ns > self._longer_than_ns)
         length_ns = length_ns[row]
         if len(row) > self._most:

@@ -8,14 +8,12 @@ import numpy as np
 
 from dissectors.addresses import FrameAddresses, addresses_of
 from dissectors.batch import I64, U64, Bool
-from dissectors.carried import Carrier
 from dissectors.keys import KeyTable
-from dissectors.netvar import LIST_SERVICES
-from dissectors.varieties import Varieties
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
 from nvscope.tracker.evidence.signs import SignsOfLife
+from nvscope.tracker.evidence.waiting import Heard, Waiting
 from nvscope.tracker.latency import Latencies
 
 MOST_ADDRESSES = 1 << 16
@@ -46,14 +44,14 @@ class SeenColumns(KeyedColumns):
         known = number >= 0
         np.add.at(self.count, number[known], count[known])
 
-    def begin(self, number: I64, rows: int, told: Told, row: I64) -> None:
-        """Let rows that are new begin with packets of a batch, rising; there are so many then."""
+    def begin(self, number: I64, rows: int, heard: Heard, row: I64) -> None:
+        """Let rows that are new begin with packets that were heard, rising; there are so many then."""
         before = len(self)
         self.resize(rows)
         new = np.flatnonzero(number >= before)[::-1]
         # Of several, the first one is what stays.
-        self.first_ns[number[new]] = told.packets.ts_ns[row[new]]
-        self.first_frame[number[new]] = told.first_frame + row[new]
+        self.first_ns[number[new]] = heard.times_ns(row[new])
+        self.first_frame[number[new]] = heard.frames(row[new])
 
 
 class AddressColumns(SeenColumns):
@@ -121,7 +119,7 @@ class WayColumns(KeyedColumns):
 
 
 class Presence:
-    """An observer of all frames.
+    """An observer of all frames, which takes many batches at a time: ``settle`` before looking at it.
 
     ``addresses`` number the hardware and IP addresses that sent some, which are the rows of ``columns``; ``pairs``
     number (upper half, lower half, hardware address with VLAN + 1 above it, time to live), the rows of
@@ -141,98 +139,97 @@ class Presence:
         self.announcements = Announcements()
         self.left_out = 0
         # Packets with the same headers come by the same way: the first one is looked at for all, by their number.
-        self._varieties: Varieties | None = None
         self._ways = WayColumns()
+        self._ways.resize(1)
+        self._waiting = Waiting()
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        if self._waiting.is_full or not self._waiting.fits(told):
+            self.settle()
+        if not self._waiting.fits(told):
+            self._waiting, self._ways = Waiting(), WayColumns()
+            self._ways.resize(1)
         if told.is_deaf:
+            self.settle()
             self.columns.last_other_ns[:] = NEVER
             self.columns.pair[:] = NOBODY
-        if not len(told):
+        if len(told):
+            self._waiting.add(told)
+
+    def settle(self) -> None:
+        """Count what waits to be counted."""
+        heard = self._waiting.take()
+        if heard is None:
             return
-        if told.varieties is not self._varieties:
-            self._varieties, self._ways = told.varieties, WayColumns()
-            self._ways.resize(1)
-        header = told.batch.header
-        count = np.bincount(header, minlength=len(self._ways))
-        alone = np.flatnonzero(header == 0) if count[0] else np.empty(0, np.int64)
-        row = np.sort(np.append(alone, self._first_of_new(header, count)))
-        looked_at = self._look_at(told, row)
+        ways = self._look_at(heard)
+        count = heard.count
         self._ways.resize(len(count))
-        self._ways.put(header[row], looked_at)
+        self._ways.put(heard.header, ways)
+        alone = np.flatnonzero(heard.header == 0)
         kind = np.flatnonzero(count[1:]) + 1
-        seen = _Seen(header, kind, count[kind], self._ways, alone, looked_at, np.searchsorted(row, alone))
+        seen = _Seen(heard, kind, count[kind], self._ways, heard.looked_at[alone], ways, alone)
         for name, columns in (("hardware", self.columns), ("ip", self.columns), ("pair", self.pair_columns)):
             number = seen.numbers(name)
             columns.add(number, seen.count)
             self.left_out += int(seen.count[number == LEFT_OUT].sum())
-        self._observe_others(told, seen)
+        self._observe_others(heard, seen)
         self._observe_alternations(seen)
 
-    def _first_of_new(self, header: I64, count: I64) -> I64:
-        """Return the first packets of headers that were not seen before, by number of the headers."""
-        known = len(self._ways)
-        if len(count) == known:
-            return np.empty(0, np.int64)
-        new = np.flatnonzero(header >= known)[::-1]
-        first = np.empty(len(count), np.int64)
-        first[header[new]] = new  # of several, the first one is what stays
-        return first[np.flatnonzero(count[known:]) + known]
-
-    def _look_at(self, told: Told, row: I64) -> WayColumns:
-        """Return by which ways some packets come, rising, having numbered what is new of them."""
-        found = addresses_of(told.packets, row)
+    def _look_at(self, heard: Heard) -> WayColumns:
+        """Return by which ways the packets come that are looked at, having numbered what is new of them."""
+        found = addresses_of(heard.heads)
         ways = WayColumns()
-        ways.resize(len(row))
-        place = np.searchsorted(row, found.row)
-        ways.column("other")[:] = ~_are_of_lists(told, row)
+        ways.resize(len(heard.looked_at))
+        ways.column("other")[:] = heard.other
+        place, row = found.row, heard.looked_at[found.row]
         known = np.flatnonzero(found.hardware)
         nothing = np.zeros(len(known), np.uint64)
         keys = nothing + np.uint64(HARDWARE), nothing, found.hardware[known]
-        ways.hardware[place[known]] = self._numbers(self.addresses, keys, self.columns, told, found.row[known])
+        ways.hardware[place[known]] = self._numbers(self.addresses, keys, self.columns, heard, row[known])
         known = np.flatnonzero(found.has_ip)
         keys = np.full(len(known), IP, np.uint64), found.high[known], found.low[known]
-        number = self._numbers(self.addresses, keys, self.columns, told, found.row[known])
+        number = self._numbers(self.addresses, keys, self.columns, heard, row[known])
         ways.ip[place[known]] = number
-        found, place = found.take(known), place[known]
-        self._observe_announcements(told, found, number)
+        found, place, row = found.take(known), place[known], row[known]
+        self._observe_announcements(heard, found, row, number)
         # What ARP says is about an address, and has no time to live.
         known = np.flatnonzero((found.ttl >= 0) & (found.hardware != 0) & (number >= 0))
-        found, place = found.take(known), place[known]
+        found, place, row = found.take(known), place[known], row[known]
         device = found.hardware | (found.vlan + 1).astype(np.uint64) << _VLAN_BIT
         pair = found.high, found.low, device, found.ttl.astype(np.uint64)
-        ways.pair[place] = self._numbers(self.pairs, pair, self.pair_columns, told, found.row)
+        ways.pair[place] = self._numbers(self.pairs, pair, self.pair_columns, heard, row)
         return ways
 
     def _numbers(
-        self, table: KeyTable, keys: tuple[U64, ...], columns: SeenColumns, told: Told, row: I64
+        self, table: KeyTable, keys: tuple[U64, ...], columns: SeenColumns, heard: Heard, row: I64
     ) -> I64:  # fmt: skip
         """Return the numbers of keys, which packets tell, ``LEFT_OUT`` of those for which there is no room."""
         number = table.numbers_within(self._most, *keys)
-        columns.begin(number, len(table), told, row)
+        columns.begin(number, len(table), heard, row)
         return np.where(number < 0, LEFT_OUT, number)
 
-    def _observe_announcements(self, told: Told, found: FrameAddresses, number: I64) -> None:
+    def _observe_announcements(self, heard: Heard, found: FrameAddresses, row: I64, number: I64) -> None:
         announced = np.flatnonzero(found.announces & (number >= 0))
         room = self._most - self.announcements.count
         self.left_out += max(len(announced) - room, 0)
         announced = announced[:room]
-        row = found.row[announced]
-        time_ns, frame = told.packets.ts_ns[row], row + told.first_frame
-        self.announcements.add(time_ns, frame, number[announced], found.hardware[announced])
+        row = row[announced]
+        self.announcements.add(heard.times_ns(row), heard.frames(row), number[announced], found.hardware[announced])
 
-    def _observe_others(self, told: Told, seen: _Seen) -> None:
+    def _observe_others(self, heard: Heard, seen: _Seen) -> None:
         """Take the frames that are no telegrams of lists, of hardware and of IP addresses."""
         columns = self.columns
-        parts = [seen.rows(name, seen.other & (seen.numbers(name) >= 0)) for name in ("hardware", "ip")]
-        row, number = (np.concatenate(column) for column in zip(*parts, strict=True))
+        row, place = seen.rows(seen.other)
+        parts = [seen.numbers(name)[place] for name in ("hardware", "ip")]
+        row, number = np.tile(row, len(parts)), np.concatenate(parts)
+        row, number = row[number >= 0], number[number >= 0]
         order = stable_order(number, len(columns))
         row, number = row[order], number[order]
         start, stop = runs_of(number)
         if not len(start):
             return
-        run, time_ns = number[start], told.packets.ts_ns[row]
+        run, time_ns = number[start], heard.times_ns(row)
         before_ns = np.roll(time_ns, 1)
         before_ns[start] = columns.last_other_ns[run]
         follows = before_ns != NEVER
@@ -248,13 +245,12 @@ class Presence:
         least, most = np.full(len(self.columns), len(self.pairs)), np.full(len(self.columns), NOBODY)
         np.minimum.at(least, ip[known], pair[known])
         np.maximum.at(most, ip[known], pair[known])
-        # Of an address with one pair in all of the batch, one packet tells as much as all.
+        # Of an address with one pair in all that is counted now, one packet tells as much as all.
         simple = np.flatnonzero((least == most) & (most >= 0))
         several = known.copy()
         several[known] = (least < most)[ip[known]]
-        told = seen.rows("pair", several)[1]
-        owner = seen.rows("ip", several)[1]
-        owner, told = np.append(simple, owner), np.append(most[simple], told)
+        place = seen.rows(several)[1]
+        owner, told = np.append(simple, ip[place]), np.append(most[simple], pair[place])
         order = stable_order(owner, len(self.columns))
         owner, told = owner[order], told[order]
         start, stop = runs_of(owner)
@@ -269,15 +265,15 @@ class Presence:
 
 
 class _Seen:
-    """The packets of a batch by kind: those with known headers, and those that stand ``alone``, rising.
+    """Packets by kind: those with known headers, and those that stand ``alone``, rising.
 
     ``count`` is how many packets there are of each kind, ``other`` whether they are no telegrams of lists.
     """
 
     def __init__(
-        self, header: I64, kind: I64, count: I64, ways: WayColumns, alone: I64, alone_ways: WayColumns, place: I64
+        self, heard: Heard, kind: I64, count: I64, ways: WayColumns, alone: I64, alone_ways: WayColumns, place: I64
     ) -> None:  # fmt: skip
-        self._header, self._kind, self._alone = header, kind, alone
+        self._heard, self._kind, self._alone = heard, kind, alone
         self._ways, self._alone_ways, self._place = ways, alone_ways, place
         self.count = np.append(count, np.ones(len(alone), np.int64))
         self.other = self._of_kinds("other")
@@ -290,26 +286,16 @@ class _Seen:
     def _of_kinds(self, name: str) -> Any:
         return np.append(self._ways.column(name)[self._kind], self._alone_ways.column(name)[self._place])
 
-    def rows(self, name: str, chosen: Bool) -> tuple[I64, I64]:
-        """Return the packets of chosen kinds, rising, and the numbers in a column of their ways."""
-        number, kinds = self.numbers(name), len(self._kind)
+    def rows(self, chosen: Bool) -> tuple[I64, I64]:
+        """Return the packets of chosen kinds, rising, and the place of the kind of each."""
+        kinds = len(self._kind)
         own = np.flatnonzero(chosen[kinds:])
-        row, told = self._alone[own], number[kinds + own]
+        row, told = self._alone[own], kinds + own
         if chosen[:kinds].any():
-            of_header = np.full(int(self._kind[-1]) + 1, NOBODY)
-            of_header[self._kind[chosen[:kinds]]] = number[:kinds][chosen[:kinds]]
-            found = of_header[self._header]
-            known = np.flatnonzero(found >= 0)
-            row, told = np.append(row, known), np.append(told, found[known])
+            of_header = np.zeros(len(self._heard.count), np.bool_)
+            of_header[self._kind[chosen[:kinds]]] = True
+            known, header = self._heard.of_headers(of_header)
+            row, told = np.append(row, known), np.append(told, np.searchsorted(self._kind, header))
             order = np.argsort(row)
             row, told = row[order], told[order]
         return row, told
-
-
-def _are_of_lists(told: Told, row: I64) -> Bool:
-    """Tell which packets of a batch hold telegrams that belong to a list."""
-    varieties = told.varieties
-    by_variety: Bool = np.zeros(len(varieties), np.bool_)
-    on_udp = np.flatnonzero(varieties.carried.carrier == Carrier.UDP)
-    by_variety[on_udp] = np.isin(varieties.telegrams_of(on_udp).header["id"], LIST_SERVICES)
-    return by_variety[told.variety[row]]

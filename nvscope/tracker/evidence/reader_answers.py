@@ -17,6 +17,8 @@ from nvscope.tracker.latency import Latencies
 MOST_PAIRS = 1 << 16
 """So many pairs of list and reader are kept; acknowledgements of others are counted."""
 
+_TAKEN_TOGETHER = 1 << 17
+
 
 class AnswerColumns(KeyedColumns):
     """One row a list and reader: its acknowledgements, and when the first and the last one came."""
@@ -28,13 +30,16 @@ class AnswerColumns(KeyedColumns):
 
 
 class ReaderAnswers:
-    """A listener; ``pairs`` number lists and readers (``Keys``), which are the rows of ``columns``.
+    """A listener, which takes many events at a time: ``settle`` before looking at it.
 
-    ``latencies`` are by the same rows. ``left_out`` counts the acknowledgements for which there was no room.
+    ``pairs`` number lists and readers (``Keys``), which are the rows of ``columns``, and by which ``latencies`` are.
+    ``left_out`` counts the acknowledgements for which there was no room.
     """
 
     def __init__(self, most: int = MOST_PAIRS) -> None:
         self._most = most
+        self._waiting: list[EventBatch] = []
+        self._events = 0
         self.pairs = KeyTable()
         self.columns = AnswerColumns()
         self.latencies = Latencies()
@@ -42,13 +47,26 @@ class ReaderAnswers:
 
     def hear(self, events: EventBatch) -> None:
         """Take events; those of any other kind than ``EventKind.ACKNOWLEDGED`` are not looked at."""
-        if events.kind is not EventKind.ACKNOWLEDGED:
+        if events.kind is EventKind.ACKNOWLEDGED and len(events):
+            self._waiting.append(events)
+            self._events += len(events)
+            if self._events >= _TAKEN_TOGETHER:
+                self.settle()
+
+    def settle(self) -> None:
+        """Count what waits to be counted."""
+        waiting, self._waiting, self._events = self._waiting, [], 0
+        if not waiting:
             return
-        words = events.list.astype(np.uint64), events.peer.astype(np.uint64)
-        number = self.pairs.numbers_within(self._most, *words)
+        columns = ("list", "peer", "time_ns", "since_ns")
+        lists, peer, time_ns, since_ns = (np.concatenate([getattr(one, name) for one in waiting]) for name in columns)
+        number = self.pairs.numbers_within(self._most, lists.astype(np.uint64), peer.astype(np.uint64))
         room = number >= 0
-        self.left_out += len(events) - int(np.count_nonzero(room))
-        number, time_ns, since_ns = number[room], events.time_ns[room], events.since_ns[room]
+        self.left_out += len(number) - int(np.count_nonzero(room))
+        number, time_ns, since_ns = number[room], time_ns[room], since_ns[room]
+        self._count(number, time_ns, since_ns)
+
+    def _count(self, number: I64, time_ns: I64, since_ns: I64) -> None:
         columns, pairs = self.columns, len(self.pairs)
         columns.resize(pairs)
         self.latencies.observe(number, time_ns - since_ns, pairs)

@@ -31,6 +31,11 @@ class Witness:
         self.pauses.observe(told)
         self.throughput.observe(told)
 
+    def settle(self) -> None:
+        """Make what was observed visible: before somebody looks at it."""
+        self.presence.settle()
+        self.evidence.settle()
+
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind."""
         self.evidence.hear(events)

@@ -30,6 +30,7 @@ def test_nothing_is_lost_between_the_themes(seed: int, most: int) -> None:
     every, evidence = EventColumns(), Evidence(most)
     for _ in run(Batches(cut(traffic(seed), 37)), Reading(), [TrackerState(listeners=(every, evidence))]):
         pass
+    evidence.settle()
     told = Counter(every.table().kind.tolist())
     acknowledged = told[EventKind.ACKNOWLEDGED]
     assert int(evidence.answers.columns.column("count").sum()) == acknowledged

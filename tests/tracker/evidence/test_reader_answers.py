@@ -27,6 +27,7 @@ def test_it_is_what_was_told_one_by_one(seed: int, packets: int) -> None:
     every, answers = EventColumns(), ReaderAnswers()
     for _ in run(Batches(cut(traffic(seed), packets)), Reading(), [TrackerState(listeners=(every, answers))]):
         pass
+    answers.settle()
     expected: dict[tuple[int, int], list[tuple[int, int]]] = defaultdict(list)
     for row in rows_of(every.table()):
         if row.kind == EventKind.ACKNOWLEDGED:
@@ -55,5 +56,6 @@ def test_readers_that_there_is_no_room_for_are_counted() -> None:
                 EventKind.ACKNOWLEDGED, frame * 10, frame, lists=np.zeros(len(frame), np.int64), peer=np.array(readers)
             )
         )
+        answers.settle()
     assert answers.columns.column("count").tolist() == [2, 2]
     assert answers.left_out == 3
