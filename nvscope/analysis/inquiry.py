@@ -277,7 +277,7 @@ class Inquiry:
         self, found: Analysis, *, names: bool = True, values: bool = False, drawn: bool = False,
         listed: Sequence[str] = (),
     ) -> dict[str, Any]:  # fmt: skip
-        """Return the report on an analysis as data (schema ``nvscope.report/2``).
+        """Return the report on an analysis for which causes were asked as data (schema ``nvscope.report/2``).
 
         ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined;
         ``drawn``: as a document whose rows are made when they are asked for, one after the other; ``listed``: of lists
@@ -289,10 +289,11 @@ class Inquiry:
 
             rows = values_by_list(found.state, found.values)
         summary, findings = found.summary, found.findings
-        causes = None if found.happened is None else found.happened.causes
+        if found.happened is None:
+            raise ValueError("a report tells causes, and nobody asked for them")
+        causes = found.happened.causes
         if found.chosen is not None:
-            summary, findings = found.chosen.summary(summary), found.chosen.findings
-            causes = None if causes is None else found.chosen.causes
+            summary, findings, causes = found.chosen.summary(summary), found.chosen.findings, found.chosen.causes
         if listed:
             summary, findings, causes = self._of_lists(found, summary, findings, causes, listed)
         document = report_document(
@@ -310,16 +311,16 @@ class Inquiry:
         return document
 
     def _of_lists(
-        self, found: Analysis, summary: Summary, findings: Sequence[Finding], causes: Sequence[Cause] | None,
+        self, found: Analysis, summary: Summary, findings: Sequence[Finding], causes: Sequence[Cause],
         listed: Sequence[str],
-    ) -> tuple[Summary, Sequence[Finding], Sequence[Cause] | None]:  # fmt: skip
+    ) -> tuple[Summary, Sequence[Finding], Sequence[Cause]]:  # fmt: skip
         from nvscope.definition.selection import keys_named  # noqa: PLC0415
         from nvscope.view.listed import causes_of_lists, names_of_seen_lists, of_lists  # noqa: PLC0415
 
         names = {key: entry.name for key, entry in self.project.definition.by_key().items()}
         seen = names_of_seen_lists(found.summary, found.findings, names)
         wanted = {key for name in listed for key in keys_named(seen, name)}
-        return *of_lists(summary, findings, wanted), None if causes is None else causes_of_lists(causes, wanted)
+        return *of_lists(summary, findings, wanted), causes_of_lists(causes, wanted)
 
     def _read(
         self, wanted: _Wanted, chosen: DisplayFilter | None = None, *, others: Sequence[Observer] = ()

@@ -47,7 +47,7 @@ def test_json_has_the_schema_and_is_the_same_every_time() -> None:
     assert first.stdout == second.stdout
     report = json.loads(first.stdout)
     assert report["schema"] == "nvscope.report/2"
-    assert list(report) == ["schema", "tool", "capture", "totals", "lists", "findings"]
+    assert list(report) == ["schema", "tool", "capture", "totals", "causes", "lists", "findings"]
     assert report["capture"]["sources"] == [
         {"path": str(PEERS), "format": "pcap", "bytes": PEERS.stat().st_size, "frames": 864}
     ]
