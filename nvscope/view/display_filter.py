@@ -102,9 +102,10 @@ class DisplayFilter:
 
 
 def _pairs(finding: I64, cause: I64) -> Iterator[tuple[int, int]]:
-    """Yield each pair of numbers once."""
+    """Yield each pair of numbers once, of which at least one is something."""
+    some = (finding != NONE) | (cause != NONE)
     many = int(cause.max(initial=NONE)) - NONE + 1
-    for code in np.unique((finding - NONE) * many + (cause - NONE)).tolist():
+    for code in np.unique((finding[some] - NONE) * many + (cause[some] - NONE)).tolist():
         yield code // many + NONE, code % many + NONE
 
 
