@@ -225,12 +225,12 @@ class Inquiry:
         """What expressions may name; what is judged cannot be read with these."""
         return self._fields(None)
 
-    def filter(self, expression: str, *, all_frames: bool = False) -> DisplayFilter:
+    def filter(self, expression: str, *, all_frames: bool = False, names: bool = True) -> DisplayFilter:
         """Return a display filter that is ready to be asked of the telegrams of these captures.
 
         Where it asks for what is known in the end only, the captures are read for it. ``all_frames``: it may ask for
-        what only frames have that are no telegrams. UsageError, with the place, where the expression cannot be
-        understood, or where captures cannot be read twice.
+        what only frames have that are no telegrams; ``names``: causes tell nodes by their names. UsageError, with the
+        place, where the expression cannot be understood, or where captures cannot be read twice.
         """
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
 
@@ -246,7 +246,7 @@ class Inquiry:
                 f"{', '.join(chosen.judged)}: known when the whole capture was read, and {once} cannot be read twice",
                 next_step="name a file instead of -",
             )
-        return self._judged(expression, self._read(_Wanted()))
+        return self._judged(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
 
     def analyze(
         self, expression: str | None = None, *, values: bool = False, compare: bool = False, causes: bool = False,
@@ -268,7 +268,7 @@ class Inquiry:
             return self._read(wanted, others=others)
         from nvscope.view.chosen import Chosen  # noqa: PLC0415
 
-        chosen = self.filter(expression)
+        chosen = self.filter(expression, names=names)
         found = self._read(wanted, chosen, others=others)
         left = Chosen(found.state, chosen, found.findings, found.happened.causes if found.happened else ())
         return replace(found, chosen=left)
@@ -380,7 +380,9 @@ class Inquiry:
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
         from nvscope.view.fields.verdicts import Verdicts  # noqa: PLC0415
 
-        verdicts = Verdicts(found.summary, [address.halves(text) for text in found.summary.addresses], found.findings)
+        nodes = [address.halves(text) for text in found.summary.addresses]
+        causes = found.happened.causes if found.happened else ()
+        verdicts = Verdicts(found.summary, nodes, found.findings, causes)
         return DisplayFilter(expression, self._fields(verdicts), verdicts)
 
     @property

@@ -143,6 +143,18 @@ def test_ports_can_be_decided_by_hand() -> None:
     assert report["lists"] == []
 
 
+@pytest.mark.parametrize("code", ["NV201", "301"])
+def test_a_code_is_explained_without_what_findings_and_causes_are_judged_from(code: str) -> None:
+    words = (
+        "import sys\n"
+        "from nvscope.report.explain import render\n"
+        f"render({code!r})\n"
+        "print({'numpy', 'nvscope.causes'} & set(sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, check=True, text=True)
+    assert done.stdout == "set()\n"
+
+
 def test_explain_tells_of_a_finding_and_lists_all() -> None:
     assert b"no-acknowledgement" in nvscope("explain", "301").stdout
     assert b"NV905" in nvscope("explain").stdout
