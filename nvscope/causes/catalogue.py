@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from nvscope.causes.addresses import DUPLICATE_ADDRESS
 from nvscope.causes.buses import BUS_ERRORS, BUS_OFF, BUS_OVERLOADED, INCOMPLETE_CYCLES
 from nvscope.causes.counters import COUNTER_FOREIGN
 from nvscope.causes.definitions import DEFINITION_DIFFERS
@@ -33,6 +34,7 @@ KINDS: tuple[CauseKind, ...] = (
     BUS_OFF,
     BUS_ERRORS,
     BUS_OVERLOADED,
+    DUPLICATE_ADDRESS,
     SECOND_SENDER,
     IDENTIFIER_COLLISION,
     COUNTER_FOREIGN,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 
+from nvscope.causes.addresses import judge_duplicate_addresses
 from nvscope.causes.buses import (
     judge_bus_errors,
     judge_buses_off,
@@ -44,6 +45,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_buses_off,
     judge_bus_errors,
     judge_overloads,
+    judge_duplicate_addresses,
     judge_second_senders,
     judge_collisions,
     judge_foreign_counters,

@@ -10,6 +10,7 @@ from nvscope.tracker.evidence.evidence import Evidence
 from nvscope.tracker.evidence.long_pauses import LongPauses
 from nvscope.tracker.evidence.pauses import Pauses
 from nvscope.tracker.evidence.presence import Presence
+from nvscope.tracker.evidence.shared_addresses import SharedAddresses
 from nvscope.tracker.evidence.throughput import Throughput
 
 
@@ -22,12 +23,14 @@ class Witness:
         self.evidence = Evidence()
         self.long_pauses = LongPauses()
         self.presence = Presence()
+        self.shared_addresses = SharedAddresses()
         self.pauses = Pauses()
         self.throughput = Throughput()
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         self.presence.observe(told)
+        self.shared_addresses.observe(told)
         self.pauses.observe(told)
         self.throughput.observe(told)
 
