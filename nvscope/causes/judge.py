@@ -16,6 +16,7 @@ from nvscope.causes.buses import (
 from nvscope.causes.case import Case, Explained
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
+from nvscope.causes.headers import judge_foreign_headers
 from nvscope.causes.identifiers import judge_collisions
 from nvscope.causes.incomplete import judge_incomplete_captures
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
@@ -48,6 +49,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_duplicate_addresses,
     judge_second_senders,
     judge_collisions,
+    judge_foreign_headers,
     judge_foreign_counters,
     judge_node_restarts,
     partial(judge_nodes, kind=NODE_SILENT),

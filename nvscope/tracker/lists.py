@@ -27,6 +27,7 @@ from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.flows import Flows
+from nvscope.tracker.length_fields import LengthFields
 from nvscope.tracker.list_log import ListLog
 from nvscope.tracker.several_senders import SeveralSenders
 from nvscope.tracker.waits import BootUpWaits, Messages, Waits
@@ -92,6 +93,7 @@ class ListState:
         self.acknowledgement = Acknowledgement()
         self.errors = Errors()
         self.events = ListLog()
+        self.length_fields = LengthFields()
 
     @property
     def keys(self) -> Keys:
@@ -131,6 +133,7 @@ class ListState:
         self.acknowledgement.take(part.acknowledgement, share)
         self.errors.take(part.errors, share)
         self.events.take(part.events)
+        self.length_fields.take(part.length_fields, share)
         if self.values is not None and part.values is not None:
             self.values.take(part.values, share)
 
@@ -180,6 +183,9 @@ class ListState:
                     node=node[row], subindex=subindex[row],
                 )  # fmt: skip
                 self._log(told, events)
+        misfits = np.flatnonzero((fault == Fault.LENGTH) | (fault == Fault.BYTE_SWAPPED))
+        if len(misfits):
+            self.length_fields.observe(told, odd[misfits], lists[misfits], node[misfits])
         np.add.at(self.columns.truncated, lists[truncated & (lists >= 0)], 1)
 
     def _log(self, told: Told, events: EventBatch) -> None:
