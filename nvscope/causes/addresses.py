@@ -12,6 +12,7 @@ from dissectors.batch import Bool
 from dissectors.keys import KeyTable
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.ways import hardware_in_words
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.kind import Severity
 from nvscope.tracker.evidence.presence import HARDWARE_BITS
@@ -147,7 +148,7 @@ def _draft(case: Case, node: int, devices: list[_Device], told: list[str]) -> Ex
     last_ns = min(devices[0].last_ns, max(one.last_ns for one in devices[1:]))
     frames = min(devices[0].frames, devices[1].frames)
     until_ns = case.end_of_many(since_ns, last_ns, frames, slack_ns(lists))
-    both = " and ".join(_hardware_text(one.hardware) for one in devices)
+    both = " and ".join(hardware_in_words(one.hardware) for one in devices)
     turns = sum(one.alternations for one in devices)
     title = f"{'Two' if len(devices) == 2 else len(devices)} devices have the address {case.address(node)}"
     title += f" since {moment(case, since_ns)}" if until_ns is None else (
@@ -173,7 +174,3 @@ def _of_address(case: Case, node: int) -> Bool:
     own: Bool = (symptoms.node == node) | (symptoms.peer == node)
     own |= (symptoms.node < 0) & np.isin(symptoms.list, alone)
     return own
-
-
-def _hardware_text(hardware: int) -> str:
-    return hardware.to_bytes(6, "big").hex(":")

@@ -22,6 +22,7 @@ from nvscope.causes.incomplete import judge_incomplete_captures
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
 from nvscope.causes.other import judge_others
+from nvscope.causes.paths import judge_two_paths
 from nvscope.causes.readers import (
     judge_boot_up,
     judge_impossible,
@@ -51,6 +52,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_collisions,
     judge_foreign_headers,
     judge_foreign_counters,
+    judge_two_paths,
     judge_node_restarts,
     partial(judge_nodes, kind=NODE_SILENT),
     partial(judge_nodes, kind=PROGRAM_STOPPED),

@@ -50,7 +50,7 @@ class EventKind(IntEnum):
     PDO_LENGTH_CHANGED = (17, "", "", "", "Length << 16 | Items")
 
     GAP = (18, "the telegram before", "how many were left out", "", "")
-    OVERTAKEN = (19, "the telegram before", "how many lost ones it takes back", "", "")
+    OVERTAKEN = (19, "the telegram before", "how many lost ones it takes back", "", "how far its Counter is behind")
     RESTART = (20, "the telegram before", "", "", "")
     DUPLICATE = (21, "the telegram before", "", "", "")
 
