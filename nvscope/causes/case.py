@@ -19,6 +19,7 @@ from nvscope.engine.runs import distinct
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.list_key import ListKey
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.stream_summary import StreamSummary
@@ -56,7 +57,10 @@ class NodeStream(NamedTuple):
 
 @dataclass(slots=True)
 class Draft:
-    """A cause that is being judged: everything but what follows from the symptoms that it explains."""
+    """A cause that is being judged: everything but what follows from the symptoms that it explains.
+
+    ``keys`` are lists that it concerns and of which nothing was seen.
+    """
 
     kind: CauseKind
     title: str
@@ -68,6 +72,7 @@ class Draft:
     since_ns: int | None = None
     until_ns: int | None = None
     severity: Severity = Severity.NOTE
+    keys: Sequence[ListKey] = ()
     rows: I64 = field(default_factory=lambda: np.empty(0, np.int64))
 
 
@@ -243,8 +248,9 @@ class Case:
         if since_ns is not None and until_ns is not None:
             until_ns = max(since_ns, until_ns)  # a clock may have stepped back in between
         lists = sorted({entry.number: entry for entry in draft.lists}.values(), key=lambda entry: entry.key)
+        keys = sorted({*draft.keys, *(entry.key for entry in lists)})
         cause = Cause(
-            draft.kind, severity, draft.title, draft.next, tuple(draft.checked), tuple(entry.key for entry in lists),
+            draft.kind, severity, draft.title, draft.next, tuple(draft.checked), tuple(keys),
             tuple(dict.fromkeys(draft.nodes)), draft.channel, since_ns, until_ns,
             tuple(frames[:FRAMES_KEPT].tolist()), len(frames), tuple(findings),
         )  # fmt: skip

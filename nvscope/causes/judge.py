@@ -16,6 +16,7 @@ from nvscope.causes.buses import (
 from nvscope.causes.case import Case, Explained
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
+from nvscope.causes.elsewhere import judge_definitions_elsewhere
 from nvscope.causes.headers import judge_foreign_headers
 from nvscope.causes.identifiers import judge_collisions
 from nvscope.causes.incomplete import judge_incomplete_captures
@@ -58,6 +59,7 @@ JUDGES: tuple[Judge, ...] = (
     partial(judge_nodes, kind=PROGRAM_STOPPED),
     judge_list_restarts,
     judge_lists,
+    judge_definitions_elsewhere,
     judge_differing_definitions,
     judge_rejections,
     judge_without_program,
