@@ -21,6 +21,7 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.list_key import ListKey
 from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.summary import ListSummary
@@ -192,7 +193,7 @@ class Case:
         if not nominal_ns:
             return []
         longest_ns = nominal_ns * PAUSE_PERCENT // 100
-        table = self._intervals.of((number, stream.node, stream.subindex))
+        table = self.unusual_intervals(number, stream)
         row = table.amount > longest_ns
         columns = (column[row].tolist() for column in (table.since_ns, table.time_ns, table.frame))
         found = [Pause(*one) for one in zip(*columns, strict=True)]
@@ -200,6 +201,10 @@ class Case:
         if silences and silences[-1].until_ns >= self.end_ns and silences[-1].length_ns > longest_ns:
             found.append(Pause(silences[-1].since_ns, None, silences[-1].frame))
         return found
+
+    def unusual_intervals(self, number: int, stream: StreamSummary) -> EventTable:
+        """Return the unusual intervals of a stream of a list, by time."""
+        return self._intervals.of((number, stream.node, stream.subindex))
 
     @cached_property
     def last_acknowledgement_ns(self) -> dict[int, int]:

@@ -35,6 +35,7 @@ from nvscope.causes.recording import judge_clock_steps, judge_mirroring
 from nvscope.causes.restarts import judge_list_restarts, judge_node_restarts
 from nvscope.causes.senders import judge_second_senders
 from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
+from nvscope.causes.standstills import judge_standstills
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.tracker.evidence.witness import Witness
@@ -45,6 +46,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_incomplete_captures,
     judge_mirroring,
     judge_clock_steps,
+    judge_standstills,
     judge_buses_off,
     judge_bus_errors,
     judge_overloads,

@@ -25,14 +25,15 @@ SEEN_TWICE = CauseKind(
 )
 CLOCK = CauseKind(
     "clock",
-    "clock set back",
-    "The clock of the computer that captured was set back: times and intervals around that moment are not real.",
-    "A frame whose time is more than 1 ms before that of the frame in front of it.",
+    "clock set",
+    "The clock of the computer that captured was set: times and intervals around that moment are not real.",
+    "A frame whose time is more than 1 ms before that of the frame in front of it; or all lists of several senders are "
+    "late by the same time, without loss, while the capture holds no frame at all.",
     "Time synchronisation of the computer that captures: let it finish before recording.",
 )
 
 _OF_COPIES = (MIRRORED_TWICE, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, UNEXPECTED_ACKNOWLEDGEMENT, BURST)
-_OF_CLOCK = (LATE, JITTER, BURST, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, TORN_CYCLE, INCOMPLETE_CYCLE)
+OF_CLOCK = (LATE, JITTER, BURST, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, TORN_CYCLE, INCOMPLETE_CYCLE)
 
 
 _ROOM_NS = 1_000_000_000
@@ -66,7 +67,7 @@ def judge_clock_steps(case: Case) -> Iterator[Explained]:
         low_ns, high_ns = min(before_ns, now_ns), max(before_ns, now_ns)
         near = (symptoms.since_ns <= high_ns) & (symptoms.time_ns >= low_ns)
         across = near & ((symptoms.frame >= symptoms.frame[row]) | (symptoms.time_ns < symptoms.since_ns))
-        chosen = case.only([row]) | (case.free(*_OF_CLOCK) & across)
+        chosen = case.only([row]) | (case.free(*OF_CLOCK) & across)
         draft = Draft(
             CLOCK, f"The clock of the capture went back by {duration(before_ns - now_ns)} at {moment(case, before_ns)}",
             CLOCK.next_step, [f"frame {int(symptoms.frame[row])} has an earlier time than the one in front of it"],
