@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # captures without definitions need nothing of them
 
 DEFINITION_ELSEWHERE = CauseKind(
     "definition-elsewhere",
+    "defined elsewhere",
     "A list that is defined was never seen, and another one, which its definition fits, is sent: identifier, port or "
     "packing differ between definition and sender.",
     "Items and Length of all telegrams of a list that no definition fits are those of a defined list that is silent.",

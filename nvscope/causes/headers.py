@@ -17,6 +17,7 @@ from nvscope.units import count, count_of
 
 HEADER_FOREIGN = CauseKind(
     "header-foreign",
+    "headers of its own",
     "A sender, mostly a library on a PC, writes headers of its own: no controller can read its telegrams.",
     "Length is not the size of the payload in nearly all telegrams of a sender of a list.",
     "Correct the sender, or take another one: no setting of the readers helps.",

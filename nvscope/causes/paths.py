@@ -17,6 +17,7 @@ from nvscope.units import count_of
 
 TWO_PATHS = CauseKind(
     "two-paths",
+    "overtaken",
     "Telegrams overtook each other: they came by two ways, of which one is longer, and readers get old values last.",
     "A Counter that was left out comes behind later ones.",
     "Redundant links without a spanning tree, link aggregation that deals out packets one by one, or a second network "

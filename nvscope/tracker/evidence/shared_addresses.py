@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.addresses import addresses_of
-from dissectors.batch import I64, U8, U64, Bool
+from dissectors.batch import I64, U8, U64, Bool, LinkType
 from dissectors.carried import Carried, Carrier
 from dissectors.keys import KeyTable
 from dissectors.layout import gather_bytes
@@ -70,7 +70,7 @@ class _WayColumns(KeyedColumns):
 
 
 class SharedAddresses:
-    """An observer of data telegrams, which keeps those of IP addresses that several hardware addresses have.
+    """An observer of data telegrams on Ethernet, which keeps those of IP addresses that several devices have.
 
     ``addresses`` number IP addresses (upper half, lower half), all there are. ``sequences`` number (IP address,
     hardware address or ``ALL_DEVICES``, (port, list, SubIndex) or ``ALL_LISTS``), the rows of ``columns``; ``devices``
@@ -99,7 +99,7 @@ class SharedAddresses:
         if not len(told):
             return
         header, known = told.batch.header, len(self._ways)
-        alone = np.flatnonzero(header == 0)
+        alone = np.flatnonzero((header == 0) & (told.packets.link == LinkType.ETHERNET))
         alone = alone[self._are_data(told, alone)]
         new = np.empty(0, np.int64)
         if int(header.max()) >= known:
