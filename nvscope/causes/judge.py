@@ -20,6 +20,7 @@ from nvscope.causes.elsewhere import judge_definitions_elsewhere
 from nvscope.causes.headers import judge_foreign_headers
 from nvscope.causes.identifiers import judge_collisions
 from nvscope.causes.incomplete import judge_incomplete_captures
+from nvscope.causes.interleaved import judge_interleaved
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
 from nvscope.causes.other import judge_others
@@ -55,6 +56,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_duplicate_addresses,
     judge_second_senders,
     judge_collisions,
+    judge_interleaved,
     judge_foreign_headers,
     judge_foreign_counters,
     judge_two_paths,
