@@ -67,11 +67,13 @@ class EventKind(IntEnum):
     EMERGENCY = (30, "", "the error code", "", "the node")
     NODE_COMMAND = (31, "", "the NMT command", "", "the node, 0 for all")
 
+    BOOT_UP_ANSWERED = (32, "when it was asked", "", "who asked", "")
+
 
 TELL_IN_NUMBERS = (
-    EventKind.ACKNOWLEDGED, EventKind.GAP, EventKind.OVERTAKEN, EventKind.RESTART, EventKind.DUPLICATE,
-    EventKind.UNUSUAL_INTERVAL, EventKind.TORN_CYCLE, EventKind.STEP_BACK, EventKind.UNREADABLE_FRAME,
-    EventKind.ERROR_FRAME, EventKind.BUS_OFF, EventKind.BUS_BACK, EventKind.NODE_STATE, EventKind.EMERGENCY,
-    EventKind.NODE_COMMAND,
+    EventKind.ACKNOWLEDGED, EventKind.BOOT_UP_ANSWERED, EventKind.GAP, EventKind.OVERTAKEN, EventKind.RESTART,
+    EventKind.DUPLICATE, EventKind.UNUSUAL_INTERVAL, EventKind.TORN_CYCLE, EventKind.STEP_BACK,
+    EventKind.UNREADABLE_FRAME, EventKind.ERROR_FRAME, EventKind.BUS_OFF, EventKind.BUS_BACK, EventKind.NODE_STATE,
+    EventKind.EMERGENCY, EventKind.NODE_COMMAND,
 )  # fmt: skip
 """Those of which one alone says little, or nothing bad: whether they are a finding takes more than the event."""

@@ -259,6 +259,7 @@ class ListState:
         self._log_missing(told, answers.missing)
         if told.is_heard:
             told.tell(self._waits(EventKind.ACKNOWLEDGED, answers.answered))
+            self._tell_obtained(told, answers.obtained, answers.data)
         negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)
         source, destination, unexpected = acknowledgements.source, acknowledgements.destination, answers.unexpected
         for kind, row, node, peer in (
@@ -299,6 +300,19 @@ class ListState:
             )  # fmt: skip
             self._log(told, events)
             np.add.at(self.columns.bootup_unanswered, waits.list, 1)
+
+    def _tell_obtained(self, told: Told, asked: BootUpWaits, packet: I64) -> None:
+        """Tell of boot-up requests that brought data, in the order of these."""
+        if len(asked):
+            order = np.argsort(packet, kind="stable")
+            asked, packet = asked.take(order), packet[order]
+            told.tell(
+                EventBatch.of(
+                    EventKind.BOOT_UP_ANSWERED, told.packets.ts_ns[packet], packet + told.first_frame, lists=asked.list,
+                    subindex=self.keys.places.low[asked.place].astype(np.int64),
+                    since_ns=asked.deadline_ns - self.acknowledgement.timeout_ns, peer=asked.node,
+                )
+            )  # fmt: skip
 
     def _expire(self, told: Told) -> list[ErrorEvents]:
         """End the waits whose deadline has passed without a frame that would have shown it."""
