@@ -74,6 +74,15 @@ def test_values_are_those_that_were_sent() -> None:
     assert values["frame.time"].dtype == pl.Datetime("ns", "UTC")
 
 
+def test_a_filter_chooses_causes_with_what_they_explain() -> None:
+    plant = nvscope.open(PLANT)
+    second = plant.where('cause.kind == "second-sender"')
+    assert second.causes.equals(plant.causes.filter(pl.col("kind") == "second-sender"))
+    assert set(second.findings["code"]) == set(second.causes["codes"].item())
+    assert second.telegrams("frame.number")["frame.number"].to_list() == second.causes["frames"].item().to_list()
+    assert second.lists["key"].to_list() == second.causes["lists"].item().to_list()
+
+
 def test_a_filter_chooses_telegrams_values_and_lists() -> None:
     peers = nvscope.open(PEERS, definitions=AXIS)
     fast = peers.where("var.stAxis.pos > 500")

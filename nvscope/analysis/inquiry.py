@@ -225,12 +225,12 @@ class Inquiry:
         """What expressions may name; what is judged cannot be read with these."""
         return self._fields(None)
 
-    def filter(self, expression: str, *, all_frames: bool = False) -> DisplayFilter:
+    def filter(self, expression: str, *, all_frames: bool = False, names: bool = True) -> DisplayFilter:
         """Return a display filter that is ready to be asked of the telegrams of these captures.
 
         Where it asks for what is known in the end only, the captures are read for it. ``all_frames``: it may ask for
-        what only frames have that are no telegrams. UsageError, with the place, where the expression cannot be
-        understood, or where captures cannot be read twice.
+        what only frames have that are no telegrams; ``names``: causes tell nodes by their names. UsageError, with the
+        place, where the expression cannot be understood, or where captures cannot be read twice.
         """
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
 
@@ -246,7 +246,7 @@ class Inquiry:
                 f"{', '.join(chosen.judged)}: known when the whole capture was read, and {once} cannot be read twice",
                 next_step="name a file instead of -",
             )
-        return self._judged(expression, self._read(_Wanted()))
+        return self._judged(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
 
     def analyze(
         self, expression: str | None = None, *, values: bool = False, compare: bool = False, causes: bool = False,
@@ -268,7 +268,7 @@ class Inquiry:
             return self._read(wanted, others=others)
         from nvscope.view.chosen import Chosen  # noqa: PLC0415
 
-        chosen = self.filter(expression)
+        chosen = self.filter(expression, names=names)
         found = self._read(wanted, chosen, others=others)
         left = Chosen(found.state, chosen, found.findings, found.happened.causes if found.happened else ())
         return replace(found, chosen=left)
@@ -277,7 +277,7 @@ class Inquiry:
         self, found: Analysis, *, names: bool = True, values: bool = False, drawn: bool = False,
         listed: Sequence[str] = (),
     ) -> dict[str, Any]:  # fmt: skip
-        """Return the report on an analysis as data (schema ``nvscope.report/2``).
+        """Return the report on an analysis for which causes were asked as data (schema ``nvscope.report/2``).
 
         ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined;
         ``drawn``: as a document whose rows are made when they are asked for, one after the other; ``listed``: of lists
@@ -289,10 +289,11 @@ class Inquiry:
 
             rows = values_by_list(found.state, found.values)
         summary, findings = found.summary, found.findings
-        causes = None if found.happened is None else found.happened.causes
+        if found.happened is None:
+            raise ValueError("a report tells causes, and nobody asked for them")
+        causes = found.happened.causes
         if found.chosen is not None:
-            summary, findings = found.chosen.summary(summary), found.chosen.findings
-            causes = None if causes is None else found.chosen.causes
+            summary, findings, causes = found.chosen.summary(summary), found.chosen.findings, found.chosen.causes
         if listed:
             summary, findings, causes = self._of_lists(found, summary, findings, causes, listed)
         document = report_document(
@@ -310,16 +311,16 @@ class Inquiry:
         return document
 
     def _of_lists(
-        self, found: Analysis, summary: Summary, findings: Sequence[Finding], causes: Sequence[Cause] | None,
+        self, found: Analysis, summary: Summary, findings: Sequence[Finding], causes: Sequence[Cause],
         listed: Sequence[str],
-    ) -> tuple[Summary, Sequence[Finding], Sequence[Cause] | None]:  # fmt: skip
+    ) -> tuple[Summary, Sequence[Finding], Sequence[Cause]]:  # fmt: skip
         from nvscope.definition.selection import keys_named  # noqa: PLC0415
         from nvscope.view.listed import causes_of_lists, names_of_seen_lists, of_lists  # noqa: PLC0415
 
         names = {key: entry.name for key, entry in self.project.definition.by_key().items()}
         seen = names_of_seen_lists(found.summary, found.findings, names)
         wanted = {key for name in listed for key in keys_named(seen, name)}
-        return *of_lists(summary, findings, wanted), None if causes is None else causes_of_lists(causes, wanted)
+        return *of_lists(summary, findings, wanted), causes_of_lists(causes, wanted)
 
     def _read(
         self, wanted: _Wanted, chosen: DisplayFilter | None = None, *, others: Sequence[Observer] = ()
@@ -379,7 +380,9 @@ class Inquiry:
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
         from nvscope.view.fields.verdicts import Verdicts  # noqa: PLC0415
 
-        verdicts = Verdicts(found.summary, [address.halves(text) for text in found.summary.addresses], found.findings)
+        nodes = [address.halves(text) for text in found.summary.addresses]
+        causes = found.happened.causes if found.happened else ()
+        verdicts = Verdicts(found.summary, nodes, found.findings, causes)
         return DisplayFilter(expression, self._fields(verdicts), verdicts)
 
     @property

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
 from dissectors.batch import I64
 from nvscope.causes.case import PAUSE_PERCENT, Case
+from nvscope.causes.mark import Mark
 from nvscope.causes.symptoms import code_number
 from nvscope.findings.answers import NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT
 from nvscope.findings.can import INCOMPLETE_CYCLE
@@ -21,19 +22,6 @@ from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
 from nvscope.tracker.evidence.long_pauses import PauseColumns
 from nvscope.tracker.silences import Silence
 
-
-class Mark(IntEnum):
-    """What a list did in a stretch of time; of several, the highest one is told (causes.md, section 4)."""
-
-    USUAL = 0
-    SILENT = 1
-    LATE = 2
-    UNANSWERED = 3
-    RESTARTED = 4
-    SEVERAL_SENDERS = 5
-    LOST = 6
-
-
 _MARKS: Mapping[FindingKind, Mark] = {
     TELEGRAM_GAP: Mark.LOST,
     SENDER_RESTART: Mark.RESTARTED,
@@ -44,9 +32,6 @@ _MARKS: Mapping[FindingKind, Mark] = {
     TORN_CYCLE: Mark.LATE,
     INCOMPLETE_CYCLE: Mark.LATE,
 }
-_FOR_SILENCE = 2
-"""A cell is silent where a list was for at least one part in so many of it."""
-
 _Span = tuple[int, int]
 
 
@@ -64,12 +49,13 @@ class Chronicle:
     pauses: PauseColumns
     silences: Mapping[int, Sequence[Silence]]
 
-    def strip(self, number: int, cells: int) -> list[Mark]:
-        """Return the worst mark of a list in each of so many equal parts of the time."""
+    def strip(self, key: str, cells: int) -> list[Mark]:
+        """Return the worst mark of a list, told by the text of its key, in each of so many equal parts of the time."""
+        number = self._numbers[key]
         length_ns = max(self.end_ns - self.start_ns, 1)
         edge = self.start_ns + np.arange(cells + 1) * length_ns // cells
         found = np.full(cells, Mark.USUAL.value)
-        found[self._silent_ns(number, edge) * _FOR_SILENCE >= np.maximum(np.diff(edge), 1)] = Mark.SILENT
+        found[self._silent_ns(number, edge) >= np.maximum(np.diff(edge), 1)] = Mark.SILENT
         lists, since_ns, until_ns, mark = self.marks
         own = slice(*np.searchsorted(lists, [number, number + 1]).tolist())
         first = (np.searchsorted(edge, since_ns[own], "right") - 1).clip(0, cells - 1)
@@ -82,6 +68,10 @@ class Chronicle:
             np.add.at(depth, last[of_mark] + 1, -1)
             found[(np.cumsum(depth[:-1]) > 0) & (found < worse)] = worse
         return [Mark(one) for one in found.tolist()]
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {str(entry.key): number for number, entry in self.lists.items()}
 
     def _silent_ns(self, number: int, edge: I64) -> I64:
         """Return for how long a list was silent in each part: none of its streams was heard."""

@@ -15,7 +15,8 @@ from nvscope.findings.kind import Severity
 class CauseKind:
     """One kind of cause, and what an engineer in front of the plant should know about it.
 
-    ``brief`` is what it does to a list, in the list's row; ``meaning`` says what happened, ``evidence`` by what it is
+    ``brief`` is what it does to a list, in the list's row, with ``{time}`` for how long and counters of the list;
+    ``meaning`` says what happened, ``evidence`` by what it is
     told, ``next_step`` what to do first. ``at_least`` is how bad it is, whatever findings it explains.
     """
 

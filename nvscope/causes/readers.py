@@ -21,7 +21,7 @@ from nvscope.units import count, count_of, duration
 
 READER_REJECTS = CauseKind(
     "reader-rejects",
-    "rejected",
+    "{negative_acknowledgements} rejected",
     "A reader rejects what it gets: the checksum of its own definition of the list is another one.",
     "Acknowledgements with 'invalid checksum' (Flags bit 2).",
     "Export the definition from the sender's project, import it at the reader, build and download.",
@@ -42,7 +42,7 @@ ACKNOWLEDGEMENT_IMPOSSIBLE = CauseKind(
 )
 READER_SILENT = CauseKind(
     "reader-silent",
-    "unanswered",
+    "{missing_acknowledgements} unanswered",
     "A reader that usually acknowledges a list did not do so for some telegrams.",
     "Telegrams that stayed without acknowledgement beside others that got one.",
     "The log of the reader at that time: whether its program stood still or its cable was out.",

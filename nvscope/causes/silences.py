@@ -22,7 +22,7 @@ from nvscope.units import count_of, duration
 
 NODE_SILENT = CauseKind(
     "node-silent",
-    "silent",
+    "silent for {time}",
     "A node that sent cyclic lists sends nothing at all any more, or sent nothing for a while.",
     "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included.",
     "Its power and LEDs, then its cable and switch port. Its task comes last.",
@@ -38,7 +38,7 @@ PROGRAM_STOPPED = CauseKind(
 )
 LIST_STOPPED = CauseKind(
     "list-stopped",
-    "silent",
+    "silent for {time}",
     "A list, or a part of it, is not sent any more, while its sender goes on with others.",
     "The streams of the list are silent for more than ten intervals, other streams of the node are not.",
     "The task that the list is sent from, and what enables its sending (event, variable, 'transmit on change').",

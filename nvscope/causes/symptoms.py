@@ -30,7 +30,7 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.evidence import Evidence
-from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
+from nvscope.tracker.kept_rows import LOSS_OF_NODE, LOSS_OF_STREAM
 
 _STEPS = {
     EventKind.GAP: TELEGRAM_GAP,

@@ -8,13 +8,23 @@ from nvscope.causes.case import Case
 from nvscope.findings.facts import AnyList
 
 _NAMED = 4
+_MINUTES_FROM = 6000
+"""From so many tenths of a second on, times are told in minutes."""
+
 _MS_NS = 1_000_000
 
 
 def moment(case: Case, time_ns: int) -> str:
-    """Return a time in seconds since the beginning of the capture, as the strip of the lists has it."""
+    """Return a time since the beginning of the capture: ``7.5 s``, ``12 min 03 s``, ``1 h 02 min 03 s``."""
     tenths = (time_ns - case.start_ns + 50 * _MS_NS) // (100 * _MS_NS)
-    return f"{tenths // 10}.{tenths % 10} s"
+    if tenths < _MINUTES_FROM:
+        return f"{tenths // 10}.{tenths % 10} s"
+    minutes, second = divmod(tenths // 10, 60)
+    hours, minute = divmod(minutes, 60)
+    days, hour = divmod(hours, 24)
+    if not hours:
+        return f"{minute} min {second:02} s"
+    return f"{days} d {hour:02} h {minute:02} min" if days else f"{hour} h {minute:02} min {second:02} s"
 
 
 def lists_in_words(case: Case, lists: Sequence[AnyList]) -> str:

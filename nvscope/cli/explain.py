@@ -1,4 +1,4 @@
-"""``nvscope explain``: what a finding means, or what a figure or a column tells."""
+"""``nvscope explain``: what a cause or a finding means, or what a figure or a column tells."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ def explain(
     code: Annotated[
         str | None,
         typer.Argument(
-            help="A finding, a figure or a column: NV301, no-acknowledgement, list.jitter, status.",
+            help="A cause, a finding, a figure or a column: second-sender, NV301, no-acknowledgement, list.jitter, "
+            "status.",
             autocompletion=codes,
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The same as JSON (nvscope.explain/1).")] = False,
     colour: ColourOption = "auto",
 ) -> None:
-    """Tell what a finding means, its usual causes, and what to do, or what a figure or a column of reports tells;
-    without CODE, list all findings."""
+    """Tell what a cause is, by what it is told, and what to do; what a finding means, and its usual causes; or what a
+    figure or a column of reports tells. Without CODE, list all causes and findings."""
     from nvscope.report import explain as face
 
     if as_json:

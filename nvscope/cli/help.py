@@ -36,6 +36,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope plant.pcapng", "what is wrong, errors first"),
             ("nvscope report plant.pcapng plc", "with the definitions in the folder plc"),
             ("nvscope report plant.pcapng --from-time 5s --to-time -2s", "a part of the capture"),
+            ("nvscope report plant.pcapng -Y 'cause.kind == \"second-sender\"'", "one cause, and what it explains"),
             ("nvscope report plant.pcapng -Y 'list.lost > 0' --json", "lists that lost something, for programs"),
         ),
         "vars": (
@@ -60,6 +61,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
         "gvl diff": (("nvscope gvl diff sender.gvl reader.gvl", "whether both sides mean the same"),),
         "simulate": (("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),),
         "explain": (
+            ("nvscope explain node-silent", "a cause: what happened, by what it is told, and what to do"),
             ("nvscope explain NV301", "a finding: what it means and what to do"),
             ("nvscope explain jitter", "a figure: what it tells, and where"),
         ),

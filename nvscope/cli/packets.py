@@ -153,7 +153,9 @@ def packets(
             from nvscope.view.fields.frame import output_field
 
             named = [output_field(name, inquiry.fields, all_frames=True) for name in fields]
-        chosen_by = inquiry.filter(wanted, all_frames=True) if inquiry and wanted is not None else None
+        chosen_by = None
+        if inquiry and wanted is not None:
+            chosen_by = inquiry.filter(wanted, all_frames=True, names=not no_names)
     all_frames |= any(field.of_others for field in named) or bool(chosen_by and chosen_by.of_others)
     from nvscope.tracker.can.canopen_since import CanOpenSince
 
@@ -210,8 +212,9 @@ def packets(
         left = telegrams.frames - telegrams.telegrams if of_any else 0
         more = f" --all-frames looks at {units.count_of(left, 'other frame')} too." if left else ""
         echo(f"nvscope: {read_count} read, the filter chooses none of them.{more}", err=True)
-    elif chosen_by and chosen_by.findings:
-        echo("nvscope: a finding is shown by the telegrams of its first ten events, not by all.", err=True)
+    elif chosen_by and (chosen_by.findings or chosen_by.causes):
+        what = "finding" if not chosen_by.causes else "finding or cause" if chosen_by.findings else "cause"
+        echo(f"nvscope: a {what} is shown by the telegrams of its first ten events, not by all.", err=True)
     if telegrams.fragments:
         echo(f"nvscope: {units.count_of(telegrams.fragments, 'IP fragment')}, not put together.", err=True)
     if beyond:

@@ -39,12 +39,15 @@ def report(
     read: ReadOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON (nvscope.report/2).")] = False,
     as_markdown: Annotated[bool, typer.Option("--md", help="Print the report as Markdown.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Show the figures of lists and buses too, and the findings behind the causes.")
+    ] = False,
     details: Annotated[
         bool,
         typer.Option(
             "-v",
             "--details",
-            help="Show the diagnosis structure and the streams of every list, and each finding by itself.",
+            help="Show the same, the diagnosis structure and the streams of every list, and each finding by itself.",
         ),
     ] = False,
     wide: WideOption = False,
@@ -136,6 +139,7 @@ def report(
         found = inquiry.analyze(wanted, values=as_json, compare=compare, causes=True, names=not no_names)
         document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
     shown = colour_wanted(colour)
+    chronicle = found.happened.chronicle if found.happened else None
     if as_json:
         from nvscope.report import json
 
@@ -144,11 +148,14 @@ def report(
     elif as_markdown:
         from nvscope.report import markdown
 
-        parts = markdown.pieces(document, utc=utc, details=details)
+        parts = markdown.pieces(document, chronicle, utc=utc, everything=everything, details=details)
     else:
         from nvscope.report import text as face
 
-        parts = face.pieces(document, colour=shown, width=width(), wide=tables_are_wide(wide), utc=utc, details=details)
+        parts = face.pieces(
+            document, chronicle, everything=everything, details=details, colour=shown, width=width(),
+            wide=tables_are_wide(wide), utc=utc,
+        )  # fmt: skip
     echo_all(parts, color=shown)
     tell_of_lists(inquiry)
     tell_of_channels(channel_map, [bus.channel for bus in found.summary.can.buses])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -82,7 +82,7 @@ class Typed:
     count: int = 1
     is_computed: bool = False
     values: Mapping[str, int] = field(default_factory=dict)
-    texts: tuple[str, ...] = ()
+    texts: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)

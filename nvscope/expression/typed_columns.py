@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -80,7 +80,7 @@ class Named:
     either: tuple[str, ...] = ()
     refused: str = ""
     values: Mapping[str, int] = field(default_factory=dict)
-    texts: tuple[str, ...] = ()
+    texts: Sequence[str] = ()
     test: str = ""
     instead: str = ""
 

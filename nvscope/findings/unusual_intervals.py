@@ -19,9 +19,9 @@ from nvscope.tracker.can.summary import CanStreamSummary
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.histograms import Histograms
+from nvscope.tracker.kept_rows import LOSS_OF_NODE, LOSS_OF_STREAM
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.stream_summary import StreamSummary
-from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
 
 AnyStream = StreamSummary | CanStreamSummary
 Choice = Callable[[I64, I64], Bool]

@@ -137,6 +137,8 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     lines = [[Cell(holds)]]
     if capture["drops"]:
         lines[0] += [Cell(", "), Cell(f"{units.count(capture['drops'])} dropped while capturing", Tone.WARNING)]
+    elif capture["drops"] == 0:
+        lines[0].append(Cell(", none dropped"))
     start_ns, end_ns = clock.start_ns, nanoseconds(capture["end_ns"])
     if start_ns is not None and end_ns is not None:
         start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)

@@ -1,9 +1,11 @@
-"""What a finding means, and what a figure or a column tells: the tables of these, for people at a terminal."""
+"""What causes and findings mean, and what a figure or a column tells: the tables of these, for people at a terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from nvscope.errors import UsageError
 from nvscope.findings.catalogue import CATALOGUE
@@ -16,29 +18,51 @@ from nvscope.tracker.figures import FIGURES, Figure
 from nvscope.version import head
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
+if TYPE_CHECKING:  # who asks for a code need not wait for what causes are judged from
+    from nvscope.causes.kind import CauseKind
+
 SCHEMA = "nvscope.explain/1"
 
 _MIN_WIDTH = 40
 _TEXT_WIDTH = 90
+_CODE = re.compile(r"(nv)?[0-9]+", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class _Named:
+    """All that has a name."""
+
+    causes: Sequence[CauseKind] = ()
+    findings: Sequence[FindingKind] = ()
+    figures: Sequence[Figure] = ()
+    columns: Sequence[str] = ()
+
+    def __bool__(self) -> bool:
+        return any((self.causes, self.findings, self.figures, self.columns))
 
 
 def render(name: str, *, colour: bool = False, width: int = 80) -> str:
-    """Return meaning, usual causes and next steps of a kind of finding, or what a figure or a column tells.
+    """Return what a kind of cause or finding means and what to do, or what a figure or a column tells.
 
-    ``name`` may be a code, its number alone, or a name, in any case: ``NV301``, ``301``, ``no-acknowledgement``,
-    ``lost``, ``list.lost``, ``status``. Of a name that several have, all are told. UsageError, with the nearest known
-    ones, for anything else.
+    ``name`` may be a code, its number alone, or a name, in any case: ``second-sender``, ``NV301``, ``301``,
+    ``no-acknowledgement``, ``lost``, ``list.lost``, ``status``. Of a name that several have, all are told, the cause
+    first. UsageError, with the nearest known ones, for anything else.
     """
     width = min(max(width, _MIN_WIDTH), _TEXT_WIDTH)
-    kind, figure, column = _found(name)
     lines: list[Line] = []
-    if kind is not None:
-        lines += _lines(kind, width)
-    if figure is not None:
-        lines += [[], *figure_lines(figure, width)] if lines else figure_lines(figure, width)
-    if column is not None:
-        lines += [[], *column_lines(column, width)] if lines else column_lines(column, width)
+    for told in _told(_found(name), width):
+        lines += [[], *told] if lines else told
     return paint(lines, colour=colour)
+
+
+def _told(found: _Named, width: int) -> Iterator[Iterable[Line]]:
+    if found.causes:
+        from nvscope.report.explain_cause import cause_lines  # noqa: PLC0415
+
+        yield from (cause_lines(cause, width) for cause in found.causes)
+    yield from (_lines(kind, width) for kind in found.findings)
+    yield from (figure_lines(figure, width) for figure in found.figures)
+    yield from (column_lines(title, width) for title in found.columns)
 
 
 def document(name: str | None) -> dict[str, Any]:
@@ -47,12 +71,24 @@ def document(name: str | None) -> dict[str, Any]:
     UsageError as ``render``.
     """
     if name is None:
-        kinds, figures, columns = list(CATALOGUE.values()), list(FIGURES), list(MEANINGS)
+        from nvscope.causes.catalogue import KINDS  # noqa: PLC0415
+
+        found = _Named(KINDS, list(CATALOGUE.values()), FIGURES, list(MEANINGS))
     else:
-        kind, figure, column = _found(name)
-        kinds, figures, columns = [kind] if kind else [], [figure] if figure else [], [column] if column else []
+        found = _found(name)
     return {
         **head(SCHEMA),
+        "causes": [
+            {
+                "kind": kind.name,
+                "brief": kind.brief,
+                "at_least": kind.at_least.word,
+                "meaning": kind.meaning,
+                "evidence": kind.evidence,
+                "next": kind.next_step,
+            }
+            for kind in found.causes
+        ],
         "findings": [
             {
                 "code": kind.code,
@@ -63,7 +99,7 @@ def document(name: str | None) -> dict[str, Any]:
                 "causes": list(kind.causes),
                 "next_steps": list(kind.next_steps),
             }
-            for kind in kinds
+            for kind in found.findings
         ],
         "figures": [
             {
@@ -73,23 +109,36 @@ def document(name: str | None) -> dict[str, Any]:
                 "of": [of.value for of in figure.of],
                 "joins": figure.joins.value,
             }
-            for figure in figures
+            for figure in found.figures
         ],
-        "columns": [{"title": title, "meaning": MEANINGS[title]} for title in columns],
+        "columns": [{"title": title, "meaning": MEANINGS[title]} for title in found.columns],
     }
 
 
-def _found(name: str) -> tuple[FindingKind | None, Figure | None, str | None]:
+def _found(name: str) -> _Named:
     kind, figure, column = _kind(name), figure_called(name.strip().lower()), column_called(name)
-    if kind is None and figure is None and column is None:
+    found = _Named(
+        () if _CODE.fullmatch(name.strip()) else _causes_called(name), [kind] if kind else [],
+        [figure] if figure else [], [column] if column else [],
+    )  # fmt: skip
+    if not found:
         told = name.strip()
-        what = f"no finding, figure or column is called {name}" if told else "the name of a finding or figure is empty"
+        what = (
+            f"no cause, finding, figure or column is called {name}" if told else "the name of what to explain is empty"
+        )
         raise UsageError(what, next_step=_nearest(told.lower()))
-    return kind, figure, column
+    return found
+
+
+def _causes_called(name: str) -> Sequence[CauseKind]:
+    from nvscope.report.explain_cause import cause_called  # noqa: PLC0415
+
+    cause = cause_called(name)
+    return [cause] if cause else []
 
 
 def overview(*, colour: bool = False, width: int = 80) -> str:
-    """Return a table of all kinds of findings, and one of those that no report has so far."""
+    """Return tables of all kinds of causes, of all kinds of findings, and of those that no report has so far."""
     return paint(_overview(max(width, _MIN_WIDTH)), colour=colour)
 
 
@@ -103,7 +152,13 @@ def _kind(code: str) -> FindingKind | None:
 
 
 def _overview(width: int) -> Iterator[Line]:
+    from nvscope.report.explain_cause import causes_table  # noqa: PLC0415
+
     kinds = CATALOGUE.values()
+    yield [Cell("Causes: what happened", Tone.STRONG)]
+    yield from causes_table(width)
+    yield []
+    yield [Cell("Findings: what a rule saw", Tone.STRONG)]
     yield from _table([kind for kind in kinds if kind.judged], width)
     unjudged = [kind for kind in kinds if not kind.judged]
     if unjudged:
@@ -124,10 +179,15 @@ def _begins_word(name: str, wanted: str) -> bool:
 def _nearest(wanted: str) -> str:
     from difflib import get_close_matches  # noqa: PLC0415
 
+    from nvscope.causes.catalogue import KINDS  # noqa: PLC0415
+
+    causes = {word: kind for kind in KINDS for word in (kind.name, kind.brief)}
+    called = {causes[word].name for word in get_close_matches(wanted, causes, n=3)}
+    told = [kind.name for kind in KINDS if kind.name in called or _begins_word(kind.name, wanted)]
     words = {word: kind for kind in CATALOGUE.values() for word in (kind.code.lower(), kind.code[2:], kind.name)}
     near = {words[word].code for word in get_close_matches(wanted, words, n=5)}
     close = [kind for kind in CATALOGUE.values() if kind.code in near or _begins_word(kind.name, wanted)]
-    told = [f"{kind.code} {kind.name}" for kind in close]
+    told += [f"{kind.code} {kind.name}" for kind in close]
     figures = {figure.name.lower(): figure.name for figure in FIGURES}
     for kind in close:
         figures.pop(kind.name, None)
@@ -135,7 +195,7 @@ def _nearest(wanted: str) -> str:
     columns = {title.lower(): title for title in MEANINGS}
     told += [title for word in get_close_matches(wanted, columns, n=3) if (title := columns[word]) not in told]
     if not told:
-        return "`nvscope explain` without a code lists all findings, `nvscope keys --fields` all figures"
+        return "`nvscope explain` without a code lists all causes and findings, `nvscope keys --fields` all figures"
     return f"perhaps {', '.join(told)}"
 
 

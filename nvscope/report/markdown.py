@@ -3,30 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, content, folding, hops, tables
+from nvscope.report import buses, content, folding, happenings, hops, strips, tables
 from nvscope.report.ansi import batched
 from nvscope.view.escape import markdown_code, markdown_safe
-from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell
+from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column
+
+if TYPE_CHECKING:
+    from nvscope.causes.chronicle import Chronicle
 
 
-def render(report: content.Report, *, utc: bool = False, details: bool = False) -> str:
+def render(
+    report: content.Report, chronicle: Chronicle | None = None, *, utc: bool = False, everything: bool = False,
+    details: bool = False,
+) -> str:  # fmt: skip
     """Return the report as Markdown, ending with a line break; ``utc`` tells times in UTC instead of local time.
 
-    ``details`` adds what the controllers count as errors, and shows findings that say the same one by one.
+    ``chronicle`` is what the strips of the lists are drawn from. ``everything`` adds the figures of lists, identifiers
+    on CAN and the findings; ``details`` shows in them what the controllers count as errors, and findings that say the
+    same one by one.
     """
-    return "".join(pieces(report, utc=utc, details=details))
+    return "".join(pieces(report, chronicle, utc=utc, everything=everything, details=details))
 
 
-def pieces(report: content.Report, *, utc: bool = False, details: bool = False) -> Iterator[str]:
+def pieces(
+    report: content.Report, chronicle: Chronicle | None = None, *, utc: bool = False, everything: bool = False,
+    details: bool = False,
+) -> Iterator[str]:  # fmt: skip
     """Yield the same, some lines at a time."""
-    for lines in batched(_lines(report, content.Clock.of(report, utc=utc), details)):
+    clock = content.Clock.of(report, utc=utc)
+    for lines in batched(_lines(report, chronicle, clock, everything=everything or details, details=details)):
         yield "\n".join(lines) + "\n"
 
 
-def _lines(report: content.Report, clock: content.Clock, details: bool) -> Iterator[str]:
-    yield f"**{markdown_safe(content.headline(report).text)}**"
+def _lines(
+    report: content.Report, chronicle: Chronicle | None, clock: content.Clock, *, everything: bool, details: bool
+) -> Iterator[str]:  # fmt: skip
+    head = happenings.headline(report)
+    yield f"**{markdown_safe(f'{head[0].text} {head[1]}')}**"
     yield ""
     for path, facts in content.source_facts(report):
         yield f"- {markdown_code(path)} {markdown_safe(facts)}" if path else f"- {markdown_safe(facts)}"
@@ -41,10 +57,16 @@ def _lines(report: content.Report, clock: content.Clock, details: bool) -> Itera
             yield f"- {step}"
     if report["lists"]:
         yield ""
+        yield from _strips(report, chronicle, details=details)
+    yield from _causes(report)
+    if everything and report["lists"]:
+        yield ""
+        yield "### Figures"
+        yield ""
         overview = tables.overview(report, details=details)
-        yield from _rows(overview.measures, overview.rows)
+        yield from _rows([measure.column for measure in overview.measures], overview.rows)
     for bus in buses.buses(report)[0]:
-        yield from _bus(bus, clock)
+        yield from _bus(bus, clock, everything=everything)
     if "hops" in report:
         yield ""
         yield f"### {hops.TITLE}"
@@ -54,37 +76,61 @@ def _lines(report: content.Report, clock: content.Clock, details: bool) -> Itera
         for sentence in hops.remarks(report):
             yield ""
             yield markdown_safe(sentence)
-    if report["findings"]:
+    if everything and report["findings"]:
         yield ""
         yield f"### Findings: {content.tally(report['totals']['findings'])}"
         yield from _findings(report, clock, details)
+    if told := happenings.folded(report):
+        yield ""
+        yield f"{told}{'' if everything else ' (--all)'}."
     yield ""
     tool = report["tool"]
     yield f"_{markdown_safe(tool['name'])} {markdown_safe(tool['version'])}_"
 
 
+def _strips(report: content.Report, chronicle: Chronicle | None, *, details: bool) -> Iterator[str]:
+    found = strips.strips(report, chronicle, None, keys=details, every=details)
+    yield from _rows(found.columns, found.rows)
+    if legend := strips.legend(found.marks):
+        yield ""
+        yield markdown_safe(legend)
+    if found.left:
+        yield ""
+        yield strips.left_out(found, "-v")
+
+
+def _causes(report: content.Report) -> Iterator[str]:
+    for number, cause in enumerate(report["causes"], 1):
+        yield ""
+        mark = happenings.symbol(happenings.severity_of(cause)).text
+        yield f"**{mark} {number} {markdown_safe(cause['title'])}** ({markdown_safe(cause['kind'])})"
+        yield ""
+        yield from (f"- ✓ {markdown_safe(fact)}" for fact in cause["checked"])
+        yield f"- **Next:** {markdown_safe(cause['next'])}"
+
+
 def _table(measures: Sequence[tables.Measure], rows: Sequence[content.Row]) -> Iterator[str]:
-    return _rows(measures, (tables.cells(measures, row) for row in rows))
+    return _rows([measure.column for measure in measures], (tables.cells(measures, row) for row in rows))
 
 
-def _rows(measures: Sequence[tables.Measure], rows: Iterable[Sequence[Cell]]) -> Iterator[str]:
-    yield _row([measure.column.title for measure in measures])
-    yield _row(["---:" if measure.column.right else "---" for measure in measures])
+def _rows(columns: Sequence[Column], rows: Iterable[Sequence[Cell]]) -> Iterator[str]:
+    yield _row([column.title for column in columns])
+    yield _row(["---:" if column.right else "---" for column in columns])
     for cells in rows:
-        yield _row([_cell(measure, cell.text) for measure, cell in zip(measures, cells, strict=True)])
+        yield _row([_cell(column, cell.text) for column, cell in zip(columns, cells, strict=True)])
 
 
-def _cell(measure: tables.Measure, text: str) -> str:
+def _cell(column: Column, text: str) -> str:
     if text == NOTHING:
         return text
-    return markdown_code(text) if measure.column.identifier else markdown_safe(text)
+    return markdown_code(text) if column.identifier or column.verbatim else markdown_safe(text)
 
 
 def _row(texts: Sequence[str]) -> str:
     return f"| {' | '.join(texts)} |"
 
 
-def _bus(bus: content.Row, clock: content.Clock) -> Iterator[str]:
+def _bus(bus: content.Row, clock: content.Clock, *, everything: bool) -> Iterator[str]:
     yield ""
     yield f"### Bus {markdown_code(bus['channel'])}"
     yield ""
@@ -93,7 +139,7 @@ def _bus(bus: content.Row, clock: content.Clock) -> Iterator[str]:
     for cells in buses.error_lines(bus, clock):
         yield f"- {markdown_safe(''.join(cell.text for cell in cells).replace(NO_BREAK, ' '))}"
     for measures, rows in (buses.identifiers(bus), buses.nodes(bus, clock)):
-        if rows:
+        if rows and everything:
             yield ""
             yield from _table(measures, rows)
 

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report.content import Clock, Report, Row, nanoseconds, node_names, severity_of, status
+from nvscope.report.content import Report, Row, node_names, severity_of, status
 from nvscope.tracker.counters import SCOPE_UNUSED
-from nvscope.tracker.figures import BY_NAME, DIAGNOSIS, LIST_COUNTERS, Of
+from nvscope.tracker.figures import BY_NAME, LIST_COUNTERS, Of
 from nvscope.tracker.jitter import Jitter
 from nvscope.view.documents.figures import lookup
-from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column, Tone
+from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,24 +59,23 @@ def overview(report: Report, *, details: bool = False, most: int | None = None) 
         order = sorted(range(len(lists)), key=lambda place: -(found[place] or 0))
         left_worst = found[order[most]]
         lists = [lists[place] for place in sorted(order[:most])]
-    rows = [
-        cells(
-            measures,
-            _With(
-                entry,
-                {
-                    "from": _first_of(entry["senders"], names),
-                    "to": _first_of(entry["readers"], names),
-                    "timed": [_Timed.of(stream) for stream in entry["streams"]],
-                },
-            ),
-        )
-        for entry in lists
-    ]
+    rows = [cells(measures, looked_at(entry, names)) for entry in lists]
     places = [place for place in range(len(measures)) if any(row[place].text != NOTHING for row in rows)]
     if len(places) < len(measures):
         rows = [[row[place] for place in places] for row in rows]
     return Overview([measures[place] for place in places], rows, len(report["lists"]) - len(lists), left_worst)
+
+
+def looked_at(entry: Row, names: Mapping[str, str]) -> Row:
+    """Return the row of a list with what the measures of ``OVERVIEW`` take beside; ``names`` are those of nodes."""
+    return _With(
+        entry,
+        {
+            "from": _first_of(entry["senders"], names),
+            "to": _first_of(entry["readers"], names),
+            "timed": [_Timed.of(stream) for stream in entry["streams"]],
+        },
+    )
 
 
 class _With(Mapping[str, Any]):
@@ -124,65 +123,10 @@ def used(measures: Sequence[Measure], rows: Sequence[Row]) -> list[Measure]:
     return [measure for measure in measures if any(measure.cell(row).text != NOTHING for row in rows)]
 
 
-_IEC_TYPE = {16: "UINT", 32: "UDINT"}
-
 UNKNOWN = Cell("?", Tone.FAINT)
 """What stands for a figure that there is, and that nobody knows."""
 
 _COUNTED = {"nErrorCount", *(one.name for one in LIST_COUNTERS)}
-
-
-def diagnosis_rows(diags: Sequence[Row], clock: Clock) -> list[list[Cell]]:
-    """Return a NetVarUDPDiagStruct table: a row for each component, a column for each of ``diags``.
-
-    Below times stand the IEC times since the start, below counters that have wrapped what the controller shows.
-    """
-    rows = []
-    for counter in DIAGNOSIS:
-        values = [diag[counter.name] for diag in diags]
-        label = Cell(counter.name)
-        below: list[Cell] = []
-        if counter.unit == "time":
-            times = [nanoseconds(value) for value in values]
-            rows.append([label, *(_known(time, clock.moment, NOTHING) for time in times)])
-            below = [Cell("  since start", Tone.FAINT), *(_known(time, clock.since_start, "") for time in times)]
-        elif counter.width_bits:
-            rows.append([label, *(UNKNOWN if value is None else count_cell(value) for value in values)])
-            below = [Cell(f"  as {_IEC_TYPE[counter.width_bits]}", Tone.FAINT)]
-            below += (_wrapped(value, 1 << counter.width_bits) for value in values)
-        else:
-            rows.append([label, *(UNKNOWN if value is None else _error_name(value) for value in values)])
-        if counter.name == "tLastError":  # of errors that nobody knows, nobody knows when the last one was
-            told = zip(diags, rows[-1][1:], strict=True)
-            rows[-1][1:] = [UNKNOWN if diag["nErrorCount"] is None else cell for diag, cell in told]
-        if any(cell.text for cell in below[1:]):
-            rows.append(below)
-    return rows
-
-
-def counter_parts(entry: Row) -> tuple[list[str], list[str]]:
-    """Return the counters of a list that have counted, each with its number, and the names of those that have not."""
-    counters = dict(entry["counters"])
-    # Where they are believed, what the counters claim is what was lost.
-    on_udp, claimed = entry["transport"] == "udp", counters.pop("lost_claimed")
-    unknown = {name for name, number in counters.items() if number is None and on_udp}
-    unknown |= {"lost"} if not claimed and _counts_nothing(entry) else set()
-    told = [
-        f"{name}{NO_BREAK}{'?' if name in unknown else units.count(number)}"
-        for name, number in counters.items()
-        if number or name in unknown
-    ]
-    if "lost" in unknown and claimed is not None:
-        told[0] += f" ({units.count(claimed)}{NO_BREAK}claimed)"
-    return told, [name for name, number in counters.items() if not number and name not in unknown]
-
-
-def _known(time_ns: int | None, told: Callable[[int], str], otherwise: str) -> Cell:
-    return Cell(otherwise, Tone.FAINT) if time_ns is None else Cell(told(time_ns))
-
-
-def _wrapped(number: int | None, modulus: int) -> Cell:
-    return Cell(units.count(number % modulus) if number is not None and number >= modulus else "")
 
 
 def _first_of(addresses: Sequence[str], names: Mapping[str, str]) -> str:
@@ -218,14 +162,15 @@ def _duration_cell(duration_ns: int | None, tone: Tone, _separator: str) -> Cell
     return Cell(NOTHING, Tone.FAINT) if duration_ns is None else Cell(units.duration(duration_ns), tone)
 
 
-def _error_name(name: object) -> Cell:
+def error_name(name: object) -> Cell:
+    """Return the name of an error as controllers have it."""
     return _text(name, Tone.FAINT if name == "NOERROR" else Tone.ERROR)
 
 
 def _last_error(entry: Row) -> Cell:
     if _error_count(entry) is None:
         return UNKNOWN
-    return _error_name(_last_error_of(entry) if _error_count(entry) else None)
+    return error_name(_last_error_of(entry) if _error_count(entry) else None)
 
 
 def _checksum(value: object) -> Cell:
@@ -252,7 +197,7 @@ def _lost(of: Of) -> Callable[[Row], Cell]:
     lost = lookup(BY_NAME["lost"], of)
 
     def cell(row: Row) -> Cell:
-        if (lost(row) is None and _is_on_udp(row)) or (not lost(row) and _counts_nothing(row)):
+        if (lost(row) is None and _is_on_udp(row)) or (not lost(row) and counts_nothing(row)):
             return UNKNOWN
         return count_cell(lost(row), Tone.ERROR)
 
@@ -263,7 +208,7 @@ def _is_on_udp(row: Row) -> bool:
     return bool(row["transport"] == "udp" if "transport" in row else row["node"] is not None)
 
 
-def _counts_nothing(row: Row) -> bool:
+def counts_nothing(row: Row) -> bool:
     """Tell whether a stream, or all of a list, leave Counter as it is: nothing that is lost shows there."""
     streams = row.get("streams", (row,))
     return bool(streams) and all(stream.get("counter_scope") == SCOPE_UNUSED for stream in streams)

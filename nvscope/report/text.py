@@ -1,82 +1,103 @@
-"""The report for people at a terminal: the verdict, the capture, lists, CAN buses, then the findings, worst first."""
+"""The report for people at a terminal: the verdict, the capture, a strip of time for each list, then what happened.
+
+Figures, CAN identifiers and findings come behind that, where all is asked for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, content, folding, hops, tables
+from nvscope.report import buses, causes, content, diagnosis, folding, happenings, hops, strips, tables
 from nvscope.report.ansi import painted
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, wrap
 from nvscope.view.lines.text_width import display_width
 
+if TYPE_CHECKING:
+    from nvscope.causes.chronicle import Chronicle
+
 MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
 _MOST_FINDINGS = 40  # more than anybody reads at once
+_UNDER_MARKS = 3  # what is said of rows stands under their first column behind the mark
 _BODY_INDENT = 11  # below the status: the width of its longest word, and a gap
+
+
+class Asked(NamedTuple):
+    """How much of a report is shown: ``everything`` is more than usual, ``details`` more than that."""
+
+    everything: bool
+    details: bool
 
 
 def render(
     report: content.Report,
+    chronicle: Chronicle | None = None,
     *,
+    everything: bool = False,
+    details: bool = False,
     colour: bool = False,
     width: int = 80,
     wide: bool = False,
     utc: bool = False,
-    details: bool = False,
 ) -> str:
     """Return the report as text of at most ``width`` columns (40 or more), ending with a line break.
 
-    ``wide`` tables are as wide as they need all the same. ``utc`` tells times in UTC instead of local time. ``details``
-    adds, for each list, the diagnosis structure of the list and its nodes, all counters, and its streams, and shows
-    findings that say the same one by one. With and without ``colour`` the text is the same.
+    ``chronicle`` is what the strips of the lists are drawn from. ``everything`` adds the figures of lists, the
+    identifiers on CAN and the findings behind the causes; ``details`` the same and, for each list, the diagnosis
+    structure of the list and its nodes, all counters, and its streams, and shows findings that say the same one by one.
+    ``wide`` tables are as wide as they need all the same. ``utc`` tells times in UTC instead of local time. With and
+    without ``colour`` the text is the same.
     """
-    return "".join(pieces(report, colour=colour, width=width, wide=wide, utc=utc, details=details))
+    return "".join(
+        pieces(
+            report, chronicle, everything=everything, details=details, colour=colour, width=width, wide=wide, utc=utc
+        )
+    )
 
 
 def pieces(
     report: content.Report,
+    chronicle: Chronicle | None = None,
     *,
+    everything: bool = False,
+    details: bool = False,
     colour: bool = False,
     width: int = 80,
     wide: bool = False,
     utc: bool = False,
-    details: bool = False,
 ) -> Iterator[str]:
     """Yield the same, some lines at a time."""
     shown = visible_document(report)
     width = max(width, MIN_WIDTH)
-    lines = _lines(shown, width, None if wide else width, content.Clock.of(shown, utc=utc), details)
+    asked = Asked(everything or details, details)
+    lines = _lines(shown, chronicle, asked, width, None if wide else width, content.Clock.of(shown, utc=utc))
     return painted(lines, colour=colour)
 
 
 def _lines(
-    report: content.Report, width: int, room: int | None, clock: content.Clock, details: bool
+    report: content.Report, chronicle: Chronicle | None, asked: Asked, width: int, room: int | None,
+    clock: content.Clock,
 ) -> Iterator[Line]:  # fmt: skip
     """Yield the report with sentences of at most ``width`` columns and tables that have ``room``."""
     text_width = min(width, _TEXT_WIDTH)
-    head = content.headline(report)
-    yield from wrap([Cell("● ", head.tone), Cell(head.text, Tone.STRONG)], text_width, hanging=2)
-    for path, facts in content.source_facts(report):
-        yield from wrap([Cell(f"{path} "), Cell(facts)], width, 2, 4)
-    for cells in content.capture_lines(report, clock):
-        yield from wrap(cells, text_width, 2, 4)
-    advice = content.advice(report)
-    if advice:
-        yield from _section("What to check", width)
-        for step in advice:
-            yield from wrap([Cell(f"- {step}")], text_width, 0, 2)
+    yield from _head(report, text_width, width, clock)
     if report["lists"]:
-        yield from _section("Lists", width)
-        overview = tables.overview(report, details=details, most=None if details else tables.MOST_LISTS)
+        yield []
+        yield from _strips(report, chronicle, asked, text_width, room)
+    yield from causes.lines(report["causes"], text_width, every=asked.details)
+    if asked.everything and report["lists"]:
+        yield from _section("Figures", width)
+        overview = tables.overview(report, details=asked.details, most=None if asked.details else tables.MOST_LISTS)
         yield from aligned([measure.column for measure in overview.measures], overview.rows, room)
         if overview.left:
             yield from wrap([Cell(_more_lists(overview))], text_width)
-    shown, left = buses.buses(report, None if details else buses.MOST_BUSES)
+    shown, left = buses.buses(report, None if asked.details else buses.MOST_BUSES)
     for bus in shown:
-        yield from _bus(bus, width, room, clock, details)
+        yield from _bus(bus, width, room, clock, asked)
     if left:
         more = f"{units.count_of(left, 'bus', 'buses')} more: -v shows all, --json and --md too."
         yield from ([], *wrap([Cell(more)], text_width))
@@ -86,17 +107,55 @@ def _lines(
         yield from _table(measures, rows, room) if rows else ()
         for sentence in hops.remarks(report):
             yield from wrap([Cell(sentence, Tone.FAINT)], text_width)
-    if report["findings"]:
+    if asked.everything and report["findings"]:
         yield from _section(f"Findings: {content.tally(report['totals']['findings'])}", width)
-        yield from _findings(report, text_width, clock, details)
-    if details:
+        yield from _findings(report, text_width, clock, asked.details)
+    if asked.details:
         for entry in report["lists"]:
             yield from _details(entry, width, room, clock)
-    if report["findings"]:
-        yield []
+    if closing := _closing(report, everything=asked.everything):
+        yield from ([], *wrap([Cell(closing, Tone.FAINT)], text_width))
+
+
+def _head(report: content.Report, text_width: int, width: int, clock: content.Clock) -> Iterator[Line]:
+    """Yield the verdict, and what was captured."""
+    mark, told = happenings.headline(report)
+    yield from wrap([Cell(f"{mark.text} ", mark.tone), Cell(told, Tone.STRONG)], text_width, hanging=2)
+    for path, facts in content.source_facts(report):
+        yield from wrap([Cell(f"{path} "), Cell(facts)], width, 2, 4)
+    for cells in content.capture_lines(report, clock):
+        yield from wrap(cells, text_width, 2, 4)
+    advice = content.advice(report)
+    if advice:
+        yield from _section("What to check", width)
+        for step in advice:
+            yield from wrap([Cell(f"- {step}")], text_width, 0, 2)
+
+
+def _strips(
+    report: content.Report, chronicle: Chronicle | None, asked: Asked, text_width: int, room: int | None
+) -> Iterator[Line]:  # fmt: skip
+    """Yield a row a list, and what the marks in the strips say."""
+    found = strips.strips(report, chronicle, room, keys=asked.details, every=asked.details)
+    yield from aligned(found.columns, found.rows, room)
+    if legend := strips.legend(found.marks):
+        yield from wrap([Cell(legend, Tone.FAINT)], text_width, _UNDER_MARKS)
+    if found.left:
+        yield from wrap([Cell(strips.left_out(found, "-v"))], text_width, _UNDER_MARKS)
+
+
+def _closing(report: content.Report, *, everything: bool) -> str:
+    """Return what else can be asked, "" where nothing more is to be said."""
+    parts = []
+    if told := happenings.folded(report):
+        parts.append(f"{told}{'' if everything else ' (--all)'}.")
+    if report["causes"]:
+        kind = report["causes"][0]["kind"]
+        parts.append(f"`nvscope explain {kind}` says more about a cause.")
+    elif everything and report["findings"]:
         code = report["findings"][0]["code"]
-        closing = f"nvscope explain CODE, for example {code}, tells what a finding means and what to do."
-        yield from wrap([Cell(closing, Tone.FAINT)], text_width)
+        parts.append(f"`nvscope explain {code}` says what a finding means and what to do.")
+    return " ".join(parts)
 
 
 def _more_lists(overview: tables.Overview) -> str:
@@ -116,12 +175,14 @@ def _table(
     return aligned([measure.column for measure in measures], cells, room, indent)
 
 
-def _bus(bus: content.Row, width: int, room: int | None, clock: content.Clock, details: bool) -> Iterator[Line]:
+def _bus(bus: content.Row, width: int, room: int | None, clock: content.Clock, asked: Asked) -> Iterator[Line]:
     yield []
     yield from wrap(buses.headline(bus, clock), min(width, _TEXT_WIDTH), 0, 2)
     for cells in buses.error_lines(bus, clock):
         yield from wrap(cells, min(width, _TEXT_WIDTH), 2, 4)
-    shown = buses.identifiers(bus, None if details else buses.MOST_IDENTIFIERS)
+    if not asked.everything:
+        return
+    shown = buses.identifiers(bus, None if asked.details else buses.MOST_IDENTIFIERS)
     for measures, rows in (shown, buses.nodes(bus, clock)):
         if rows:
             yield []
@@ -174,7 +235,7 @@ def _details(entry: content.Row, width: int, room: int | None, clock: content.Cl
             yield []
             yield from _table(measures, rows, room)
     yield []
-    counted, others = tables.counter_parts(entry)
+    counted, others = diagnosis.counter_parts(entry)
     for label, parts in (("counted: ", counted), ("zero: ", others)):
         if parts:
             yield from wrap([Cell(label, Tone.FAINT), Cell(", ".join(parts))], min(width, _TEXT_WIDTH), 0, 2)
@@ -187,7 +248,7 @@ def _diagnosis(entry: content.Row, width: int, room: int | None, clock: content.
     block: list[tuple[str, content.Row]] = []
     used = 0
     for title, diag in holders:
-        rows = tables.diagnosis_rows([diag], clock)
+        rows = diagnosis.diagnosis_rows([diag], clock)
         label_width = max(display_width(label.text) for label, _ in rows)
         needed = GAP + max(display_width(title), *(display_width(value.text) for _, value in rows))
         if block and used + needed > width:
@@ -201,4 +262,4 @@ def _diagnosis(entry: content.Row, width: int, room: int | None, clock: content.
 
 def _diagnosis_block(block: Sequence[tuple[str, content.Row]], room: int | None, clock: content.Clock) -> list[Line]:
     header = [Column(""), *(Column(title, right=True, shortest=12) for title, _ in block)]
-    return align(header, tables.diagnosis_rows([diag for _, diag in block], clock), room)
+    return align(header, diagnosis.diagnosis_rows([diag for _, diag in block], clock), room)

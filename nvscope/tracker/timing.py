@@ -11,7 +11,7 @@ too: where a stream is always late, they are the events.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from nvscope.tracker.buckets import BUCKETS_A_DOUBLING, bucket_of, upper_part
 from nvscope.tracker.deviation import deviations, means
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.events import EventLog
+from nvscope.tracker.kept_rows import KeptRows, LossBefore, TimedRows
 from nvscope.tracker.node_steps import NodeSteps, NoNodeSteps
 from nvscope.tracker.rare import rare_ones
 from nvscope.tracker.silences import Silences
@@ -39,7 +40,6 @@ LONG_PARTS = 512
 """An interval is long that takes at least one of so many parts of the time since the capture's first frame."""
 
 _RARE = 4  # an unusual interval is rare of which there is one in so many: what is cyclic has fewer of them
-_FEW = 8  # of the rows, up to one in so many is few
 _BUCKET_OFFSET = 1 << 20
 _LIMB_BITS = 23
 _LIMB = (1 << _LIMB_BITS) - 1
@@ -49,9 +49,6 @@ _SHORT_NS = 1 << 32
 UNUSUAL_STREAM_BIT = 32
 
 NEVER = np.iinfo(np.int64).min
-
-LOSS_OF_STREAM, LOSS_OF_NODE = 1, 2
-"""Bits of an unusual interval's key: there was a gap in it, by the stream's counters or by the node's."""
 
 
 class IntervalColumns(KeyedColumns):
@@ -100,27 +97,6 @@ class IntervalColumns(KeyedColumns):
     }
 
 
-class TimedRows(Protocol):
-    """Telegrams of a batch by stream, within a stream as captured; columns as those of ``DataRows``."""
-
-    @property
-    def packet(self) -> I64: ...
-
-    @property
-    def start(self) -> I64: ...
-
-    @property
-    def stop(self) -> I64: ...
-
-    @property
-    def run_stream(self) -> I64: ...
-
-    @property
-    def time_ns(self) -> I64: ...
-
-    def __len__(self) -> int: ...
-
-
 @dataclass(frozen=True, slots=True)
 class BatchIntervals:
     """The intervals of a batch: of which stream, ending when, how long; columns of shape (n,).
@@ -164,7 +140,7 @@ class Timing:
         columns.resize(len(told.keys.streams))
         step = own.step[own.irregular]
         skipped = (step == Step.LATE) | (step == Step.OVERTAKEN)
-        kept = _Kept(rows, own.irregular[skipped])
+        kept = KeptRows(rows, own.irregular[skipped])
         run, start, last = kept.run, kept.start, kept.stop - 1
         time_ns = np.delete(rows.time_ns, kept.absent) if len(kept.absent) else rows.time_ns
         interval = np.empty_like(time_ns)
@@ -173,14 +149,14 @@ class Timing:
         interval[start] = time_ns[start] - before_ns
         columns.last_ns[run] = time_ns[last]
         columns.last_frame[run] = rows.packet[kept.rows(last)] + told.first_frame
-        loss = _LossBefore(kept, own, nodes, columns.node_gaps[run])
+        loss = LossBefore(kept, own, nodes, columns.node_gaps[run])
         columns.node_gaps[run] = nodes.gaps(kept.rows(last))
         ends = kept
         fresh = before_ns == NEVER
         if fresh.any():
             # The first telegram of a stream ends no interval.
             columns.count[run[fresh]] = np.maximum(columns.count[run[fresh]], 0)
-            ends = _Kept(rows, np.sort(np.append(kept.absent, kept.rows(start[fresh]))))
+            ends = KeptRows(rows, np.sort(np.append(kept.absent, kept.rows(start[fresh]))))
             interval, time_ns = np.delete(interval, start[fresh]), np.delete(time_ns, start[fresh])
         usual = np.ones(len(rows), np.bool_)
         usual[ends.absent] = False
@@ -206,7 +182,7 @@ class Timing:
         self.silences.take(part.silences)
         self.large_squares |= part.large_squares
 
-    def _add(self, interval: I64, ends: _Kept) -> None:
+    def _add(self, interval: I64, ends: KeptRows) -> None:
         columns, run, start = self.columns, ends.run, ends.start
         columns.total_ns[run] += np.add.reduceat(interval, start)
         least, most = np.minimum.reduceat(interval, start), np.maximum.reduceat(interval, start)
@@ -229,7 +205,7 @@ class Timing:
         squares[:, 2] += high + (middle >> np.uint64(_LIMB_BITS)).astype(np.int64)
         columns.squares[run] = squares
 
-    def _sort_in(self, told: Told, rows: TimedRows, ends: _Kept, interval: I64, loss: _LossBefore) -> I64:
+    def _sort_in(self, told: Told, rows: TimedRows, ends: KeptRows, interval: I64, loss: LossBefore) -> I64:
         """Put intervals into the buckets; return the places of those that were learned from."""
         columns = self.columns
         run, length = ends.run, ends.stop - ends.start
@@ -259,7 +235,7 @@ class Timing:
         return learned
 
     def _tell(
-        self, told: Told, ends: _Kept, before: I64, place: I64, stream: I64, time_ns: I64, frame: I64, took_ns: I64,
+        self, told: Told, ends: KeptRows, before: I64, place: I64, stream: I64, time_ns: I64, frame: I64, took_ns: I64,
         lost: I64,
     ) -> None:  # fmt: skip
         """Tell of unusual intervals as far as they are rare, and of all that are long for a picture of the capture.
@@ -287,7 +263,7 @@ class Timing:
         )  # fmt: skip
 
     def _keep_usual(
-        self, rows: TimedRows, ends: _Kept, outside: Bool, interval: I64, loss: _LossBefore, first_frame: int
+        self, rows: TimedRows, ends: KeptRows, outside: Bool, interval: I64, loss: LossBefore, first_frame: int
     ) -> None:
         """Keep the frames of the first intervals that are not ``outside`` of the dense buckets."""
         columns = self.columns
@@ -352,69 +328,6 @@ def _squares_of_short(size: I64, start: I64) -> tuple[I64, U64, I64]:
     high = np.add.reduceat(square, start)
     low = (total - (high << np.uint64(32))).astype(np.int64)
     return low, high << np.uint64(32 - _LIMB_BITS), np.zeros(len(start), np.int64)
-
-
-class _Kept:
-    """The rows of a batch without some, ``absent`` (rising), counted anew.
-
-    ``start`` and ``stop`` bound the runs of one stream that is left, ``run``.
-    """
-
-    def __init__(self, rows: TimedRows, absent: I64) -> None:
-        self.absent = absent
-        bounds = np.append(rows.start, len(rows))
-        bounds -= np.searchsorted(absent, bounds)
-        left = np.flatnonzero(bounds[1:] > bounds[:-1])
-        self.run, self.start, self.stop = rows.run_stream[left], bounds[left], bounds[left + 1]
-        self._absent_place = absent - np.arange(len(absent))
-
-    def rows(self, place: I64) -> I64:
-        """Return the rows that places are."""
-        if not len(self.absent):
-            return place
-        rows: I64 = place + np.searchsorted(self._absent_place, place, "right")
-        return rows
-
-    def streams(self, place: I64) -> I64:
-        """Return the streams of places."""
-        if len(place) * _FEW > self.stop[-1]:
-            return np.repeat(self.run, self.stop - self.start)[place]
-        streams: I64 = self.run[np.searchsorted(self.start, place, "right") - 1]
-        return streams
-
-    def places(self, row: I64) -> I64:
-        """Return the places of rows that are not absent."""
-        if not len(self.absent):
-            return row
-        places: I64 = row - np.searchsorted(self.absent, row)
-        return places
-
-
-class _LossBefore:
-    """Tells where telegrams were lost since the one kept before; ``gaps`` are the node's at that of each run."""
-
-    def __init__(self, kept: _Kept, own: Steps, nodes: NodeSteps | NoNodeSteps, gaps: I64) -> None:
-        self._kept, self._own, self._nodes, self._gaps = kept, own, nodes, gaps
-
-    def bits(self, row: I64) -> I64:
-        """Return the loss bits of rows."""
-        kept, gaps = self._kept, self._nodes.gaps
-        place = kept.places(row)
-        if len(row) * _FEW > kept.stop[-1]:
-            # Of so many, all are looked at in order.
-            every = np.delete(self._nodes.all_gaps, kept.absent)
-            earlier = np.empty_like(every)
-            earlier[1:] = every[:-1]
-            earlier[kept.start] = self._gaps
-            now, before = every[place], earlier[place]
-        else:
-            run = np.searchsorted(kept.start, place, "right") - 1
-            begins = kept.start[run] == place
-            now = gaps(row)
-            before = np.where(begins, self._gaps[run], gaps(kept.rows(np.maximum(place - 1, 0))))
-        of_stream = self._own.step[row] == Step.GAP
-        bits: I64 = of_stream * LOSS_OF_STREAM | (now != before) * LOSS_OF_NODE
-        return bits
 
 
 def key_of(bucket: I64, loss: I64) -> I64:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from operator import or_
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -15,10 +14,13 @@ from nvscope.expression.expression import compile_expression
 from nvscope.expression.typed_columns import Column
 from nvscope.view.fields.field import TelegramField, blank
 from nvscope.view.fields.frame import CARRIER_FIELDS, FIELDS, expression_names, field_read
+from nvscope.view.fields.shown import NONE
+from nvscope.view.fields.shown_fields import CAUSE, FINDING
 from nvscope.view.fields.verdicts import Verdicts
 from nvscope.view.rows.frames import NETVAR, FrameRows
 
 _OF_CARRIERS = frozenset(field.name for field in CARRIER_FIELDS)
+_SHOWN = (FINDING, CAUSE)
 
 
 class DisplayFilter:
@@ -42,40 +44,54 @@ class DisplayFilter:
         """What it names that is known only when the whole capture was read."""
         self.of_others = [field.name for field in named if field.of_others]
         """What it names that only frames have in which no protocol is found that is looked for."""
-        of_finding = [field.name.startswith("finding.") for field in named]
-        self.of_any_frame = all(map(or_, of_finding, (field.name in _OF_CARRIERS for field in named)))
-        """What it names frames have whether a protocol is found in them or not."""
-        self.findings = any(of_finding)
+        self.findings = any(field.name.startswith(FINDING) for field in named)
         """It asks for findings."""
-        self._seen: set[int] = set()
-        self._chosen: set[int] = set()
+        self.causes = any(field.name.startswith(CAUSE) for field in named)
+        """It asks for causes."""
+        of_any = [field.name.startswith(_SHOWN) or field.name in _OF_CARRIERS for field in named]
+        self.of_any_frame = all(of_any)
+        """What it names frames have whether a protocol is found in them or not."""
+        self._seen: set[tuple[int, int]] = set()
+        self._chosen: set[tuple[int, int]] = set()
 
     def __call__(self, rows: FrameRows) -> Bool:
-        if not self.findings or self._verdicts is None:
+        if self._verdicts is None or not (self.findings or self.causes):
             return self._ask(rows)
-        position, finding = self._verdicts.findings_of(rows)
-        told = self._ask(rows.take(position).looked_at_with(finding))
+        looks = self._verdicts.looks(rows, findings=self.findings, causes=self.causes)
+        told = self._ask(rows.take(looks.position).looked_at_with(looks.finding, looks.cause))
         chosen = np.zeros(len(rows), np.bool_)
-        chosen[position[told]] = True
-        self._seen.update(finding.tolist())
-        self._chosen.update(finding[told].tolist())
+        chosen[looks.position[told]] = True
+        self._seen.update(_pairs(looks.finding, looks.cause))
+        self._chosen.update(_pairs(looks.finding[told], looks.cause[told]))
         return chosen
 
-    def chooses_finding(self, number: int) -> bool:
-        """Tell whether a telegram was chosen that shows a finding; of one that no telegram shows, ask it alone.
+    def shown(self) -> tuple[set[int], set[int]]:
+        """Return the numbers of the findings and of the causes with which a telegram was chosen.
 
-        Of such a finding, only ``finding.*`` exists.
+        Of those that no telegram showed, each is asked alone, a finding together with its cause if both are asked for:
+        there, only ``finding.*`` and ``cause.*`` exist. Of a filter that asks for no findings, the findings are those
+        that its causes explain; of one that asks for no causes, there are no causes.
         """
-        if number in self._seen:
-            return number in self._chosen
+        verdicts = self._verdicts
+        if verdicts is None:
+            return set(), set()
+        chosen = set(self._chosen)
+        pairs = verdicts.pairs(findings=self.findings, causes=self.causes)
+        unseen = np.array([pair not in self._seen for pair in zip(*(side.tolist() for side in pairs), strict=True)])
+        if unseen.any():
+            finding, cause = (side[unseen] for side in pairs)
+            rows = FrameRows.nothing(len(finding)).looked_at_with(finding, cause)
 
-        def read(name: str) -> tuple[Column, Bool | None]:
-            field = field_read(name, self._fields)
-            if name.startswith("finding."):
-                return field.column(FrameRows.nothing(1).looked_at_with(np.array([number]))), None
-            return blank(field.type, 1), np.zeros(1, np.bool_)
+            def read(name: str) -> tuple[Column, Bool | None]:
+                field = field_read(name, self._fields)
+                if field.name.startswith(_SHOWN):
+                    return field.column(rows), field.exists(rows)
+                return blank(field.type, len(rows)), np.zeros(len(rows), np.bool_)
 
-        return bool(self._expression.mask(read)[0])
+            told = self._expression.mask(read)
+            chosen.update(_pairs(finding[told], cause[told]))
+        findings, causes = ({pair[side] for pair in chosen} - {NONE} for side in (0, 1))
+        return findings if self.findings else verdicts.explained_by(causes), causes
 
     def _ask(self, rows: FrameRows) -> Bool:
         def read(name: str) -> tuple[Column, Bool | None]:
@@ -83,6 +99,14 @@ class DisplayFilter:
             return field.column(rows), field.exists(rows)
 
         return self._expression.mask(read)
+
+
+def _pairs(finding: I64, cause: I64) -> Iterator[tuple[int, int]]:
+    """Yield each pair of numbers once, of which at least one is something."""
+    some = (finding != NONE) | (cause != NONE)
+    many = int(cause.max(initial=NONE)) - NONE + 1
+    for code in np.unique((finding[some] - NONE) * many + (cause[some] - NONE)).tolist():
+        yield code // many + NONE, code % many + NONE
 
 
 class PacketChoice:

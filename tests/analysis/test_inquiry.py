@@ -59,6 +59,9 @@ EXPRESSIONS = [
     "list.lost > 0",
     "node.nErrorCount > 0",
     'finding.severity == "warning"',
+    'cause.kind == "second-sender"',
+    'cause.severity == "warning" && finding.count == 1',
+    "!cause.kind",
     "nv.index == 77",
 ]
 
@@ -120,6 +123,93 @@ def test_the_telegrams_that_show_a_finding_are_those_of_its_frames() -> None:
     findings = {place(one): one for one in report(PLANT)["findings"]}
     gap = findings["NV201", "udp/1202/7", PRESS, 1]
     assert frames(PLANT, f'finding.code == "NV201" && node.address == {PRESS}') == gap["frames"]
+
+
+def happened(path: str, expression: str | None = None, project: Project | None = None) -> dict[str, Any]:
+    """Return a report with causes."""
+    inquiry = Inquiry([path], project or Project())
+    return inquiry.report(inquiry.analyze(expression, causes=True))
+
+
+def kinds(document: dict[str, Any]) -> list[str]:
+    return [cause["kind"] for cause in document["causes"]]
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        'cause.kind == "second-sender"', 'cause.kind == "loss-of-list"', 'cause.kind == "reader-silent"',
+        'cause.severity == "warning"', 'cause.title contains "silent"', "cause.kind",
+    ],
+)  # fmt: skip
+def test_causes_are_chosen_with_what_they_explain_and_concern(expression: str) -> None:
+    field, _, text = expression.partition(" ")
+    text = text.partition('"')[2].strip('"')
+    whole, part = happened(PLANT), happened(PLANT, expression)
+    wanted = [cause for cause in whole["causes"] if text in cause[field.removeprefix("cause.")]]
+    assert wanted
+    assert part["causes"] == wanted
+    explained = {tuple(one.values()) for cause in wanted for one in cause["findings"]}
+    assert part["findings"] == [finding for finding in whole["findings"] if place(finding) in explained]
+    assert [entry["key"] for entry in part["lists"]] == sorted(
+        {key for cause in wanted for key in cause["lists"]}, key=[entry["key"] for entry in whole["lists"]].index
+    )
+    # Each of these has not more than ten events, or names the first ten of them.
+    assert frames(PLANT, expression) == sorted(number for cause in wanted for number in cause["frames"])
+
+
+def test_a_cause_that_no_telegram_shows_is_asked_alone() -> None:
+    path = str(CAPTURES / "interfaces.pcapng")
+    part = happened(path, 'cause.kind == "other"')
+    assert (kinds(part), part["filter"]["telegrams"], part["lists"]) == (["other"], 0, [])
+    assert [finding["code"] for finding in part["findings"]] == ["NV901"]
+    assert kinds(happened(path, 'cause.kind == "other" && ip.src == 192.0.2.1')) == []
+    assert kinds(happened(path, 'cause.kind != "other"')) == ["second-sender"]
+
+
+def test_a_telegram_condition_chooses_among_the_telegrams_that_show_a_cause() -> None:
+    part = happened(PLANT, f'cause.kind == "second-sender" && ip.src == {BENCH}')
+    assert kinds(part) == ["second-sender"]
+    (entry,) = part["lists"]
+    assert [node["address"] for node in entry["nodes"]] == [BENCH]
+    assert kinds(happened(PLANT, f'cause.kind == "second-sender" && ip.src == {HMI}')) == []
+
+
+def test_of_findings_and_causes_asked_for_together_one_explains_the_other() -> None:
+    part = happened(PLANT, 'cause.kind == "second-sender" && finding.code == "NV403"')
+    assert kinds(part) == ["second-sender"]
+    assert {finding["code"] for finding in part["findings"]} == {"NV403"}
+    unrelated = happened(PLANT, 'cause.kind == "second-sender" && finding.code == "NV201"')
+    assert (unrelated["causes"], unrelated["findings"], unrelated["filter"]["telegrams"]) == ([], [], 0)
+    either = happened(PLANT, 'cause.kind == "node-silent" || finding.code == "NV204"')
+    assert sorted(kinds(either)) == ["node-restart", "node-silent"]
+    assert {finding["code"] for finding in either["findings"]} == {"NV204", "NV504"}
+    # A counter that is byte-swapped is explained by a cause; what a note tells, by none.
+    unexplained = happened(PEERS, "finding.code && !cause.kind")
+    assert unexplained["causes"] == []
+    assert "NV206" in {finding["code"] for finding in unexplained["findings"]}
+
+
+def test_findings_are_shown_with_the_causes_that_explain_them() -> None:
+    assert kinds(happened(PLANT, 'finding.code == "NV504"')) == ["node-silent"]
+
+
+def test_who_asks_for_no_causes_can_choose_by_them() -> None:
+    chosen = 'cause.kind == "counter-foreign"'
+    inquiry = Inquiry([PEERS], read_project(None, AXIS))
+    part = inquiry.analyze(chosen, values=True)
+    assert part.values is not None
+    assert part.state.capture.chosen == len(frames(PEERS, chosen)) == 1
+    assert inquiry.report(part)["findings"] == happened(PEERS, chosen)["findings"]
+
+
+def test_titles_of_causes_are_those_that_are_shown(tmp_path: Path) -> None:
+    (tmp_path / "nvscope.toml").write_text(PROJECT)
+    inquiry = Inquiry([PLANT], read_project(tmp_path / "nvscope.toml"))
+    for names, shown, hidden in (True, "press", PRESS), (False, PRESS, "press"):
+        for text, count in (shown, 1), (hidden, 0):
+            found = inquiry.analyze(f'cause.title contains "{text}"', causes=True, names=names)
+            assert len(inquiry.report(found, names=names)["causes"]) == count
 
 
 def test_names_come_from_the_project(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def deep(tmp_path: Path) -> Iterator[Path]:
     [
         (("report", CAPTURE, "--project", ""), "the name of a project file is empty"),
         (("vars", CAPTURE, "--gvl", LIST, "--project", " "), "the name of a project file is empty"),
-        (("explain", ""), "the name of a finding or figure is empty"),
+        (("explain", ""), "the name of what to explain is empty"),
         (("packets", CAPTURE, "-e", ""), "the name of a field is empty"),
         (("vars", ""), "the name of a source is empty"),
         (("report", CAPTURE, "--gvl", ""), "the name of a definition file is empty"),

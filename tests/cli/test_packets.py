@@ -220,3 +220,31 @@ def test_a_short_capture_needs_no_heavy_library(form: list[str]) -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     assert done.stderr == b"set()\n"
+
+
+@pytest.mark.parametrize(
+    ("expression", "judged"), [("nv.index == 7", False), ('finding.code == "NV207"', False), ("cause.kind", True)]
+)
+def test_causes_are_judged_for_who_asks_for_them(expression: str, judged: bool) -> None:
+    program = (
+        "import sys\n"
+        "from nvscope.cli.program import program\n"
+        f"program()(['packets', {PEERS!r}, '-Y', {expression!r}], standalone_mode=False)\n"
+        "print('nvscope.causes.case' in sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True, text=True)
+    assert done.stdout.splitlines()[-1] == str(judged)
+
+
+@pytest.mark.parametrize(
+    ("expression", "what"),
+    [
+        ('finding.code == "NV207"', "finding"), ('cause.kind == "counter-foreign"', "cause"),
+        ("finding.code && cause.kind", "finding or cause"),
+    ],
+)  # fmt: skip
+def test_it_is_said_that_telegrams_show_the_first_events_alone(expression: str, what: str) -> None:
+    done = packets(PEERS, "-Y", expression)
+    assert done.stdout
+    told = f"nvscope: a {what} is shown by the telegrams of its first ten events, not by all.\n"
+    assert done.stderr.decode() == told

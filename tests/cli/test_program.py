@@ -47,7 +47,7 @@ def test_json_has_the_schema_and_is_the_same_every_time() -> None:
     assert first.stdout == second.stdout
     report = json.loads(first.stdout)
     assert report["schema"] == "nvscope.report/2"
-    assert list(report) == ["schema", "tool", "capture", "totals", "lists", "findings"]
+    assert list(report) == ["schema", "tool", "capture", "totals", "causes", "lists", "findings"]
     assert report["capture"]["sources"] == [
         {"path": str(PEERS), "format": "pcap", "bytes": PEERS.stat().st_size, "frames": 864}
     ]
@@ -141,6 +141,18 @@ def test_ports_can_be_decided_by_hand() -> None:
     report = json.loads(nvscope("report", "--json", "-d", "udp.port==1202,data", PEERS).stdout)
     assert report["capture"]["telegrams"] == 0
     assert report["lists"] == []
+
+
+@pytest.mark.parametrize("code", ["NV201", "301"])
+def test_a_code_is_explained_without_what_findings_and_causes_are_judged_from(code: str) -> None:
+    words = (
+        "import sys\n"
+        "from nvscope.report.explain import render\n"
+        f"render({code!r})\n"
+        "print({'numpy', 'nvscope.causes'} & set(sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, check=True, text=True)
+    assert done.stdout == "set()\n"
 
 
 def test_explain_tells_of_a_finding_and_lists_all() -> None:

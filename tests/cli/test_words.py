@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from nvscope.cli.completion import expressions
 from nvscope.cli.help import EXAMPLES, GROUPS, group_of
 from nvscope.cli.program import VERBS, program
 from nvscope.cli.words import in_order
@@ -88,6 +89,8 @@ def test_variables_are_offered_in_their_own_spelling() -> None:
         ('finding.code == "NV999"', 'finding.code is never "NV999"'),
         ('finding.code in {"NV201", "NV2O2"}', 'finding.code is never "NV2O2"'),
         ('finding.severity != "fatal"', 'finding.severity is never "fatal"'),
+        ('cause.kind == "second-sendr"', 'cause.kind is never "second-sendr"'),
+        ('cause.severity in {"errors"}', 'cause.severity is never "errors"'),
         ('nv.fault == "shorts"', 'nv.fault is never "shorts"'),
         ('canopen.function == "heartbeats"', 'canopen.function is never "heartbeats"'),
         ('can.direction == "rx"', 'can.direction is never "rx"'),
@@ -171,6 +174,8 @@ def completed(words: str, path: Path) -> list[str]:
 def test_the_shell_completes_codes_fields_and_lists(tmp_path: Path) -> None:
     (tmp_path / "nvscope.toml").write_text(f"definitions = ['{PEERS}/axis*']\n")
     assert completed("explain NV20", tmp_path) == [f"NV20{digit}" for digit in range(1, 8)]
+    assert completed("explain second-", tmp_path) == ["second-sender"]
+    assert completed("explain mirr", tmp_path) == ["mirrored-twice"]
     assert "nv.counter" in completed("packets x -e nv.c", tmp_path)
     assert "var.stAxis.pos" in completed("packets x -e var.stA", tmp_path)
     assert completed("vars x --list a", tmp_path) == ["axis"]
@@ -178,6 +183,24 @@ def test_the_shell_completes_codes_fields_and_lists(tmp_path: Path) -> None:
     (tmp_path / "nvscope.toml").write_text("definitions = 5\n")
     assert completed("vars x --list a", tmp_path) == []
     assert "nv.counter" in completed("packets x -e nv.c", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("begun", "text", "proposed"),
+    [
+        ("cause.kind == ", '"second', ["second-sender"]),
+        ("cause.kind == ", "bus", ["bus-off", "bus-errors", "bus-overloaded"]),
+        ("nv.index == 7 && cause.severity != ", "", ["error", "warning", "note"]),
+        ('Cause.Kind in {"clock", ', '"bus-o', ["bus-off", "bus-overloaded"]),
+        ("finding.code eq ", '"nv20', [f"NV20{digit}" for digit in range(1, 8)]),
+        ("nv.service==", "ODBoot", ["ODBootUpRequest"]),
+        ("cause.kind == ", '"nothing', []),
+        ("cause.title == ", '"list', []),
+        ("nobody.kind == ", '"a', []),
+    ],
+)
+def test_the_shell_completes_texts_of_a_field_that_has_only_some(begun: str, text: str, proposed: list[str]) -> None:
+    assert expressions(begun + text) == [f'{begun}"{one}"' for one in proposed]
 
 
 def test_a_word_that_is_no_verb_is_a_usage_error_with_a_next_step() -> None:
@@ -205,6 +228,7 @@ def test_what_explain_tells_is_there_for_programs_too() -> None:
     )  # fmt: skip
     whole = json.loads(run_text("explain", "--json").stdout)
     assert finding in whole["findings"]
+    assert json.loads(run_text("explain", "second-sender", "--json").stdout)["causes"][0] in whole["causes"]
     assert len(whole["findings"]) > 40
     assert run_text("explain", "nothing", "--json").returncode == 2
 

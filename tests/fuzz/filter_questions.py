@@ -11,6 +11,7 @@ EXPRESSIONS = (
     "finding.code == \"NV201\"", "finding.severity == \"error\"", "finding.code in {\"NV405\", \"NV101\", \"NV502\"}",
     "finding.count > 1 && list.id < 10", "node.lost > 0 || nv.subindex == 0", "nv.data[0:2] == 01:02",
     "frame.time_relative < 0.5", "frame.time_delta > 1", "ip.src in {10.0.0.0/8} && !nv.fault", "nv.counter & 1",
+    "cause.kind == \"second-sender\"", "cause.severity == \"error\" && finding.count > 1", "!cause.kind",
     "nv.data contains \"a\"", "finding.message matches \"lost\"",
 )  # fmt: skip
 
@@ -37,8 +38,8 @@ def ask_filtered(asked: Asked, whole: Any) -> None:
     capture = whole["capture"]
     assert len(everything) == capture["telegrams"] + capture.get("can_frames", 0), len(everything)
     frames = sorted(row["frame.number"] for row in [*chosen.records(), *rest])
-    if "finding." in expression:
-        # A telegram may show a finding that is chosen, and one that is not.
+    if "finding." in expression or "cause." in expression:
+        # A telegram may show a finding or cause that is chosen, and one that is not.
         frames = sorted(set(frames))
     assert frames == [row["frame.number"] for row in everything], expression
     asked.on_capture("packets", "-V", "-c", "30", *rng.choice(((), ("-x",))))

@@ -5,6 +5,7 @@ The builders only fill in what a report must have; every figure that matters to 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 START_NS = 1_714_651_387_123_456_789  # 2024-05-02 12:03:07.123456789 UTC
@@ -74,7 +75,20 @@ def finding(code: str, name: str, severity: str, message: str, hint: str, **part
 SEVERITIES = ("error", "warning", "note")
 
 
-def report(capture: dict[str, Any], lists: list[dict[str, Any]], findings: list[dict[str, Any]]) -> dict[str, Any]:
+def cause(kind: str, severity: str, title: str, next_step: str, *checked: str, **parts: Any) -> dict[str, Any]:
+    """Return a cause; ``findings`` are those that it explains."""
+    behind = [{key: one[key] for key in ("code", "list", "node", "subindex")} for one in parts.pop("findings", ())]
+    return {
+        "kind": kind, "severity": severity, "lists": [], "nodes": [], "channel": None, "since_ns": None,
+        "until_ns": None, "frames": [], "frames_cut": 0, "title": title, "checked": list(checked), "next": next_step,
+        "findings": behind, **parts,
+    }  # fmt: skip
+
+
+def report(
+    capture: dict[str, Any], lists: list[dict[str, Any]], findings: list[dict[str, Any]],
+    causes: Sequence[dict[str, Any]] = (),
+) -> dict[str, Any]:  # fmt: skip
     """Return a report, in which lists have the status that the findings give them."""
     named = {entry["key"] for entry in lists}
     on = {key: {one["severity"] for one in findings if one["list"] == key} for key in named}
@@ -92,6 +106,7 @@ def report(capture: dict[str, Any], lists: list[dict[str, Any]], findings: list[
             "findings": {word: sum(one["severity"] == word for one in findings) for word in SEVERITIES},
             "findings_beside_lists": {word: sum(one["severity"] == word for one in beside) for word in SEVERITIES},
         },
+        "causes": list(causes),
         "lists": [entry | {"status": status[entry["key"]]} for entry in lists],
         "findings": findings,
     }  # fmt: skip
@@ -230,6 +245,27 @@ TROUBLED = report(
         finding("NV503", "burst", "note", "5 telegrams came within 10.0 µs.", "Set a minimum gap.", list="udp/1300/43",
                 node="10.0.0.9", subindex=0, first_ns=at(S), last_ns=at(S), frames=[97]),
     ],
+    [
+        cause("second-sender", "error", "A further node sends list conveyor since 7 000.0 s: 192.168.1.77",
+              "Stop 192.168.1.77, or give its list another identifier: readers take turns between both.",
+              "192.168.1.10: 64 items in 276 bytes, checksum 16#2F", "192.168.1.77: 16 items in 84 bytes",
+              "different hardware addresses: two devices, not one address twice",
+              lists=["udp/1202/1"], nodes=["192.168.1.77", "192.168.1.10"], since_ns=at(7_000 * S), frames=[1_402_112],
+              findings=[{"code": "NV401", "list": "udp/1202/1", "node": None, "subindex": None}]),
+        cause("reader-silent", "error", "None of 2 readers answered for list conveyor, 112 181 times", "Their logs.",
+              "they answered the others, in 3.5 ms", lists=["udp/1202/1"], nodes=["192.168.1.20", "192.168.1.21"],
+              since_ns=at(3 * S), until_ns=at(43_100 * S),
+              findings=[{"code": "NV301", "list": "udp/1202/1", "node": "192.168.1.10", "subindex": 0}]),
+        cause("loss-of-list", "error", "List conveyor of press lost 1 204 telegrams, from 12.0 s to 43 000.0 s",
+              "The error counters of the sender's switch port, and whether its stack drops when a cycle has several "
+              "telegrams.", "no other sender lost any then: not the capture", "0.1 % of what it sends",
+              lists=["udp/1202/1"], nodes=["192.168.1.10"], since_ns=at(12 * S), until_ns=at(43_000 * S),
+              findings=[{"code": "NV201", "list": "udp/1202/1", "node": "192.168.1.10", "subindex": 0}]),
+        cause("sender-late", "warning", "Node press sent list axis late, 7 times from 3.0 s to 43 100.0 s",
+              "The cycle and priority of the task that sends it.", "up to 151.2 ms, 3.0 times the nominal 50.0 ms",
+              lists=["udp/1202/7"], nodes=["192.168.1.10"], since_ns=at(3 * S), until_ns=at(43_100 * S),
+              findings=[{"code": "NV502", "list": "udp/1202/7", "node": "192.168.1.10", "subindex": 0}]),
+    ],
 )  # fmt: skip
 
 NO_TELEGRAMS = report(
@@ -279,6 +315,12 @@ HOSTILE = report(
                 "1. Ask #1 <b>now</b>\r\n| or | later |", list="udp/1202/666", node="10.0.0.1", subindex=0,
                 first_ns=at(1), last_ns=at(1), frames=[3]),
     ],
+    [
+        cause("definition-differs", "error", f"List [bold]{_TURNED}[/bold] does not fit its definition since 0.0 s",
+              "1. Ask #1 <b>now</b>\r\n| or | later |", f"<img src=x>|@all{_EVIL} sends C:\\new", "**not** bold",
+              lists=["udp/1202/666"], nodes=["10.0.0.1"], since_ns=at(1),
+              findings=[{"code": "NV402", "list": "udp/1202/666", "node": "10.0.0.1", "subindex": 0}]),
+    ],
 )  # fmt: skip
 
 ALIKE = report(
@@ -313,6 +355,23 @@ ALIKE = report(
                     first_ns=at(12 * S + index * 1_000), last_ns=at(12 * S + index * 1_000), frames=[4_700 + index])
             for index in range(1, 13) if index != 5
         ),
+    ],
+    [
+        *(
+            cause("node-silent", "error", f"Node Hall3_Press_Line_{side} is silent since 12.0 s (6 lists)",
+                  "Its power and LEDs, then its cable and switch port. Its task comes last.",
+                  "nothing of it came afterwards, ARP included", nodes=[f"192.168.1.{10 + number}"],
+                  lists=[f"udp/1202/{index}" for index in range(1, 13) if index % 2 == number and index != 5],
+                  since_ns=at(12 * S),
+                  findings=[{"code": "NV504", "list": f"udp/1202/{index}", "node": f"192.168.1.{10 + number}",
+                             "subindex": 0} for index in range(1, 13) if index % 2 == number and index != 5])
+            for number, side in enumerate(("Left", "Right"))
+        ),
+        cause("capture-incomplete", "error", "The capture lacks 25 telegrams, since 4.1 s",
+              "Capture with more room: a faster mirror port.", "up to 2 senders lose within 0.1 s of each other",
+              lists=[f"udp/1202/{index}" for index in range(1, 13)], since_ns=at(4 * S), until_ns=at(6 * S),
+              findings=[{"code": "NV201", "list": f"udp/1202/{index}", "node": f"192.168.1.{10 + index % 2}",
+                         "subindex": 0} for index in range(1, 13)]),
     ],
 )  # fmt: skip
 

@@ -69,7 +69,7 @@ def section(shown: str) -> str:
 
 def test_a_bus_at_a_terminal() -> None:
     assert (
-        section(text.render(document(WHOLE), width=80, utc=True))
+        section(text.render(document(WHOLE), width=80, utc=True, everything=True))
         == """\
 Bus can0: 250 kbit/s (found) · 12 345 frames · load: 23.1 % in the mean, at its
   peak 41.0 % at 12:03:12 (48.2 % with all possible stuff bits)
@@ -127,8 +127,14 @@ def test_of_many_buses_the_first_are_shown() -> None:
     assert text.render(many, width=100, details=True).count("Bus can") == markdown.render(many).count("### Bus") == 20
 
 
+def test_identifiers_and_nodes_are_shown_where_all_is_asked_for() -> None:
+    for shown in (text.render(document(WHOLE), width=80), markdown.render(document(WHOLE))):
+        assert "7 error frames: controller problem (3), bus off (4)" in shown
+        assert "0x190" not in shown
+
+
 def test_a_bus_in_markdown() -> None:
-    shown = markdown.render(document(WHOLE), utc=True)
+    shown = markdown.render(document(WHOLE), utc=True, everything=True)
     assert "\n### Bus `can0`\n\n- 250 kbit/s (found) · 12 345 frames · load: 23.1 % in the mean" in shown
     assert (
         "\n| identifier | name | frames | bits | share | load |\n| --- | --- | ---: | ---: | ---: | ---: |\n" in shown
@@ -140,10 +146,10 @@ def test_a_bus_in_markdown() -> None:
 
 def test_names_from_the_wire_are_shown_visibly() -> None:
     hostile = bus(channel="can\x1b[31m|`<b>\u202e", identifiers=[identifier(1, 100.0, 1, name="a\x07|`b")])
-    shown = text.render(document(hostile), width=100)
+    shown = text.render(document(hostile), width=100, everything=True)
     assert "\x1b" not in shown
     assert "\x07" not in shown
     assert "\u202e" not in shown
-    in_markdown = markdown.render(document(hostile))
+    in_markdown = markdown.render(document(hostile), everything=True)
     assert not {"\x1b", "\x07", "\u202e"} & set(in_markdown)
     assert "<b>" not in in_markdown.replace("`", "").partition("### Bus")[0]

@@ -2,16 +2,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import groupby
 from pathlib import Path
 
 import pytest
 
+from nvscope.causes.catalogue import BY_NAME, KINDS
+from nvscope.causes.kind import CauseKind
 from nvscope.errors import ExitCode, UsageError
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.report import buses, explain
 from nvscope.report.explain_column import MEANINGS
 from nvscope.report.tables import ERRORS, INTERVALS, OVERVIEW, STREAMS
 from nvscope.tracker.figures import FIGURES, PLACES, Figure, Of
+from nvscope.view.display_filter import DisplayFilter
+from nvscope.view.fields.vocabulary import vocabulary
 from nvscope.view.lines.text_width import display_width
 
 
@@ -20,7 +25,7 @@ def titles() -> list[str]:
     return list(dict.fromkeys(one.column.title for one in (*OVERVIEW, ERRORS, *STREAMS, *INTERVALS, *of_buses)))
 
 
-@pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "lost", "jitter"])
+@pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "lost", "jitter", "second-sender"])
 def test_golden(code: str, golden: Callable[[str, str], None]) -> None:
     golden(f"explain-{code}.txt", explain.render(code))
 
@@ -39,6 +44,31 @@ def test_everything_of_the_catalogue_is_told_within_the_width(code: str) -> None
         for text in (kind.code, kind.name, kind.severity.word, kind.meaning, *kind.causes, *kind.next_steps):
             assert text in told
         assert re.sub(r"\x1b\[[0-9;]+m", "", explain.render(code, width=width, colour=True)) == shown
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_everything_of_the_catalogue_of_causes_is_told_within_the_width(kind: CauseKind) -> None:
+    for width in (40, 60, 80, 200):
+        shown = explain.render(f" {kind.name.upper()} ", width=width)
+        assert max(display_width(line) for line in shown.splitlines()) <= width
+        told = " ".join(shown.split())
+        assert told.startswith(f"{kind.name} cause ")
+        for text in (kind.brief, kind.meaning, kind.evidence, kind.next_step):
+            assert text in told
+        assert re.sub(r"\x1b\[[0-9;]+m", "", explain.render(kind.name, width=width, colour=True)) == shown
+    (row,) = explain.document(kind.name)["causes"]
+    assert (row["kind"], row["at_least"], row["next"]) == (kind.name, kind.at_least.word, kind.next_step)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_the_filter_that_a_cause_is_told_with_chooses_it(kind: CauseKind) -> None:
+    (expression,) = re.findall("-Y '(.*)'", explain.render(kind.name, width=60))
+    assert DisplayFilter(expression, vocabulary()).judged == ["cause.kind"]
+
+
+def test_how_bad_a_cause_is_at_least_is_told() -> None:
+    assert "severity    error, whatever it explains" in explain.render("node-silent")
+    assert "that it explains, a note where it explains none" in " ".join(explain.render("loss-of-list").split())
 
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.name)
@@ -92,6 +122,24 @@ def test_readme_tells_of_the_columns_of_lists() -> None:
     assert {measure.column.title for measure in (*OVERVIEW, ERRORS)} == told
 
 
+@pytest.mark.parametrize("name", sorted({kind.name for kind in CATALOGUE.values()} & set(BY_NAME)))
+def test_a_name_of_both_tells_the_cause_and_then_the_finding(name: str) -> None:
+    (code,) = (kind.code for kind in CATALOGUE.values() if kind.name == name)
+    both = explain.render(name)
+    assert both.startswith(f"{name}  cause\n")
+    assert both.endswith("\n\n" + explain.render(code))
+    document = explain.document(name)
+    assert ([row["kind"] for row in document["causes"]], [row["code"] for row in document["findings"]]) == (
+        [name], [code],
+    )  # fmt: skip
+
+
+def test_the_code_of_such_a_finding_tells_it_alone() -> None:
+    assert explain.render("mirrored-twice") != explain.render("NV905")
+    assert explain.render("NV905").startswith("NV905 mirrored-twice  ")
+    assert explain.document("905")["causes"] == []
+
+
 def test_a_name_of_both_tells_finding_and_figure() -> None:
     assert explain.render("jitter") == explain.render("NV502") + "\n" + explain.render("list.jitter")
 
@@ -104,6 +152,9 @@ def test_a_code_may_be_written_in_many_ways(code: str) -> None:
 @pytest.mark.parametrize(
     ("code", "nearest"),
     [
+        ("second-sendr", "second-sender"),
+        ("silent", "node-silent"),
+        ("two senders", "second-sender"),
         ("NV310", "NV301"),
         ("no-acknowledgment", "NV301"),
         ("ack", "NV302"),
@@ -129,11 +180,14 @@ def test_a_hostile_code_does_not_reach_the_terminal_raw() -> None:
 
 def test_every_kind_is_in_the_overview() -> None:
     told = [line.split() for line in explain.overview(width=60).splitlines()]
+    causes, judged, unjudged = (list(rows) for empty, rows in groupby(told, lambda row: not row) if not empty)
+    assert causes[0] == ["Causes:", "what", "happened"]
+    assert [row[0] for row in causes[2:]] == [kind.name for kind in KINDS]
+    assert [" ".join(row[1:]) for row in causes[2:]] == [kind.brief for kind in KINDS]
     beginning = ["severity", "code", "name"]
-    assert told[0] == beginning
-    judged, unjudged = told[1 : told.index([])], told[told.index([]) + 1 :]
+    assert judged[:2] == [["Findings:", "what", "a", "rule", "saw"], beginning]
     assert unjudged[:2] == [["Nothing", "judges", "these", "yet"], beginning]
-    for rows, wanted in (judged, True), (unjudged[2:], False):
+    for rows, wanted in (judged[2:], True), (unjudged[2:], False):
         kinds = [kind for kind in CATALOGUE.values() if kind.judged is wanted]
         assert [(code, name) for _, _, code, name in rows] == [(kind.code, kind.name) for kind in kinds]
 

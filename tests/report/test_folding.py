@@ -29,7 +29,8 @@ def lost(index: int, telegrams: str, events: int = 1) -> dict[str, Any]:
 
 def shown(findings: list[dict[str, Any]], *, width: int = 100, details: bool = False) -> str:
     lists = [udp_list(1202, index) for index in range(1, 60)]
-    return text.render(report({"frames": 1, "telegrams": 1}, lists, findings), width=width, utc=True, details=details)
+    document = report({"frames": 1, "telegrams": 1}, lists, findings)
+    return text.render(document, width=width, utc=True, everything=True, details=details)
 
 
 def one(findings: list[dict[str, Any]]) -> folding.Entry:
@@ -146,15 +147,15 @@ def test_details_show_each_and_what_is_folded_is_told() -> None:
     assert "40 findings are folded into 1 entry: -v shows each." in shown(findings)
     details = shown(findings, details=True)
     assert details.count("NV504 stopped") == 40
-    assert "folded" not in details
+    assert "are folded into 1 entry" not in details
     document = report({"frames": 1, "telegrams": 1}, [udp_list(1202, 1)], findings)
-    assert markdown.render(document).count("NV504 stopped") == 1
+    assert markdown.render(document, everything=True).count("NV504 stopped") == 1
     assert markdown.render(document, details=True).count("NV504 stopped") == 40
 
 
 def test_a_report_with_equal_findings_is_short_at_any_width() -> None:
     for width in (40, 80, 100, 200):
-        told = text.render(ALIKE, width=width, utc=True)
+        told = text.render(ALIKE, width=width, utc=True, everything=True)
         assert told.count("NV201 telegram-gap") == told.count("NV504 stopped") == 1
 
 

@@ -18,7 +18,7 @@ def test_a_report_is_read_back_as_it_was_in_the_order_given(example: str) -> Non
     text = json_face.render(EXAMPLES[example])
     again = json.loads(text)
     assert again == EXAMPLES[example]
-    assert list(again) == ["schema", "tool", "capture", "totals", "lists", "findings"]
+    assert list(again) == ["schema", "tool", "capture", "totals", "causes", "lists", "findings"]
     assert json.dumps(again) == json.dumps(EXAMPLES[example])
     assert text.startswith('{\n  "schema": "nvscope.report/2",\n')
     assert text.endswith("}\n")

@@ -19,6 +19,7 @@ MARKDOWN = MarkdownIt("commonmark").enable(["table", "strikethrough"])
 @pytest.mark.parametrize("example", ["clean", "troubled", "no-telegrams", "hostile", "alike"])
 def test_golden(example: str, golden: Callable[[str, str], None]) -> None:
     golden(f"{example}.md", markdown.render(EXAMPLES[example], utc=True))
+    golden(f"{example}.all.md", markdown.render(EXAMPLES[example], utc=True, everything=True))
 
 
 def blocks(text: str) -> list[str]:
@@ -28,8 +29,8 @@ def blocks(text: str) -> list[str]:
 
 @given(st.text(st.characters(), min_size=1, max_size=30))
 def test_no_text_changes_the_structure_or_brings_links_and_tags(poison: str) -> None:
-    harmless = markdown.render(poisoned(TROUBLED, "x"), utc=True)
-    text = markdown.render(poisoned(TROUBLED, poison), utc=True)
+    harmless = markdown.render(poisoned(TROUBLED, "x"), utc=True, everything=True)
+    text = markdown.render(poisoned(TROUBLED, poison), utc=True, everything=True)
     if visible(poison).strip(" ") not in {"", "-"}:  # a column without a value is left out
         assert blocks(text) == blocks(harmless)
     for token in MARKDOWN.parse(text):
@@ -40,7 +41,7 @@ def test_no_text_changes_the_structure_or_brings_links_and_tags(poison: str) -> 
 def test_sentences_render_as_they_were_written() -> None:
     rendered = "\n".join(
         "".join(child.content for child in token.children or [])
-        for token in MARKDOWN.parse(markdown.render(HOSTILE, utc=True))
+        for token in MARKDOWN.parse(markdown.render(HOSTILE, utc=True, everything=True))
     )
     for finding in HOSTILE["findings"]:
         assert visible(finding["message"]) in rendered

@@ -4,7 +4,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -18,26 +18,29 @@ from nvscope.view.lines.text_width import display_width
 
 from .examples import CLEAN, EXAMPLES, HOSTILE, MS, TROUBLED, at, diag, finding, interval, report, stream, udp_list
 
+HOW_MUCH: dict[str, dict[str, bool]] = {"": {}, "all": {"everything": True}, "details": {"details": True}}
+
 GOLDEN = [
-    ("clean", 80, False),
-    ("clean", 100, True),
-    ("troubled", 80, False),
-    ("troubled", 120, False),
-    ("troubled", 120, True),
-    ("no-telegrams", 80, False),
-    ("no-frames", 80, False),
-    ("no-frames-then", 80, False),
-    ("only-parameters", 80, False),
-    ("hostile", 80, True),
-    ("alike", 40, False),
-    ("alike", 80, False),
+    ("clean", 80, ""),
+    ("clean", 100, "details"),
+    ("troubled", 80, ""),
+    ("troubled", 80, "all"),
+    ("troubled", 120, ""),
+    ("troubled", 120, "details"),
+    ("no-telegrams", 80, ""),
+    ("no-frames", 80, ""),
+    ("no-frames-then", 80, ""),
+    ("only-parameters", 80, ""),
+    ("hostile", 80, "details"),
+    ("alike", 40, ""),
+    ("alike", 80, "all"),
 ]
 
 
-@pytest.mark.parametrize(("example", "width", "details"), GOLDEN)
-def test_golden(example: str, width: int, details: bool, golden: Callable[[str, str], None]) -> None:
-    shown = text.render(EXAMPLES[example], width=width, utc=True, details=details)
-    golden(f"{example}.{width}{'.details' if details else ''}.txt", shown)
+@pytest.mark.parametrize(("example", "width", "much"), GOLDEN)
+def test_golden(example: str, width: int, much: str, golden: Callable[[str, str], None]) -> None:
+    shown = text.render(EXAMPLES[example], width=width, utc=True, **HOW_MUCH[much])
+    golden(f"{example}.{width}{'.' * bool(much)}{much}.txt", shown)
 
 
 @pytest.mark.parametrize("details", [False, True])
@@ -59,13 +62,19 @@ def test_colour_changes_no_character(example: str) -> None:
 
 
 def test_colour_is_not_needed_to_tell_what_is_bad() -> None:
-    shown = text.render(TROUBLED, utc=True)
+    shown = text.render(TROUBLED, utc=True, everything=True)
+    first = next(place for place, line in enumerate(shown.splitlines()) if line.startswith("   list")) + 1
+    rows = [line.split()[:2] for line in shown.splitlines()[first : first + 4]]
+    assert rows == [["✗", "conveyor"], ["!", "axis"], ["●", "42"], ["●", "43"]]
     rows = [line.split()[:3] for line in shown.splitlines() if "udp/1" in line[:22]]
     assert [row[1] for row in rows[:4]] == ["error", "warning", "ok", "note"]
 
 
 OWN_WORDS = {
     "severity",
+    "kind",
+    "since_ns",
+    "until_ns",
     "status",
     "list",
     "start_ns",
@@ -107,7 +116,7 @@ def test_rendering_leaves_the_report_alone() -> None:
 
 
 def test_every_finding_is_shown_in_the_order_given_with_its_sentences() -> None:
-    shown = " ".join(text.render(TROUBLED, width=100, utc=True).split())
+    shown = " ".join(text.render(TROUBLED, width=100, utc=True, everything=True).split())
     places = [shown.index(f"{one['code']} {one['name']}") for one in TROUBLED["findings"]]
     assert places == sorted(places)
     for one in TROUBLED["findings"]:
@@ -120,13 +129,13 @@ def test_every_finding_is_shown_in_the_order_given_with_its_sentences() -> None:
 @pytest.mark.parametrize(
     ("example", "first_line"),
     [
-        ("clean", "● 2 lists, all ok"),
-        ("troubled", "● 4 lists: 1 with errors, 1 with warnings, 1 with notes, 1 ok; 1 warning about something else"),
+        ("clean", "● 2 lists, all well · 2 min 00 s · 4 801 telegrams"),
+        ("troubled", "✗ 1 fault now, 3 passed · 4 lists, 2 affected"),
         ("no-telegrams", "● None of 412 frames is a telegram of network variables"),
         ("no-frames", "● The capture holds no frames"),
         ("no-frames-then", "● No frame of the capture lies in the time that was asked for"),
         ("only-parameters", "● No list: no telegram belongs to a network variables list"),
-        ("hostile", "● 1 list, with errors"),
+        ("hostile", "✗ 1 fault now · 1 list, affected"),
     ],
 )
 def test_the_first_line_is_the_verdict(example: str, first_line: str) -> None:
@@ -163,10 +172,13 @@ def test_the_interval_of_a_list_with_different_streams_is_a_range() -> None:
     def cyclic(nominal_ns: int, p99_ns: int) -> dict[str, Any]:
         return interval(9, 1, 1, 1, 1, nominal_ns, nominal_ns, p99_ns, nominal=nominal_ns)
 
+    def row(lines: Sequence[str]) -> str:
+        return lines[lines.index("Figures") + 2]
+
     near = [stream("10.0.0.1", sub, 10, cyclic(50 * MS + sub, 51 * MS)) for sub in (0, 1)]
     far = [stream("10.0.0.1", 2, 10, cyclic(100 * MS, 150 * MS))]
-    assert "  50.0 ms" in lines_of(udp_list(1, 1, streams=near, senders=["10.0.0.1"]))[6]
-    apart = lines_of(udp_list(1, 1, streams=near + far, senders=["10.0.0.1"]))[6]
+    assert "  50.0 ms" in row(lines_of(udp_list(1, 1, streams=near, senders=["10.0.0.1"])))
+    apart = row(lines_of(udp_list(1, 1, streams=near + far, senders=["10.0.0.1"])))
     assert "  50.0 ms … 100.0 ms" in apart
     assert "  50 %" in apart
 
@@ -179,7 +191,9 @@ def test_a_list_that_is_not_sent_at_its_defined_interval_shows_both() -> None:
 
     def table(median_ns: int, nominal_ns: int) -> list[str]:
         streams = [stream("10.0.0.1", 0, 10, sent_every(median_ns, nominal_ns))]
-        return [" ".join(line.split()) for line in lines_of(udp_list(1, 1, streams=streams, senders=["10.0.0.1"]))[5:7]]
+        lines = lines_of(udp_list(1, 1, streams=streams, senders=["10.0.0.1"]))
+        first = lines.index("Figures") + 1
+        return [" ".join(line.split()) for line in lines[first : first + 2]]
 
     slow = table(100 * MS, 50 * MS)
     assert slow[0].startswith("status list sender interval defined")
@@ -210,19 +224,19 @@ def test_of_very_many_lists_those_of_which_the_worst_was_found_are_shown() -> No
     many = report({}, [udp_list(1, number) for number in numbers], found)
 
     def shown(*, details: bool = False) -> list[int]:
-        told = text.render(many, details=details).partition("Findings:")[0]
+        told = text.render(many, everything=True, details=details).partition("Figures")[2].partition("Findings:")[0]
         return [int(number) for number in re.findall(r"udp/1/(\d+)", told)]
 
     quiet = [number for number in numbers if number not in last and number != middle][: most - 21]
     assert shown() == sorted([*quiet, *last, middle])
-    assert "30 lists more, nothing was found of them: -v shows all" in text.render(many)
+    assert "30 lists more, nothing was found of them: -v shows all" in text.render(many, everything=True)
     assert shown(details=True) == list(numbers)
 
 
 def test_lists_that_are_not_shown_say_how_bad_they_may_be() -> None:
     numbers = range(1, tables.MOST_LISTS + 2)
     found = [finding("NV502", "jitter", "warning", "late", "", list=f"udp/1/{number}") for number in numbers]
-    told = text.render(report({}, [udp_list(1, number) for number in numbers], found), width=120)
+    told = text.render(report({}, [udp_list(1, number) for number in numbers], found), width=120, everything=True)
     assert "1 list more, none with worse than ! warning: -v shows all" in told
 
 

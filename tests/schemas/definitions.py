@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import get_args
 
+from nvscope.causes.catalogue import BY_NAME
 from nvscope.definition.byte_map import Relation
 from nvscope.definition.difference import SETTINGS
 from nvscope.definition.lint import RULES, Severity
@@ -158,6 +159,14 @@ def difference() -> Schema:
 def explain() -> Schema:
     """Return the schema of ``explain --json``."""
     kinds = CATALOGUE.values()
+    cause = {
+        "kind": word(BY_NAME),
+        "brief": text("what it does to a list, in the list's row"),
+        "at_least": word(SEVERITIES, "how bad it is, whatever it explains"),
+        "meaning": text("what happened"),
+        "evidence": text("by what it is told"),
+        "next": text("what to do first"),
+    }
     finding = {
         "code": word(kind.code for kind in kinds),
         "name": word(kind.name for kind in kinds),
@@ -176,8 +185,9 @@ def explain() -> Schema:
         "joins": word((joins.value for joins in Joins), "how the figure of a whole follows from those of its parts"),
     }
     return document(
-        "explain", "`nvscope explain --json`: findings, figures and columns, what they mean and what to do",
+        "explain", "`nvscope explain --json`: causes, findings, figures and columns, what they mean and what to do",
         {
+            "causes": several(record(cause), "in the order in which they are judged"),
             "findings": several(record(finding)), "figures": several(record(figure)),
             "columns": several(record({"title": word(MEANINGS), "meaning": text()}), "of reports, that hold no figure"),
         },

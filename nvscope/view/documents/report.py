@@ -55,7 +55,7 @@ def report_document(
     node_names: Mapping[str, str] = MappingProxyType({}),
     whole: Summary | None = None,
     all_findings: Sequence[Finding] | None = None,
-    causes: Sequence[Cause] | None = None,
+    causes: Sequence[Cause] = (),
     drawn: bool = False,
 ) -> dict[str, Any]:
     """Return the document of what was summarized and judged, and where it was read from.
@@ -63,7 +63,7 @@ def report_document(
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by the key
     of their list, each list has its own. ``node_names`` are by the text of the address. ``whole`` is what the summary
     shows a part of: figures are those of all its streams; ``all_findings`` are those that ``findings`` were chosen
-    from: they decide on the status of lists. ``causes`` are those to be shown, None where nobody asked. ``drawn``:
+    from: they decide on the status of lists. ``causes`` are those to be shown. ``drawn``:
     lists and findings are made when they are asked for (``nvscope.view.documents.drawn``), so that never all of them
     are there.
     """
@@ -98,7 +98,7 @@ def report_document(
             "until_ns": time_text(capture.until_ns),
         },
         "totals": judged.totals,
-        **({} if causes is None else {"causes": cause_rows(whole or summary, causes)}),
+        "causes": cause_rows(whole or summary, causes),
         "lists": Drawn((*summary.can.lists, *summary.lists), row_of),
         "findings": Drawn(findings, lambda finding: _finding_row(finding, keys, summary)),
     }

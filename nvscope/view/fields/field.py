@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from typing import Any
@@ -48,7 +48,7 @@ class TelegramField:
     constant: bool = False
     judged: bool = False
     values: Mapping[str, int] = dataclass_field(default_factory=dict)
-    texts: tuple[str, ...] = ()
+    texts: Sequence[str] = ()
     separator: str = ""
     of_others: bool = False
     refused: str = ""

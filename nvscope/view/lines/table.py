@@ -52,7 +52,8 @@ class Column:
     ``right`` aligns numbers. ``shortest`` is the width down to which cells may be cut in a table that is too wide, 0
     for columns whose cells are not to be cut. ``importance`` orders the columns that may be left out then, the lowest
     first, the rightmost of equals first; a column without one always stays. ``identifier`` marks addresses, keys and
-    names: they are cut so that different ones stay different (``short_names``).
+    names: they are cut so that different ones stay different (``short_names``). ``verbatim``: spaces in a cell say
+    something, too.
     """
 
     title: str
@@ -60,6 +61,7 @@ class Column:
     importance: int | None = None
     shortest: int = 0
     identifier: bool = False
+    verbatim: bool = False
 
 
 def align(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None, indent: int = 0) -> list[Line]:
@@ -182,15 +184,16 @@ def _space(width: int) -> Cell:
     return Cell(" " * width)
 
 
-_BREAK = re.compile(r"(?<!\d) +(?!%)| +(?![\d%])")
+_BREAK = re.compile(r"(?<!\d) +(?!%)| +(?![\d%]|(?:ns|µs|ms|s|min|h|d)\b)")
 
 
 def wrap(cells: Iterable[Cell], width: int, indent: int = 0, hanging: int | None = None) -> list[Line]:
     """Return a paragraph of toned cells as lines of at most ``width``, broken at spaces.
 
-    Spaces that group digits or stand before a percent sign are no place to break, nor is ``NO_BREAK``, which becomes a
-    space. ``indent`` spaces go before the first line, ``hanging`` (else the same) before the others. A word wider than
-    a line is broken behind a hyphen, underscore, dot or slash, else anywhere but in front of a comma and the like.
+    Spaces that group digits or stand between a number and a percent sign or a unit of time are no place to break, nor
+    is ``NO_BREAK``, which becomes a space. ``indent`` spaces go before the first line, ``hanging`` (else the same)
+    before the others. A word wider than a line is broken behind a hyphen, underscore, dot or slash, else anywhere but
+    in front of a comma and the like.
     """
     following = indent if hanging is None else hanging
     parts = list(cells)

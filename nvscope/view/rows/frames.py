@@ -72,8 +72,8 @@ class FrameRows:
     ``frames_before`` counts the frames of the capture before the batch. Times in ns: ``start_ns`` of the capture's
     first frame, ``frame_before_ns`` of the last frame before the batch, ``shown_before_ns`` of the last frame shown
     before the first one here (None: there is none), ``since_ns`` since the frame shown before where that is not the row
-    above. ``finding`` is the number of the finding with which a frame is looked at, -1 for none; a frame that shows
-    several is there as often (``nvscope.view.fields.verdicts``).
+    above. ``finding`` and ``cause`` are the numbers of those with which a frame is looked at, -1 for none; a frame that
+    shows several is there as often (``nvscope.view.fields.shown``).
     """
 
     packets: PacketBatch
@@ -88,6 +88,7 @@ class FrameRows:
     frame_before_ns: int = 0
     shown_before_ns: int | None = None
     finding: I64 | None = None
+    cause: I64 | None = None
     since_ns: I64 | None = None
 
     @staticmethod
@@ -220,16 +221,17 @@ class FrameRows:
         return replace(
             self, row=self.row[which], protocol=self.protocol[which], carried=self.carried.take(which),
             parts={name: found for name, found in taken.items() if found is not None},
-            finding=None if self.finding is None else self.finding[which], since_ns=None,
+            finding=None if self.finding is None else self.finding[which],
+            cause=None if self.cause is None else self.cause[which], since_ns=None,
         )  # fmt: skip
 
     def part(self, rows: I64 | Bool) -> FrameRows:
         """Return some of the frames, to be shown with the others: each still follows the one before it."""
         return replace(self.take(rows), since_ns=self.since_shown_ns[rows])
 
-    def looked_at_with(self, finding: I64) -> FrameRows:
-        """Return the same frames, each looked at with a finding."""
-        return replace(self, finding=finding)
+    def looked_at_with(self, finding: I64, cause: I64) -> FrameRows:
+        """Return the same frames, each looked at with a finding and a cause, by number; -1 for none."""
+        return replace(self, finding=finding, cause=cause)
 
 
 @dataclass(slots=True)

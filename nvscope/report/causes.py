@@ -1,0 +1,77 @@
+"""The causes for people at a terminal: each in two to five lines, what was checked, and the one next step.
+
+Takes the causes of the report of schema ``nvscope.report/2``, already visible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from nvscope import units
+from nvscope.report.content import Row
+from nvscope.report.happenings import severity_of, symbol
+from nvscope.view.lines.table import Cell, Line, Tone, wrap
+from nvscope.view.lines.text_width import display_width
+
+MOST_CAUSES = 20
+"""So many are shown unless all are wanted."""
+
+_MOST_LINES = 5
+_INDENT = 5
+_BETWEEN = 5
+"""So far apart stand facts on one line."""
+
+_NEXT = "Next  "
+
+
+def lines(causes: Sequence[Row], width: int, *, every: bool = False) -> Iterator[Line]:
+    """Yield the causes, of at most ``width`` columns; ``every`` one of them, with every fact."""
+    shown = causes if every else causes[:MOST_CAUSES]
+    for number, cause in enumerate(shown, 1):
+        yield []
+        yield from _cause(number, cause, width, every=every)
+    if left := len(causes) - len(shown):
+        more = f"{units.count_of(left, 'cause')} more, none of more weight: -v shows all, --json and --md too."
+        yield from ([], *wrap([Cell(more)], width))
+
+
+def _cause(number: int, cause: Row, width: int, *, every: bool) -> Iterator[Line]:
+    mark = symbol(severity_of(cause))
+    head = [mark, Cell(f" {number}".ljust(_INDENT - 2) + " "), Cell(cause["title"], Tone.STRONG)]
+    title = _with_kind(wrap(head, width, hanging=_INDENT), cause["kind"], width)
+    yield from title
+    after = wrap([Cell(_NEXT, Tone.STRONG), Cell(cause["next"])], width, _INDENT, _INDENT + len(_NEXT))
+    room = None if every else _MOST_LINES - len(title) - len(after)
+    yield from _checked(cause["checked"], width, room)
+    yield from after
+
+
+def _with_kind(title: list[Line], kind: str, width: int) -> list[Line]:
+    """Return a title with the name of its kind at the right, on a line of its own only where there is no room."""
+    free = width - _width(title[-1])
+    if free > display_width(kind):
+        *before, last = title
+        return [*before, [*last, Cell(" " * (free - display_width(kind))), Cell(kind, Tone.FAINT)]]
+    return [*title, [Cell(" " * (width - display_width(kind))), Cell(kind, Tone.FAINT)]]
+
+
+def _checked(facts: Sequence[str], width: int, most: int | None) -> list[Line]:
+    """Return facts as lines, several on one as far as they fit; the first one, and of the others what has room whole.
+
+    ``most`` are the lines that there is room for, None for as many as they need.
+    """
+    found: list[Line] = []
+    for fact in facts:
+        cells = [Cell("✓ ", Tone.GOOD), Cell(fact)]
+        needed = _BETWEEN + _width(cells)
+        if found and _width(found[-1]) + needed <= width:
+            found[-1] = [*found[-1], Cell(" " * _BETWEEN), *cells]
+            continue
+        lines = wrap(cells, width, _INDENT, _INDENT + 2)
+        if not found or most is None or len(found) + len(lines) <= most:
+            found += lines
+    return found
+
+
+def _width(line: Line) -> int:
+    return sum(display_width(cell.text) for cell in line)

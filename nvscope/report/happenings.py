@@ -1,0 +1,147 @@
+"""What a report for people says of what happened: the verdict, what it did to each list, and the causes.
+
+Takes the report of schema ``nvscope.report/2``. As in ``content``, nothing here is escaped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from nvscope import units
+from nvscope.findings.kind import Severity
+from nvscope.report import content
+from nvscope.report.content import Report, Row, nanoseconds, status, tally
+from nvscope.view.lines.table import Cell, Tone
+
+
+class Concern(NamedTuple):
+    """What the causes say of one list: how bad the worst is, and what happened, in a word or two."""
+
+    severity: Severity
+    words: str
+
+
+def severity_of(cause: Row) -> Severity:
+    """Return how bad a cause is."""
+    return Severity.of(cause["severity"])
+
+
+def is_now(cause: Row) -> bool:
+    """Tell whether what a cause says is still so at the end."""
+    return cause["until_ns"] is None
+
+
+def symbol(severity: Severity | None) -> Cell:
+    """Return the mark of a severity; ``●`` where nothing is wrong."""
+    if severity is None:
+        return Cell("●", Tone.GOOD)
+    told = status(severity)
+    return Cell(told.text[0], told.tone)
+
+
+def headline(report: Report) -> tuple[Cell, str]:
+    """Return the mark and the line that answer whether something is broken, and how badly."""
+    if report["lists"]:
+        return _verdict(report)
+    head = content.headline(report)
+    return Cell("●", head.tone), head.text
+
+
+def _verdict(report: Report) -> tuple[Cell, str]:
+    faults = [cause for cause in report["causes"] if severity_of(cause) > Severity.NOTE]
+    now = [cause for cause in faults if is_now(cause)]
+    lists = len(report["lists"])
+    concerned = {key for cause in faults for key in cause["lists"]} & {entry["key"] for entry in report["lists"]}
+    told = units.count_of(lists, "list")
+    if not faults:
+        parts = [f"{told}, all well" if lists > 1 else f"{told}, all is well", *_extent(report)]
+        return symbol(None), " · ".join(parts)
+    passed = len(faults) - len(now)
+    if not now:
+        what = f"{units.count_of(passed, 'fault')}, {'all ' if passed > 1 else ''}passed"
+    elif passed:
+        what = f"{units.count_of(len(now), 'fault')} now, {units.count(passed)} passed"
+    else:
+        what = f"{units.count_of(len(now), 'fault')} now"
+    if len(concerned) == lists:
+        told += ", affected" if lists == 1 else ", all affected"
+    else:
+        told += f", {units.count(len(concerned)) if concerned else 'none'} affected"
+    worst = max(map(severity_of, now), default=Severity.WARNING)
+    return symbol(worst), f"{what} · {told}"
+
+
+def _extent(report: Report) -> list[str]:
+    """Return how long a healthy plant was watched, and how much was sent."""
+    capture = report["capture"]
+    start_ns, end_ns = nanoseconds(capture["start_ns"]), nanoseconds(capture["end_ns"])
+    parts = [] if start_ns is None or end_ns is None else [units.duration(end_ns - start_ns)]
+    if capture["telegrams"]:
+        parts.append(units.count_of(capture["telegrams"], "telegram"))
+    if frames := capture.get("can_frames"):
+        parts.append(f"{units.count_of(frames, 'frame')} on CAN")
+    return parts
+
+
+def concerns(report: Report) -> dict[str, Concern]:
+    """Return what happened to the lists that causes concern, by key, in the order of the causes."""
+    found: dict[str, list[Row]] = {}
+    for cause in report["causes"]:
+        if severity_of(cause) > Severity.NOTE:
+            for key in cause["lists"]:
+                found.setdefault(key, []).append(cause)
+    lists: Mapping[str, Row] = {entry["key"]: entry for entry in report["lists"] if entry["key"] in found}
+    end_ns = nanoseconds(report["capture"]["end_ns"]) or 0
+    told = {}
+    for key, causes in found.items():
+        if key in lists:
+            more = f" +{len(causes) - 1}" if len(causes) > 1 else ""
+            told[key] = Concern(max(map(severity_of, causes)), _brief(causes[0], lists[key], end_ns) + more)
+    return told
+
+
+def _brief(cause: Row, entry: Row, end_ns: int) -> str:
+    """Return in a word or two what a cause did to a list."""
+    # Where there are causes, what judged them is there already; else nothing of it is needed.
+    from nvscope.causes.catalogue import BY_NAME  # noqa: PLC0415
+
+    since_ns, until_ns = nanoseconds(cause["since_ns"]), nanoseconds(cause["until_ns"])
+    lasted_ns = (end_ns if until_ns is None else until_ns) - (end_ns if since_ns is None else since_ns)
+    counted = {name: number for name, number in entry["counters"].items() if number}
+    kind = BY_NAME[cause["kind"]]
+    return kind.brief.format_map(_Figures(counted, time=units.duration(lasted_ns)))
+
+
+class _Figures(dict[str, str]):
+    """The figures of a list, by name; what nobody knows is ``some``."""
+
+    def __init__(self, counted: Mapping[str, int], **told: str) -> None:
+        super().__init__({name: units.count(number) for name, number in counted.items()} | told)
+
+    def __missing__(self, key: str) -> str:
+        return "some"
+
+
+def folded(report: Report) -> str:
+    """Return what is said of the findings behind the causes, "" where there are none."""
+    explained = sum(len(cause["findings"]) for cause in report["causes"])
+    beside = len(report["findings"]) - explained
+    parts = []
+    if explained:
+        verb = "is" if explained == 1 else "are"
+        these = "this" if len(report["causes"]) == 1 else "these"
+        parts.append(f"{units.count_of(explained, 'finding')} {verb} folded into {these}")
+    if beside:
+        parts.append(f"{units.count_of(beside, 'finding')} of little weight beside {'them' if explained else 'that'}")
+    return ", ".join(parts)
+
+
+def shown(causes: Sequence[Row], most: int | None) -> tuple[Sequence[Row], int]:
+    """Return the first causes, and how many there are beside these."""
+    return causes[:most], len(causes) - len(causes[:most])
+
+
+def counted(report: Report) -> str:
+    """Return how many findings there are of each severity."""
+    return tally(report["totals"]["findings"])
