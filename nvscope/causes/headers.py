@@ -33,7 +33,7 @@ def judge_foreign_headers(case: Case) -> Iterator[Explained]:
         if finding.kind in _TOLD_BY and finding.list_number is not None and finding.node is not None:
             malformed[finding.list_number, finding.node] += finding.count
     telegrams = telegrams_of(case.facts, malformed) if malformed else {}
-    for place in sorted(malformed):
+    for place in sorted(telegrams):
         if is_foreign(malformed[place], telegrams[place]):
             yield from _draft(case, *place, malformed[place], telegrams[place])
 

@@ -12,7 +12,7 @@ from nvscope.causes.words import moment
 from nvscope.findings.loss import SENDER_RESTART
 from nvscope.findings.timing import JITTER, LATE
 from nvscope.tracker.counters import Scope
-from nvscope.tracker.timing import LOSS_OF_NODE, LOSS_OF_STREAM
+from nvscope.tracker.kept_rows import LOSS_OF_NODE, LOSS_OF_STREAM
 from nvscope.units import count_of, duration
 
 _NEXT = (

@@ -39,8 +39,11 @@ def is_foreign(malformed: int, telegrams: int) -> bool:
 
 
 def telegrams_of(facts: Facts, places: Collection[tuple[int, int]]) -> dict[tuple[int, int], int]:
-    """Return how many telegrams of lists some nodes sent, of any service, by number of list and node."""
-    found = dict.fromkeys(places, 0)
+    """Return how many telegrams of lists some nodes sent, of any service, by number of list and node.
+
+    Lists of which the limit has left out some are not told.
+    """
+    found = {place: 0 for place in places if not facts.misses_data(place[0])}
     flows = facts.state.lists.flows
     for number, node, count in zip(*(flows.column(name).tolist() for name in ("list", "source", "count")), strict=True):
         if (number, node) in found:

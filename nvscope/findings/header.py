@@ -178,7 +178,8 @@ def _foreign(facts: Facts) -> dict[tuple[int, int], Finding]:
 
     telegrams = telegrams_of(facts, places)
     found = {}
-    for place, parts in places.items():
+    for place in telegrams:
+        parts = places[place]
         malformed = sum(events.count for events in parts)
         header = foreign_header(facts, *place) if is_foreign(malformed, telegrams[place]) else None
         if header is not None:
