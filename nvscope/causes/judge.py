@@ -36,7 +36,7 @@ from nvscope.causes.recording import judge_clock_steps, judge_mirroring
 from nvscope.causes.restarts import judge_list_restarts, judge_node_restarts
 from nvscope.causes.senders import judge_second_senders
 from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
-from nvscope.causes.snapped import judge_cut_frames
+from nvscope.causes.snapped import judge_cut_frames, judge_drops
 from nvscope.causes.standstills import judge_standstills
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
@@ -46,6 +46,7 @@ Judge = Callable[[Case], Iterator[Explained]]
 
 JUDGES: tuple[Judge, ...] = (
     judge_incomplete_captures,
+    judge_drops,
     judge_cut_frames,
     judge_mirroring,
     judge_clock_steps,

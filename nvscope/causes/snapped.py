@@ -1,4 +1,4 @@
-"""Frames of which the capture keeps only the beginning: capture-incomplete, as a note."""
+"""Frames that the capture dropped, or cut, and of which nothing that is counted is missing: capture-incomplete."""
 
 from __future__ import annotations
 
@@ -9,8 +9,23 @@ import numpy as np
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
 from nvscope.causes.words import lists_in_words
+from nvscope.findings.capture import CAPTURE_DROPS
 from nvscope.findings.header import TRUNCATED_BY_CAPTURE
 from nvscope.units import count_of
+
+
+def judge_drops(case: Case) -> Iterator[Explained]:
+    """Explain drops that the capture tells of where losses are not as many, or where there are none."""
+    chosen = case.free(CAPTURE_DROPS)
+    if chosen.any():
+        finding = case.findings[int(case.symptoms.finding[chosen][0])]
+        told = finding.message[:1].lower() + finding.message[1:].rstrip(".")
+        draft = Draft(
+            CAPTURE_INCOMPLETE, f"The capture lacks frames: {told}",
+            CAPTURE_INCOMPLETE.next_step, ["it tells so itself; when that was, it does not say"],
+            since_ns=case.start_ns, until_ns=case.end_ns,
+        )  # fmt: skip
+        yield draft, chosen
 
 
 def judge_cut_frames(case: Case) -> Iterator[Explained]:

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from nvscope.analysis.causes import causes_of
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.definition.project import Project
 from nvscope.findings.kind import Severity
 from tests.causes.plants import causes_in, frames_of, from_hardware
 from tests.oracle.frame import Frame
@@ -44,6 +47,7 @@ bytes = [40]
 interval = "100ms"
 """
 TWICE = '[[mirrored]]\nfrom = "10s"\nuntil = "16s"\n'
+INTERFACES = Path(__file__).parents[2] / "captures" / "interfaces.pcapng"
 SECOND_NS = 1_000_000_000
 
 
@@ -82,6 +86,13 @@ def test_frames_that_a_snap_length_cut_are_one_note(tmp_path: Path) -> None:
     assert (note.kind.name, note.severity) == ("capture-incomplete", Severity.NOTE)
     assert note.title.startswith("The capture holds only the beginning of ")
     assert {finding.code for finding in note.findings} == {"NV107"}
+
+
+def test_drops_that_the_capture_tells_of_need_no_loss() -> None:
+    causes = causes_of(Inquiry([str(INTERFACES)], Project()))[1]
+    (cause,) = (one for one in causes if one.kind.name == "capture-incomplete")
+    assert cause.title.startswith("The capture lacks frames: the capture lost 5 frames of its own")
+    assert {finding.code for finding in cause.findings} == {"NV901"}
 
 
 def flood(frames: list[Frame]) -> list[Frame]:
