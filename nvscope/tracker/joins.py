@@ -52,13 +52,14 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     "lists.acknowledgement.latencies.buckets": {"count": SUM},
     # In which scope a sender counts is told by all its steps: a window goes by what is known at its end.
     "senders.loss.streams": {
-        "current": LAST, "missing": LAST, "begun": SUM, "counting": LAST, "moved": LAST, "steps": LAST,
-        "regular": LAST, "swapped": LAST, "repeated": SUM,
+        "current": LAST, "missing": LAST, "telegrams": LAST, "begun": SUM, "counting": LAST, "moved": LAST,
+        "steps": LAST, "regular": LAST, "swapped": LAST, "repeated": SUM,
         "lost": SUM, "gaps": SUM, "longest_gap": MOST, "overtaken": SUM, "restarts": SUM, "duplicates": SUM,
     },
     "senders.loss.nodes": {
         "current": LAST, "missing": LAST, "last_stream": LAST, "last_ns": LAST, "last": LAST, "gaps": LAST,
-        "steps": LAST, "swapped": LAST, "regular_telegram": LAST, "regular_send": LAST, "between_streams": LAST,
+        "steps": LAST, "swapped": LAST, "regular_of_streams": LAST, "regular_telegram": LAST, "regular_send": LAST,
+        "between_streams": LAST,
         "regular_between_streams": LAST, "between_lists": LAST, "regular_between_lists": LAST,
     },
     "senders.timing.columns": {

@@ -50,7 +50,7 @@ def answered(path: Path) -> tuple[Summary, dict[str, Any]]:
 
     with TemporaryDirectory() as directory:
         inquiry = inquiry_of(path, Path(directory))
-        found = inquiry.analyze()
+        found = inquiry.analyze(causes=True)
         return found.summary, inquiry.report(found)
 
 
