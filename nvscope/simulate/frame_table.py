@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dissectors.batch import I32, I64, U8, U16
+from dissectors.batch import I32, I64, U8, U16, Bool
+from nvscope.simulate.absence import captured_rows, present_rows
 from nvscope.simulate.answers import Answers
 from nvscope.simulate.draft import Draft
 from nvscope.simulate.faults import Label, make_journey
 from nvscope.simulate.scenario import Malformed, Mirrored, Scenario, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.schedule import FRAME_GAP_NS, Stream, Writer, make_schedule
-from nvscope.simulate.strangers import add_malformed, add_traffic
+from nvscope.simulate.strangers import add_malformed, add_short_headers, add_traffic
 from nvscope.simulate.template import Role, Template
 
 
@@ -66,6 +67,7 @@ def make_frame_table(scenario: Scenario) -> FrameTable:
             answers.add_unexpected(fault, place)
         elif isinstance(fault, Unreachable):
             answers.add_unreachable(fault, place)
+    add_short_headers(draft)
     del answers  # what they remember takes memory
     add_traffic(draft)
     return _finished(draft)
@@ -79,6 +81,8 @@ def _finished(draft: Draft) -> FrameTable:
     sent_of = np.bincount(draft.schedule.stream, minlength=len(streams))
     del draft.schedule, draft.journey, draft.row_template
     columns = {name: np.concatenate(draft.pieces.pop(name)) for name in list(draft.pieces)}
+    if scenario.power_off or scenario.unplugged:
+        columns = _chosen(columns, present_rows(draft, columns["ts_ns"], columns["template"]))
     for position, mirrored in enumerate(scenario.mirrored):
         if not scenario.wild and mirrored.delay_ns >= _shortest_interval(columns, draft.templates):
             raise scenario.error(
@@ -86,6 +90,8 @@ def _finished(draft: Draft) -> FrameTable:
                 "a copy must come before the next telegram of its stream, list and SubIndex of a sender",
             )
         columns = _doubled(columns, mirrored, draft.templates)
+    if scenario.capture_loss:
+        columns = _chosen(columns, captured_rows(scenario, columns["ts_ns"]))
     order = np.argsort(columns["ts_ns"], kind="stable")
     for name in columns:
         columns[name] = columns[name][order]
@@ -100,6 +106,10 @@ def _finished(draft: Draft) -> FrameTable:
     return FrameTable(
         writers, streams, sequence_of, sent_of, tuple(draft.templates), ts_ns, captured=captured, **columns
     )
+
+
+def _chosen(columns: dict[str, npt.NDArray[Any]], rows: Bool) -> dict[str, npt.NDArray[Any]]:
+    return {name: column[rows] for name, column in columns.items()}
 
 
 def _shortest_interval(columns: dict[str, npt.NDArray[Any]], templates: list[Template]) -> int:

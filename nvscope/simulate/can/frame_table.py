@@ -23,12 +23,14 @@ from nvscope.simulate.can.tables import (
     SDO_ANSWER_AFTER_NS,
     TRAFFIC_DATA,
     Bus,
+    BusOverload,
     CanList,
     CanTraffic,
     ErrorFrames,
 )
 from nvscope.simulate.noise import noise, noise_key, uniform
 from nvscope.simulate.ordering import order_by
+from nvscope.simulate.outages import without_outages
 from nvscope.simulate.scenario import Loss, Scenario, Selection, WrongDlc
 from nvscope.simulate.schedule import MAX_FRAMES, chosen, due_times, postponed
 
@@ -38,6 +40,8 @@ _BATCH = 1 << 15
 _DATA_BYTES, _FD_BYTES = 8, 64
 _FD, _FD_WITH_SWITCH = 0x04, 0x05
 _PATIENCE = 4
+_LEAST_BITS = 100
+_OF_OVERLOAD = 0x5555_5555_5555_5555
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +125,8 @@ def make_can_frame_table(scenario: Scenario) -> CanFrameTable:
     sent_of = tuple(draft.add_list(position, entry) for position, entry in enumerate(scenario.can_list))
     for position, traffic in enumerate(scenario.can_traffic):
         draft.add_traffic(position, traffic)
+    for overload in scenario.bus_overload:
+        draft.add_overload(overload)
     passed = [draft.passed(number) for number in range(len(scenario.channels))]
     for position, errors in enumerate(scenario.error_frames):
         passed.append(draft.error_frames(position, errors))
@@ -163,6 +169,8 @@ def _check_size(scenario: Scenario) -> None:
         sendings = scenario.duration_ns // entry.interval_ns + 1
         sendings += sum(burst.count for burst in scenario.burst if burst.list == entry.name)
         total += sendings * len(entry.data_bytes)
+    for overload in scenario.bus_overload:
+        total += scenario.duration_ns * _bus(scenario, overload.channel).bit_rate // (_LEAST_BITS * 1_000_000_000)
     others: list[CanTraffic | ErrorFrames] = [*scenario.can_traffic, *scenario.error_frames]
     for other in others:
         total += len(other.at) if other.at else 2 * (scenario.duration_ns // other.interval_ns + 1)
@@ -172,6 +180,10 @@ def _check_size(scenario: Scenario) -> None:
             f"the scenario could make {total} frames on CAN, more than {MAX_FRAMES}",
             "Shorten the duration, or lengthen the intervals.",
         )
+
+
+def _bus(scenario: Scenario, channel: str) -> Bus:
+    return next((bus for bus in scenario.bus if bus.channel == channel), Bus(channel=channel))
 
 
 class _Draft:
@@ -186,9 +198,10 @@ class _Draft:
     def add_list(self, position: int, entry: CanList) -> int:
         """Add the PDOs of a list that are not lost; return how many there are in all."""
         scenario = self.scenario
-        times, end_ns = due_times(scenario, entry, f"{entry.name} on CAN")
+        times, end_ns = due_times(scenario, entry, f"{entry.name} on CAN", entry.sender)
         times = np.sort(times)
-        times = self._without_outages(entry, times[(times >= entry.from_ns) & (times < end_ns)])
+        times = times[(times >= entry.from_ns) & (times < end_ns)]
+        times = without_outages(scenario, entry.sender, entry.name, times)
         for number, late in enumerate(scenario.late):
             if late.list == entry.name:
                 times = postponed(scenario, late, f"late[{number}]", entry.name, times)
@@ -211,15 +224,6 @@ class _Draft:
             seen[chosen(self.scenario, fault, place, name, times)] = False
         elif isinstance(fault, WrongDlc):
             length[chosen(self.scenario, fault, place, name, times)] = fault.data_bytes
-
-    def _without_outages(self, entry: CanList, times: I64) -> I64:
-        for stop in self.scenario.stop:
-            if stop.list == entry.name or (not stop.list and entry.sender and stop.node == entry.sender):
-                times = times[times < stop.at_ns]
-        for restart in self.scenario.restart:
-            if entry.sender and restart.node == entry.sender:
-                times = times[(times < restart.at_ns) | (times >= restart.at_ns + restart.outage_ns)]
-        return times
 
     def add(
         self, channel: str, due_ns: I64, word: int, length: int | U8, data: int | U64, *, fd_flags: int = 0,
@@ -261,6 +265,14 @@ class _Draft:
             traffic.channel, at, word, length, number, fd_flags=fd_flags, answer_word=next(iter(answer_word), None)
         )
 
+    def add_overload(self, overload: BusOverload) -> None:
+        end_ns = self.scenario.duration_ns if overload.until_ns is None else overload.until_ns
+        one = self.frames(overload.channel, np.zeros(1, np.int64), overload.cob_id, _DATA_BYTES, _OF_OVERLOAD)
+        bits = int(frames_bits(one)[0][0])
+        every_ns = round(bits * 1_000_000_000 / (_bus(self.scenario, overload.channel).bit_rate * overload.share))
+        at = np.arange(overload.from_ns, max(min(end_ns, self.scenario.duration_ns), overload.from_ns), every_ns)
+        self.add(overload.channel, at.astype(np.int64), overload.cob_id, _DATA_BYTES, _OF_OVERLOAD)
+
     def _moments(self, entry: CanTraffic | ErrorFrames, position: int, purpose: str) -> I64:
         if entry.at:
             return np.array(sorted(entry.at), np.int64)
@@ -284,7 +296,7 @@ class _Draft:
     def passed(self, number: int) -> CanFrames:
         """Return the frames of a bus with the times at which they have passed it."""
         channel = self.scenario.channels[number]
-        bus = next((bus for bus in self.scenario.bus if bus.channel == channel), Bus(channel=channel))
+        bus = _bus(self.scenario, channel)
         own = [(piece, answer) for piece, answer in self.pieces if int(piece.channel[0]) == number]
         due = self.joined([piece for piece, _ in own])
         started_us, ends_us = self._transmitted(bus, due)
