@@ -20,6 +20,7 @@ from nvscope.simulate.scenario import (
     ChecksumFlag,
     Duplicate,
     Fragmented,
+    Late,
     Loss,
     MissingAcknowledgement,
     NegativeAcknowledgement,
@@ -105,6 +106,30 @@ def make_journey(scenario: Scenario, schedule: Schedule) -> Journey:
         else:
             _mark(scenario, schedule, journey, fault, place)
     return journey
+
+
+@dataclass(frozen=True, slots=True)
+class Struck:
+    """The telegrams that a fault struck, as columns of shape (n,), stream by stream."""
+
+    stream: I32
+    ordinal: I32
+    sent_ns: I64
+
+
+def struck_by_faults(scenario: Scenario, schedule: Schedule, journey: Journey) -> dict[str, Struck]:
+    """Return the telegrams that each fault struck, by its place in the scenario; of what is lost, the lost ones."""
+    found = {}
+    for place, fault in scenario.selections():
+        rows = chosen_rows(scenario, schedule, fault, place)
+        if isinstance(fault, Loss | Fragmented):
+            rows = rows[~journey.seen[rows]]
+        elif isinstance(fault, Overtaken):
+            rows = rows[journey.label[rows] == Label.OVERTAKEN]
+        elif not isinstance(fault, Late):
+            rows = rows[journey.seen[rows]]
+        found[place] = Struck(schedule.stream[rows], schedule.ordinal[rows], schedule.sent_ns[rows])
+    return found
 
 
 def _lose_foreign(scenario: Scenario, schedule: Schedule, journey: Journey) -> None:

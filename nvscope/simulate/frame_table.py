@@ -15,7 +15,7 @@ from dissectors.batch import I32, I64, U8, U16, Bool
 from nvscope.simulate.absence import captured_rows, present_rows
 from nvscope.simulate.answers import Answers
 from nvscope.simulate.draft import Draft
-from nvscope.simulate.faults import Label, make_journey
+from nvscope.simulate.faults import Label, Struck, make_journey, struck_by_faults
 from nvscope.simulate.scenario import Malformed, Mirrored, Scenario, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.schedule import FRAME_GAP_NS, Stream, Writer, make_schedule
 from nvscope.simulate.strangers import add_malformed, add_short_headers, add_traffic
@@ -28,13 +28,15 @@ class FrameTable:
 
     ``ordinal``, ``counter``, ``flags`` and ``checksum`` fill the template. ``label``, ``number`` and ``epoch`` are what
     is true of data telegrams (``faults.Label``, ``Schedule``). ``captured`` bytes of a frame are kept. By stream,
-    ``sequence_of`` tells what its counter runs through, ``sent_of`` how many telegrams are sent.
+    ``sequence_of`` tells what its counter runs through, ``sent_of`` how many telegrams are sent. ``struck`` are the
+    telegrams that faults struck, by their places in the scenario.
     """
 
     writers: tuple[Writer, ...]
     streams: tuple[Stream, ...]
     sequence_of: I64
     sent_of: I64
+    struck: dict[str, Struck]
     templates: tuple[Template, ...]
     ts_ns: I64
     template: I32
@@ -54,7 +56,9 @@ class FrameTable:
 def make_frame_table(scenario: Scenario) -> FrameTable:
     """Return all frames of a scenario; ConfigurationError where its faults contradict each other."""
     schedule = make_schedule(scenario)
-    draft = Draft(scenario, schedule, make_journey(scenario, schedule))
+    journey = make_journey(scenario, schedule)
+    struck = struck_by_faults(scenario, schedule, journey)
+    draft = Draft(scenario, schedule, journey)
     draft.add_telegrams()
     answers = Answers(draft)
     for position, reader in enumerate(scenario.reader):
@@ -70,10 +74,11 @@ def make_frame_table(scenario: Scenario) -> FrameTable:
     add_short_headers(draft)
     del answers  # what they remember takes memory
     add_traffic(draft)
-    return _finished(draft)
+    del schedule, journey
+    return _finished(draft, struck)
 
 
-def _finished(draft: Draft) -> FrameTable:
+def _finished(draft: Draft, struck: dict[str, Struck]) -> FrameTable:
     """Return everything in the order of the capture, with its clock. The draft is of no use afterwards."""
     scenario, writers, streams = draft.scenario, draft.schedule.writers, draft.schedule.streams
     sequence_of = np.zeros(max(len(streams), 1), np.int64)
@@ -104,7 +109,7 @@ def _finished(draft: Draft) -> FrameTable:
         raise scenario.error("clock_step", "the clock would show a time before 1970")
     captured = _captured(columns, draft)
     return FrameTable(
-        writers, streams, sequence_of, sent_of, tuple(draft.templates), ts_ns, captured=captured, **columns
+        writers, streams, sequence_of, sent_of, struck, tuple(draft.templates), ts_ns, captured=captured, **columns
     )
 
 

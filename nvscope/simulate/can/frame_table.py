@@ -18,6 +18,7 @@ from dissectors.can.error import BUS_OFF, CLASSES, CONTROLLER, CONTROLLER_BITS, 
 from dissectors.can.frame import ERROR, EXTENDED, EXTENDED_MASK, FRAME, REMOTE, dissect_can
 from nvscope.duration import format_duration
 from nvscope.simulate.can.bus import priority_of, transmit
+from nvscope.simulate.can.sendings import check_sendings
 from nvscope.simulate.can.tables import (
     SDO_ANSWER,
     SDO_ANSWER_AFTER_NS,
@@ -29,7 +30,6 @@ from nvscope.simulate.can.tables import (
     ErrorFrames,
 )
 from nvscope.simulate.noise import noise, noise_key, uniform
-from nvscope.simulate.ordering import order_by
 from nvscope.simulate.outages import without_outages
 from nvscope.simulate.scenario import Loss, Scenario, Selection, WrongDlc
 from nvscope.simulate.schedule import MAX_FRAMES, chosen, due_times, postponed
@@ -109,10 +109,14 @@ class CanFrames:
 
 @dataclass(frozen=True, slots=True)
 class CanFrameTable:
-    """What passes the buses and is seen, in the order of the capture, and how many PDOs each list sent in all."""
+    """What passes the buses and is seen, in the order of the capture, and how many PDOs each list sent in all.
+
+    ``struck`` is when the PDOs were due that faults struck, by their places in the scenario.
+    """
 
     frames: CanFrames
     sent_of: tuple[int, ...]
+    struck: dict[str, I64]
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -133,14 +137,14 @@ def make_can_frame_table(scenario: Scenario) -> CanFrameTable:
     frames = draft.joined(draft.seen(passed))
     frames = frames.take(np.argsort(frames.ts_ns, kind="stable"))
     if not scenario.wild:
-        _check_sendings(scenario, frames)
+        check_sendings(scenario, frames.entry, frames.sending, frames.identifier, frames.ts_ns)
     ts_ns = frames.ts_ns + scenario.start_ns
     for step in scenario.clock_step:
         ts_ns[frames.ts_ns >= step.at_ns] += step.by_ns
     if len(ts_ns) and ts_ns.min() < 0:
         raise scenario.error("clock_step", "the clock would show a time before 1970")
     columns = (getattr(frames, column.name) for column in fields(frames)[2:])
-    return CanFrameTable(CanFrames(frames.payloads, ts_ns, *columns), sent_of)
+    return CanFrameTable(CanFrames(frames.payloads, ts_ns, *columns), sent_of, draft.struck)
 
 
 def frames_bits(frames: CanFrames) -> tuple[I64, I64]:
@@ -194,6 +198,7 @@ class _Draft:
         self.channel_numbers = {channel: number for number, channel in enumerate(scenario.channels)}
         self.pieces: list[tuple[CanFrames, int | None]] = []
         self.payloads: list[bytes] = []
+        self.struck: dict[str, I64] = {}
 
     def add_list(self, position: int, entry: CanList) -> int:
         """Add the PDOs of a list that are not lost; return how many there are in all."""
@@ -204,7 +209,9 @@ class _Draft:
         times = without_outages(scenario, entry.sender, entry.name, times)
         for number, late in enumerate(scenario.late):
             if late.list == entry.name:
-                times = postponed(scenario, late, f"late[{number}]", entry.name, times)
+                due = times
+                times = postponed(scenario, late, f"late[{number}]", entry.name, due)
+                self.struck[f"late[{number}]"] = times[times != due]
         numbers = np.arange(len(times), dtype=np.int64)
         for subindex, size in enumerate(entry.data_bytes):
             length = np.full(len(times), size, np.uint8)
@@ -220,10 +227,14 @@ class _Draft:
         return len(times) * len(entry.data_bytes)
 
     def _apply(self, fault: Selection, place: str, name: str, times: I64, length: U8, seen: Bool) -> None:
+        if not isinstance(fault, Loss | WrongDlc):
+            return
+        rows = chosen(self.scenario, fault, place, name, times)
         if isinstance(fault, Loss):
-            seen[chosen(self.scenario, fault, place, name, times)] = False
-        elif isinstance(fault, WrongDlc):
-            length[chosen(self.scenario, fault, place, name, times)] = fault.data_bytes
+            seen[rows] = False
+        else:
+            length[rows] = fault.data_bytes
+        self.struck[place] = np.concatenate([self.struck.get(place, rows[:0]), times[rows]])
 
     def add(
         self, channel: str, due_ns: I64, word: int, length: int | U8, data: int | U64, *, fd_flags: int = 0,
@@ -372,26 +383,3 @@ def _values(kind: str, key: int, numbers: I64) -> U64:
     counted = np.uint64(0xFF if kind == "noise" else 0xFFFF_FFFF)
     values: U64 = (random & ~counted) | (numbers.astype(np.uint64) & counted)
     return values
-
-
-def _check_sendings(scenario: Scenario, frames: CanFrames) -> None:
-    """Raise ConfigurationError where an observer could not tell the sendings of a list apart.
-
-    That is where a PDO comes after one of a later sending, or where what is left of two sendings looks like one.
-    """
-    order = order_by(frames.entry.astype(np.int64) + 1)
-    entry, sending = frames.entry[order], frames.sending[order]
-    identifier, times = frames.identifier[order], frames.ts_ns[order]
-    same = (entry[1:] == entry[:-1]) & (entry[1:] != NO_LIST)
-    half_ns = np.array([plan.interval_ns // 2 for plan in scenario.can_list] + [0], np.int64)[entry[1:]]
-    step = np.diff(sending)
-    near = np.diff(times) <= half_ns
-    wrong = same & ((step < 0) | ((step > 0) & (np.diff(identifier.astype(np.int64)) > 0) & near))
-    for place in np.flatnonzero(wrong)[:1].tolist():
-        plan = scenario.can_list[int(entry[place])]
-        raise scenario.error(
-            f"can_list[{int(entry[place])}]",
-            f"sendings {int(sending[place]) + 1} and {int(sending[place + 1]) + 1} of '{plan.name}' run into each "
-            "other: no observer can tell them apart",
-            "Leave more time between them, or set wild = true.",
-        )
