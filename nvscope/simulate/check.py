@@ -25,6 +25,8 @@ from nvscope.simulate.scenario import (
 )
 from nvscope.toml_table import Place, nearest
 
+MAX_SHORT_HEADER_BYTES = 200
+
 
 def check_scenario(scenario: Scenario, place: Place) -> None:
     """Raise ConfigurationError where tables contradict themselves or each other."""
@@ -77,6 +79,15 @@ def _check_absences(scenario: Scenario, place: Place) -> None:
     for position, pause in enumerate(scenario.pause):
         if not pause.node and not pause.list:
             raise place.below("pause").below(position).error("a pause needs a node or a list")
+    for position, entry in enumerate(scenario.list):
+        short = any(scenario.node[scenario.node_numbers[name]].short_header for name in entry.sender)
+        if short and max(size for _, size in entry.shapes) > MAX_SHORT_HEADER_BYTES:
+            raise (
+                place.below("list")
+                .below(position)
+                .below("bytes")
+                .error(f"a telegram with a short header has at most {MAX_SHORT_HEADER_BYTES} bytes of data")
+            )
     for position, restart in enumerate(scenario.restart):
         counter = scenario.node[scenario.node_numbers[restart.node]].counter
         if restart.list and counter != "stream":

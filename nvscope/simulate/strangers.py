@@ -58,6 +58,8 @@ def add_short_headers(draft: Draft) -> None:
     ::
 
         identity 4 | ID 4 | Index 2 | SubIndex 1 | Items 2 | Length 2, of a header of 20 | Counter 2 | Flags 1
+
+    Who expects a header of 20 reads Length where its high byte and the low one of Counter are.
     """
     schedule = draft.schedule
     for number, stream in enumerate(schedule.streams):
@@ -74,10 +76,11 @@ def add_short_headers(draft: Draft) -> None:
             payload = header[: HEADER.offset_of("subindex")] + bytes([stream.subindex & 0xFF])
             payload += stream.items.to_bytes(2, "little") + header[length : length + 2]
             payload += int(schedule.counter[row]).to_bytes(2, "little") + b"\0" + bytes(stream.data_bytes)
+            swapped = int.from_bytes(payload[length : length + 2], "big") == len(payload)
             template = draft.telegram_template(
                 stream.node, draft.destination(stream.entry, stream.node), plan.port, payload, Role.MALFORMED_DATA,
                 list_key=plan.list_key, subindex=(stream.items & 0xFF) << 8 | stream.subindex & 0xFF,
-                malformed="short_header",
+                malformed="byte_swapped_length" if swapped else "wrong_length",
             )  # fmt: skip
             draft.add(template, schedule.sent_ns[row : row + 1])
 
