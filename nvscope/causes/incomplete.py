@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from math import prod
@@ -83,19 +83,35 @@ def _moments(case: Case, losses: Sequence[Loss]) -> list[list[Loss]]:
     senders = len(case.streams_of_node)
     if senders < 2:
         return []
-    groups: list[list[Loss]] = []
-    for loss in losses:
-        if groups and loss.due_ns - groups[-1][0].due_ns <= _NEAR_NS:
-            groups[-1].append(loss)
-        else:
-            groups.append([loss])
-    found = [group for group in groups if len({loss.node for loss in group}) >= min(_SENDERS, senders)]
+    found = _together(losses, min(_SENDERS, senders))
     if len(found) < _LEAST_MOMENTS:
         return []
     in_moments = sum(len(group) for group in found)
     if 2 * in_moments > len(losses) or len(found) > _BY_CHANCE * _expected(case, losses) + 1:
         return found
     return []
+
+
+def _together(losses: Sequence[Loss], senders: int) -> list[list[Loss]]:
+    """Return losses, which are in the order of time, by moments in which so many senders lose near each other."""
+    found: list[list[Loss]] = []
+    lost: Counter[int] = Counter()
+    first = told = 0
+    for place, loss in enumerate(losses):
+        lost[loss.node] += 1
+        while loss.due_ns - losses[first].due_ns > _NEAR_NS:
+            node = losses[first].node
+            lost[node] -= 1
+            if not lost[node]:
+                del lost[node]
+            first += 1
+        if len(lost) < senders:
+            continue
+        if first >= told:
+            found.append([])
+        found[-1] += losses[max(first, told) : place + 1]
+        told = place + 1
+    return found
 
 
 def _expected(case: Case, losses: Sequence[Loss]) -> float:
