@@ -11,6 +11,7 @@ from nvscope.simulate.scenario import Burst, Late, Loss, Pause
 _SHORTEST = 10
 """A pause with an end is a silence from so many of the node's longest interval on."""
 _TOGETHER_NS = 1_000_000_000
+_SELDOM = 25
 
 
 class Quiet(NamedTuple):
@@ -249,7 +250,11 @@ def _bursts(plant: Plant) -> Iterator[PutIn]:
     for name, bursts in by_list.items():
         owner = next((one for one in plant.sent if one.plan.name == name and not one.further), None)
         fast = [burst for burst in bursts if owner is not None and burst.gap_ns * _SHORTEST < owner.plan.interval_ns]
-        if owner is not None and owner.cyclic and fast:
+        # Of a list with more short intervals than that, nobody knows a nominal one.
+        seldom = owner is not None and sum(burst.count for burst in fast) * _SELDOM < (
+            (owner.until_ns - owner.from_ns) // owner.plan.interval_ns
+        )
+        if owner is not None and owner.cyclic and fast and seldom:
             last_ns = max(burst.at_ns + burst.count * burst.gap_ns for burst in fast)
             since_ns = min(burst.at_ns for burst in fast)
             yield PutIn("sender-bursts", since_ns, last_ns, (owner.key,), (owner.address,))
