@@ -52,7 +52,7 @@ def judge_differing_definitions(case: Case) -> Iterator[Explained]:
         draft = Draft(
             DEFINITION_DIFFERS, f"{capitalised(which)} does not fit its definition since "
             f"{moment(case, since_ns)}", worst[0].hint or DEFINITION_DIFFERS.next_step, checked, [entry], nodes,
-            since_ns=since_ns, until_ns=None if _is_still_so(case, entry, told.tolist()) else last_ns,
+            since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= _longest_ns(entry) * 5 else last_ns,
         )  # fmt: skip
         yield draft, chosen
 
@@ -71,16 +71,6 @@ def _lasts(case: Case, entry: AnyList, rows: list[int]) -> bool:
     longest_ns = _longest_ns(entry) or 1
     held_ns = np.append(changed[1:], case.end_ns) - changed
     return bool((held_ns[0::2] >= _HOLDS * longest_ns).any())
-
-
-def _is_still_so(case: Case, entry: AnyList, rows: list[int]) -> bool:
-    """Tell whether telegrams are different to the end: from a definition, or since they changed and not back again."""
-    symptoms = case.symptoms
-    if symptoms.of_kinds(DEFINITION_MISMATCH)[rows].any():
-        return True
-    changed = symptoms.subindex[rows][symptoms.of_kinds(SHAPE_CHANGED)[rows]]
-    near = case.end_ns - int(symptoms.time_ns[rows].max()) <= _longest_ns(entry) * 5
-    return near or bool((np.bincount(changed + 1) % 2).any())
 
 
 def _longest_ns(entry: AnyList) -> int:
