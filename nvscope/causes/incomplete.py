@@ -82,7 +82,7 @@ def _alike(case: Case, losses: Sequence[Loss]) -> bool:
 def _moments(case: Case, losses: Sequence[Loss]) -> list[list[Loss]]:
     """Return the moments in which several senders lose, where there are more than by chance."""
     senders = np.minimum(_sending(case, losses), _SENDERS)
-    found = _together(losses, senders.tolist())
+    found = _together(losses, senders.tolist()) if (senders > 1).any() else []
     if len(found) < _LEAST_MOMENTS:
         return []
     in_moments = sum(len(group) for group in found)
