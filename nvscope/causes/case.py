@@ -19,7 +19,9 @@ from nvscope.engine.runs import distinct
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.list_key import ListKey
 from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.summary import ListSummary
@@ -56,7 +58,10 @@ class NodeStream(NamedTuple):
 
 @dataclass(slots=True)
 class Draft:
-    """A cause that is being judged: everything but what follows from the symptoms that it explains."""
+    """A cause that is being judged: everything but what follows from the symptoms that it explains.
+
+    ``keys`` are lists that it concerns and of which nothing was seen.
+    """
 
     kind: CauseKind
     title: str
@@ -68,6 +73,7 @@ class Draft:
     since_ns: int | None = None
     until_ns: int | None = None
     severity: Severity = Severity.NOTE
+    keys: Sequence[ListKey] = ()
     rows: I64 = field(default_factory=lambda: np.empty(0, np.int64))
 
 
@@ -187,7 +193,7 @@ class Case:
         if not nominal_ns:
             return []
         longest_ns = nominal_ns * PAUSE_PERCENT // 100
-        table = self._intervals.of((number, stream.node, stream.subindex))
+        table = self.unusual_intervals(number, stream)
         row = table.amount > longest_ns
         columns = (column[row].tolist() for column in (table.since_ns, table.time_ns, table.frame))
         found = [Pause(*one) for one in zip(*columns, strict=True)]
@@ -195,6 +201,10 @@ class Case:
         if silences and silences[-1].until_ns >= self.end_ns and silences[-1].length_ns > longest_ns:
             found.append(Pause(silences[-1].since_ns, None, silences[-1].frame))
         return found
+
+    def unusual_intervals(self, number: int, stream: StreamSummary) -> EventTable:
+        """Return the unusual intervals of a stream of a list, by time."""
+        return self._intervals.of((number, stream.node, stream.subindex))
 
     @cached_property
     def last_acknowledgement_ns(self) -> dict[int, int]:
@@ -243,8 +253,9 @@ class Case:
         if since_ns is not None and until_ns is not None:
             until_ns = max(since_ns, until_ns)  # a clock may have stepped back in between
         lists = sorted({entry.number: entry for entry in draft.lists}.values(), key=lambda entry: entry.key)
+        keys = sorted({*draft.keys, *(entry.key for entry in lists)})
         cause = Cause(
-            draft.kind, severity, draft.title, draft.next, tuple(draft.checked), tuple(entry.key for entry in lists),
+            draft.kind, severity, draft.title, draft.next, tuple(draft.checked), tuple(keys),
             tuple(dict.fromkeys(draft.nodes)), draft.channel, since_ns, until_ns,
             tuple(frames[:FRAMES_KEPT].tolist()), len(frames), tuple(findings),
         )  # fmt: skip

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from nvscope.causes.addresses import DUPLICATE_ADDRESS
 from nvscope.causes.buses import BUS_ERRORS, BUS_OFF, BUS_OVERLOADED, INCOMPLETE_CYCLES
 from nvscope.causes.counters import COUNTER_FOREIGN
 from nvscope.causes.definitions import DEFINITION_DIFFERS
+from nvscope.causes.elsewhere import DEFINITION_ELSEWHERE
+from nvscope.causes.headers import HEADER_FOREIGN
 from nvscope.causes.identifiers import IDENTIFIER_COLLISION
 from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lateness import SENDER_BURSTS, SENDER_LATE
 from nvscope.causes.losses import LOSS_AT_SENDER, LOSS_OF_LIST
 from nvscope.causes.other import OTHER
+from nvscope.causes.paths import TWO_PATHS
 from nvscope.causes.readers import (
     ACKNOWLEDGEMENT_IMPOSSIBLE,
     READER_REJECTS,
@@ -33,14 +37,18 @@ KINDS: tuple[CauseKind, ...] = (
     BUS_OFF,
     BUS_ERRORS,
     BUS_OVERLOADED,
+    DUPLICATE_ADDRESS,
     SECOND_SENDER,
     IDENTIFIER_COLLISION,
+    HEADER_FOREIGN,
     COUNTER_FOREIGN,
+    TWO_PATHS,
     NODE_RESTART,
     NODE_SILENT,
     PROGRAM_STOPPED,
     LIST_RESTARTED,
     LIST_STOPPED,
+    DEFINITION_ELSEWHERE,
     DEFINITION_DIFFERS,
     READER_REJECTS,
     READER_WITHOUT_PROGRAM,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from dissectors.batch import I64
 from nvscope.causes.case import Case, Draft, Explained
+from nvscope.causes.changes import Change, change_in_words, changes_of
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
@@ -25,7 +27,6 @@ DEFINITION_DIFFERS = CauseKind(
 )
 
 _CHANGES = (SHAPE_CHANGED, CHECKSUM_CHANGED, DEFINITION_MISMATCH)
-_HOLDS = 10
 
 
 def judge_differing_definitions(case: Case) -> Iterator[Explained]:
@@ -37,40 +38,45 @@ def judge_differing_definitions(case: Case) -> Iterator[Explained]:
         entry = case.lists[number]
         own = symptoms.list == number
         told = np.flatnonzero(case.free(*_CHANGES) & own)
-        if not _lasts(case, entry, told.tolist()):
+        changes = changes_of(case, entry)
+        misfits = bool(symptoms.of_kinds(DEFINITION_MISMATCH)[told].any())
+        lasting = symptoms.of_kinds(DEFINITION_MISMATCH, CHECKSUM_CHANGED)[told]
+        if not (changes or lasting.any()):
             continue
-        since_ns, last_ns = int(symptoms.time_ns[told].min()), int(symptoms.time_ns[told].max())
+        since_ns, until_ns = _when(case, entry, told[lasting], changes)
         rejected = case.free(NEGATIVE_ACKNOWLEDGEMENT) & own & (symptoms.time_ns >= since_ns)
         chosen = case.only(told) | rejected
         which = lists_in_words(case, [entry])
         findings = {int(place): case.findings[int(place)] for place in distinct(symptoms.finding[told]).tolist()}
         worst = sorted(findings.values(), key=lambda finding: finding.code, reverse=True)
-        checked = [worst[0].message]
+        checked = [worst[0].message] if misfits or not changes else []
+        if changes:
+            checked += change_in_words(case, entry, changes[0])
         if rejected.any():
             checked.append(f"{count_of(int(rejected.sum()), 'negative acknowledgement')} since then")
         nodes = [node for node in distinct(symptoms.node[told]).tolist() if node >= 0]
+        what = "does not fit its definition since" if misfits or not changes else "is another one since"
         draft = Draft(
-            DEFINITION_DIFFERS, f"{capitalised(which)} does not fit its definition since "
-            f"{moment(case, since_ns)}", worst[0].hint or DEFINITION_DIFFERS.next_step, checked, [entry], nodes,
-            since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= _longest_ns(entry) * 5 else last_ns,
+            DEFINITION_DIFFERS, f"{capitalised(which)} {what} {moment(case, since_ns)}",
+            worst[0].hint or DEFINITION_DIFFERS.next_step, checked, [entry], nodes, since_ns=since_ns,
+            until_ns=until_ns,
         )  # fmt: skip
         yield draft, chosen
 
 
-def _lasts(case: Case, entry: AnyList, rows: list[int]) -> bool:
-    """Tell whether telegrams went on to be different: for ten of them, or to the end."""
-    symptoms = case.symptoms
-    if symptoms.of_kinds(DEFINITION_MISMATCH)[rows].any():
-        return True
-    checksums = int(symptoms.of_kinds(CHECKSUM_CHANGED)[rows].sum())
-    if checksums >= _HOLDS:
-        return True
-    changed = np.sort(symptoms.time_ns[rows][symptoms.of_kinds(SHAPE_CHANGED)[rows]])
-    if not len(changed):
-        return False
-    longest_ns = _longest_ns(entry) or 1
-    held_ns = np.append(changed[1:], case.end_ns) - changed
-    return bool((held_ns[0::2] >= _HOLDS * longest_ns).any())
+def _when(case: Case, entry: AnyList, rows: I64, changes: Sequence[Change]) -> tuple[int, int | None]:
+    """Return since when telegrams are different, and until when; None where they are to the end.
+
+    ``rows`` are the symptoms of which each one is a telegram that is different.
+    """
+    times_ns = case.symptoms.time_ns[rows].tolist()
+    since_ns = min([*times_ns, *(change.after.first_ns for change in changes)])
+    ends: list[int | None] = [change.back_ns for change in changes]
+    if times_ns:
+        last_ns = max(times_ns)
+        ends.append(None if case.end_ns - last_ns <= _longest_ns(entry) * 5 else last_ns)
+    over = [end_ns for end_ns in ends if end_ns is not None]
+    return since_ns, max(over) if len(over) == len(ends) else None
 
 
 def _longest_ns(entry: AnyList) -> int:

@@ -18,12 +18,12 @@ IDENTIFIER_COLLISION = CauseKind(
     "identifier-collision",
     "shares its identifier",
     "Two lists, or a list and a CANopen device, have the same identifiers: each reads what the other one sends.",
-    "Definitions whose COB-IDs overlap, or frames of CANopen on the COB-IDs of a list.",
+    "Definitions whose COB-IDs overlap, frames of CANopen on the COB-IDs of a list, or frames of two lengths in turns.",
     "Give one of them other identifiers.",
 )
 
 _TOLD_BY = (COB_ID_OVERLAP, CANOPEN_COLLISION)
-_OF_LISTS = (DLC_MISMATCH, INCOMPLETE_CYCLE, BURST)
+OF_LISTS = (DLC_MISMATCH, INCOMPLETE_CYCLE, BURST)
 
 
 def judge_collisions(case: Case) -> Iterator[Explained]:
@@ -33,7 +33,7 @@ def judge_collisions(case: Case) -> Iterator[Explained]:
         finding = case.findings[place]
         told = symptoms.finding == place
         numbers = [number for number in distinct(symptoms.list[told]).tolist() if number >= 0]
-        chosen = told | (case.free(*_OF_LISTS) & np.isin(symptoms.list, numbers))
+        chosen = told | (case.free(*OF_LISTS) & np.isin(symptoms.list, numbers))
         since_ns = finding.first_ns if finding.first_ns is not None else case.start_ns
         last_ns = finding.last_ns if finding.last_ns is not None else case.end_ns
         over = case.end_ns - last_ns > max(2 * (last_ns - since_ns) // max(finding.count, 1), 1_000_000_000)

@@ -13,6 +13,7 @@ from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.losses import Loss, losses_in
+from nvscope.causes.rates import rates_in_words
 from nvscope.causes.words import moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT
 from nvscope.findings.capture import CAPTURE_DROPS
@@ -56,7 +57,8 @@ def judge_incomplete_captures(case: Case) -> Iterator[Explained]:
         chosen = [loss for group in moments for loss in group]
         senders = max(len({loss.node for loss in group}) for group in moments)
         told = f"up to {senders} senders lose within 0.1 s of each other, {count_of(len(moments), 'time')}"
-        yield _draft(case, [*chosen, *_between(chosen, losses)], losses, told)
+        rates = rates_in_words(case, [group[0].due_ns for group in moments])
+        yield _draft(case, [*chosen, *_between(chosen, losses)], losses, told, rates)
 
 
 def _alike(case: Case, losses: Sequence[Loss]) -> bool:
@@ -151,7 +153,7 @@ def _between(chosen: Sequence[Loss], losses: Sequence[Loss]) -> list[Loss]:
     ]  # fmt: skip
 
 
-def _draft(case: Case, own: Sequence[Loss], losses: Sequence[Loss], told: str) -> Explained:
+def _draft(case: Case, own: Sequence[Loss], losses: Sequence[Loss], *told: str) -> Explained:
     symptoms = case.symptoms
     rows = np.array([loss.row for loss in own], np.int64)
     since_ns, last_ns = min(loss.due_ns for loss in own), int(symptoms.time_ns[rows].max())
@@ -164,7 +166,7 @@ def _draft(case: Case, own: Sequence[Loss], losses: Sequence[Loss], told: str) -
     lost, all_lost = sum(loss.lost for loss in own), sum(loss.lost for loss in losses)
     draft = Draft(
         CAPTURE_INCOMPLETE, f"The capture lacks {count_of(lost, 'telegram')}, since {moment(case, since_ns)}",
-        CAPTURE_INCOMPLETE.next_step, [told, f"{percent(lost, all_lost)} of all that is missing"], lists,
+        CAPTURE_INCOMPLETE.next_step, [told[0], f"{percent(lost, all_lost)} of all that is missing", *told[1:]], lists,
         since_ns=since_ns, until_ns=case.end_of_many(since_ns, last_ns, len(own), slack_ns(lists)),
     )  # fmt: skip
     return draft, chosen

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 
+from nvscope.causes.addresses import judge_duplicate_addresses
 from nvscope.causes.buses import (
     judge_bus_errors,
     judge_buses_off,
@@ -15,11 +16,15 @@ from nvscope.causes.buses import (
 from nvscope.causes.case import Case, Explained
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
+from nvscope.causes.elsewhere import judge_definitions_elsewhere
+from nvscope.causes.headers import judge_foreign_headers
 from nvscope.causes.identifiers import judge_collisions
 from nvscope.causes.incomplete import judge_incomplete_captures
+from nvscope.causes.interleaved import judge_interleaved
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
 from nvscope.causes.other import judge_others
+from nvscope.causes.paths import judge_two_paths
 from nvscope.causes.readers import (
     judge_boot_up,
     judge_impossible,
@@ -31,6 +36,8 @@ from nvscope.causes.recording import judge_clock_steps, judge_mirroring
 from nvscope.causes.restarts import judge_list_restarts, judge_node_restarts
 from nvscope.causes.senders import judge_second_senders
 from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
+from nvscope.causes.snapped import judge_cut_frames, judge_drops
+from nvscope.causes.standstills import judge_standstills
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.tracker.evidence.witness import Witness
@@ -39,19 +46,27 @@ Judge = Callable[[Case], Iterator[Explained]]
 
 JUDGES: tuple[Judge, ...] = (
     judge_incomplete_captures,
+    judge_drops,
+    judge_cut_frames,
     judge_mirroring,
     judge_clock_steps,
+    judge_standstills,
     judge_buses_off,
     judge_bus_errors,
     judge_overloads,
+    judge_duplicate_addresses,
     judge_second_senders,
     judge_collisions,
+    judge_interleaved,
+    judge_foreign_headers,
     judge_foreign_counters,
+    judge_two_paths,
     judge_node_restarts,
     partial(judge_nodes, kind=NODE_SILENT),
     partial(judge_nodes, kind=PROGRAM_STOPPED),
     judge_list_restarts,
     judge_lists,
+    judge_definitions_elsewhere,
     judge_differing_definitions,
     judge_rejections,
     judge_without_program,

@@ -57,7 +57,7 @@ def losses_in(case: Case) -> list[Loss]:
         (one.list.number, node, one.stream.subindex): one.nominal_ns
         for node, streams in case.streams_of_node.items() for one in streams
     }  # fmt: skip
-    rows = np.flatnonzero(case.free(TELEGRAM_GAP))
+    rows = np.flatnonzero(case.free(TELEGRAM_GAP) & (symptoms.amount > 0))
     columns = (symptoms.list, symptoms.node, symptoms.subindex, symptoms.since_ns, symptoms.time_ns, symptoms.amount)
     found = []
     for row, number, node, subindex, since_ns, time_ns, lost in zip(

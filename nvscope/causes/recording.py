@@ -2,60 +2,91 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 
+from dissectors.batch import I64
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.ways import ways_in_words, ways_of
 from nvscope.causes.words import moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, UNEXPECTED_ACKNOWLEDGEMENT
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.capture import CLOCK_STEP, MIRRORED_TWICE
 from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
-from nvscope.units import duration
+from nvscope.units import count, count_of, duration
 
 SEEN_TWICE = CauseKind(
     "mirrored-twice",
     "seen twice",
-    "The capture holds nearly every telegram twice: the mirror port shows each frame two times.",
-    "More than 80 repeated data telegrams for 100 that are not.",
+    "The capture holds nearly every telegram twice: the mirror port shows each frame two times, or a router is seen "
+    "from both sides.",
+    "More than 80 repeated data telegrams for 100 that are not, from the first to the last of them.",
     "Mirror one direction only (receive), or capture on one interface.",
 )
 CLOCK = CauseKind(
     "clock",
-    "clock set back",
-    "The clock of the computer that captured was set back: times and intervals around that moment are not real.",
-    "A frame whose time is more than 1 ms before that of the frame in front of it.",
+    "clock set",
+    "The clock of the computer that captured was set: times and intervals around that moment are not real.",
+    "A frame whose time is more than 1 ms before that of the frame in front of it; or all lists of several senders are "
+    "late by the same time, without loss, while the capture holds no frame at all.",
     "Time synchronisation of the computer that captures: let it finish before recording.",
 )
 
 _OF_COPIES = (MIRRORED_TWICE, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, UNEXPECTED_ACKNOWLEDGEMENT, BURST)
-_OF_CLOCK = (LATE, JITTER, BURST, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, TORN_CYCLE, INCOMPLETE_CYCLE)
-
-
+OF_CLOCK = (LATE, JITTER, BURST, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, TORN_CYCLE, INCOMPLETE_CYCLE)
+_COPIES_PERCENT, _LEAST_COPIES = 80, 20
 _ROOM_NS = 1_000_000_000
 
 
 def judge_mirroring(case: Case) -> Iterator[Explained]:
-    """Explain copies of nearly all telegrams."""
-    told = case.free(MIRRORED_TWICE)
-    if not told.any():
+    """Explain copies of nearly all telegrams, from the first to the last of them."""
+    symptoms, told = case.symptoms, case.free(MIRRORED_TWICE)
+    copies = np.flatnonzero(case.free(DUPLICATE_TELEGRAM))
+    if not len(copies):
         return
-    chosen = case.free(*_OF_COPIES)
-    symptoms = case.symptoms
-    copies = chosen & symptoms.of_kinds(DUPLICATE_TELEGRAM)
-    times = symptoms.time_ns[copies] if copies.any() else symptoms.time_ns[told]
-    since_ns, last_ns = int(times.min()), int(times.max())
-    usual_ns = (last_ns - since_ns) // max(len(times) - 1, 1) + _ROOM_NS
-    finding = case.findings[int(symptoms.finding[told][0])]
+    since_ns, last_ns = int(symptoms.time_ns[copies].min()), int(symptoms.time_ns[copies].max())
+    originals = _originals(case, copies, since_ns, last_ns)
+    if not told.any() and (len(copies) < _LEAST_COPIES or 100 * len(copies) <= _COPIES_PERCENT * originals):
+        return
+    meanwhile = case.overlapping(since_ns - _ROOM_NS, last_ns + _ROOM_NS)
+    chosen = told | (case.free(*_OF_COPIES) & meanwhile)
     lists = case.lists_of(copies)
+    checked = [f"{count_of(len(copies), 'telegram')} came again, byte for byte, beside {count(originals)} that did not"]
+    ways = [ways_of(case, node) for node in distinct(symptoms.node[copies]).tolist()]
+    different = next((words for words in map(ways_in_words, ways) if words), "")
+    checked.append(
+        f"the copies differ in {different}: a router seen from both sides" if different
+        else "addresses, VLAN and time to live are the same: it is the mirror port that shows them twice"
+    )  # fmt: skip
+    usual_ns = (last_ns - since_ns) // max(len(copies) - 1, 1) + _ROOM_NS
+    over = case.end_ns - last_ns > 2 * usual_ns
+    when = f"from {moment(case, since_ns)} to {moment(case, last_ns)}" if over else f"since {moment(case, since_ns)}"
     draft = Draft(
-        SEEN_TWICE, "The capture holds nearly every telegram twice", SEEN_TWICE.next_step, [finding.message],
-        lists, since_ns=since_ns, until_ns=None if case.end_ns - last_ns <= 2 * usual_ns else last_ns,
+        SEEN_TWICE, f"The capture holds nearly every telegram twice, {when}", SEEN_TWICE.next_step, checked, lists,
+        since_ns=since_ns, until_ns=last_ns if over else None,
     )  # fmt: skip
     yield draft, chosen
+
+
+def _originals(case: Case, copies: I64, since_ns: int, last_ns: int) -> int:
+    """Return about how many telegrams there were from one time to another that are no copies."""
+    symptoms, repeated = case.symptoms, Counter[tuple[int, int, int]]()
+    columns = symptoms.list[copies], symptoms.node[copies], symptoms.subindex[copies]
+    repeated.update(zip(*(column.tolist() for column in columns), strict=True))
+    found = 0.0
+    for node, streams in case.streams_of_node.items():
+        for one in streams:
+            first_ns, end_ns = one.stream.first_ns, one.stream.last_ns
+            overlap_ns = min(last_ns, end_ns) - max(since_ns, first_ns)
+            own = one.stream.telegrams - repeated[one.list.number, node, one.stream.subindex]
+            if overlap_ns >= 0:
+                found += own * (overlap_ns / (end_ns - first_ns) if end_ns > first_ns else 1)
+    return round(found)
 
 
 def judge_clock_steps(case: Case) -> Iterator[Explained]:
@@ -66,7 +97,7 @@ def judge_clock_steps(case: Case) -> Iterator[Explained]:
         low_ns, high_ns = min(before_ns, now_ns), max(before_ns, now_ns)
         near = (symptoms.since_ns <= high_ns) & (symptoms.time_ns >= low_ns)
         across = near & ((symptoms.frame >= symptoms.frame[row]) | (symptoms.time_ns < symptoms.since_ns))
-        chosen = case.only([row]) | (case.free(*_OF_CLOCK) & across)
+        chosen = case.only([row]) | (case.free(*OF_CLOCK) & across)
         draft = Draft(
             CLOCK, f"The clock of the capture went back by {duration(before_ns - now_ns)} at {moment(case, before_ns)}",
             CLOCK.next_step, [f"frame {int(symptoms.frame[row])} has an earlier time than the one in front of it"],

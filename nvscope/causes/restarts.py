@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dissectors.batch import Bool
+from nvscope.causes.boot_ups import answers_to, requests_in_words, requests_of
 from nvscope.causes.case import Case, Draft, Explained, NodeStream
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
@@ -21,8 +22,8 @@ NODE_RESTART = CauseKind(
     "node-restart",
     "node restarted",
     "A node began anew: a download, a reset, a power cycle, or its watchdog.",
-    "The Counters of more than half of its streams begin anew within ten seconds; that it announces its address "
-    "supports it.",
+    "The Counters of more than half of its streams begin anew within ten seconds; half suffices if it asks for lists "
+    "(boot-up requests) or announces its address then.",
     "The log of the node at that time: a download, a reset, its watchdog, or its power supply.",
 )
 LIST_RESTARTED = CauseKind(
@@ -46,7 +47,7 @@ def judge_node_restarts(case: Case) -> Iterator[Explained]:
             going_on = [one for one in case.streams_of_node[node] if one.stream.last_ns >= _first_ns(case, cluster)]
             whole = case.facts.summary.scopes.get(node) not in (None, Scope.STREAM)
             since_ns, until_ns = _last_before(case, node, cluster), _first_ns(case, cluster)
-            shown = _announced(case, node, since_ns, until_ns + _CLUSTER_NS)
+            shown = _shown(case, node, since_ns, until_ns + _CLUSTER_NS)
             enough = 2 * len(streams) > len(going_on) or (bool(shown) and 2 * len(streams) == len(going_on))
             if whole or enough:
                 yield from _node_draft(case, node, cluster, streams, going_on, since_ns, until_ns, shown)
@@ -99,25 +100,28 @@ def _last_before(case: Case, node: int, cluster: Sequence[int]) -> int:
     return max((int(since_ns[row]) for row in cluster if since_ns[row] < first_ns), default=first_ns)
 
 
-def _announced(case: Case, node: int, since_ns: int, until_ns: int) -> str:
-    """Return by which frames a node showed that it starts, '' if there was none."""
-    presence = case.witness.presence
-    time_ns, _, address, _ = presence.announcements.columns()
+def _shown(case: Case, node: int, since_ns: int, until_ns: int) -> list[str]:
+    """Return by which frames a node showed that it starts, the deciding ones first."""
+    told = []
+    if requests := requests_of(case, node, since_ns, until_ns):
+        told.append(requests_in_words(case, requests))
+    time_ns, _, address, _ = case.witness.presence.announcements.columns()
     own = np.isin(address, case.life.numbers_of_ip(node))
     if (own & (time_ns >= since_ns) & (time_ns <= until_ns)).any():
-        return "it announced its address (ARP)"
-    return ""
+        told.append("it announced its address (ARP)")
+    return told
 
 
 def _node_draft(
     case: Case, node: int, cluster: Sequence[int], streams: Sequence[NodeStream], going_on: Sequence[NodeStream],
-    since_ns: int, until_ns: int, shown: str,
+    since_ns: int, until_ns: int, shown: Sequence[str],
 ) -> Iterator[Explained]:  # fmt: skip
     symptoms = case.symptoms
     last_ns = int(symptoms.time_ns[list(cluster)].max())
     chosen = case.only(cluster)
     own = (symptoms.node == node) | (symptoms.peer == node)
     chosen |= case.free(*_IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
+    chosen |= answers_to(case, requests_of(case, node, since_ns, until_ns + _CLUSTER_NS))
     lists = list({one.list.number: one.list for one in case.streams_of_node[node]}.values())
     away_ns = until_ns - since_ns
     usual_ns = max((one.nominal_ns for one in streams), default=0)
@@ -126,8 +130,7 @@ def _node_draft(
         checked = [f"the counter of its only stream ({which}) began anew"]
     else:
         checked = [f"the {counters} of {which} began anew: {len(streams)} of its {len(going_on)} streams that go on"]
-    if shown:
-        checked.append(shown)
+    checked += shown
     checked.append(
         f"it sent nothing for {duration(away_ns)}" if away_ns > usual_ns * 5 // 2 else "without a pause"
     )  # fmt: skip

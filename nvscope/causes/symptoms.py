@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from nvscope.causes.filled import lost_in_the_end
 from nvscope.engine.events import NOWHERE
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
@@ -190,12 +191,13 @@ def _of_tables(places: _Places, evidence: Evidence) -> Iterator[Symptoms]:
 
 
 def _of_steps(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Symptoms]:
-    """Yield the steps of counters, in the scope that each node's Counter has."""
+    """Yield the steps of counters, in the scope that each node's Counter has; gaps that were filled lost 0."""
     table = evidence.columns["steps"].table()
     scopes = np.full(len(facts.summary.addresses) + 1, Scope.STREAM.value)
     for node, scope in facts.summary.scopes.items():
         scopes[node] = min(scope, Scope.NODE_TELEGRAM)  # both node scopes take the same steps
     table = _where(table, table.scope == scopes[table.node])
+    table = table._replace(amount=lost_in_the_end(table))
     for event, kind in _STEPS.items():
         found = places.behind(kind, _where(table, table.kind == event))
         if found is not None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from nvscope.findings.finding import Finding
+from nvscope.findings.finding import Events, Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count_of
@@ -38,6 +39,7 @@ LENGTH_MISMATCH = FindingKind(
     ),
     causes=(
         "home-made sender code that counts the data without the 20 header bytes",
+        "a header of another size: which one would fit nearly all telegrams of a sender is said",
         "a sender that transmits STRINGs at their actual length but keeps the Length of the declared one",
         "padding, or a second telegram, behind the first one in the same datagram",
     ),
@@ -140,11 +142,17 @@ _SENTENCES = {
     TRUNCATED_BY_CAPTURE: "{telegrams} of which only the first bytes were captured.",
 }
 
+_OF_LENGTH = (LENGTH_MISMATCH, BIG_ENDIAN_HEADER)
+
 
 def judge_headers(facts: Facts) -> Iterator[Finding]:
-    """Yield what is wrong with telegrams, by list, sender and SubIndex."""
+    """Yield what is wrong with telegrams, by list, sender and SubIndex; headers of another size by list and sender."""
+    foreign = _foreign(facts)
+    yield from foreign.values()
     for kind, sentence in _SENTENCES.items():
         for list_number, node, subindex, events in facts.logged(kind):
+            if kind in _OF_LENGTH and (list_number, node) in foreign:
+                continue
             message = sentence.format(telegrams=count_of(events.count, "telegram"))
             if list_number is None:
                 message += " They belong to the Parameter Manager, not to a list."
@@ -152,3 +160,43 @@ def judge_headers(facts: Facts) -> Iterator[Finding]:
                 kind, message, events.count, events.first_ns, events.last_ns, events.frames,
                 list_number, node, subindex,
             )  # fmt: skip
+
+
+def _foreign(facts: Facts) -> dict[tuple[int, int], Finding]:
+    """Return one finding for each sender of a list with headers of another size, whatever their bytes look like."""
+    places: dict[tuple[int, int], list[Events]] = defaultdict(list)
+    for list_number, node, _, events in facts.logged(LENGTH_MISMATCH):
+        if list_number is not None and node is not None:
+            places[list_number, node].append(events)
+    if not places:
+        return {}
+    for list_number, node, _, events in facts.logged(BIG_ENDIAN_HEADER):
+        if list_number is not None and node is not None and (list_number, node) in places:
+            places[list_number, node].append(events)
+    # Not before it is needed: `explain` reads the rows above without what this takes.
+    from nvscope.findings.foreign_headers import foreign_header, is_foreign, telegrams_of
+
+    telegrams = telegrams_of(facts, places)
+    found = {}
+    for place in telegrams:
+        parts = places[place]
+        malformed = sum(events.count for events in parts)
+        header = foreign_header(facts, *place) if is_foreign(malformed, telegrams[place]) else None
+        if header is not None:
+            events = parts[0]
+            for part in parts[1:]:
+                events = events.among(part)
+            message = (
+                f"{_SENTENCES[LENGTH_MISMATCH].format(telegrams=count_of(malformed, 'telegram'))[:-1]}: {header.words}."
+            )
+            found[place] = Finding(
+                LENGTH_MISMATCH,
+                message,
+                malformed,
+                events.first_ns,
+                events.last_ns,
+                events.frames,
+                *place,
+                hint="Correct the sender, or take another one: no controller reads such telegrams.",
+            )
+    return found

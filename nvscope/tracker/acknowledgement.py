@@ -65,14 +65,14 @@ class Acknowledgement:
         unexpected = self._unexpected(rows, wanting, acknowledgements, clock, keys)
         missing, answered, errors = self._follow(rows, wanting, acknowledgements, clock, keys, first_frame, heard=heard)
         negative, negative_node = self._negative(rows, acknowledgements, clock, keys, first_frame)
-        unanswered, seen = self._boot_up(rows, requests, clock, keys, first_frame)
+        unanswered, seen, obtained, data = self._boot_up(rows, requests, clock, keys, first_frame)
         last = rows.run_stream[np.argsort(rows.packet[rows.stop - 1])]
         self.places.sender[keys.place_of(last)] = keys.node_of(last)
         nobody = np.full(len(unanswered), -1)
         answered_error = DiagError.UDPANSWERBOOTUPREQUEST
         errors.append(negative)
         errors.append(ErrorEvents(answered_error, False, unanswered.list, nobody, unanswered.deadline_ns, seen))
-        return Answers(errors, missing, answered, negative_node, unexpected, unanswered)
+        return Answers(errors, missing, answered, negative_node, unexpected, unanswered, obtained, data)
 
     def resume(self, unheard: Unheard) -> None:
         """Leave what is open of the unheard without an end; nobody has sent anything yet of what follows."""
@@ -219,11 +219,15 @@ class Acknowledgement:
 
     def _boot_up(
         self, rows: DataRows, requests: Messages, clock: Clock, keys: Keys, first_frame: int
-    ) -> tuple[BootUpWaits, I64]:
-        """Follow the boot-up requests; return those without an answer in order, and the frames that showed it."""
+    ) -> tuple[BootUpWaits, I64, BootUpWaits, I64]:
+        """Follow the boot-up requests; return those without an answer in order, and the frames that showed it.
+
+        Behind them, those that were answered, and the packets that did.
+        """
         known = len(self.boot_up_waits)
         if not known and not len(requests):
-            return NO_REQUESTS, np.empty(0, np.int64)
+            nothing = np.empty(0, np.int64)
+            return NO_REQUESTS, nothing, NO_REQUESTS, nothing
         asked = BootUpWaits(
             requests.time_ns + self.timeout_ns, requests.packet + first_frame, requests.list, requests.place,
             requests.source,
@@ -236,7 +240,8 @@ class Acknowledgement:
         self.boot_up_waits = waits.take(~late & (answer == NO_PACKET))
         unanswered, seen = waits.take(late), expired[late] + first_frame
         order = np.lexsort((unanswered.frame, unanswered.deadline_ns, seen))
-        return unanswered.take(order), seen[order]
+        ended = ~late & (answer != NO_PACKET)
+        return unanswered.take(order), seen[order], waits.take(ended), answer[ended]
 
 
 def _first_data(waits: BootUpWaits, packet: I64, expired: I64, rows: DataRows, keys: Keys, packets: int) -> I64:

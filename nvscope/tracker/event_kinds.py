@@ -50,7 +50,7 @@ class EventKind(IntEnum):
     PDO_LENGTH_CHANGED = (17, "", "", "", "Length << 16 | Items")
 
     GAP = (18, "the telegram before", "how many were left out", "", "")
-    OVERTAKEN = (19, "the telegram before", "how many lost ones it takes back", "", "")
+    OVERTAKEN = (19, "the telegram before", "how many lost ones it takes back", "", "how far its Counter is behind")
     RESTART = (20, "the telegram before", "", "", "")
     DUPLICATE = (21, "the telegram before", "", "", "")
 
@@ -67,11 +67,13 @@ class EventKind(IntEnum):
     EMERGENCY = (30, "", "the error code", "", "the node")
     NODE_COMMAND = (31, "", "the NMT command", "", "the node, 0 for all")
 
+    BOOT_UP_ANSWERED = (32, "when it was asked", "", "who asked", "")
+
 
 TELL_IN_NUMBERS = (
-    EventKind.ACKNOWLEDGED, EventKind.GAP, EventKind.OVERTAKEN, EventKind.RESTART, EventKind.DUPLICATE,
-    EventKind.UNUSUAL_INTERVAL, EventKind.TORN_CYCLE, EventKind.STEP_BACK, EventKind.UNREADABLE_FRAME,
-    EventKind.ERROR_FRAME, EventKind.BUS_OFF, EventKind.BUS_BACK, EventKind.NODE_STATE, EventKind.EMERGENCY,
-    EventKind.NODE_COMMAND,
+    EventKind.ACKNOWLEDGED, EventKind.BOOT_UP_ANSWERED, EventKind.GAP, EventKind.OVERTAKEN, EventKind.RESTART,
+    EventKind.DUPLICATE, EventKind.UNUSUAL_INTERVAL, EventKind.TORN_CYCLE, EventKind.STEP_BACK,
+    EventKind.UNREADABLE_FRAME, EventKind.ERROR_FRAME, EventKind.BUS_OFF, EventKind.BUS_BACK, EventKind.NODE_STATE,
+    EventKind.EMERGENCY, EventKind.NODE_COMMAND,
 )  # fmt: skip
 """Those of which one alone says little, or nothing bad: whether they are a finding takes more than the event."""

@@ -27,6 +27,7 @@ from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.flows import Flows
+from nvscope.tracker.length_fields import LengthFields
 from nvscope.tracker.list_log import ListLog
 from nvscope.tracker.several_senders import SeveralSenders
 from nvscope.tracker.waits import BootUpWaits, Messages, Waits
@@ -92,6 +93,7 @@ class ListState:
         self.acknowledgement = Acknowledgement()
         self.errors = Errors()
         self.events = ListLog()
+        self.length_fields = LengthFields()
 
     @property
     def keys(self) -> Keys:
@@ -131,6 +133,7 @@ class ListState:
         self.acknowledgement.take(part.acknowledgement, share)
         self.errors.take(part.errors, share)
         self.events.take(part.events)
+        self.length_fields.take(part.length_fields, share)
         if self.values is not None and part.values is not None:
             self.values.take(part.values, share)
 
@@ -180,6 +183,9 @@ class ListState:
                     node=node[row], subindex=subindex[row],
                 )  # fmt: skip
                 self._log(told, events)
+        misfits = np.flatnonzero((fault == Fault.LENGTH) | (fault == Fault.BYTE_SWAPPED))
+        if len(misfits):
+            self.length_fields.observe(told, odd[misfits], lists[misfits], node[misfits])
         np.add.at(self.columns.truncated, lists[truncated & (lists >= 0)], 1)
 
     def _log(self, told: Told, events: EventBatch) -> None:
@@ -253,6 +259,7 @@ class ListState:
         self._log_missing(told, answers.missing)
         if told.is_heard:
             told.tell(self._waits(EventKind.ACKNOWLEDGED, answers.answered))
+            self._tell_obtained(told, answers.obtained, answers.data)
         negative = np.flatnonzero(acknowledgements.flags & CHECKSUM_INVALID.mask)
         source, destination, unexpected = acknowledgements.source, acknowledgements.destination, answers.unexpected
         for kind, row, node, peer in (
@@ -293,6 +300,19 @@ class ListState:
             )  # fmt: skip
             self._log(told, events)
             np.add.at(self.columns.bootup_unanswered, waits.list, 1)
+
+    def _tell_obtained(self, told: Told, asked: BootUpWaits, packet: I64) -> None:
+        """Tell of boot-up requests that brought data, in the order of these."""
+        if len(asked):
+            order = np.argsort(packet, kind="stable")
+            asked, packet = asked.take(order), packet[order]
+            told.tell(
+                EventBatch.of(
+                    EventKind.BOOT_UP_ANSWERED, told.packets.ts_ns[packet], packet + told.first_frame, lists=asked.list,
+                    subindex=self.keys.places.low[asked.place].astype(np.int64),
+                    since_ns=asked.deadline_ns - self.acknowledgement.timeout_ns, peer=asked.node,
+                )
+            )  # fmt: skip
 
     def _expire(self, told: Told) -> list[ErrorEvents]:
         """End the waits whose deadline has passed without a frame that would have shown it."""

@@ -323,11 +323,12 @@ class Loss:
         place = place[order]
         before = steps if isinstance(steps, NodeSteps) else rows
         lists, node, subindex = told.keys.described(rows.stream[place])
+        behind = -steps.distance_at(place).astype(np.int64) & 0xFFFF if step == Step.OVERTAKEN else None
         told.tell(
             EventBatch.of(
                 _TOLD[step], rows.time_ns[place], rows.packet[place] + told.first_frame, lists=lists, node=node,
                 subindex=subindex, since_ns=before.times_before(place),
-                amount=None if lost is None else lost[order], scope=scope,
+                amount=None if lost is None else lost[order], detail=behind, scope=scope,
             )
         )  # fmt: skip
 

@@ -107,7 +107,8 @@ class Answers(NamedTuple):
 
     ``errors`` are error events. ``missing`` are the waits that nobody ended, with the frames that waited, ``answered``
     those of the others, with the frames that ended them; ``negative_node`` is whom each negative acknowledgement blames
-    (-1: nobody); ``unexpected`` are positions among the acknowledgements; ``unanswered`` are boot-up requests.
+    (-1: nobody); ``unexpected`` are positions among the acknowledgements; ``unanswered`` are boot-up requests, as are
+    ``obtained``, of which ``data`` are the packets that answered them.
     """
 
     errors: list[ErrorEvents]
@@ -116,3 +117,5 @@ class Answers(NamedTuple):
     negative_node: I64
     unexpected: I64
     unanswered: BootUpWaits
+    obtained: BootUpWaits
+    data: I64

@@ -49,6 +49,7 @@ def reference_report(frames: Iterable[Frame], *, timeout_ns: int = 1_000_000_000
         tracker.observe(frame)
     lists = [list_report(tracker, key) for key in sorted(tracker.notes.lists)]
     tracker.loss.judge_scopes(tracker.notes)
+    tracker.headers.judge(tracker.notes)
     findings = sorted(tracker.notes.findings.values(), key=lambda finding: finding.order)
     return {
         "capture": {

@@ -23,6 +23,7 @@ THEMES: Mapping[str, tuple[EventKind, ...]] = MappingProxyType(
             EventKind.NO_ACKNOWLEDGEMENT, EventKind.NEGATIVE_ACKNOWLEDGEMENT, EventKind.UNEXPECTED_ACKNOWLEDGEMENT,
             EventKind.BOOT_UP_UNANSWERED, EventKind.SEND_REJECTED,
         ),
+        "requests": (EventKind.BOOT_UP_ANSWERED,),
         "shapes": (
             EventKind.SHAPE_CHANGED, EventKind.CHECKSUM_CHANGED, EventKind.FLAGS_INCONSISTENT,
             EventKind.PDO_LENGTH_CHANGED,

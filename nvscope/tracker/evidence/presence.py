@@ -57,25 +57,30 @@ class SeenColumns(KeyedColumns):
 class AddressColumns(SeenColumns):
     """One row an address; ``others`` are its frames that are no telegrams of lists, ``pair`` is the last one it had.
 
-    ``last_other_ns`` is ``NEVER``, and ``pair`` ``NOBODY``, before the first, and after nobody has listened.
+    ``last_other_ns`` is ``NEVER``, and ``pair`` ``NOBODY``, before the first, and after nobody has listened. ``shared``
+    are IP addresses with frames by several ways.
     """
 
     others: I64
     last_other_ns: I64
     pair: I64
+    shared: Bool
     COLUMNS: ClassVar = SeenColumns.COLUMNS | {
         "others": (np.int64(0), 1), "last_other_ns": (np.int64(NEVER), 1), "pair": (np.int64(NOBODY), 1),
+        "shared": (np.False_, 1),
     }  # fmt: skip
 
 
 class PairColumns(SeenColumns):
     """One row an IP address with the device that it is told by.
 
-    ``alternations`` counts its frames that follow one of the same IP address from another hardware address.
+    ``alternations`` counts its frames that follow one of the same IP address from another hardware address. Of shared
+    addresses, ``last_ns`` is the time of its last frame.
     """
 
     alternations: I64
-    COLUMNS: ClassVar = SeenColumns.COLUMNS | {"alternations": (np.int64(0), 1)}
+    last_ns: I64
+    COLUMNS: ClassVar = SeenColumns.COLUMNS | {"alternations": (np.int64(0), 1), "last_ns": (np.int64(NEVER), 1)}
 
 
 class Announcements:
@@ -124,8 +129,9 @@ class Presence:
     ``addresses`` number the hardware and IP addresses that sent some, which are the rows of ``columns``; ``pairs``
     number (upper half, lower half, hardware address with VLAN + 1 above it, time to live), the rows of
     ``pair_columns``. ``distances`` are those between an address's frames that are no telegrams of lists, and ``signs``
-    when these were, by the rows of ``columns``. ``left_out`` counts the frames of addresses and pairs for which there
-    was no room.
+    when these were, by the rows of ``columns``. ``claims`` are the IP addresses with the hardware addresses that ARP
+    told of them (upper half, lower half, hardware address). ``left_out`` counts the frames of addresses and pairs for
+    which there was no room.
     """
 
     by_stream: ClassVar[bool] = False
@@ -137,6 +143,7 @@ class Presence:
         self.distances = Latencies()
         self.signs = SignsOfLife()
         self.announcements = Announcements()
+        self.claims = KeyTable(3)
         self.left_out = 0
         # Packets with the same headers come by the same way: the first one is looked at for all, by their number.
         self._ways = WayColumns()
@@ -174,7 +181,7 @@ class Presence:
             columns.add(number, seen.count)
             self.left_out += int(seen.count[number == LEFT_OUT].sum())
         self._observe_others(heard, seen)
-        self._observe_alternations(seen)
+        self._observe_alternations(heard, seen)
 
     def _look_at(self, heard: Heard) -> WayColumns:
         """Return by which ways the packets come that are looked at, having numbered what is new of them."""
@@ -194,6 +201,8 @@ class Presence:
         found, place, row = found.take(known), place[known], row[known]
         self._observe_announcements(heard, found, row, number)
         # What ARP says is about an address, and has no time to live.
+        claimed = found.take((found.ttl < 0) & (found.hardware != 0))
+        self.claims.numbers_within(self._most, claimed.high, claimed.low, claimed.hardware)
         known = np.flatnonzero((found.ttl >= 0) & (found.hardware != 0) & (number >= 0))
         found, place, row = found.take(known), place[known], row[known]
         device = found.hardware | (found.vlan + 1).astype(np.uint64) << _VLAN_BIT
@@ -238,18 +247,24 @@ class Presence:
         columns.others[run] += stop - start
         columns.last_other_ns[run] = time_ns[stop - 1]
 
-    def _observe_alternations(self, seen: _Seen) -> None:
+    def _observe_alternations(self, heard: Heard, seen: _Seen) -> None:
         """Count by how many frames another device took over an address."""
         pair, ip = seen.numbers("pair"), seen.numbers("ip")
         known = pair >= 0
         least, most = np.full(len(self.columns), len(self.pairs)), np.full(len(self.columns), NOBODY)
         np.minimum.at(least, ip[known], pair[known])
         np.maximum.at(most, ip[known], pair[known])
+        shared = self.columns.column("shared")
+        shared |= least < most
         # Of an address with one pair in all that is counted now, one packet tells as much as all.
-        simple = np.flatnonzero((least == most) & (most >= 0))
+        simple = np.flatnonzero((least == most) & (most >= 0) & ~shared)
+        other = (self.columns.pair[simple] >= 0) & (self.columns.pair[simple] != most[simple])
+        shared[simple[other]] = True
+        simple = simple[~other]
         several = known.copy()
-        several[known] = (least < most)[ip[known]]
-        place = seen.rows(several)[1]
+        several[known] = shared[ip[known]]
+        row, place = seen.rows(several)
+        self.pair_columns.last_ns[pair[place]] = heard.times_ns(row)  # of several frames, the last one is what stays
         owner, told = np.append(simple, ip[place]), np.append(most[simple], pair[place])
         order = stable_order(owner, len(self.columns))
         owner, told = owner[order], told[order]

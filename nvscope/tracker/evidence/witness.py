@@ -8,26 +8,32 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
 from nvscope.tracker.evidence.evidence import Evidence
 from nvscope.tracker.evidence.long_pauses import LongPauses
+from nvscope.tracker.evidence.look_runs import LookRuns
 from nvscope.tracker.evidence.pauses import Pauses
 from nvscope.tracker.evidence.presence import Presence
+from nvscope.tracker.evidence.shared_addresses import SharedAddresses
 from nvscope.tracker.evidence.throughput import Throughput
 
 
 class Witness:
     """An observer of all frames, and a listener to all events: what causes are judged from beside the state."""
 
-    by_stream: ClassVar[bool] = False
+    by_stream: ClassVar[bool] = True
 
     def __init__(self) -> None:
         self.evidence = Evidence()
         self.long_pauses = LongPauses()
+        self.looks = LookRuns()
         self.presence = Presence()
+        self.shared_addresses = SharedAddresses()
         self.pauses = Pauses()
         self.throughput = Throughput()
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        self.looks.observe(told)
         self.presence.observe(told)
+        self.shared_addresses.observe(told)
         self.pauses.observe(told)
         self.throughput.observe(told)
 

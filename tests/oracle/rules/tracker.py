@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.oracle.frame import Datagram, Frame, Unreachable, peel
 from tests.oracle.rules.consistency import fits_checksum, observe_sender, observe_shape
 from tests.oracle.rules.errors import SEND_ERRORS
+from tests.oracle.rules.headers import Headers
 from tests.oracle.rules.keys import ListKey, Moment, StreamKey
 from tests.oracle.rules.lists import Delivery, List
 from tests.oracle.rules.loss import Loss
@@ -35,6 +36,7 @@ class Tracker:
         self.notes = Notes()
         self.waits = Waits(self.notes, timeout_ns)
         self.loss = Loss()
+        self.headers = Headers()
 
     def observe(self, frame: Frame) -> None:
         self.frames += 1
@@ -66,6 +68,7 @@ class Tracker:
         self.notes.find("NV305", key, quoted.source, subindex, moment)
 
     def observe_telegram(self, seen: Telegram) -> None:
+        self.headers.observe(seen)
         key = seen.list_key
         subindex = None if key is None else seen.subindex
         if seen.payload[:4] == ASCII_IDENTITY:

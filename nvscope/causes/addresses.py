@@ -1,0 +1,176 @@
+"""Addresses that two devices have: duplicate-address."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.batch import Bool
+from dissectors.keys import KeyTable
+from nvscope.causes.case import Case, Draft, Explained, slack_ns
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.ways import hardware_in_words
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.kind import Severity
+from nvscope.tracker.evidence.presence import HARDWARE_BITS
+from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS
+from nvscope.units import count_of
+
+DUPLICATE_ADDRESS = CauseKind(
+    "duplicate-address",
+    "address twice",
+    "Two devices have the same IP address: who sends to it reaches the one or the other, and what both send looks like "
+    "one sender that does not count.",
+    "Frames of one IP address from two hardware addresses that take turns, with ARP of both, or Counters that are "
+    "regular for each of them and not for both together.",
+    "Unplug one of both devices, and give it an address of its own.",
+    at_least=Severity.ERROR,
+)
+
+_LEAST_ALTERNATIONS = 3
+_MOST_IPS = 2  # a hardware address with more of them is a router's
+_REPEATED_PERCENT = 80
+_REGULAR_PERCENT = 90
+_LEAST_STEPS = 3
+
+
+class _Device(NamedTuple):
+    """A hardware address that sends from an address others have, too; ``alternations`` are its turns behind others."""
+
+    hardware: int
+    first_frame: int
+    first_ns: int
+    last_ns: int
+    frames: int
+    alternations: int
+
+
+def judge_duplicate_addresses(case: Case) -> Iterator[Explained]:
+    """Explain everything of addresses that two devices have, one cause an address."""
+    for node in range(len(case.facts.state.keys.nodes)):
+        for number in case.life.numbers_of_ip(node).tolist():
+            if not case.witness.presence.columns.shared[number]:
+                continue
+            devices = _devices(case, number)
+            if len(devices) < 2 or sum(one.alternations for one in devices) < _LEAST_ALTERNATIONS:
+                continue
+            if told := _told_by(case, number, devices):
+                yield _draft(case, node, devices, told)
+
+
+def _devices(case: Case, number: int) -> list[_Device]:
+    """Return the devices that have an address, by their first frames: no routers, and none that only repeat."""
+    presence = case.witness.presence
+    (_, high, low), pairs = (words[number] for words in presence.addresses.words), presence.pairs.words
+    hardware = pairs[2] & HARDWARE_BITS
+    rows: dict[int, list[int]] = defaultdict(list)
+    for row in np.flatnonzero((pairs[0] == high) & (pairs[1] == low)).tolist():
+        rows[int(hardware[row])].append(row)
+    found = []
+    for own, of_pairs in rows.items():
+        if _is_router(case, own) or _repeats(case, int(high), int(low), own):
+            continue
+        columns = presence.pair_columns
+        first = min(of_pairs, key=lambda row: int(columns.first_frame[row]))
+        found.append(
+            _Device(
+                own, int(columns.first_frame[first]), int(columns.first_ns[first]),
+                max(int(columns.last_ns[row]) for row in of_pairs),
+                sum(int(columns.count[row]) for row in of_pairs),
+                sum(int(columns.alternations[row]) for row in of_pairs),
+            )
+        )  # fmt: skip
+    return sorted(found, key=lambda one: one.first_frame)
+
+
+def _is_router(case: Case, hardware: int) -> bool:
+    pairs = case.witness.presence.pairs.words
+    own = pairs[2] & HARDWARE_BITS == np.uint64(hardware)
+    return len(set(zip(pairs[0][own].tolist(), pairs[1][own].tolist(), strict=True))) > _MOST_IPS
+
+
+def _repeats(case: Case, high: int, low: int, hardware: int) -> bool:
+    """Tell whether a device only sends again what another one has sent."""
+    shared = case.witness.shared_addresses
+    device = _find(shared.devices, _find(shared.addresses, high, low), hardware)
+    if device < 0:
+        return False
+    telegrams, repeated = (int(shared.device_columns.column(name)[device]) for name in ("telegrams", "repeated"))
+    return bool(telegrams) and 100 * repeated >= _REPEATED_PERCENT * telegrams
+
+
+def _find(table: KeyTable, *words: int) -> int:
+    """Return the number of one key, -1 where there is none."""
+    if any(word < 0 for word in words):
+        return -1
+    return int(table.find(*(np.array([word], np.uint64) for word in words))[0])
+
+
+def _told_by(case: Case, number: int, devices: list[_Device]) -> list[str]:
+    """Return what tells two devices from one whose frames come by two ways; nothing where nothing does."""
+    presence, told = case.witness.presence, []
+    _, high, low = (words[number] for words in presence.addresses.words)
+    claims = presence.claims.words
+    own = claims[2][(claims[0] == high) & (claims[1] == low)].tolist()
+    address = _find(case.witness.shared_addresses.addresses, int(high), int(low))
+    counters = [_regular(case, address, one.hardware) for one in devices]
+    together = _regular(case, address, int(ALL_DEVICES))
+    if sum(one is not None and any(one) for one in counters) >= 2 and together is not None and not any(together):
+        told.append("the counters of each of them are regular, those of both together are not")
+    if sum(one.hardware in own for one in devices) >= 2:
+        told.append("ARP tells both hardware addresses for it")
+    return told
+
+
+def _regular(case: Case, address: int, hardware: int) -> tuple[bool, bool] | None:
+    """Tell whether a device counts regularly by stream, and over all that it sends; None where nobody knows."""
+    shared = case.witness.shared_addresses
+    if address < 0:
+        return None
+    words = shared.sequences.words
+    own = (words[0] == np.uint64(address)) & (words[1] == np.uint64(hardware))
+    whole = words[2] == ALL_LISTS
+    found = []
+    for chosen in (own & ~whole, own & whole):
+        steps, regular = (int(shared.columns.column(name)[chosen].sum()) for name in ("steps", "regular"))
+        found.append(steps >= _LEAST_STEPS and 100 * regular >= _REGULAR_PERCENT * steps)
+        if not steps:
+            return None
+    return found[0], found[1]
+
+
+def _draft(case: Case, node: int, devices: list[_Device], told: list[str]) -> Explained:
+    since_ns = devices[1].first_ns
+    lists = list({one.list.number: one.list for one in case.streams_of_node.get(node, ())}.values())
+    last_ns = min(devices[0].last_ns, max(one.last_ns for one in devices[1:]))
+    frames = min(devices[0].frames, devices[1].frames)
+    until_ns = case.end_of_many(since_ns, last_ns, frames, slack_ns(lists))
+    both = " and ".join(hardware_in_words(one.hardware) for one in devices)
+    turns = sum(one.alternations for one in devices)
+    title = f"{'Two' if len(devices) == 2 else len(devices)} devices have the address {case.address(node)}"
+    title += f" since {moment(case, since_ns)}" if until_ns is None else (
+        f" from {moment(case, since_ns)} to {moment(case, until_ns)}"
+    )  # fmt: skip
+    if lists:
+        title += f" ({lists_in_words(case, lists)})"
+    checked = [f"hardware addresses {both} take turns, {count_of(turns, 'time')}", *told]
+    draft = Draft(
+        DUPLICATE_ADDRESS, title, DUPLICATE_ADDRESS.next_step, checked, lists, [node], since_ns=since_ns,
+        until_ns=until_ns,
+    )  # fmt: skip
+    return draft, _of_address(case, node)
+
+
+def _of_address(case: Case, node: int) -> Bool:
+    """Tell which symptoms are of an address, be it as sender or as reader, and of lists that it alone sends."""
+    symptoms = case.symptoms
+    alone = [
+        number for number in {one.list.number for one in case.streams_of_node.get(node, ())}
+        if {stream.node for stream in case.lists[number].streams} == {node}
+    ]  # fmt: skip
+    own: Bool = (symptoms.node == node) | (symptoms.peer == node)
+    own |= (symptoms.node < 0) & np.isin(symptoms.list, alone)
+    return own

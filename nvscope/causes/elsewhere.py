@@ -1,0 +1,140 @@
+"""Lists that are sent under another identifier or port, or packed otherwise: definition-elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from nvscope.causes.case import Case, Draft, Explained, slack_ns
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import moment
+from nvscope.engine.runs import distinct
+from nvscope.errors import ConfigurationError
+from nvscope.findings.definition import DEFINITION_MISMATCH, SILENT_LIST, UNKNOWN_LIST
+from nvscope.list_key import ListKey, Transport
+from nvscope.tracker.summary import ListSummary
+
+if TYPE_CHECKING:  # captures without definitions need nothing of them
+    from nvscope.definition.model import ListDefinition
+
+DEFINITION_ELSEWHERE = CauseKind(
+    "definition-elsewhere",
+    "defined elsewhere",
+    "A list that is defined was never seen, and another one, which its definition fits, is sent: identifier, port or "
+    "packing differ between definition and sender.",
+    "Items and Length of all telegrams of a list that no definition fits are those of a defined list that is silent.",
+    "Give definition and sender the same identifier, port and packing.",
+)
+
+Shapes = frozenset[tuple[int, int, int]]
+"""SubIndex, Items and Length of all telegrams of a list."""
+
+
+class _Match(NamedTuple):
+    """A silent list, the finding that says so, and a list that is sent in its shape; ``pack`` as it is sent."""
+
+    defined: ListDefinition
+    key: ListKey
+    finding: int
+    sent: ListSummary
+    pack: bool
+
+    @property
+    def oddity(self) -> tuple[object, ...]:
+        """By how much both differ: of several matches, the least odd one is taken."""
+        own, other = self.key, self.sent.key
+        return own.identifier != other.identifier, self.pack != self.defined.pack, own.port != other.port, own, other
+
+
+def judge_definitions_elsewhere(case: Case) -> Iterator[Explained]:
+    """Explain lists that are silent, and those that are sent in their place, one cause a pair."""
+    taken: set[ListKey] = set()
+    for match in sorted(_matches(case), key=lambda one: one.oddity):
+        if taken.isdisjoint((match.key, match.sent.key)):
+            taken |= {match.key, match.sent.key}
+            yield _draft(case, match)
+
+
+def _matches(case: Case) -> Iterator[_Match]:
+    symptoms = case.symptoms
+    silent = [
+        (place, case.findings[place].key) for place in distinct(symptoms.finding[case.free(SILENT_LIST)]).tolist()
+    ]  # fmt: skip
+    strange = case.lists_of(case.free(UNKNOWN_LIST, DEFINITION_MISMATCH))
+    sent = [(entry, shapes) for entry in strange if isinstance(entry, ListSummary) for shapes in _sent_shapes(entry)]
+    if not silent or not sent:
+        return
+    for place, key in silent:
+        if key is None or key.transport is not Transport.UDP:
+            continue
+        for pack, defined, shapes in _defined_shapes(case, key):
+            for entry, own in sent:
+                if own == shapes:
+                    yield _Match(defined, key, place, entry, pack)
+
+
+def _sent_shapes(entry: ListSummary) -> set[Shapes]:
+    """Return what the last telegrams of each sender look like."""
+    nodes = {stream.node for stream in entry.streams}
+    return {
+        frozenset((stream.subindex, stream.items, stream.length) for stream in entry.streams if stream.node == node)
+        for node in nodes
+    }  # fmt: skip
+
+
+def _defined_shapes(case: Case, key: ListKey) -> Iterator[tuple[bool, ListDefinition, Shapes]]:
+    """Yield what telegrams of a list look like by its definitions, packed as defined, and otherwise."""
+    from nvscope.definition.packing import pack as packed  # noqa: PLC0415
+
+    values = case.facts.state.values
+    for layouts in values.layouts.candidates_of(key) if values else ():
+        defined = layouts[0].list
+        for pack in (defined.pack, not defined.pack):
+            try:
+                telegrams = packed(replace(defined, pack=pack))
+            except ConfigurationError:
+                continue  # nobody has written it down like this
+            yield pack, defined, frozenset((one.subindex, one.items, one.length) for one in telegrams)
+
+
+def _draft(case: Case, match: _Match) -> Explained:
+    symptoms, entry, own, other = case.symptoms, match.sent, match.key, match.sent.key
+    chosen = symptoms.finding == match.finding
+    chosen |= case.free(UNKNOWN_LIST, DEFINITION_MISMATCH) & (symptoms.list == entry.number)
+    name = f"{match.defined.name} ({own.identifier})" if match.defined.name else f"{own.identifier}"
+    differences, steps = _differences(match)
+    nodes = list(dict.fromkeys(stream.node for stream in entry.streams))
+    since_ns = min(stream.first_ns for stream in entry.streams)
+    last_ns = max(stream.last_ns for stream in entry.streams)
+    telegrams = len({stream.subindex for stream in entry.streams})
+    which = f"all {telegrams} telegrams" if telegrams > 1 else "the telegram"
+    checked = [
+        f"its definition has the items and sizes of {which} of list {other.identifier} on port {other.port}, from "
+        f"{case.address(nodes[0])}",
+        f"not one telegram of list {own.identifier} on port {own.port} came",
+    ]
+    title = f"List {name} is sent {' and '.join(differences)} since {moment(case, since_ns)}"
+    draft = Draft(
+        DEFINITION_ELSEWHERE, title, " ".join(steps), checked, [entry], nodes, since_ns=since_ns,
+        until_ns=case.end_of_many(since_ns, last_ns, entry.diagnosis.nSendCount, slack_ns([entry])), keys=[own],
+    )  # fmt: skip
+    return draft, chosen
+
+
+def _differences(match: _Match) -> tuple[list[str], list[str]]:
+    """Return in what a list is sent otherwise than defined, and what would have to change."""
+    own, other = match.key, match.sent.key
+    differences, steps = [], []
+    if own.identifier != other.identifier:
+        differences.append(f"as list {other.identifier}")
+        steps.append(
+            f"Set the list identifier to {other.identifier} in the definition, or to {own.identifier} in the sender."
+        )
+    if own.port != other.port:
+        differences.append(f"on port {other.port}")
+        steps.append(f"Set the port to {other.port} in the definition, or to {own.port} in the sender.")
+    if match.pack != match.defined.pack:
+        differences.append("packed" if match.pack else "not packed")
+        steps.append(f"Set Pack to {str(match.pack).upper()} in the definition and in the readers.")
+    return differences, steps

@@ -1,0 +1,36 @@
+"""Gaps in Counters that overtaken telegrams filled, or a part of them: what was lost in the end."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.evidence.event_columns import EventTable
+from nvscope.tracker.steps import WINDOW
+
+
+def lost_in_the_end(steps: EventTable) -> I64:
+    """Return how many are missing of each step that is a gap, the amounts of all others as they are; shape (n,).
+
+    ``steps`` are in the order of frames. An overtaken telegram fills the last gap of its stream that has room.
+    """
+    amount = steps.amount.copy()
+    overtaken = np.flatnonzero(steps.kind == EventKind.OVERTAKEN)
+    if not len(overtaken):
+        return amount
+    columns = steps.list, steps.node, steps.subindex, steps.scope
+    gaps: dict[tuple[int, ...], list[int]] = defaultdict(list)
+    for row in np.flatnonzero((steps.kind == EventKind.GAP) | (steps.kind == EventKind.OVERTAKEN)).tolist():
+        own = gaps[tuple(int(column[row]) for column in columns)]
+        if steps.kind[row] == EventKind.GAP:
+            own.append(row)
+            del own[:-WINDOW]  # what is further behind is filled no more
+            continue
+        while own and not amount[own[-1]]:
+            own.pop()
+        if own:
+            amount[own[-1]] -= 1
+    return amount

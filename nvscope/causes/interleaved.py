@@ -1,0 +1,82 @@
+"""Identifiers on CAN whose frames have two lengths in turns: two devices send them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+
+from nvscope.causes.case import Case, Draft, Explained
+from nvscope.causes.identifiers import IDENTIFIER_COLLISION, OF_LISTS
+from nvscope.causes.words import moment
+from nvscope.engine.runs import distinct
+from nvscope.findings.can import DLC_MISMATCH
+from nvscope.tracker.evidence.look_runs import LookRun
+from nvscope.units import cob_id, count_of, duration
+
+_LEAST_TURNS = 5
+_MOST_IN_A_ROW = 2
+_STEADY = 3
+
+
+class _Turns(NamedTuple):
+    """Frames of two lengths that take turns: first the one, since when the other too, and how often the rarer comes."""
+
+    first: int
+    further: int
+    since_ns: int
+    rarer: int
+    every_ns: int
+
+
+def judge_interleaved(case: Case) -> Iterator[Explained]:
+    """Explain identifiers with frames of two lengths in turns, one cause an identifier."""
+    symptoms = case.symptoms
+    strange = set(distinct(symptoms.list[case.free(DLC_MISMATCH)]).tolist())
+    for entry, stream in case.facts.pdo_streams():
+        if entry.number not in strange:
+            continue
+        turns = _turns(case.witness.looks.runs_of(stream.stream))
+        own = symptoms.list == entry.number
+        told = np.flatnonzero(case.free(DLC_MISMATCH) & own & (symptoms.subindex == stream.subindex))
+        if turns is None or not len(told):
+            continue
+        finding = case.findings[int(symptoms.finding[told[0]])]
+        last_ns = finding.last_ns or case.end_ns
+        name = cob_id(stream.cob_id, extended=stream.extended)
+        channel = str(entry.key.port)
+        over = case.end_ns - last_ns > _STEADY * turns.every_ns
+        draft = Draft(
+            IDENTIFIER_COLLISION,
+            f"Two devices send identifier {name} of {channel} since {moment(case, turns.since_ns)}",
+            IDENTIFIER_COLLISION.next_step,
+            [
+                f"frames of {turns.first} and, since then, of {count_of(turns.further, 'byte')} take turns",
+                f"those of {count_of(turns.rarer, 'byte')} come about every {duration(turns.every_ns)}",
+            ],
+            [entry], channel=channel, since_ns=turns.since_ns, until_ns=last_ns if over else None,
+        )  # fmt: skip
+        yield draft, case.only(told) | (case.free(*OF_LISTS) & own)
+
+
+def _turns(runs: Sequence[LookRun]) -> _Turns | None:
+    """Return which two lengths take turns; None where they do not, or not steadily, as two cyclic senders would."""
+    if len({run.length for run in runs}) != 2:
+        return None
+    # Behind the first one, which is of the time before the other device.
+    behind = runs[1:]
+    counts = dict.fromkeys((run.length for run in runs), 0)
+    for run in behind:
+        counts[run.length] += run.telegrams
+    rarer = min(counts, key=lambda length: counts[length])
+    turns = [run for run in behind if run.length == rarer]
+    if len(turns) < _LEAST_TURNS or counts[rarer] > _MOST_IN_A_ROW * len(turns):
+        return None
+    distances = [after.first_ns - before.first_ns for before, after in pairwise(turns)]
+    every_ns = int(median(distances))
+    if max(distances) > _STEADY * every_ns or _STEADY * min(distances) < every_ns:
+        return None
+    return _Turns(runs[0].length, runs[1].length, runs[1].first_ns, rarer, every_ns)

@@ -1,0 +1,84 @@
+"""Telegrams that come by ways of different length: two-paths."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+
+from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.ways import ways_in_words, ways_of
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, TELEGRAM_GAP
+from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
+from nvscope.units import count_of
+
+TWO_PATHS = CauseKind(
+    "two-paths",
+    "overtaken",
+    "Telegrams overtook each other: they came by two ways, of which one is longer, and readers get old values last.",
+    "A Counter that was left out comes behind later ones.",
+    "Redundant links without a spanning tree, link aggregation that deals out packets one by one, or a second network "
+    "card of the sender.",
+)
+
+_BESIDE = (DUPLICATE_TELEGRAM, LATE, JITTER, TORN_CYCLE)
+
+
+def judge_two_paths(case: Case) -> Iterator[Explained]:
+    """Explain overtaken telegrams: one cause a list, joined over lists of a node that overlap in time."""
+    symptoms = case.symptoms
+    places: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row in np.flatnonzero(case.free(OVERTAKEN_TELEGRAM)).tolist():
+        places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
+    joined: list[tuple[int, list[int]]] = []
+    for (node, _), own in sorted(places.items(), key=lambda one: (one[0][0], int(symptoms.since_ns[one[1]].min()))):
+        if joined and joined[-1][0] == node and symptoms.since_ns[own].min() <= symptoms.time_ns[joined[-1][1]].max():
+            joined[-1] = node, joined[-1][1] + own
+        else:
+            joined.append((node, own))
+    for node, rows in joined:
+        yield _draft(case, node, rows)
+
+
+def _draft(case: Case, node: int, rows: list[int]) -> Explained:
+    symptoms = case.symptoms
+    told = case.only(rows)
+    lists = case.lists_of(told)
+    own = (symptoms.node == node) & np.isin(symptoms.list, [entry.number for entry in lists])
+    filled = case.free(TELEGRAM_GAP) & own & (symptoms.amount == 0)
+    events = np.flatnonzero(told | filled)
+    since_ns, last_ns = _first_due_ns(case, node, rows), int(symptoms.time_ns[rows].max())
+    chosen = told | filled | (case.free(*_BESIDE) & own & case.touching(events, longest_ns(lists)))
+    farthest = int(symptoms.detail[rows].max())
+    which, times = lists_in_words(case, lists), count_of(len(rows), "time")
+    when = f"at {moment(case, since_ns)}" if len(rows) == 1 else (
+        f"{times} from {moment(case, since_ns)} to {moment(case, last_ns)}"
+    )  # fmt: skip
+    checked = [f"{'up to ' if len(rows) > 1 else ''}{count_of(farthest, 'later telegram')} came before"]
+    ways = ways_in_words(ways_of(case, node))
+    checked.append(
+        f"it came with different {ways}" if ways else "all of it came from one hardware address, equally far"
+    )
+    title = f"Telegrams of {which} of {case.address(node)} overtook each other, {when}"
+    until_ns = case.end_of_many(since_ns, last_ns, len(rows), slack_ns(lists))
+    draft = Draft(
+        TWO_PATHS, title, TWO_PATHS.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
+    )  # fmt: skip
+    return draft, chosen
+
+
+def _first_due_ns(case: Case, node: int, rows: list[int]) -> int:
+    """Return when the first overtaken telegram was due, as far as the intervals of its stream tell."""
+    symptoms = case.symptoms
+    nominal = {(one.list.number, one.stream.subindex): one.nominal_ns for one in case.streams_of_node.get(node, ())}
+    due_ns = []
+    for row in rows:
+        interval_ns = nominal.get((int(symptoms.list[row]), int(symptoms.subindex[row])), 0)
+        time_ns, behind = int(symptoms.time_ns[row]), int(symptoms.detail[row])
+        due_ns.append(
+            max(time_ns - behind * interval_ns, case.start_ns) if interval_ns else int(symptoms.since_ns[row])
+        )
+    return min(due_ns)

@@ -1,0 +1,83 @@
+"""Moments behind which everything is late by the same time: the clock went forward, or the capture stood still."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from nvscope.causes.case import Case, Draft, Explained, NodeStream
+from nvscope.causes.recording import CLOCK, OF_CLOCK
+from nvscope.causes.words import moment
+from nvscope.findings.loss import SENDER_RESTART
+from nvscope.findings.timing import JITTER, LATE
+from nvscope.tracker.counters import Scope
+from nvscope.tracker.kept_rows import LOSS_OF_NODE, LOSS_OF_STREAM
+from nvscope.units import count_of, duration
+
+_NEXT = (
+    "Time synchronisation of the computer that captures, and its load at that time: whether it wrote, or was moved as "
+    "a virtual machine."
+)
+_SENDERS = 2
+
+
+def judge_standstills(case: Case) -> Iterator[Explained]:
+    """Explain what is late in all cyclic streams by the same time, and no longer than the capture holds no frame."""
+    symptoms, table = case.symptoms, case.witness.pauses.table
+    for since_ns, until_ns in zip(table.since_ns.tolist(), table.time_ns.tolist(), strict=True):
+        across = (symptoms.since_ns <= since_ns) & (symptoms.time_ns >= until_ns)
+        late = case.free(LATE, JITTER) & across
+        if not late.any() or (symptoms.of_kinds(SENDER_RESTART) & across).any():
+            continue
+        late_ns = _late_together_ns(case, since_ns, until_ns)
+        if late_ns is None:
+            continue
+        streams = int(late.sum())
+        draft = Draft(
+            CLOCK, f"The clock of the capture went forward by {duration(late_ns)} at {moment(case, since_ns)}, or the "
+            "capture stood still", _NEXT,
+            [
+                "all cyclic lists of all senders were late by the same time, and nothing of them was lost",
+                f"the capture holds no frame at all for {duration(until_ns - since_ns)}",
+                f"{count_of(streams, 'stream')} {'is' if streams == 1 else 'are'} called late for it",
+            ],
+            case.lists_of(late), since_ns=since_ns, until_ns=until_ns,
+        )  # fmt: skip
+        yield draft, case.free(*OF_CLOCK) & across
+
+
+def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
+    """Return by how much all cyclic streams were late across a pause; None where they were not, or lost something."""
+    found: list[tuple[NodeStream, int]] = []
+    unseen: list[NodeStream] = []
+    nodes = set()
+    for node, streams in case.streams_of_node.items():
+        for one in streams:
+            if not one.nominal_ns or one.stream.first_ns > since_ns or one.stream.last_ns < until_ns:
+                continue
+            nodes.add(node)
+            table = case.unusual_intervals(one.list.number, one.stream)
+            row = np.flatnonzero((table.since_ns <= since_ns) & (table.time_ns >= until_ns))
+            if not len(row):
+                unseen.append(one)
+                continue
+            if int(table.detail[row[0]]) & _loss_bit(case, one):
+                return None
+            found.append((one, int(table.amount[row[0]]) - one.nominal_ns))
+    if len(nodes) < _SENDERS or len({one.stream.node for one, _ in found}) < _SENDERS:
+        return None
+    fastest, late_ns = min(found, key=lambda pair: pair[0].nominal_ns)
+    alike = all(abs(own_ns - late_ns) <= (one.nominal_ns + fastest.nominal_ns) // 2 for one, own_ns in found)
+    # What is late by less than half its interval is nothing unusual.
+    hidden = all(2 * late_ns <= one.nominal_ns for one in unseen)
+    short = late_ns <= until_ns - since_ns + fastest.nominal_ns // 2
+    return late_ns if alike and hidden and short and late_ns > 0 else None
+
+
+def _loss_bit(case: Case, one: NodeStream) -> int:
+    """Return which bit of an unusual interval says that something was lost in it; a Counter that lies says nothing."""
+    if one.stream.erratic or one.stream.counter_scope == "unused":
+        return 0
+    scope = case.facts.summary.scopes.get(one.stream.node, Scope.STREAM)
+    return LOSS_OF_STREAM if scope == Scope.STREAM else LOSS_OF_NODE

@@ -1,0 +1,66 @@
+"""Ways: by which hardware addresses, VLANs and times to live the packets of a node came."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from nvscope.causes.case import Case
+from nvscope.tracker.evidence.presence import HARDWARE_BITS
+
+_VLAN_SHIFT = 48
+_NAMED = 3
+
+
+class Way(NamedTuple):
+    """A way: a hardware address, a VLAN (-1 without a tag), a time to live, and how many packets came by it."""
+
+    hardware: int
+    vlan: int
+    time_to_live: int
+    packets: int
+
+
+def ways_of(case: Case, node: int) -> list[Way]:
+    """Return the ways of a node's packets, the most used one first."""
+    nodes, presence = case.facts.state.keys.nodes, case.witness.presence
+    if not 0 <= node < len(nodes):
+        return []
+    high, low, device, time_to_live = presence.pairs.words
+    own = np.flatnonzero((high == nodes.high[node]) & (low == nodes.low[node]))
+    found = [
+        Way(
+            int(device[row] & HARDWARE_BITS), (int(device[row]) >> _VLAN_SHIFT) - 1, int(time_to_live[row]),
+            int(presence.pair_columns.count[row]),
+        )
+        for row in own.tolist()
+    ]  # fmt: skip
+    return sorted(found, key=lambda way: (-way.packets, way))
+
+
+def ways_in_words(ways: list[Way]) -> str:
+    """Return in what several ways differ, the hardware addresses first; '' where there is one alone."""
+    if len(ways) < 2:
+        return ""
+    parts = []
+    for noun, values in (
+        ("hardware addresses", [hardware_in_words(way.hardware) for way in ways]),
+        ("VLANs", ["none" if way.vlan < 0 else str(way.vlan) for way in ways]),
+        ("times to live", [str(way.time_to_live) for way in ways]),
+    ):
+        different = list(dict.fromkeys(values))
+        if len(different) > 1:
+            more = f" and {len(different) - _NAMED} more" if len(different) > _NAMED else ""
+            parts.append(f"{noun} {joined(different[:_NAMED]) if not more else ', '.join(different[:_NAMED])}{more}")
+    return "; ".join(parts)
+
+
+def joined(words: list[str]) -> str:
+    """Return words as they stand in a sentence: ``a, b and c``."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def hardware_in_words(hardware: int) -> str:
+    """Return a hardware address as it is written: ``02:00:00:00:00:01``."""
+    return hardware.to_bytes(6, "big").hex(":")
