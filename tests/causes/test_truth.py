@@ -22,11 +22,7 @@ FOLDER = Path(__file__).parents[1] / "scenarios" / "causes"
 SCENARIOS = sorted(FOLDER.glob("*.toml"))
 LEAST_NS = 1_500_000_000
 
-NOT_JUDGED_YET = {
-    "capture-snap-length", "clock-forward", "definition-download", "definition-identifier", "definition-port",
-    "definition-wrong", "duplicate-address", "five-others", "header-foreign", "identifier-dlc", "mirrored-twice",
-    "pair-download-definition", "pair-second-double", "two-paths",
-}  # fmt: skip
+NOT_JUDGED_YET = {"identifier-dlc"}
 """Scenarios of kinds of causes that nobody judges yet; their truth is told all the same."""
 
 
