@@ -145,3 +145,20 @@ def test_a_definition_says_what_the_scenario_says_and_else_what_is_right() -> No
     for part in ("<ListIdentifier>11<", 'Value="1300"', "ARRAY[1..2] OF DWORD", "ARRAY[1..1] OF BYTE", "T#100ms"):
         assert part in text
     assert definitions(read_scenario(PLANT)) == {}
+
+
+def test_a_full_bus_makes_others_wait_and_what_waits_at_the_end_is_not_recorded() -> None:
+    """At 125 kbit/s, a frame takes about a millisecond; without the overload, both lists come at once."""
+    plan = "[[bus]]\nchannel = 'can0'\nbit_rate = '125k'\n"
+    for name, cob_id in (("a", 0x110), ("b", 0x111)):
+        plan += f"[[can_list]]\nname = '{name}'\ncob_id = {cob_id}\nbytes = 8\ninterval = '10ms'\ndefined = false\n"
+    scenario = read_scenario(f"duration = '3s'\nwild = true\n{plan}[[bus_overload]]\nfrom = '1s'\nshare = 0.99\n")
+    found = [(frame.ts_ns - scenario.start_ns, frame.data[3]) for frame in Simulation(scenario).frames()]
+    assert max(time for time, _ in found) < 3_000_000_000
+
+    def count(low: int, begin: int) -> int:
+        return sum(begin <= time < begin + 1_000_000_000 and word == low for time, word in found)
+
+    assert (count(0x01, 0), count(0x11, 0)) == (0, 100)
+    assert count(0x01, 2_000_000_000) > 900
+    assert count(0x11, 2_000_000_000) < 50

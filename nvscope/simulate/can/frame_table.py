@@ -135,6 +135,8 @@ def make_can_frame_table(scenario: Scenario) -> CanFrameTable:
     for position, errors in enumerate(scenario.error_frames):
         passed.append(draft.error_frames(position, errors))
     frames = draft.joined(draft.seen(passed))
+    if scenario.bus_overload:  # what still waits at the end is not recorded
+        frames = frames.take(frames.ts_ns < scenario.duration_ns)
     frames = frames.take(np.argsort(frames.ts_ns, kind="stable"))
     if not scenario.wild:
         check_sendings(scenario, frames.entry, frames.sending, frames.identifier, frames.ts_ns)
