@@ -6,14 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dissectors.batch import Bool
+from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
-from nvscope.findings.kind import FindingKind
 from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count_of, duration
@@ -47,7 +46,7 @@ INCOMPLETE_CYCLES = CauseKind(
     "Error counters and receive buffers of the device that records, then the sender's transmit queue.",
 )
 
-_BEFORE_NS = 1_000_000_000
+_BEFORE_NS = _S_NS = 1_000_000_000
 _MEANWHILE = (LATE, JITTER, BURST, STOPPED, INCOMPLETE_CYCLE)
 
 
@@ -87,34 +86,49 @@ def judge_buses_off(case: Case) -> Iterator[Explained]:
 
 def judge_bus_errors(case: Case) -> Iterator[Explained]:
     """Explain error frames without a bus-off, and what is late or incomplete at their moments, one cause a channel."""
-    yield from _conditions(case, BUS_ERRORS, ERROR_FRAMES, "Nodes of {name} reject frames", "error frame")
+    symptoms = case.symptoms
+    for channel in distinct(symptoms.channel[case.free(ERROR_FRAMES)]).tolist():
+        told = case.free(ERROR_FRAMES) & (symptoms.channel == channel)
+        times_ns = np.union1d(symptoms.since_ns[told], symptoms.time_ns[told])
+        yield _condition(case, BUS_ERRORS, channel, told, times_ns, "Nodes of {name} reject frames")
 
 
 def judge_overloads(case: Case) -> Iterator[Explained]:
-    """Explain overload, and what is late or incomplete meanwhile, one cause a channel."""
-    yield from _conditions(case, BUS_OVERLOADED, BUS_LOAD, "{name} is overloaded", "second")
-
-
-def _conditions(case: Case, kind: CauseKind, told_by: FindingKind, title: str, noun: str) -> Iterator[Explained]:
+    """Explain overload, and what is late or incomplete in its seconds, one cause a channel."""
     symptoms = case.symptoms
-    for channel in distinct(symptoms.channel[case.free(told_by)]).tolist():
-        told = case.free(told_by) & (symptoms.channel == channel)
-        name = case.channel_name(channel)
-        since_ns, last_ns = int(symptoms.since_ns[told].min()), int(symptoms.time_ns[told].max())
-        chosen = told | (case.free(*_MEANWHILE) & _of_channel(case, channel) & _near(case, told))
-        until_ns = case.end_of_many(since_ns, last_ns, int(told.sum()))
-        lists = case.lists_of(chosen)
-        finding = case.findings[int(symptoms.finding[told][0])]
-        draft = Draft(
-            kind, f"{title.format(name=name)} since {moment(case, since_ns)}", kind.next_step,
-            [count_of(finding.count, noun), finding.message], lists, channel=name, since_ns=since_ns, until_ns=until_ns,
-        )  # fmt: skip
-        yield draft, chosen
+    for channel in distinct(symptoms.channel[case.free(BUS_LOAD)]).tolist():
+        told = case.free(BUS_LOAD) & (symptoms.channel == channel)
+        times_ns = _full_seconds(case, case.channel_name(channel))
+        times_ns = times_ns if len(times_ns) else symptoms.time_ns[told]
+        yield _condition(case, BUS_OVERLOADED, channel, told, times_ns, "{name} is overloaded")
 
 
-def _near(case: Case, told: Bool) -> Bool:
-    """Tell which symptoms lie within a second of one that is told."""
-    times = np.sort(case.symptoms.time_ns[told])
+def _full_seconds(case: Case, name: str) -> I64:
+    """Return when the seconds in which a bus was overloaded began and ended, rising."""
+    for bus in case.facts.summary.can.buses:
+        if bus.channel == name and bus.load is not None:
+            above = bus.load.second_ns[bus.load.second > case.facts.limits.bus_load_percent]
+            return np.unique(np.concatenate([above, above + _S_NS]))
+    return np.empty(0, np.int64)
+
+
+def _condition(case: Case, kind: CauseKind, channel: int, told: Bool, times_ns: I64, title: str) -> Explained:
+    """Return the cause of what is wrong with a bus at some times, and of what is late or incomplete then."""
+    name, finding = case.channel_name(channel), case.findings[int(case.symptoms.finding[told][0])]
+    since_ns, last_ns = int(times_ns.min()), min(int(times_ns.max()), case.end_ns)
+    chosen = told | (case.free(*_MEANWHILE) & _of_channel(case, channel) & _near(case, np.sort(times_ns)))
+    until_ns = case.end_of_many(since_ns, last_ns, len(times_ns))
+    noun = "second" if kind is BUS_OVERLOADED else "error frame"
+    draft = Draft(
+        kind, f"{title.format(name=name)} since {moment(case, since_ns)}", kind.next_step,
+        [count_of(finding.count, noun), finding.message], case.lists_of(chosen), channel=name, since_ns=since_ns,
+        until_ns=until_ns,
+    )  # fmt: skip
+    return draft, chosen
+
+
+def _near(case: Case, times: I64) -> Bool:
+    """Tell which symptoms lie within a second of one of some times, which rise."""
     place = np.searchsorted(times, case.symptoms.since_ns - _BEFORE_NS)
     near: Bool = np.append(times, np.iinfo(np.int64).max)[place] <= case.symptoms.time_ns + _BEFORE_NS
     return near

@@ -74,7 +74,8 @@ def _when(case: Case, entry: AnyList, rows: I64, changes: Sequence[Change]) -> t
     ends: list[int | None] = [change.back_ns for change in changes]
     if times_ns:
         last_ns = max(times_ns)
-        ends.append(None if case.end_ns - last_ns <= _longest_ns(entry) * 5 else last_ns)
+        misfits = case.symptoms.of_kinds(DEFINITION_MISMATCH)[rows].any()  # told once, and so to the end
+        ends.append(None if misfits or case.end_ns - last_ns <= _longest_ns(entry) * 5 else last_ns)
     over = [end_ns for end_ns in ends if end_ns is not None]
     return since_ns, max(over) if len(over) == len(ends) else None
 

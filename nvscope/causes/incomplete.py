@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from math import prod
 
 import numpy as np
 
-from dissectors.batch import Bool
+from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.losses import Loss, losses_in
@@ -51,8 +51,9 @@ def judge_incomplete_captures(case: Case) -> Iterator[Explained]:
         told = f"the capture itself tells of {count_of(drops, 'dropped packet')}, for {count(lost)} lost telegrams"
         yield _draft(case, losses, losses, told)
     elif _alike(case, losses):
-        single = [loss for loss in losses if loss.lost <= _SINGLE]
-        yield _draft(case, single, losses, "all lists of several senders lose about the same share")
+        at_once = {loss.row for group in _moments(case, losses) for loss in group}
+        own = [loss for loss in losses if loss.lost <= _SINGLE or loss.row in at_once]
+        yield _draft(case, own, losses, "all lists of several senders lose about the same share")
     elif moments := _moments(case, losses):
         chosen = [loss for group in moments for loss in group]
         senders = max(len({loss.node for loss in group}) for group in moments)
@@ -83,33 +84,62 @@ def _alike(case: Case, losses: Sequence[Loss]) -> bool:
 
 def _moments(case: Case, losses: Sequence[Loss]) -> list[list[Loss]]:
     """Return the moments in which several senders lose, where there are more than by chance."""
-    senders = len(case.streams_of_node)
-    if senders < 2:
-        return []
-    groups: list[list[Loss]] = []
-    for loss in losses:
-        if groups and loss.due_ns - groups[-1][0].due_ns <= _NEAR_NS:
-            groups[-1].append(loss)
-        else:
-            groups.append([loss])
-    found = [group for group in groups if len({loss.node for loss in group}) >= min(_SENDERS, senders)]
+    senders = np.minimum(_sending(case, losses), _SENDERS)
+    found = _together(losses, senders.tolist()) if (senders > 1).any() else []
     if len(found) < _LEAST_MOMENTS:
         return []
     in_moments = sum(len(group) for group in found)
-    if 2 * in_moments > len(losses) or len(found) > _BY_CHANCE * _expected(case, losses) + 1:
+    expected = _expected(case, losses, int(senders[senders > 1].min()))
+    if 2 * in_moments > len(losses) or len(found) > _BY_CHANCE * expected + 1:
         return found
     return []
 
 
-def _expected(case: Case, losses: Sequence[Loss]) -> float:
-    """Return in how many moments three senders would lose by chance, were their losses independent."""
+def _sending(case: Case, losses: Sequence[Loss]) -> I64:
+    """Return how many nodes sent lists at the time of each loss: from their first telegram to their last one."""
+    spans = [
+        (min(one.stream.first_ns for one in streams), max(one.stream.last_ns for one in streams))
+        for streams in case.streams_of_node.values()
+    ]
+    due_ns = np.array([loss.due_ns for loss in losses], np.int64)
+    first_ns, last_ns = (np.sort(np.array(ends, np.int64)) for ends in zip(*spans, strict=True))
+    sending: I64 = np.searchsorted(first_ns, due_ns, "right") - np.searchsorted(last_ns, due_ns, "left")
+    return sending
+
+
+def _together(losses: Sequence[Loss], senders: Sequence[int]) -> list[list[Loss]]:
+    """Return losses, which are in the order of time, by moments in which ``senders``, of each, lose near each other.
+
+    One sender alone makes no moment.
+    """
+    found: list[list[Loss]] = []
+    lost: Counter[int] = Counter()
+    first = told = 0
+    for place, loss in enumerate(losses):
+        lost[loss.node] += 1
+        while loss.due_ns - losses[first].due_ns > _NEAR_NS:
+            node = losses[first].node
+            lost[node] -= 1
+            if not lost[node]:
+                del lost[node]
+            first += 1
+        if len(lost) < max(senders[place], 2):
+            continue
+        if first >= told:
+            found.append([])
+        found[-1] += losses[max(first, told) : place + 1]
+        told = place + 1
+    return found
+
+
+def _expected(case: Case, losses: Sequence[Loss], at_once: int) -> float:
+    """Return in how many moments so many senders would lose by chance, were their losses independent."""
     duration_ns = max(case.end_ns - case.start_ns, 1)
     number: dict[int, int] = defaultdict(int)
     for loss in losses:
         number[loss.node] += 1
     most = sorted(number.values(), reverse=True)[:_MOST_COMBINED]
     shares = [min(1.0, 2 * _NEAR_NS * one / duration_ns) for one in most]
-    at_once = min(_SENDERS, len(case.streams_of_node))
     return sum(prod(some) for some in combinations(shares, at_once)) * duration_ns / (2 * _NEAR_NS)
 
 
@@ -130,7 +160,9 @@ def _draft(case: Case, own: Sequence[Loss], losses: Sequence[Loss], *told: str) 
     since_ns, last_ns = min(loss.due_ns for loss in own), int(symptoms.time_ns[rows].max())
     lists = [case.lists[number] for number in dict.fromkeys(loss.list for loss in own)]
     chosen = case.only(rows) | case.free(CAPTURE_DROPS)
-    chosen |= case.free(*_EFFECTS) & case.touching(rows, longest_ns(lists))
+    length_ns = symptoms.time_ns - symptoms.since_ns
+    short = length_ns <= int(length_ns[rows].max()) + slack_ns(lists)  # a longer pause is another matter
+    chosen |= case.free(*_EFFECTS) & case.touching(rows, longest_ns(lists)) & short
     chosen |= _single_waits(case, since_ns, last_ns)
     lost, all_lost = sum(loss.lost for loss in own), sum(loss.lost for loss in losses)
     draft = Draft(

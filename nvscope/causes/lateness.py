@@ -7,12 +7,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft, Explained, longest_ns
+from dissectors.batch import Bool
+from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
-from nvscope.findings.kind import Severity
+from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.facts import AnyList
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
+from nvscope.tracker.summary import ListSummary
 from nvscope.units import count_of, duration
 
 SENDER_LATE = CauseKind(
@@ -36,7 +39,7 @@ _LATE = (LATE, JITTER, TORN_CYCLE)
 def judge_late_senders(case: Case) -> Iterator[Explained]:
     """Explain what came late: one cause a list, joined over the lists of a node that are late at the same time."""
     symptoms = case.symptoms
-    rows = np.flatnonzero(case.free(*_LATE))
+    rows = np.flatnonzero(case.free(*_LATE) & ~_is_incomplete(case))
     by_list: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row in rows.tolist():
         by_list[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
@@ -53,6 +56,18 @@ def judge_late_senders(case: Case) -> Iterator[Explained]:
                 joined.append(list(own))
         for own in joined:
             yield _late(case, node, own)
+
+
+def _is_incomplete(case: Case) -> Bool:
+    """Tell in which symptoms a cycle of the same list on CAN lacks frames: that is no lateness, but a loss."""
+    symptoms = case.symptoms
+    cycles, told = symptoms.of_kinds(INCOMPLETE_CYCLE), np.zeros(len(symptoms.code), np.bool_)
+    for number in distinct(symptoms.list[cycles]).tolist():
+        own = np.flatnonzero(symptoms.list == number)
+        times = np.sort(symptoms.time_ns[cycles & (symptoms.list == number)])
+        first = np.searchsorted(times, symptoms.since_ns[own])
+        told[own] = np.append(times, np.iinfo(np.int64).max)[first] <= symptoms.time_ns[own]
+    return told
 
 
 def _late(case: Case, node: int, rows: list[int]) -> Explained:
@@ -92,20 +107,32 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
 
 
 def judge_bursts(case: Case) -> Iterator[Explained]:
-    """Explain bursts that break a limit somebody set; as they are notes otherwise, they need no cause."""
+    """Explain bursts, one cause a list, but for answers to boot-up requests, and what a definition's MinGap allows."""
     symptoms = case.symptoms
     places: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row in np.flatnonzero(case.free(BURST)).tolist():
-        if case.findings[int(symptoms.finding[row])].kind.severity > Severity.NOTE:
-            places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
+        places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
     for (node, number), rows in places.items():
         entry = case.lists[number]
+        if _is_usual(case, entry, rows):
+            continue
         which = lists_in_words(case, [entry])
         since_ns, last_ns = int(symptoms.since_ns[rows].min()), int(symptoms.time_ns[rows].max())
         who = f"Node {case.address(node)} sent {which}" if node >= 0 else f"{capitalised(which)} came"
         draft = Draft(
             SENDER_BURSTS, f"{who} in quick succession, {count_of(len(rows), 'time')}", SENDER_BURSTS.next_step,
             [f"the shortest interval was {duration(int(symptoms.amount[rows].min()))}"], [entry],
-            [node] if node >= 0 else [], since_ns=since_ns, until_ns=last_ns,
+            [node] if node >= 0 else [], since_ns=since_ns,
+            until_ns=case.end_of_many(since_ns, last_ns, len(rows), slack_ns([entry])),
         )  # fmt: skip
         yield draft, case.only(rows)
+
+
+def _is_usual(case: Case, entry: AnyList, rows: list[int]) -> bool:
+    """Tell whether bursts of a list are answers to requests for current values, or no shorter than its MinGap."""
+    symptoms = case.symptoms
+    requests = entry.counters["bootup_requests"] or 0 if isinstance(entry, ListSummary) else 0
+    most = int(np.bincount(symptoms.subindex[rows] + 1).max())
+    defined = case.facts.definition_of(entry)
+    min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
+    return most <= 2 * requests or 0 < min_gap_ns <= int(symptoms.amount[rows].min())

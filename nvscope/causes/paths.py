@@ -51,8 +51,10 @@ def _draft(case: Case, node: int, rows: list[int]) -> Explained:
     filled = case.free(TELEGRAM_GAP) & own & (symptoms.amount == 0)
     events = np.flatnonzero(told | filled)
     since_ns, last_ns = _first_due_ns(case, node, rows), int(symptoms.time_ns[rows].max())
-    chosen = told | filled | (case.free(*_BESIDE) & own & case.touching(events, longest_ns(lists)))
     farthest = int(symptoms.detail[rows].max())
+    # The place that it left open lies so many telegrams before.
+    near = case.touching(events, (farthest + 1) * longest_ns(lists))
+    chosen = told | filled | (case.free(*_BESIDE) & own & near)
     which, times = lists_in_words(case, lists), count_of(len(rows), "time")
     when = f"at {moment(case, since_ns)}" if len(rows) == 1 else (
         f"{times} from {moment(case, since_ns)} to {moment(case, last_ns)}"

@@ -49,21 +49,22 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
     copies = np.flatnonzero(case.free(DUPLICATE_TELEGRAM))
     if not len(copies):
         return
-    since_ns, last_ns = int(symptoms.time_ns[copies].min()), int(symptoms.time_ns[copies].max())
-    originals = _originals(case, copies, since_ns, last_ns)
-    if not told.any() and (len(copies) < _LEAST_COPIES or 100 * len(copies) <= _COPIES_PERCENT * originals):
+    since_ns, (repeated, last_ns) = int(symptoms.time_ns[copies].min()), _copies(case, copies)
+    originals = _originals(case, repeated, since_ns, last_ns)
+    many = repeated.total()
+    if not told.any() and (many < _LEAST_COPIES or 100 * many <= _COPIES_PERCENT * originals):
         return
     meanwhile = case.overlapping(since_ns - _ROOM_NS, last_ns + _ROOM_NS)
     chosen = told | (case.free(*_OF_COPIES) & meanwhile)
     lists = case.lists_of(copies)
-    checked = [f"{count_of(len(copies), 'telegram')} came again, byte for byte, beside {count(originals)} that did not"]
+    checked = [f"{count_of(many, 'telegram')} came again, byte for byte, beside {count(originals)} that did not"]
     ways = [ways_of(case, node) for node in distinct(symptoms.node[copies]).tolist()]
     different = next((words for words in map(ways_in_words, ways) if words), "")
     checked.append(
         f"the copies differ in {different}: a router seen from both sides" if different
         else "addresses, VLAN and time to live are the same: it is the mirror port that shows them twice"
     )  # fmt: skip
-    usual_ns = (last_ns - since_ns) // max(len(copies) - 1, 1) + _ROOM_NS
+    usual_ns = (last_ns - since_ns) // max(many - 1, 1) + _ROOM_NS
     over = case.end_ns - last_ns > 2 * usual_ns
     when = f"from {moment(case, since_ns)} to {moment(case, last_ns)}" if over else f"since {moment(case, since_ns)}"
     draft = Draft(
@@ -73,11 +74,25 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
     yield draft, chosen
 
 
-def _originals(case: Case, copies: I64, since_ns: int, last_ns: int) -> int:
-    """Return about how many telegrams there were from one time to another that are no copies."""
+def _copies(case: Case, copies: I64) -> tuple[Counter[tuple[int, int, int]], int]:
+    """Return how many copies each stream has, by list, node and SubIndex, and when the last one came.
+
+    Of a stream with many of them, not all are kept as events: they are taken to go on as long as the stream does.
+    """
     symptoms, repeated = case.symptoms, Counter[tuple[int, int, int]]()
     columns = symptoms.list[copies], symptoms.node[copies], symptoms.subindex[copies]
     repeated.update(zip(*(column.tolist() for column in columns), strict=True))
+    last_ns = int(symptoms.time_ns[copies].max())
+    for node, streams in case.streams_of_node.items():
+        for one in streams:
+            place, all_of_them = (one.list.number, node, one.stream.subindex), one.stream.figures["duplicates"] or 0
+            if 0 < repeated[place] < all_of_them:
+                repeated[place], last_ns = all_of_them, max(last_ns, one.stream.last_ns)
+    return +repeated, last_ns
+
+
+def _originals(case: Case, repeated: Counter[tuple[int, int, int]], since_ns: int, last_ns: int) -> int:
+    """Return about how many telegrams there were from one time to another that are no copies."""
     found = 0.0
     for node, streams in case.streams_of_node.items():
         for one in streams:

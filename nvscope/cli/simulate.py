@@ -34,7 +34,9 @@ def simulate(
     gvl: Annotated[
         str | None,
         typer.Option(
-            "--gvl", metavar="DIRECTORY", help="Where a .gvl file for each list on CAN goes; reports need them."
+            "--gvl",
+            metavar="DIRECTORY",
+            help="Where .gvl files go, for each list on CAN and each [[definition]].",
         ),
     ] = None,
     force: ForceOption = False,
@@ -62,13 +64,13 @@ def simulate(
 
     import json
 
-    from nvscope.simulate.can.definition import can_definitions
+    from nvscope.simulate.definition import definitions as definitions_of
     from nvscope.simulate.simulator import open_capture
     from nvscope.simulate.simulator import simulate as run
     from nvscope.view.escape import json_ascii, visible
     from nvscope.whole_files import Existing, WholeFiles
 
-    texts = can_definitions(plan)
+    texts = definitions_of(plan)
     definitions = _definition_files(plan, gvl, texts) if gvl is not None else {}
     # The same scenario gives the same files again. All others that have these names may be somebody's recordings.
     refuse_streams_onto([scenario])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+from collections.abc import Sequence
 
 from nvscope.simulate.can.check import check_can
 from nvscope.simulate.scenario import (
@@ -13,14 +14,18 @@ from nvscope.simulate.scenario import (
     Late,
     ListPlan,
     Malformed,
+    PowerOff,
     Scenario,
     Selection,
     Shape,
     Traffic,
+    Unplugged,
     WrongChecksum,
     WrongDlc,
 )
 from nvscope.toml_table import Place, nearest
+
+MAX_SHORT_HEADER_BYTES = 200
 
 
 def check_scenario(scenario: Scenario, place: Place) -> None:
@@ -60,12 +65,55 @@ def check_scenario(scenario: Scenario, place: Place) -> None:
     for position, stop in enumerate(scenario.stop):
         if not stop.node and not stop.list:
             raise place.below("stop").below(position).error("a stop needs a node or a list")
+    _check_absences(scenario, place)
     for position, burst in enumerate(scenario.burst):
         if burst.list not in scenario.list_numbers:
             continue
         owner = scenario.list[scenario.list_numbers[burst.list]]
         if burst.gap_ns < owner.spacing_ns * len(owner.shapes):
             raise place.below("burst").below(position).below("gap").error("the telegrams of one sending take longer")
+
+
+def _check_absences(scenario: Scenario, place: Place) -> None:
+    """Raise ConfigurationError for nodes that are away, pauses, restarts and lacking frames that make no sense."""
+    for position, pause in enumerate(scenario.pause):
+        if not pause.node and not pause.list:
+            raise place.below("pause").below(position).error("a pause needs a node or a list")
+    for position, entry in enumerate(scenario.list):
+        short = any(scenario.node[scenario.node_numbers[name]].short_header for name in entry.sender)
+        if short and max(size for _, size in entry.shapes) > MAX_SHORT_HEADER_BYTES:
+            raise (
+                place.below("list")
+                .below(position)
+                .below("bytes")
+                .error(f"a telegram with a short header has at most {MAX_SHORT_HEADER_BYTES} bytes of data")
+            )
+    for position, restart in enumerate(scenario.restart):
+        counter = scenario.node[scenario.node_numbers[restart.node]].counter
+        if restart.list and counter != "stream":
+            raise (
+                place.below("restart")
+                .below(position)
+                .below("list")
+                .error(f"'{restart.node}' counts beyond its lists: one of them cannot begin anew alone")
+            )
+    tables: dict[str, Sequence[PowerOff | Unplugged]] = {
+        "power_off": scenario.power_off, "unplugged": scenario.unplugged,
+    }  # fmt: skip
+    for name, absences in tables.items():
+        for position, absence in enumerate(absences):
+            below = place.below(name).below(position)
+            own = ipaddress.ip_address(scenario.node[scenario.node_numbers[absence.node]].address)
+            if sum(ipaddress.ip_address(node.address) == own for node in scenario.node) > 1:
+                raise below.below("node").error(f"another node has the address of '{absence.node}'")
+            if absence.until_ns is not None and absence.until_ns <= absence.at_ns:
+                raise below.below("until").error("a node is back after it is gone, not before")
+    for position, loss in enumerate(scenario.capture_loss):
+        below = place.below("capture_loss").below(position)
+        if bool(loss.at) == bool(loss.probability):
+            raise below.error("one of at and probability is needed")
+        if not scenario.wild:
+            raise below.error("what a capture lacks may be near other faults", "Set wild = true.")
 
 
 def _check_nodes(scenario: Scenario, place: Place) -> None:
@@ -83,8 +131,11 @@ def _check_nodes(scenario: Scenario, place: Place) -> None:
             raise below.below("address").error("an address without a scope is expected")
         if node.name in names or node.name == "broadcast" or not node.name:
             raise below.below("name").error(f"the name '{node.name}' is taken or empty")
-        if str(address) in addresses:
-            raise below.below("address").error(f"{node.address} belongs to another node already")
+        if str(address) in addresses and not scenario.wild:
+            raise below.below("address").error(
+                f"{node.address} belongs to another node already",
+                "Set wild = true for two nodes with one address: the truth about counters is then not exact.",
+            )
         names.add(node.name)
         addresses.add(str(address))
         if node.mac and (len(node.mac.split(":")) != 6 or not _is_hex(node.mac.replace(":", ""), 12)):

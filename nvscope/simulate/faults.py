@@ -20,6 +20,7 @@ from nvscope.simulate.scenario import (
     ChecksumFlag,
     Duplicate,
     Fragmented,
+    Late,
     Loss,
     MissingAcknowledgement,
     NegativeAcknowledgement,
@@ -29,6 +30,7 @@ from nvscope.simulate.scenario import (
     Selection,
     Shape,
     Truncated,
+    Unplugged,
     WrongChecksum,
 )
 from nvscope.simulate.schedule import Schedule, chosen
@@ -92,6 +94,9 @@ def make_journey(scenario: Scenario, schedule: Schedule) -> Journey:
         variant=np.zeros(count, np.int32),
     )
     order = _Order(scenario, schedule, journey)
+    for position, unplugged in enumerate(scenario.unplugged):
+        order.unplug(unplugged, f"unplugged[{position}]")
+    _lose_foreign(scenario, schedule, journey)
     faults = list(scenario.selections())
     for place, fault in sorted(faults, key=lambda entry: not entry[1].telegrams):
         order.apply(fault, place)
@@ -101,6 +106,37 @@ def make_journey(scenario: Scenario, schedule: Schedule) -> Journey:
         else:
             _mark(scenario, schedule, journey, fault, place)
     return journey
+
+
+@dataclass(frozen=True, slots=True)
+class Struck:
+    """The telegrams that a fault struck, as columns of shape (n,), stream by stream."""
+
+    stream: I32
+    ordinal: I32
+    sent_ns: I64
+
+
+def struck_by_faults(scenario: Scenario, schedule: Schedule, journey: Journey) -> dict[str, Struck]:
+    """Return the telegrams that each fault struck, by its place in the scenario; of what is lost, the lost ones."""
+    found = {}
+    for place, fault in scenario.selections():
+        rows = chosen_rows(scenario, schedule, fault, place)
+        if isinstance(fault, Loss | Fragmented):
+            rows = rows[~journey.seen[rows]]
+        elif isinstance(fault, Overtaken):
+            rows = rows[journey.label[rows] == Label.OVERTAKEN]
+        elif not isinstance(fault, Late):
+            rows = rows[journey.seen[rows]]
+        found[place] = Struck(schedule.stream[rows], schedule.ordinal[rows], schedule.sent_ns[rows])
+    return found
+
+
+def _lose_foreign(scenario: Scenario, schedule: Schedule, journey: Journey) -> None:
+    """Take out what has a header that nobody understands: it is seen as something else."""
+    foreign = np.array([scenario.node[stream.node].short_header for stream in schedule.streams], np.bool_)
+    if foreign.any():
+        journey.seen[foreign[schedule.stream]] = False
 
 
 def chosen_rows(scenario: Scenario, schedule: Schedule, fault: Selection, place: str) -> I64:
@@ -193,6 +229,23 @@ class _Order:
             self._postpone(fault, place, fault.by, copies=0)
         elif isinstance(fault, Duplicate) and fault.behind:
             self._postpone(fault, place, fault.behind, copies=fault.copies)
+
+    def unplug(self, fault: Unplugged, place: str) -> None:
+        """Lose what a node sends without its cable."""
+        schedule = self.schedule
+        own = np.array([self.scenario.node[stream.node].name == fault.node for stream in schedule.streams], np.bool_)
+        gone = own[schedule.stream] if len(own) else np.zeros(len(schedule.sent_ns), np.bool_)
+        gone &= schedule.sent_ns >= fault.at_ns
+        if fault.until_ns is not None:
+            gone &= schedule.sent_ns < fault.until_ns
+        rows = np.flatnonzero(gone)
+        near = self.state[schedule.places[rows]] == self.OCCUPIED
+        if not self.scenario.wild and near.any():
+            raise _conflict(
+                self.scenario, schedule, place, int(rows[near][0]), "is too near to another fault or to a wrap"
+            )
+        self.journey.seen[rows] = False
+        self._occupy(schedule.places[rows], _MARGIN, self.LOST)
 
     def _lose(self, fault: Selection, place: str) -> None:
         rows = chosen_rows(self.scenario, self.schedule, fault, place)

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dissectors.batch import I32, I64, U8, U16
+from dissectors.batch import I32, I64, U8, U16, Bool
+from nvscope.simulate.absence import captured_rows, present_rows
 from nvscope.simulate.answers import Answers
 from nvscope.simulate.draft import Draft
-from nvscope.simulate.faults import Label, make_journey
+from nvscope.simulate.faults import Label, Struck, make_journey, struck_by_faults
 from nvscope.simulate.scenario import Malformed, Mirrored, Scenario, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.schedule import FRAME_GAP_NS, Stream, Writer, make_schedule
-from nvscope.simulate.strangers import add_malformed, add_traffic
+from nvscope.simulate.strangers import add_malformed, add_short_headers, add_traffic
 from nvscope.simulate.template import Role, Template
 
 
@@ -27,13 +28,15 @@ class FrameTable:
 
     ``ordinal``, ``counter``, ``flags`` and ``checksum`` fill the template. ``label``, ``number`` and ``epoch`` are what
     is true of data telegrams (``faults.Label``, ``Schedule``). ``captured`` bytes of a frame are kept. By stream,
-    ``sequence_of`` tells what its counter runs through, ``sent_of`` how many telegrams are sent.
+    ``sequence_of`` tells what its counter runs through, ``sent_of`` how many telegrams are sent. ``struck`` are the
+    telegrams that faults struck, by their places in the scenario.
     """
 
     writers: tuple[Writer, ...]
     streams: tuple[Stream, ...]
     sequence_of: I64
     sent_of: I64
+    struck: dict[str, Struck]
     templates: tuple[Template, ...]
     ts_ns: I64
     template: I32
@@ -53,7 +56,9 @@ class FrameTable:
 def make_frame_table(scenario: Scenario) -> FrameTable:
     """Return all frames of a scenario; ConfigurationError where its faults contradict each other."""
     schedule = make_schedule(scenario)
-    draft = Draft(scenario, schedule, make_journey(scenario, schedule))
+    journey = make_journey(scenario, schedule)
+    struck = struck_by_faults(scenario, schedule, journey)
+    draft = Draft(scenario, schedule, journey)
     draft.add_telegrams()
     answers = Answers(draft)
     for position, reader in enumerate(scenario.reader):
@@ -66,12 +71,14 @@ def make_frame_table(scenario: Scenario) -> FrameTable:
             answers.add_unexpected(fault, place)
         elif isinstance(fault, Unreachable):
             answers.add_unreachable(fault, place)
+    add_short_headers(draft)
     del answers  # what they remember takes memory
     add_traffic(draft)
-    return _finished(draft)
+    del schedule, journey
+    return _finished(draft, struck)
 
 
-def _finished(draft: Draft) -> FrameTable:
+def _finished(draft: Draft, struck: dict[str, Struck]) -> FrameTable:
     """Return everything in the order of the capture, with its clock. The draft is of no use afterwards."""
     scenario, writers, streams = draft.scenario, draft.schedule.writers, draft.schedule.streams
     sequence_of = np.zeros(max(len(streams), 1), np.int64)
@@ -79,6 +86,8 @@ def _finished(draft: Draft) -> FrameTable:
     sent_of = np.bincount(draft.schedule.stream, minlength=len(streams))
     del draft.schedule, draft.journey, draft.row_template
     columns = {name: np.concatenate(draft.pieces.pop(name)) for name in list(draft.pieces)}
+    if scenario.power_off or scenario.unplugged:
+        columns = _chosen(columns, present_rows(draft, columns["ts_ns"], columns["template"]))
     for position, mirrored in enumerate(scenario.mirrored):
         if not scenario.wild and mirrored.delay_ns >= _shortest_interval(columns, draft.templates):
             raise scenario.error(
@@ -86,6 +95,8 @@ def _finished(draft: Draft) -> FrameTable:
                 "a copy must come before the next telegram of its stream, list and SubIndex of a sender",
             )
         columns = _doubled(columns, mirrored, draft.templates)
+    if scenario.capture_loss:
+        columns = _chosen(columns, captured_rows(scenario, columns["ts_ns"]))
     order = np.argsort(columns["ts_ns"], kind="stable")
     for name in columns:
         columns[name] = columns[name][order]
@@ -98,8 +109,12 @@ def _finished(draft: Draft) -> FrameTable:
         raise scenario.error("clock_step", "the clock would show a time before 1970")
     captured = _captured(columns, draft)
     return FrameTable(
-        writers, streams, sequence_of, sent_of, tuple(draft.templates), ts_ns, captured=captured, **columns
+        writers, streams, sequence_of, sent_of, struck, tuple(draft.templates), ts_ns, captured=captured, **columns
     )
+
+
+def _chosen(columns: dict[str, npt.NDArray[Any]], rows: Bool) -> dict[str, npt.NDArray[Any]]:
+    return {name: column[rows] for name, column in columns.items()}
 
 
 def _shortest_interval(columns: dict[str, npt.NDArray[Any]], templates: list[Template]) -> int:

@@ -21,7 +21,7 @@ from functools import cached_property
 from dissectors.can.frame import MAX_DATA_BYTES as MAX_PDO_BYTES
 from nvscope.errors import ConfigurationError
 from nvscope.list_key import ListKey
-from nvscope.simulate.can.tables import Bus, BusOff, CanList, CanTraffic, ErrorFrames
+from nvscope.simulate.can.tables import Bus, BusOff, BusOverload, CanList, CanTraffic, ErrorFrames
 from nvscope.toml_table import (
     DURATION,
     FLAG,
@@ -51,7 +51,7 @@ class Node:
     """A controller or PC with an address. What it counts in Counter is a matter of the node, not of the list."""
 
     name: str = key(TEXT, "how the rest of the scenario calls it")
-    address: str = key(TEXT, "IPv4 or IPv6 address")
+    address: str = key(TEXT, "IPv4 or IPv6 address; with wild, two nodes may have the same one")
     mac: str = key(TEXT, "hardware address; made from the node's number if empty", default="")
     counter: str = key(
         choice("stream", "telegram", "send", "list", "constant"),
@@ -67,6 +67,12 @@ class Node:
         default=False,
     )
     byte_swapped: bool = key(FLAG, "Counter is written byte-swapped from 128 on", default=False)
+    short_header: bool = key(
+        FLAG,
+        "a header of 18 bytes, as a public npm sender writes it: SubIndex in one byte, no Checksum. Its telegrams are "
+        "malformed to everybody else",
+        default=False,
+    )
     changing_port: bool = key(FLAG, "a new source port for each telegram, as PC senders do", default=False)
     vlan: tuple[int, ...] = key(
         array(integer(0, 4095), single=True), "VLAN tags of its frames, the outer one first", default=()
@@ -321,13 +327,14 @@ class Restart:
     """A node starts again: its counters begin anew. What it would have sent during the outage is never sent."""
 
     node: str = key(TEXT, "the node")
+    list: str = key(TEXT, "only this list begins anew", default="")
     at_ns: int = key(LENGTH, "when", name="at")
     outage_ns: int = key(LENGTH, "how long it sends nothing", default=0, name="outage")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stop:
-    """A node sends no more, be it one list or all of them."""
+    """A node sends no more, be it one list or all of them; what else comes of it goes on."""
 
     node: str = key(TEXT, "the node; all that send the list if it is not given", default="")
     at_ns: int = key(LENGTH, "when", name="at")
@@ -335,10 +342,29 @@ class Stop:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PowerOff:
+    """A node without power: nothing of it is seen, be it telegrams, answers or ARP. Back, its counters begin anew."""
+
+    node: str = key(TEXT, "the node")
+    at_ns: int = key(LENGTH, "when", name="at")
+    until_ns: int | None = key(LENGTH, "when it is back", default=None, name="until")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unplugged:
+    """A node without its cable: nothing of it is seen, while its program runs on and counts what it sends."""
+
+    node: str = key(TEXT, "the node")
+    at_ns: int = key(LENGTH, "when", name="at")
+    until_ns: int | None = key(LENGTH, "when it is back", default=None, name="until")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pause:
     """A sending is held up, and all later ones with it; nothing is lost."""
 
-    list: str = key(TEXT, "the list")
+    list: str = key(TEXT, "the list; all lists of the node if it is not given", default="")
+    node: str = key(TEXT, "the node; all that send the list if it is not given", default="")
     at_ns: int = key(LENGTH, "sendings due from this time on", name="at")
     by_ns: int = key(LENGTH, "how long", name="by")
 
@@ -389,6 +415,31 @@ class Mirrored:
     from_ns: int = key(LENGTH, "since when", default=0, name="from")
     until_ns: int | None = key(LENGTH, "until when", default=None, name="until")
     delay_ns: int = key(LENGTH, "how much later the copy comes", default=2_000, name="delay")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureLoss:
+    """The capture lacks frames of everybody, CAN excepted; who they were sent to received them. Needs wild."""
+
+    at: tuple[int, ...] = key(array(LENGTH, single=True), "moments from which on all frames are lacking", default=())
+    lasting_ns: int = key(LENGTH, "how long each of these moments is", default=30_000_000, name="lasting")
+    probability: float = key(number(0, 1), "each frame by itself, with this probability", default=0.0)
+    from_ns: int = key(LENGTH, "only those from this time on", default=0, name="from")
+    until_ns: int | None = key(LENGTH, "only those before this time", default=None, name="until")
+    drops: int = key(
+        integer(0, 2**32 - 1), "how many the capture says that it dropped, which pcapng files can say", default=0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Definition:
+    """A definition of a list for who reads the capture, right or wrong; --gvl writes it. What is not given is right."""
+
+    list: str = key(TEXT, "the list")
+    index: int | None = key(integer(0, U16_MAX), "its list identifier", default=None)
+    port: int | None = key(integer(1, U16_MAX), "its UDP port", default=None)
+    packed: bool | None = key(FLAG, "several variables in one telegram", default=None)
+    total_bytes: int = key(integer(0, 64 * MAX_DATA_BYTES), "data bytes of all its variables", default=0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -444,6 +495,7 @@ class Scenario:
     can_list: tuple[CanList, ...] = key(tables(CanList), "network variables lists on CAN", default=())
     can_traffic: tuple[CanTraffic, ...] = key(tables(CanTraffic), "other frames on CAN", default=())
     error_frames: tuple[ErrorFrames, ...] = key(tables(ErrorFrames), "error frames of CAN", default=())
+    bus_overload: tuple[BusOverload, ...] = key(tables(BusOverload), "CAN buses that are full", default=())
     bus_off: tuple[BusOff, ...] = key(tables(BusOff), "CAN controllers that leave the bus", default=())
     loss: tuple[Loss, ...] = key(tables(Loss), "lost telegrams", default=())
     fragmented: tuple[Fragmented, ...] = key(tables(Fragmented), "IP fragments", default=())
@@ -470,11 +522,15 @@ class Scenario:
     unreachable: tuple[Unreachable, ...] = key(tables(Unreachable), "refused telegrams", default=())
     restart: tuple[Restart, ...] = key(tables(Restart), "restarts of nodes", default=())
     stop: tuple[Stop, ...] = key(tables(Stop), "senders that stop", default=())
+    power_off: tuple[PowerOff, ...] = key(tables(PowerOff), "nodes without power", default=())
+    unplugged: tuple[Unplugged, ...] = key(tables(Unplugged), "nodes without their cable", default=())
     pause: tuple[Pause, ...] = key(tables(Pause), "senders that are held up", default=())
     burst: tuple[Burst, ...] = key(tables(Burst), "bursts", default=())
     second_sender: tuple[SecondSender, ...] = key(tables(SecondSender), "second senders of a list", default=())
     clock_step: tuple[ClockStep, ...] = key(tables(ClockStep), "steps of the capture's clock", default=())
     mirrored: tuple[Mirrored, ...] = key(tables(Mirrored), "frames seen twice", default=())
+    capture_loss: tuple[CaptureLoss, ...] = key(tables(CaptureLoss), "frames that the capture lacks", default=())
+    definition: tuple[Definition, ...] = key(tables(Definition), "definitions of lists on UDP", default=())
     expect: Expect | None = key(table_of(Expect), "what a report must say", default=None)  # noqa: RUF009
     path: str = "scenario"
 
@@ -500,7 +556,7 @@ class Scenario:
     @property
     def channels(self) -> tuple[str, ...]:
         """The CAN buses that any table names, in the order of their names."""
-        tables = (self.bus, self.can_list, self.can_traffic, self.error_frames, self.bus_off)
+        tables = (self.bus, self.can_list, self.can_traffic, self.error_frames, self.bus_overload, self.bus_off)
         return tuple(sorted({entry.channel for table in tables for entry in table}))
 
     @property

@@ -17,6 +17,7 @@ from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT
 from nvscope.simulate.can.tables import CanList
 from nvscope.simulate.noise import chance, noise_key, uniform
 from nvscope.simulate.ordering import order_by
+from nvscope.simulate.outages import epochs, without_outages
 from nvscope.simulate.scenario import U16_MAX, Late, ListPlan, Scenario, Selection
 
 MAX_FRAMES = 20_000_000
@@ -232,18 +233,18 @@ def _scopes(scenario: Scenario, writers: tuple[Writer, ...]) -> list[str]:
 def _sendings(scenario: Scenario, writer: Writer) -> I64:
     """Return when a writer's sendings are due, before its node's other lists come in between."""
     plan = writer.plan
-    times, end_ns = due_times(scenario, plan, writer.name)
+    times, end_ns = due_times(scenario, plan, writer.name, scenario.node[writer.node].name)
     if plan.answers_boot_up:
         for reader in scenario.reader:
             if reader.list == plan.name and reader.boot_up:
                 times = np.concatenate([times, np.array(reader.boot_up, np.int64) + plan.answer_delay_ns])
     times = np.sort(times)
     times = times[(times >= plan.from_ns) & (times < end_ns)]
-    return _without_outages(scenario, writer, times)
+    return without_outages(scenario, scenario.node[writer.node].name, plan.name, times)
 
 
-def due_times(scenario: Scenario, plan: ListPlan | CanList, name: str) -> tuple[I64, int]:
-    """Return when the sendings of a list are due, in no order, and when they end, which some may be behind.
+def due_times(scenario: Scenario, plan: ListPlan | CanList, name: str, node: str) -> tuple[I64, int]:
+    """Return when a node's sendings of a list are due, in no order, and when they end, which some may be behind.
 
     ``name`` is that of the writer: each has jitter of its own.
     """
@@ -258,7 +259,7 @@ def due_times(scenario: Scenario, plan: ListPlan | CanList, name: str) -> tuple[
     elif plan.jitter_ns:
         times += uniform(key, numbers, plan.jitter_ns + 1)
     for pause in scenario.pause:
-        if pause.list == plan.name:
+        if pause.list in {"", plan.name} and pause.node in {"", node}:
             times[times >= pause.at_ns] += pause.by_ns
     extra = [times]
     for burst in scenario.burst:
@@ -266,16 +267,6 @@ def due_times(scenario: Scenario, plan: ListPlan | CanList, name: str) -> tuple[
         if len(due) and burst.list == plan.name:
             extra.append(due[0] + burst.gap_ns * np.arange(1, burst.count + 1))
     return np.concatenate(extra), end_ns
-
-
-def _without_outages(scenario: Scenario, writer: Writer, times: I64) -> I64:
-    for stop in scenario.stop:
-        if stop.node in {"", scenario.node[writer.node].name} and stop.list in {"", writer.plan.name}:
-            times = times[times < stop.at_ns]
-    for restart in scenario.restart:
-        if scenario.node_numbers[restart.node] == writer.node:
-            times = times[(times < restart.at_ns) | (times >= restart.at_ns + restart.outage_ns)]
-    return times
 
 
 def _late_sendings(scenario: Scenario, writer: Writer, times: I64) -> I64:
@@ -316,10 +307,8 @@ def _node_telegrams(
         sent_ns = sent_ns + subindex * spacing[writer_of]
         stream = first_stream[writer_of] + subindex
     sent_ns = _one_after_the_other(sent_ns)
-    epoch = np.zeros(len(sent_ns), np.int64)
-    for restart in scenario.restart:
-        if scenario.node_numbers[restart.node] == node:
-            epoch += due_ns[row_sending] >= restart.at_ns
+    names = [writer.plan.name for writer in own]
+    epoch = epochs(scenario, scenario.node[node].name, names, writer_of, due_ns[row_sending])
     sequence, advance = _sequence(scope, stream, writer_of, row_sending, own)
     number = _numbers(sequence, epoch, advance)
     counter, flags, checksum = _counter_bytes(scenario, node, own, stream, number)

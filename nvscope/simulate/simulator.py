@@ -15,6 +15,7 @@ import numpy as np
 from dissectors.batch import Bool, PacketBatch
 from nvscope.capture.formats import suffixes_that, written_as
 from nvscope.capture.open import open_sink
+from nvscope.capture.pcapng.sink import PcapngSink
 from nvscope.capture.source import Sink
 from nvscope.errors import CaptureError, UsageError
 from nvscope.simulate.can.frame_table import CanFrameTable
@@ -76,11 +77,20 @@ def open_capture(scenario: Scenario, path: str, name: str) -> Sink:
             f"the scenario has no frames of CAN, and a {known.name} log holds no others", where=name,
             next_step=f"name the file {suffixes_that(lambda one: not one.only_can)}",
         )  # fmt: skip
+    drops = sum(loss.drops for loss in scenario.capture_loss)
+    if drops and known and known.name != PcapngSink.format_name:
+        raise UsageError(
+            f"the scenario's capture says that it dropped frames, which a {suffix} file cannot say", where=name,
+            next_step="name the file .pcapng",
+        )  # fmt: skip
     try:
-        return open_sink(path, channels_of(scenario) or None)
+        sink = open_sink(path, channels_of(scenario) or None)
     except (CaptureError, UsageError) as error:
         error.where = name
         raise
+    if isinstance(sink, PcapngSink):
+        sink.drops = drops
+    return sink
 
 
 def channels_of(scenario: Scenario) -> tuple[str, ...]:

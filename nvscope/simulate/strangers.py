@@ -52,6 +52,39 @@ def add_malformed(draft: Draft, fault: Malformed, place: str) -> None:
         draft.add(template, np.array([draft.journey.arrival_ns[row] + _MALFORMED_AFTER_NS], np.int64))
 
 
+def add_short_headers(draft: Draft) -> None:
+    """Add the telegrams of nodes with a header of 18 bytes.
+
+    ::
+
+        identity 4 | ID 4 | Index 2 | SubIndex 1 | Items 2 | Length 2, of a header of 20 | Counter 2 | Flags 1
+
+    Who expects a header of 20 reads Length where its high byte and the low one of Counter are.
+    """
+    schedule = draft.schedule
+    for number, stream in enumerate(schedule.streams):
+        if not draft.scenario.node[stream.node].short_header:
+            continue
+        rows = schedule.rows(number)
+        draft.check_room(len(rows))
+        plan = schedule.writers[stream.writer].plan
+        for row in rows.tolist():
+            header = HEADER.pack(
+                id=Service.ODStateFree, index=plan.index, length=HEADER.size_bytes + stream.data_bytes
+            ).tobytes()  # fmt: skip
+            length = HEADER.offset_of("length")
+            payload = header[: HEADER.offset_of("subindex")] + bytes([stream.subindex & 0xFF])
+            payload += stream.items.to_bytes(2, "little") + header[length : length + 2]
+            payload += int(schedule.counter[row]).to_bytes(2, "little") + b"\0" + bytes(stream.data_bytes)
+            swapped = int.from_bytes(payload[length : length + 2], "big") == len(payload)
+            template = draft.telegram_template(
+                stream.node, draft.destination(stream.entry, stream.node), plan.port, payload, Role.MALFORMED_DATA,
+                list_key=plan.list_key, subindex=(stream.items & 0xFF) << 8 | stream.subindex & 0xFF,
+                malformed="byte_swapped_length" if swapped else "wrong_length",
+            )  # fmt: skip
+            draft.add(template, schedule.sent_ns[row : row + 1])
+
+
 def add_traffic(draft: Draft) -> None:
     """Add frames that are no telegrams, or none of a list."""
     for position, traffic in enumerate(draft.scenario.traffic):

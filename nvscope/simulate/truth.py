@@ -2,7 +2,7 @@
 
 Only what an observer can know counts: a loss needs a telegram seen before and one after it, and what waits when the
 capture ends waits for ever. ``designed`` tells what was put in, seen or not. Figures are told, and no findings: what a
-report should say of them is not for who put them in.
+report should say of them is not for who put them in. Causes are: they are what was put in.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from dissectors.batch import I64, Bool
 from dissectors.netvar import CHECKSUM_PRESENT
 from nvscope.list_key import ListKey
 from nvscope.simulate.can.truth import can_buses, can_list_truth
+from nvscope.simulate.cause_truth import cause_truth
 from nvscope.simulate.faults import Label
 from nvscope.simulate.frames import IPAddress, address_order
 from nvscope.simulate.list_facts import ListFacts
@@ -57,6 +58,7 @@ def make_truth(facts: ScenarioFacts) -> dict[str, Any]:
             "end_ns": str(facts.end_ns) if facts.frames else None,
         },
         "lists": lists,
+        "causes": cause_truth(facts),
         **({} if can is None else {"buses": list(can_buses(scenario, can))}),
     }
 

@@ -58,6 +58,7 @@ def simulated_truth() -> Schema:
     }
     parts = {
         "list": _list(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(), "bus": _bus(),
+        "cause": _cause(),
     }  # fmt: skip
     return document(
         "truth", "`nvscope simulate`: what was put into simulated traffic, in the words of a report",
@@ -67,6 +68,7 @@ def simulated_truth() -> Schema:
             "exact": truth("false for a wild scenario: figures of loss are then what was put in"),
             "capture": record(capture, optional=("can_frames",)),
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
+            "causes": several(shared("cause")),
             "buses": several(shared("bus")),
         },
         optional=("buses",),
@@ -161,6 +163,19 @@ def _can_stream() -> Schema:
             "checksum": unknown(),
         }
     )
+
+
+def _cause() -> Schema:
+    return record(
+        {
+            "kind": text("of causes, as those of a report have it"),
+            "lists": several(text("key of a list")),
+            "nodes": several(text("address")),
+            "channel": maybe(text("of CAN")),
+            "since_ns": time(),
+            "until_ns": maybe(time("null where it is still so at the end")),
+        }
+    ) | {"description": "what goes wrong, as it was put in; by when it began"}
 
 
 def _bus() -> Schema:

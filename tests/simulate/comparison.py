@@ -16,7 +16,7 @@ UNKNOWABLE = {
     "lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts", "counter_scope", "count", "min", "max",
 }  # fmt: skip
 OF_COUNTERS = {"NV201", "NV202", "NV203", "NV204", "NV205", "NV206", "NV207"}
-ONLY_IN_TRUTH = {"designed", "schema", "tool", "title", "seed", "exact"}
+ONLY_IN_TRUTH = {"causes", "designed", "schema", "tool", "title", "seed", "exact"}
 
 FindingKey = tuple[str, str | None, str | None, int | None]
 

@@ -14,7 +14,7 @@ import numpy as np
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.definition.project import Project
 from nvscope.definition.project_file import read_project
-from nvscope.simulate.can.definition import can_definitions
+from nvscope.simulate.definition import definitions
 from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.scenario_facts import make_scenario_facts
 from nvscope.simulate.scenario_file import load_scenario
@@ -62,7 +62,7 @@ class Simulation:
         return path
 
     def inquiry(self, directory: Path) -> Inquiry:
-        """Return an inquiry into a capture of it, with the definitions of its lists on CAN; both lie in a directory."""
+        """Return an inquiry into a capture of it, with the definitions of its lists; both lie in a directory."""
         return Inquiry([str(self.write(directory / "simulated.pcapng"))], project_of(self.scenario, directory))
 
     def report(self, directory: Path) -> dict[str, Any]:
@@ -78,9 +78,9 @@ def simulated(path: Path) -> Simulation:
 
 
 def project_of(scenario: Scenario, directory: Path) -> Project:
-    """Return what the definition files of a scenario's lists on CAN tell, which are written to a directory."""
+    """Return what the definition files of a scenario's lists tell, which are written to a directory."""
     paths = []
-    for name, text in can_definitions(scenario).items():
+    for name, text in definitions(scenario).items():
         path = directory / f"{name}.gvl"
         path.write_text(text, encoding="utf-8")
         paths.append(str(path))

@@ -19,7 +19,7 @@ from tests.simulate.simulation import Simulation, simulated
 
 SCENARIOS = [
     path
-    for path in sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
+    for path in sorted((Path(__file__).parent.parent / "scenarios").rglob("*.toml"))
     if not load_scenario(path).channels
 ]
 """Those of CAN: tests/simulate/can/test_truth.py."""

@@ -14,11 +14,13 @@ from nvscope.capture.pcapng.blocks import (
     ENHANCED_PACKET,
     INTERFACE,
     OPTION_END,
+    OPTION_INTERFACE_DROPS,
     OPTION_INTERFACE_NAME,
     OPTION_PACKET_FLAGS,
     OPTION_TIME_RESOLUTION,
     PACKET_OVERHEAD,
     SECTION,
+    STATISTICS,
 )
 from nvscope.capture.record_reader import MAX_PACKET_BYTES
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, put_blocks, stretches
@@ -32,13 +34,15 @@ class PcapngSink(FileSink):
 
     Every link type is an interface; with ``channels``, names by number that may grow, every channel of it is one, and
     has its name. Packets of known direction have flags that tell it. Packets are cut to ``MAX_PACKET_BYTES``, times
-    before 1970 become 1970.
+    before 1970 become 1970. ``drops`` are told as those of the first interface at the end, unless they are 0.
     """
 
     format_name = "pcapng"
 
     def __init__(self, path: str, channels: Sequence[str] | None = None) -> None:
         super().__init__(path, channels)
+        self.drops = 0
+        self._last_ns = 0
         self._numbers: dict[int, int] = {}
         self._output.write(struct.pack("=IIIHHqI", SECTION, 28, BYTE_ORDER_MAGIC, 1, 0, -1, 28))
 
@@ -56,6 +60,16 @@ class PcapngSink(FileSink):
         interface = np.array([self._numbers[known] for known in seen.tolist()], np.uint32)[key]
         for rows in stretches(batch.captured, len(batch), BATCH_BYTES):
             self._output.write(self._blocks(batch[rows], interface[rows]))
+        self._last_ns = max(int(batch.ts_ns[-1]), 0)
+
+    def close(self) -> None:
+        if self.drops and self._numbers:
+            high, low = divmod(self._last_ns, 1 << 32)
+            told = struct.pack("=HHQHH", OPTION_INTERFACE_DROPS, 8, self.drops, OPTION_END, 0)
+            size = 24 + len(told)
+            self._output.write(struct.pack("=IIIII", STATISTICS, size, 0, high, low) + told + struct.pack("=I", size))
+            self.drops = 0
+        super().close()
 
     def _interface(self, key: int) -> bytes:
         link, options = key, b""

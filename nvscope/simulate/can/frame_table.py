@@ -18,17 +18,19 @@ from dissectors.can.error import BUS_OFF, CLASSES, CONTROLLER, CONTROLLER_BITS, 
 from dissectors.can.frame import ERROR, EXTENDED, EXTENDED_MASK, FRAME, REMOTE, dissect_can
 from nvscope.duration import format_duration
 from nvscope.simulate.can.bus import priority_of, transmit
+from nvscope.simulate.can.sendings import check_sendings
 from nvscope.simulate.can.tables import (
     SDO_ANSWER,
     SDO_ANSWER_AFTER_NS,
     TRAFFIC_DATA,
     Bus,
+    BusOverload,
     CanList,
     CanTraffic,
     ErrorFrames,
 )
 from nvscope.simulate.noise import noise, noise_key, uniform
-from nvscope.simulate.ordering import order_by
+from nvscope.simulate.outages import without_outages
 from nvscope.simulate.scenario import Loss, Scenario, Selection, WrongDlc
 from nvscope.simulate.schedule import MAX_FRAMES, chosen, due_times, postponed
 
@@ -38,6 +40,8 @@ _BATCH = 1 << 15
 _DATA_BYTES, _FD_BYTES = 8, 64
 _FD, _FD_WITH_SWITCH = 0x04, 0x05
 _PATIENCE = 4
+_LEAST_BITS = 100
+_OF_OVERLOAD = 0x5555_5555_5555_5555
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +109,14 @@ class CanFrames:
 
 @dataclass(frozen=True, slots=True)
 class CanFrameTable:
-    """What passes the buses and is seen, in the order of the capture, and how many PDOs each list sent in all."""
+    """What passes the buses and is seen, in the order of the capture, and how many PDOs each list sent in all.
+
+    ``struck`` is when the PDOs were due that faults struck, by their places in the scenario.
+    """
 
     frames: CanFrames
     sent_of: tuple[int, ...]
+    struck: dict[str, I64]
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -121,20 +129,24 @@ def make_can_frame_table(scenario: Scenario) -> CanFrameTable:
     sent_of = tuple(draft.add_list(position, entry) for position, entry in enumerate(scenario.can_list))
     for position, traffic in enumerate(scenario.can_traffic):
         draft.add_traffic(position, traffic)
+    for overload in scenario.bus_overload:
+        draft.add_overload(overload)
     passed = [draft.passed(number) for number in range(len(scenario.channels))]
     for position, errors in enumerate(scenario.error_frames):
         passed.append(draft.error_frames(position, errors))
     frames = draft.joined(draft.seen(passed))
+    if scenario.bus_overload:  # what still waits at the end is not recorded
+        frames = frames.take(frames.ts_ns < scenario.duration_ns)
     frames = frames.take(np.argsort(frames.ts_ns, kind="stable"))
     if not scenario.wild:
-        _check_sendings(scenario, frames)
+        check_sendings(scenario, frames.entry, frames.sending, frames.identifier, frames.ts_ns)
     ts_ns = frames.ts_ns + scenario.start_ns
     for step in scenario.clock_step:
         ts_ns[frames.ts_ns >= step.at_ns] += step.by_ns
     if len(ts_ns) and ts_ns.min() < 0:
         raise scenario.error("clock_step", "the clock would show a time before 1970")
     columns = (getattr(frames, column.name) for column in fields(frames)[2:])
-    return CanFrameTable(CanFrames(frames.payloads, ts_ns, *columns), sent_of)
+    return CanFrameTable(CanFrames(frames.payloads, ts_ns, *columns), sent_of, draft.struck)
 
 
 def frames_bits(frames: CanFrames) -> tuple[I64, I64]:
@@ -163,6 +175,8 @@ def _check_size(scenario: Scenario) -> None:
         sendings = scenario.duration_ns // entry.interval_ns + 1
         sendings += sum(burst.count for burst in scenario.burst if burst.list == entry.name)
         total += sendings * len(entry.data_bytes)
+    for overload in scenario.bus_overload:
+        total += scenario.duration_ns * _bus(scenario, overload.channel).bit_rate // (_LEAST_BITS * 1_000_000_000)
     others: list[CanTraffic | ErrorFrames] = [*scenario.can_traffic, *scenario.error_frames]
     for other in others:
         total += len(other.at) if other.at else 2 * (scenario.duration_ns // other.interval_ns + 1)
@@ -174,6 +188,10 @@ def _check_size(scenario: Scenario) -> None:
         )
 
 
+def _bus(scenario: Scenario, channel: str) -> Bus:
+    return next((bus for bus in scenario.bus if bus.channel == channel), Bus(channel=channel))
+
+
 class _Draft:
     """Frames that are due, in no order yet, in pieces; until they have passed, ``ts_ns`` is when they are due."""
 
@@ -182,16 +200,20 @@ class _Draft:
         self.channel_numbers = {channel: number for number, channel in enumerate(scenario.channels)}
         self.pieces: list[tuple[CanFrames, int | None]] = []
         self.payloads: list[bytes] = []
+        self.struck: dict[str, I64] = {}
 
     def add_list(self, position: int, entry: CanList) -> int:
         """Add the PDOs of a list that are not lost; return how many there are in all."""
         scenario = self.scenario
-        times, end_ns = due_times(scenario, entry, f"{entry.name} on CAN")
+        times, end_ns = due_times(scenario, entry, f"{entry.name} on CAN", entry.sender)
         times = np.sort(times)
-        times = self._without_outages(entry, times[(times >= entry.from_ns) & (times < end_ns)])
+        times = times[(times >= entry.from_ns) & (times < end_ns)]
+        times = without_outages(scenario, entry.sender, entry.name, times)
         for number, late in enumerate(scenario.late):
             if late.list == entry.name:
-                times = postponed(scenario, late, f"late[{number}]", entry.name, times)
+                due = times
+                times = postponed(scenario, late, f"late[{number}]", entry.name, due)
+                self.struck[f"late[{number}]"] = times[times != due]
         numbers = np.arange(len(times), dtype=np.int64)
         for subindex, size in enumerate(entry.data_bytes):
             length = np.full(len(times), size, np.uint8)
@@ -207,19 +229,14 @@ class _Draft:
         return len(times) * len(entry.data_bytes)
 
     def _apply(self, fault: Selection, place: str, name: str, times: I64, length: U8, seen: Bool) -> None:
+        if not isinstance(fault, Loss | WrongDlc):
+            return
+        rows = chosen(self.scenario, fault, place, name, times)
         if isinstance(fault, Loss):
-            seen[chosen(self.scenario, fault, place, name, times)] = False
-        elif isinstance(fault, WrongDlc):
-            length[chosen(self.scenario, fault, place, name, times)] = fault.data_bytes
-
-    def _without_outages(self, entry: CanList, times: I64) -> I64:
-        for stop in self.scenario.stop:
-            if stop.list == entry.name or (not stop.list and entry.sender and stop.node == entry.sender):
-                times = times[times < stop.at_ns]
-        for restart in self.scenario.restart:
-            if entry.sender and restart.node == entry.sender:
-                times = times[(times < restart.at_ns) | (times >= restart.at_ns + restart.outage_ns)]
-        return times
+            seen[rows] = False
+        else:
+            length[rows] = fault.data_bytes
+        self.struck[place] = np.concatenate([self.struck.get(place, rows[:0]), times[rows]])
 
     def add(
         self, channel: str, due_ns: I64, word: int, length: int | U8, data: int | U64, *, fd_flags: int = 0,
@@ -261,6 +278,14 @@ class _Draft:
             traffic.channel, at, word, length, number, fd_flags=fd_flags, answer_word=next(iter(answer_word), None)
         )
 
+    def add_overload(self, overload: BusOverload) -> None:
+        end_ns = self.scenario.duration_ns if overload.until_ns is None else overload.until_ns
+        one = self.frames(overload.channel, np.zeros(1, np.int64), overload.cob_id, _DATA_BYTES, _OF_OVERLOAD)
+        bits = int(frames_bits(one)[0][0])
+        every_ns = round(bits * 1_000_000_000 / (_bus(self.scenario, overload.channel).bit_rate * overload.share))
+        at = np.arange(overload.from_ns, max(min(end_ns, self.scenario.duration_ns), overload.from_ns), every_ns)
+        self.add(overload.channel, at.astype(np.int64), overload.cob_id, _DATA_BYTES, _OF_OVERLOAD)
+
     def _moments(self, entry: CanTraffic | ErrorFrames, position: int, purpose: str) -> I64:
         if entry.at:
             return np.array(sorted(entry.at), np.int64)
@@ -284,7 +309,7 @@ class _Draft:
     def passed(self, number: int) -> CanFrames:
         """Return the frames of a bus with the times at which they have passed it."""
         channel = self.scenario.channels[number]
-        bus = next((bus for bus in self.scenario.bus if bus.channel == channel), Bus(channel=channel))
+        bus = _bus(self.scenario, channel)
         own = [(piece, answer) for piece, answer in self.pieces if int(piece.channel[0]) == number]
         due = self.joined([piece for piece, _ in own])
         started_us, ends_us = self._transmitted(bus, due)
@@ -360,26 +385,3 @@ def _values(kind: str, key: int, numbers: I64) -> U64:
     counted = np.uint64(0xFF if kind == "noise" else 0xFFFF_FFFF)
     values: U64 = (random & ~counted) | (numbers.astype(np.uint64) & counted)
     return values
-
-
-def _check_sendings(scenario: Scenario, frames: CanFrames) -> None:
-    """Raise ConfigurationError where an observer could not tell the sendings of a list apart.
-
-    That is where a PDO comes after one of a later sending, or where what is left of two sendings looks like one.
-    """
-    order = order_by(frames.entry.astype(np.int64) + 1)
-    entry, sending = frames.entry[order], frames.sending[order]
-    identifier, times = frames.identifier[order], frames.ts_ns[order]
-    same = (entry[1:] == entry[:-1]) & (entry[1:] != NO_LIST)
-    half_ns = np.array([plan.interval_ns // 2 for plan in scenario.can_list] + [0], np.int64)[entry[1:]]
-    step = np.diff(sending)
-    near = np.diff(times) <= half_ns
-    wrong = same & ((step < 0) | ((step > 0) & (np.diff(identifier.astype(np.int64)) > 0) & near))
-    for place in np.flatnonzero(wrong)[:1].tolist():
-        plan = scenario.can_list[int(entry[place])]
-        raise scenario.error(
-            f"can_list[{int(entry[place])}]",
-            f"sendings {int(sending[place]) + 1} and {int(sending[place + 1]) + 1} of '{plan.name}' run into each "
-            "other: no observer can tell them apart",
-            "Leave more time between them, or set wild = true.",
-        )

@@ -12,8 +12,8 @@ from typing import Any
 
 from dissectors.can.canopen import MAX_NODES
 from dissectors.can.error import CLASSES, CONTROLLER_BITS
-from dissectors.can.frame import EXTENDED_MASK, MAX_DATA_BYTES, MAX_FD_DATA_BYTES
-from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, integer, key
+from dissectors.can.frame import EXTENDED_MASK, MAX_DATA_BYTES, MAX_FD_DATA_BYTES, STANDARD_MASK
+from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, integer, key, number
 
 MAX_PDOS = 128
 DEFAULT_BIT_RATE, DEFAULT_DATA_BIT_RATE = 500_000, 2_000_000
@@ -160,6 +160,17 @@ class ErrorFrames:
     at: tuple[int, ...] = key(array(LENGTH, single=True), "when, instead of interval", default=())
     interval_ns: int = key(LENGTH, "how often", default=0, name="interval")
     jitter_ns: int = key(LENGTH, "and up to this much later", default=0, name="jitter")
+    from_ns: int = key(LENGTH, "since when", default=0, name="from")
+    until_ns: int | None = key(LENGTH, "until when", default=None, name="until")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BusOverload:
+    """A device that fills a bus with frames of one identifier, so that others wait."""
+
+    channel: str = key(TEXT, CHANNEL, default="can0")
+    cob_id: int = key(integer(0, STANDARD_MASK), "identifier of its frames; a low one goes first", default=1)
+    share: float = key(number(0.01, 1), "of the bits of the bus", default=0.9)
     from_ns: int = key(LENGTH, "since when", default=0, name="from")
     until_ns: int | None = key(LENGTH, "until when", default=None, name="until")
 
