@@ -249,7 +249,7 @@ class Inquiry:
         return self._judged(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
 
     def analyze(
-        self, expression: str | None = None, *, values: bool = False, compare: bool = False, causes: bool = False,
+        self, expression: str | None = None, *, values: bool = False, compare: bool = False, causes: bool = True,
         names: bool = True, others: Sequence[Observer] = (),
     ) -> Analysis:  # fmt: skip
         """Read the captures, judge them, and choose among it what an expression chooses.

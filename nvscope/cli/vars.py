@@ -240,7 +240,7 @@ def _last_values(asked: _Asked, listed: str | None) -> _Read:
     keys = asked.keys(listed)
     keep_freed_memory()
     seen = SeenLists()
-    found = asked.inquiry.analyze(asked.wanted, values=True, others=[seen])
+    found = asked.inquiry.analyze(asked.wanted, values=True, causes=False, others=[seen])
     assert found.values
     undecoded = left_out(found.state, found.values, keys)
     unplaced = [entry for entry, _ in asked.inquiry.defined_layouts().unplaced]
