@@ -33,6 +33,8 @@ FILLED_IN = {
     "FILE.pcap": "new.pcap",
     "FILE": "a.pcap",
     "CODE": "NV201",
+    "{code}": "NV201",
+    "{kind}": "second-sender",
     "VERB": "report",
     "SCENARIO.toml": "loss.toml",
 }

@@ -51,7 +51,7 @@ class Chronicle:
 
     def strip(self, key: str, cells: int) -> list[Mark]:
         """Return the worst mark of a list, told by the text of its key, in each of so many equal parts of the time."""
-        number = self._numbers[key]
+        number = self.numbers[key]
         length_ns = max(self.end_ns - self.start_ns, 1)
         edge = self.start_ns + np.arange(cells + 1) * length_ns // cells
         found = np.full(cells, Mark.USUAL.value)
@@ -70,7 +70,8 @@ class Chronicle:
         return [Mark(one) for one in found.tolist()]
 
     @cached_property
-    def _numbers(self) -> dict[str, int]:
+    def numbers(self) -> Mapping[str, int]:
+        """The numbers of lists by the text of their keys."""
         return {str(entry.key): number for number, entry in self.lists.items()}
 
     def _silent_ns(self, number: int, edge: I64) -> I64:

@@ -22,11 +22,12 @@ from nvscope.units import count, count_of, percent
 
 CAPTURE_INCOMPLETE = CauseKind(
     "capture-incomplete",
-    "{lost} not captured",
+    "not captured",
     "The capture lacks telegrams that were on the network: loss that it shows is its own.",
     "Drops that the capturing program tells, several senders that lose at the same moments, or all lists that lose the "
     "same share.",
     "Capture with more room: a faster mirror port, one direction only, a capture filter, a larger buffer.",
+    measured="{lost} not captured",
 )
 
 _NEAR_NS = 100_000_000

@@ -15,9 +15,9 @@ from nvscope.findings.kind import Severity
 class CauseKind:
     """One kind of cause, and what an engineer in front of the plant should know about it.
 
-    ``brief`` is what it does to a list, in the list's row, with ``{time}`` for how long and counters of the list;
-    ``meaning`` says what happened, ``evidence`` by what it is
-    told, ``next_step`` what to do first. ``at_least`` is how bad it is, whatever findings it explains.
+    ``brief`` is what it does to a list, ``measured`` the same with ``{time}`` for how long, or counters of the list:
+    in the row of the list. ``meaning`` says what happened, ``evidence`` by what it is told, ``next_step`` what to do
+    first. ``at_least`` is how bad it is, whatever findings it explains.
     """
 
     name: str
@@ -26,3 +26,4 @@ class CauseKind:
     evidence: str
     next_step: str
     at_least: Severity = Severity.NOTE
+    measured: str = ""

@@ -20,17 +20,19 @@ from nvscope.units import count_of, percent
 
 LOSS_AT_SENDER = CauseKind(
     "loss-at-sender",
-    "{lost} lost",
+    "lost",
     "Telegrams of several lists of one node are missing, and none of other nodes at those moments.",
     "Losses of at least two lists of the node are due within 100 ms of each other, or all its lists lose alike.",
     "The error counters of the sender's switch port, its cable, and whether its stack drops what it sends at once.",
+    measured="{lost} lost",
 )
 LOSS_OF_LIST = CauseKind(
     "loss-of-list",
-    "{lost} lost",
+    "lost",
     "Telegrams of one list are missing, and nothing that happened in the plant explains it.",
     "Gaps in the Counter of the list's telegrams, at moments in which no other list loses any.",
     "The error counters of the sender's switch port, and whether its stack drops when a cycle has several telegrams.",
+    measured="{lost} lost",
 )
 
 _NEAR_NS = 100_000_000

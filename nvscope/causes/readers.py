@@ -21,10 +21,11 @@ from nvscope.units import count, count_of, duration
 
 READER_REJECTS = CauseKind(
     "reader-rejects",
-    "{negative_acknowledgements} rejected",
+    "rejected",
     "A reader rejects what it gets: the checksum of its own definition of the list is another one.",
     "Acknowledgements with 'invalid checksum' (Flags bit 2).",
     "Export the definition from the sender's project, import it at the reader, build and download.",
+    measured="{negative_acknowledgements} rejected",
 )
 READER_WITHOUT_PROGRAM = CauseKind(
     "reader-without-program",
@@ -42,10 +43,11 @@ ACKNOWLEDGEMENT_IMPOSSIBLE = CauseKind(
 )
 READER_SILENT = CauseKind(
     "reader-silent",
-    "{missing_acknowledgements} unanswered",
+    "unanswered",
     "A reader that usually acknowledges a list did not do so for some telegrams.",
     "Telegrams that stayed without acknowledgement beside others that got one.",
     "The log of the reader at that time: whether its program stood still or its cable was out.",
+    measured="{missing_acknowledgements} unanswered",
 )
 REQUEST_UNANSWERED = CauseKind(
     "boot-up-unanswered",

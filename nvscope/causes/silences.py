@@ -22,11 +22,12 @@ from nvscope.units import count_of, duration
 
 NODE_SILENT = CauseKind(
     "node-silent",
-    "silent for {time}",
+    "silent",
     "A node that sent cyclic lists sends nothing at all any more, or sent nothing for a while.",
     "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included.",
     "Its power and LEDs, then its cable and switch port. Its task comes last.",
     at_least=Severity.ERROR,
+    measured="silent for {time}",
 )
 PROGRAM_STOPPED = CauseKind(
     "program-stopped",
@@ -38,10 +39,11 @@ PROGRAM_STOPPED = CauseKind(
 )
 LIST_STOPPED = CauseKind(
     "list-stopped",
-    "silent for {time}",
+    "silent",
     "A list, or a part of it, is not sent any more, while its sender goes on with others.",
     "The streams of the list are silent for more than ten intervals, other streams of the node are not.",
     "The task that the list is sent from, and what enables its sending (event, variable, 'transmit on change').",
+    measured="silent for {time}",
 )
 
 _OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)

@@ -110,7 +110,7 @@ def _brief(cause: Row, entry: Row, end_ns: int) -> str:
     lasted_ns = (end_ns if until_ns is None else until_ns) - (end_ns if since_ns is None else since_ns)
     counted = {name: number for name, number in entry["counters"].items() if number}
     kind = BY_NAME[cause["kind"]]
-    return kind.brief.format_map(_Figures(counted, time=units.duration(lasted_ns)))
+    return (kind.measured or kind.brief).format_map(_Figures(counted, time=units.duration(lasted_ns)))
 
 
 class _Figures(dict[str, str]):

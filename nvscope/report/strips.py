@@ -14,6 +14,7 @@ from nvscope.findings.kind import Severity
 from nvscope.report.content import Report, Row, nanoseconds, node_names
 from nvscope.report.happenings import Concern, concerns, symbol
 from nvscope.report.tables import OVERVIEW, Measure, looked_at
+from nvscope.view.escape import visible
 from nvscope.view.lines.table import GAP, NOTHING, Cell, Column, Tone
 from nvscope.view.lines.text_width import display_width
 
@@ -80,7 +81,8 @@ def strips(
     if chronicle is not None and rows:
         at = next(place for place, column in enumerate(columns) if column.title in _BEHIND)
         room = _room(columns, rows, width)
-        drawn = [chronicle.strip(entry["key"], room) for entry in (*chosen, *rest)]
+        keys_of = _keys([entry["key"] for entry in (*chosen, *rest)], chronicle)
+        drawn = [chronicle.strip(key, room) for key in keys_of]
         columns.insert(at, Column(scale(_length_ns(report), room), verbatim=True))
         for row, one in zip(rows, drawn, strict=True):
             row.insert(at, Cell("".join(MARKS[mark][0] for mark in one)))
@@ -124,6 +126,14 @@ def _names(keys: Sequence[str]) -> dict[str, str]:
     for text in short.values():
         known[text] = known.get(text, 0) + 1
     return {key: text if known[text] == 1 else told[key].partition("/")[2] for key, text in short.items()}
+
+
+def _keys(shown: Sequence[str], chronicle: Chronicle) -> Sequence[str]:
+    """Return keys as the chronicle has them, given how a report shows them."""
+    if all(key in chronicle.numbers for key in shown):
+        return shown
+    raw = {visible(key): key for key in chronicle.numbers}
+    return [raw[key] for key in shown]
 
 
 def _room(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None) -> int:

@@ -98,12 +98,15 @@ def test_a_list_among_canopen_devices_is_told_with_the_node_it_meets(plant: Path
 
 
 def test_the_faces_name_bit_rate_load_errors_and_nodes(plant: Path) -> None:
-    shown = nvscope(plant, "report", "plant.log", "--utc", "-q").stdout
+    brief = nvscope(plant, "report", "plant.log", "--utc", "-q").stdout
+    assert "Bus can0: 250 kbit/s (found) · 3000 frames · load: " in brief
+    assert "heartbeat node 2" not in brief
+    shown = nvscope(plant, "report", "plant.log", "--utc", "-q", "--all").stdout
     assert "Bus can0: 250 kbit/s (found) · 3000 frames · load: " in shown
     assert "off the bus 1 time, for 90.0 ms" in shown
     assert "node 2   operational  22:13:22.101" in shown
     assert "heartbeat node 2" in shown
-    in_markdown = nvscope(plant, "report", "plant.log", "--md", "-q").stdout
+    in_markdown = nvscope(plant, "report", "plant.log", "--md", "--all", "-q").stdout
     assert "### Bus `can0`" in in_markdown
     assert "| 0x702 | `heartbeat node 2` |" in in_markdown
 

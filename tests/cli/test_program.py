@@ -30,9 +30,12 @@ def nvscope(*arguments: str | Path, stdin: bytes = b"") -> subprocess.CompletedP
 def test_a_good_report_goes_to_stdout_alone() -> None:
     done = nvscope("report", PEERS)
     assert done.returncode == ExitCode.GOOD
-    assert "udp/1202/42" in done.stdout.decode()
-    assert "NV207" in done.stdout.decode()
+    assert "counter-foreign" in done.stdout.decode()
+    assert "NV207" not in done.stdout.decode()
     assert done.stderr == b""
+    everything = nvscope("report", PEERS, "--all").stdout.decode()
+    assert "udp/1202/42" in everything
+    assert "NV207" in everything
 
 
 def test_json_has_the_schema_and_is_the_same_every_time() -> None:

@@ -73,11 +73,12 @@ def test_names_stand_in_the_table_and_are_made_visible(plant: Path, width: int) 
     done = nvscope(plant, "report", CAPTURE, "-v", width=width)
     assert (done.returncode, done.stderr) == (0, "")
     assert all(len(line) <= width for line in done.stdout.splitlines())
-    row = next(line for line in done.stdout.splitlines() if "udp/1202/42" in line)
+    figures = done.stdout.partition("\nFigures\n")[2]
+    row = next(line for line in figures.splitlines() if "udp/1202/42" in line)
     assert row.split()[:5] == ["✓", "ok", "udp/1202/42", "axis", "press"]
     assert "List heart\\x1b (udp/1202/50) is defined" in " ".join(done.stdout.split())
     assert "\x1b" not in done.stdout
-    markdown = nvscope(plant, "report", CAPTURE, "--md").stdout
+    markdown = nvscope(plant, "report", CAPTURE, "--md", "--all").stdout
     assert "| `udp/1202/42` | `axis` | `press` | `panel` |" in markdown
 
 
@@ -123,7 +124,7 @@ def test_another_project_and_its_limits(plant: Path, tmp_path: Path) -> None:
     assert (late["list"], late["count"]) == ("udp/1202/42", 198)
     assert late["message"].startswith("198 intervals longer than 30.0 ms without a loss; nominal is 10.0 ms by the")
     assert document["lists"][-1]["nodes"][0]["name"] is None
-    text = nvscope(plant, "report", CAPTURE, "--project", strict).stdout
+    text = nvscope(plant, "report", CAPTURE, "--project", strict, "--all").stdout
     assert "50.0 ms" not in next(line for line in text.splitlines() if "udp/1202/42" in line)
 
 

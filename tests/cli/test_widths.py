@@ -17,6 +17,7 @@ CAPTURE = str(ROOT / "captures" / "peers" / "peers.pcap")
 
 VERBS: dict[str, list[str]] = {
     "report": ["report", PLANT, "-q"],
+    "report --all": ["report", PLANT, "--all", "-q"],
     "report -v": ["report", PLANT, "-v", "-q"],
     "report of CAN": ["report", PRESS, str(ROOT / "captures" / "can"), "-v", "-q"],
     "vars": ["vars", CAPTURE, PEERS, "-q"],
@@ -73,7 +74,7 @@ def test_in_a_file_or_pipe_nothing_is_hidden_unless_columns_says_how_wide_it_is(
 
 
 def test_the_columns_that_a_narrow_report_hides_are_in_a_pipe() -> None:
-    narrow, whole = in_pipe(VERBS["report"], "40"), in_pipe(VERBS["report"])
+    narrow, whole = in_pipe(VERBS["report --all"], "40"), in_pipe(VERBS["report --all"])
     assert " ".join(narrow.split()).count(
         "Hidden: reader, interval, jitter, sent, lost, no ack, last error (--wide shows them)"
     ) == 1  # fmt: skip

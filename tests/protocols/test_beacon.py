@@ -212,10 +212,13 @@ def test_what_was_not_captured_is_not_gathered(size_bytes: int) -> None:
 def test_the_report_has_its_finding_and_is_otherwise_the_same(inquiry: Inquiry) -> None:
     document = inquiry.report(inquiry.analyze(causes=True))
     alone = Inquiry(inquiry.paths)
-    plain = alone.report(alone.analyze())
+    plain = alone.report(alone.analyze(causes=True))
     (gap,) = (one for one in document["findings"] if one["code"] == "NV991")
     assert gap["message"] == "1 of 4 beacons of 10.0.0.2 never came."
     document["findings"].remove(gap)
+    (cause,) = document["causes"]
+    assert [one["code"] for one in cause["findings"]] == ["NV991"]
+    document["causes"].remove(cause)
     for counted in ("findings", "findings_beside_lists"):
         document["totals"][counted][gap["severity"]] -= 1
     assert document == plain

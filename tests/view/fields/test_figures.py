@@ -103,5 +103,5 @@ def test_figures_are_read_when_the_capture_was_judged() -> None:
 )
 def test_expressions_choose_by_figures(capture: str, expression: str, lists: set[str]) -> None:
     inquiry = Inquiry([str(ROOT / "captures" / capture)])
-    shown = inquiry.report(inquiry.analyze(expression))["lists"]
+    shown = inquiry.report(inquiry.analyze(expression, causes=True))["lists"]
     assert {entry["key"] for entry in shown} == lists
