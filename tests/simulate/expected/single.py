@@ -30,8 +30,17 @@ def expect_single(seen: Observation, entry: ListFacts, found: ExpectedFindings) 
     found.add_rows(header.TRUNCATED_BY_CAPTURE, key, seen, rows[seen.truncated[rows]])
     found.add_rows(SHAPE_CHANGED, key, seen, shape_changes(seen, data))
     found.add_rows(CHECKSUM_FLAG, key, seen, flag_faults(seen, data))
+    # Headers of another size are one finding of their sender, however a Length in the wrong place may read.
+    scenario = seen.scenario
+    short = {node.address for node in scenario.node if node.short_header}
+    foreign = seen.where(judged, lambda template: str(template.source) in short and bool(template.malformed))
+    for template, count in seen.by_template(foreign):
+        found.add(header.LENGTH_MISMATCH, key, template.source, None, count)
     for name, kind in MALFORMED.items():
-        found.add_rows(kind, key, seen, seen.where(judged, lambda template, name=name: template.malformed == name))
+        own = seen.where(
+            judged, lambda template, name=name: template.malformed == name and str(template.source) not in short
+        )
+        found.add_rows(kind, key, seen, own)
     telegrams = rows[seen.telegram[rows]]
     found.add_rows(header.ASCII_IDENTITY, key, seen, seen.where(telegrams, lambda template: template.ascii_identity))
 
