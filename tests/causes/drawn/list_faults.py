@@ -179,6 +179,9 @@ def sender_bursts(plant: Plant) -> Fault | None:
     one = cyclic_list(plant)
     if one is None or one.interval_ns < 40 * MILLISECOND or one.interval_ns > SECOND:
         return None
+    # Of few intervals these would be one in twenty: then none is usual.
+    if plant.seconds * SECOND / one.interval_ns < 150:
+        return None
     since = moment(plant, one.interval_ns, 12 * SECOND, one.node.born_ns)
     if since is None or not claim(plant, since, since + 6 * SECOND, one):
         return None
