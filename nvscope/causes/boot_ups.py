@@ -10,6 +10,7 @@ import numpy as np
 from dissectors.batch import Bool
 from nvscope.causes.case import Case
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.timing import BURST
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count_of, duration
@@ -49,6 +50,18 @@ def answers_to(case: Case, requests: Sequence[BootUpRequest]) -> Bool:
         if one.took_ns is not None:
             meanwhile = case.overlapping(one.time_ns, one.time_ns + one.took_ns + _ROOM_NS)
             told |= case.free(BURST) & (symptoms.list == one.list) & meanwhile
+    return told
+
+
+def answers_to_anybody(case: Case) -> Bool:
+    """Tell which symptoms are of lists that were sent since somebody had asked for them."""
+    table, symptoms = case.witness.evidence.columns["requests"].table(), case.symptoms
+    told: Bool = np.zeros(len(symptoms.code), np.bool_)
+    for number in distinct(table.list).tolist():
+        own = table.list == number
+        asked_ns, until_ns = np.sort(table.since_ns[own]), np.sort(table.time_ns[own]) + _ROOM_NS
+        before = np.searchsorted(asked_ns, symptoms.time_ns, "right")
+        told |= (symptoms.list == number) & (before > np.searchsorted(until_ns, symptoms.since_ns))
     return told
 
 

@@ -70,8 +70,11 @@ def judge_buses_off(case: Case) -> Iterator[Explained]:
         since_ns = int(table.time_ns[before & (table.time_ns >= time_ns - _BEFORE_NS)].min())
         later = table.time_ns[back & (table.channel == channel) & (table.time_ns >= time_ns)]
         until_ns = int(later.min()) if len(later) else None
+        slack = slack_ns(case.lists_on(channel))
         chosen = case.free(ERROR_FRAMES, *_MEANWHILE) & own
-        chosen &= case.overlapping(since_ns, None if until_ns is None else until_ns + slack_ns(case.lists_on(channel)))
+        chosen &= case.overlapping(since_ns, None if until_ns is None else until_ns + slack)
+        # What has stopped since then sent its last frame up to an interval before.
+        chosen |= case.free(STOPPED) & own & (until_ns is None) & (case.symptoms.time_ns >= since_ns - slack)
         name = case.channel_name(channel)
         checked = [
             f"back after {duration(until_ns - time_ns)}" if until_ns is not None else "it did not come back"

@@ -16,10 +16,12 @@ from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
 from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
 from nvscope.engine.runs import distinct
+from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.list_key import ListKey
+from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.witness import Witness
@@ -28,6 +30,9 @@ from nvscope.tracker.summary import ListSummary
 
 NOBODY = -1
 """The owner of a symptom that nothing has explained yet."""
+
+MOMENT_NS = 100_000_000
+"""What comes so near to another thing comes at the same moment."""
 
 PAUSE_PERCENT = 250
 """An interval that is longer than so much of the nominal one is a pause (diagnosis.md, section 5)."""
@@ -89,6 +94,15 @@ def longest_ns(lists: Sequence[AnyList]) -> int:
 def slack_ns(lists: Sequence[AnyList]) -> int:
     """Return two and a half of the longest nominal interval of lists: what is no longer is no pause."""
     return longest_ns(lists) * PAUSE_PERCENT // 100
+
+
+def moments(times_ns: I64) -> int:
+    """Return how many moments of a tenth of a second sorted times are of, each from the first one in it."""
+    count, at = 0, 0
+    while at < len(times_ns):
+        count += 1
+        at = int(np.searchsorted(times_ns, times_ns[at] + MOMENT_NS, "right"))
+    return count
 
 
 class Case:
@@ -159,6 +173,33 @@ class Case:
         """
         usual_ns = 2 * (last_ns - first_ns) // max(events - 1, 1)
         return None if self.end_ns - last_ns <= max(usual_ns, least_ns) else last_ns
+
+    def end_of(self, times_ns: I64, least_ns: int = 0) -> int | None:
+        """Return when events at some times ended, as ``end_of_many`` does.
+
+        What comes at one moment, be it of several SubIndexes, is one event: bursts would seem to be over between two.
+        """
+        times_ns = np.sort(times_ns)
+        return self.end_of_many(int(times_ns[0]), int(times_ns[-1]), moments(times_ns), least_ns)
+
+    def counts_as_a_whole(self, node: int) -> bool:
+        """Tell whether a node has one counter for all its lists: then a step is the node's, not that of a list."""
+        return self.facts.summary.scopes.get(node) not in (None, Scope.STREAM)
+
+    def waits_for(self, node: int) -> Bool:
+        """Tell which symptoms are of telegrams that a node should have answered: sent to it, or to all its readers."""
+        symptoms = self.symptoms
+        told: Bool = symptoms.peer == node
+        read = [entry.number for entry in self.facts.summary.lists if node in entry.readers]
+        if read:
+            told |= self._to_everybody & np.isin(symptoms.list, read)
+        return told
+
+    @cached_property
+    def _to_everybody(self) -> Bool:
+        """Which symptoms are waits for acknowledgements from no node in particular."""
+        to_nobody: Bool = self.symptoms.of_kinds(NO_ACKNOWLEDGEMENT) & (self.symptoms.peer < 0)
+        return to_nobody
 
     def lists_of(self, chosen: Bool | I64) -> list[AnyList]:
         """Return the lists of some symptoms."""

@@ -12,7 +12,7 @@ from nvscope.causes.words import moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import DLC_MISMATCH, INCOMPLETE_CYCLE
 from nvscope.findings.cob_ids import CANOPEN_COLLISION, COB_ID_OVERLAP
-from nvscope.findings.timing import BURST
+from nvscope.findings.timing import BURST, JITTER, LATE
 
 IDENTIFIER_COLLISION = CauseKind(
     "identifier-collision",
@@ -23,7 +23,8 @@ IDENTIFIER_COLLISION = CauseKind(
 )
 
 _TOLD_BY = (COB_ID_OVERLAP, CANOPEN_COLLISION)
-OF_LISTS = (DLC_MISMATCH, INCOMPLETE_CYCLE, BURST)
+# Two that send at their own times make the intervals of an identifier irregular.
+OF_LISTS = (DLC_MISMATCH, INCOMPLETE_CYCLE, BURST, LATE, JITTER)
 
 
 def judge_collisions(case: Case) -> Iterator[Explained]:

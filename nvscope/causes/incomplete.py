@@ -10,9 +10,9 @@ from math import prod
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
+from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.losses import Loss, losses_in
+from nvscope.causes.losses import Loss, end_of_losses, losses_in, since_of
 from nvscope.causes.rates import rates_in_words
 from nvscope.causes.words import moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT
@@ -22,7 +22,7 @@ from nvscope.units import count, count_of, percent
 
 CAPTURE_INCOMPLETE = CauseKind(
     "capture-incomplete",
-    "not captured",
+    "{lost} not captured",
     "The capture lacks telegrams that were on the network: loss that it shows is its own.",
     "Drops that the capturing program tells, several senders that lose at the same moments, or all lists that lose the "
     "same share.",
@@ -30,7 +30,6 @@ CAPTURE_INCOMPLETE = CauseKind(
     measured="{lost} not captured",
 )
 
-_NEAR_NS = 100_000_000
 _SENDERS = 3
 _LEAST_MOMENTS = 2
 _BY_CHANCE = 3
@@ -49,17 +48,18 @@ def judge_incomplete_captures(case: Case) -> Iterator[Explained]:
     lost = sum(loss.lost for loss in losses)
     if drops and 2 * drops >= lost:
         told = f"the capture itself tells of {count_of(drops, 'dropped packet')}, for {count(lost)} lost telegrams"
-        yield _draft(case, losses, losses, told)
+        yield _draft(case, losses, losses, told, everywhere=True)
     elif _alike(case, losses):
         at_once = {loss.row for group in _moments(case, losses) for loss in group}
         own = [loss for loss in losses if loss.lost <= _SINGLE or loss.row in at_once]
-        yield _draft(case, own, losses, "all lists of several senders lose about the same share")
+        yield _draft(case, own, losses, "all lists of several senders lose about the same share", everywhere=True)
     elif moments := _moments(case, losses):
-        chosen = [loss for group in moments for loss in group]
+        chosen = [loss for group in moments for loss in group] + _beside(moments, losses)
         senders = max(len({loss.node for loss in group}) for group in moments)
         told = f"up to {senders} senders lose within 0.1 s of each other, {count_of(len(moments), 'time')}"
         rates = rates_in_words(case, [group[0].due_ns for group in moments])
-        yield _draft(case, [*chosen, *_between(chosen, losses)], losses, told, rates)
+        began = [group[0] for group in moments]
+        yield _draft(case, [*chosen, *_between(chosen, losses)], losses, told, rates, events=began)
 
 
 def _alike(case: Case, losses: Sequence[Loss]) -> bool:
@@ -76,7 +76,10 @@ def _alike(case: Case, losses: Sequence[Loss]) -> bool:
     total = sum(sent.values()) + sum(lost.values())
     share = sum(lost.values()) / total if total else 0.0
     should = {place: share * (telegrams + lost[place]) for place, telegrams in sent.items()}
-    large = [place for place, expected in should.items() if expected >= _EXPECTED]
+    # What a node with one counter lost is booked anywhere in it, and within one sending not at all.
+    large = [
+        place for place, expected in should.items() if expected >= _EXPECTED and not case.counts_as_a_whole(place[0])
+    ]
     if len(large) < _SENDERS or len({node for node, _ in large}) < 2:
         return False
     return all(should[place] / _FACTOR <= lost[place] <= should[place] * _FACTOR for place in large)
@@ -117,7 +120,7 @@ def _together(losses: Sequence[Loss], senders: Sequence[int]) -> list[list[Loss]
     first = told = 0
     for place, loss in enumerate(losses):
         lost[loss.node] += 1
-        while loss.due_ns - losses[first].due_ns > _NEAR_NS:
+        while loss.due_ns - losses[first].due_ns > MOMENT_NS:
             node = losses[first].node
             lost[node] -= 1
             if not lost[node]:
@@ -139,8 +142,18 @@ def _expected(case: Case, losses: Sequence[Loss], at_once: int) -> float:
     for loss in losses:
         number[loss.node] += 1
     most = sorted(number.values(), reverse=True)[:_MOST_COMBINED]
-    shares = [min(1.0, 2 * _NEAR_NS * one / duration_ns) for one in most]
-    return sum(prod(some) for some in combinations(shares, at_once)) * duration_ns / (2 * _NEAR_NS)
+    shares = [min(1.0, 2 * MOMENT_NS * one / duration_ns) for one in most]
+    return sum(prod(some) for some in combinations(shares, at_once)) * duration_ns / (2 * MOMENT_NS)
+
+
+def _beside(moments: Sequence[Sequence[Loss]], losses: Sequence[Loss]) -> list[Loss]:
+    """Return the losses that may have been in one of the moments, as far as anybody knows when they were."""
+    began = np.array([group[0].due_ns for group in moments], np.int64)
+    known = {loss.row for group in moments for loss in group}
+    first = np.array([loss.may_be_ns[0] for loss in losses], np.int64)
+    last = np.array([loss.may_be_ns[1] for loss in losses], np.int64)
+    inside = np.searchsorted(began, last, "right") > np.searchsorted(began, first)
+    return [loss for loss, chosen in zip(losses, inside.tolist(), strict=True) if chosen and loss.row not in known]
 
 
 def _between(chosen: Sequence[Loss], losses: Sequence[Loss]) -> list[Loss]:
@@ -154,27 +167,30 @@ def _between(chosen: Sequence[Loss], losses: Sequence[Loss]) -> list[Loss]:
     ]  # fmt: skip
 
 
-def _draft(case: Case, own: Sequence[Loss], losses: Sequence[Loss], *told: str) -> Explained:
+def _draft(
+    case: Case, own: Sequence[Loss], losses: Sequence[Loss], *told: str, everywhere: bool = False,
+    events: Sequence[Loss] = (),
+) -> Explained:  # fmt: skip
     symptoms = case.symptoms
     rows = np.array([loss.row for loss in own], np.int64)
-    since_ns, last_ns = min(loss.due_ns for loss in own), int(symptoms.time_ns[rows].max())
+    since_ns, last_ns = since_of(events or own), int(symptoms.time_ns[rows].max())
     lists = [case.lists[number] for number in dict.fromkeys(loss.list for loss in own)]
     chosen = case.only(rows) | case.free(CAPTURE_DROPS)
     length_ns = symptoms.time_ns - symptoms.since_ns
     short = length_ns <= int(length_ns[rows].max()) + slack_ns(lists)  # a longer pause is another matter
     chosen |= case.free(*_EFFECTS) & case.touching(rows, longest_ns(lists)) & short
-    chosen |= _single_waits(case, since_ns, last_ns)
+    chosen |= _single_waits(case, *((case.start_ns, case.end_ns) if everywhere else (since_ns, last_ns)))
     lost, all_lost = sum(loss.lost for loss in own), sum(loss.lost for loss in losses)
     draft = Draft(
         CAPTURE_INCOMPLETE, f"The capture lacks {count_of(lost, 'telegram')}, since {moment(case, since_ns)}",
         CAPTURE_INCOMPLETE.next_step, [told[0], f"{percent(lost, all_lost)} of all that is missing", *told[1:]], lists,
-        since_ns=since_ns, until_ns=case.end_of_many(since_ns, last_ns, len(own), slack_ns(lists)),
+        since_ns=since_ns, until_ns=end_of_losses(case, events or own, slack_ns(lists)),
     )  # fmt: skip
     return draft, chosen
 
 
 def _single_waits(case: Case, since_ns: int, until_ns: int) -> Bool:
-    """Tell which waits ended without an acknowledgement alone, neither the one before nor the one behind."""
+    """Tell which waits ended without an acknowledgement in a time, but for those of three telegrams in a row."""
     symptoms = case.symptoms
     waits = np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & case.overlapping(since_ns, until_ns))
     order = waits[np.lexsort((symptoms.since_ns[waits], symptoms.subindex[waits], symptoms.list[waits]))]
@@ -182,5 +198,5 @@ def _single_waits(case: Case, since_ns: int, until_ns: int) -> Bool:
         return case.only(order)
     same = (np.diff(symptoms.list[order]) == 0) & (np.diff(symptoms.subindex[order]) == 0)
     follows = np.append(False, same & (symptoms.since_ns[order][1:] <= symptoms.time_ns[order][:-1]))
-    in_a_row = follows | np.append(follows[1:], False)
-    return case.only(order[~in_a_row])
+    run = np.cumsum(~follows)
+    return case.only(order[np.bincount(run)[run] <= _SINGLE])

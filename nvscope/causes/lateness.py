@@ -8,14 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
+from nvscope.causes.boot_ups import answers_to_anybody
+from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, longest_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
-from nvscope.findings.facts import AnyList
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
-from nvscope.tracker.summary import ListSummary
 from nvscope.units import count_of, duration
 
 SENDER_LATE = CauseKind(
@@ -39,7 +38,7 @@ _LATE = (LATE, JITTER, TORN_CYCLE)
 def judge_late_senders(case: Case) -> Iterator[Explained]:
     """Explain what came late: one cause a list, joined over the lists of a node that are late at the same time."""
     symptoms = case.symptoms
-    rows = np.flatnonzero(case.free(*_LATE) & ~_is_incomplete(case))
+    rows = np.flatnonzero(case.free(*_LATE) & ~_incomplete(case))
     by_list: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row in rows.tolist():
         by_list[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
@@ -58,16 +57,15 @@ def judge_late_senders(case: Case) -> Iterator[Explained]:
             yield _late(case, node, own)
 
 
-def _is_incomplete(case: Case) -> Bool:
-    """Tell in which symptoms a cycle of the same list on CAN lacks frames: that is no lateness, but a loss."""
+def _incomplete(case: Case) -> Bool:
+    """Tell which symptoms are of lists on CAN that came incomplete then: what is missing was not late."""
     symptoms = case.symptoms
-    cycles, told = symptoms.of_kinds(INCOMPLETE_CYCLE), np.zeros(len(symptoms.code), np.bool_)
-    for number in distinct(symptoms.list[cycles]).tolist():
-        own = np.flatnonzero(symptoms.list == number)
-        times = np.sort(symptoms.time_ns[cycles & (symptoms.list == number)])
-        first = np.searchsorted(times, symptoms.since_ns[own])
-        told[own] = np.append(times, np.iinfo(np.int64).max)[first] <= symptoms.time_ns[own]
-    return told
+    incomplete: Bool = np.zeros(len(symptoms.code), np.bool_)
+    told = symptoms.of_kinds(INCOMPLETE_CYCLE)
+    for number in distinct(symptoms.list[told]).tolist():
+        own = symptoms.list == number
+        incomplete |= own & case.touching(np.flatnonzero(told & own), longest_ns([case.lists[number]]) // 2)
+    return incomplete
 
 
 def _late(case: Case, node: int, rows: list[int]) -> Explained:
@@ -96,43 +94,32 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
         f"at {moment(case, since_ns)}" if len(rows) == 1
         else f"{count_of(len(rows), 'time')} from {moment(case, since_ns)} to {moment(case, last_ns)}"
     )  # fmt: skip
-    usual_ns = 2 * (last_ns - since_ns) // max(len(rows) - 1, 1) if len(rows) > 1 else 0
-    over = case.end_ns - last_ns > max(usual_ns, nominal_ns * 5 // 2)
     channels = {str(entry.key.port) for entry in lists} if node < 0 else set()
     draft = Draft(
         SENDER_LATE, f"{who}, {when}", SENDER_LATE.next_step, checked, lists, [node] if node >= 0 else [],
-        channels.pop() if len(channels) == 1 else None, since_ns=since_ns, until_ns=last_ns if over else None,
+        channels.pop() if len(channels) == 1 else None, since_ns=since_ns,
+        until_ns=case.end_of(symptoms.time_ns[rows], nominal_ns * PAUSE_PERCENT // 100),
     )  # fmt: skip
     return draft, case.only(rows)
 
 
 def judge_bursts(case: Case) -> Iterator[Explained]:
-    """Explain bursts, one cause a list, but for answers to boot-up requests, and what a definition's MinGap allows."""
+    """Explain bursts that are no answers to boot-up requests, and that no MinGap allows: a note."""
     symptoms = case.symptoms
     places: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free(BURST)).tolist():
-        places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
+    for row in np.flatnonzero(case.free(BURST) & ~answers_to_anybody(case)).tolist():
+        defined = case.facts.definition_of(case.lists[int(symptoms.list[row])])
+        if defined is None or not defined.min_gap_ns or symptoms.amount[row] < defined.min_gap_ns:
+            places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
     for (node, number), rows in places.items():
         entry = case.lists[number]
-        if _is_usual(case, entry, rows):
-            continue
         which = lists_in_words(case, [entry])
-        since_ns, last_ns = int(symptoms.since_ns[rows].min()), int(symptoms.time_ns[rows].max())
+        since_ns = int(symptoms.since_ns[rows].min())
         who = f"Node {case.address(node)} sent {which}" if node >= 0 else f"{capitalised(which)} came"
         draft = Draft(
             SENDER_BURSTS, f"{who} in quick succession, {count_of(len(rows), 'time')}", SENDER_BURSTS.next_step,
             [f"the shortest interval was {duration(int(symptoms.amount[rows].min()))}"], [entry],
             [node] if node >= 0 else [], since_ns=since_ns,
-            until_ns=case.end_of_many(since_ns, last_ns, len(rows), slack_ns([entry])),
+            until_ns=case.end_of(symptoms.time_ns[rows], longest_ns([entry]) * PAUSE_PERCENT // 100),
         )  # fmt: skip
         yield draft, case.only(rows)
-
-
-def _is_usual(case: Case, entry: AnyList, rows: list[int]) -> bool:
-    """Tell whether bursts of a list are answers to requests for current values, or no shorter than its MinGap."""
-    symptoms = case.symptoms
-    requests = entry.counters["bootup_requests"] or 0 if isinstance(entry, ListSummary) else 0
-    most = int(np.bincount(symptoms.subindex[rows] + 1).max())
-    defined = case.facts.definition_of(entry)
-    min_gap_ns = (defined.min_gap_ns or 0) if defined else 0
-    return most <= 2 * requests or 0 < min_gap_ns <= int(symptoms.amount[rows].min())

@@ -30,9 +30,8 @@ class Life:
         """
         numbers = self._numbers(node)
         usual_ns = self._usual_distance_ns(numbers, pause)
-        if usual_ns is None:
-            return False
-        end_ns = min(after_ns + usual_ns * _FACTOR_PERCENT // 100, until_ns)
+        # Of a node that was hardly heard before, nobody knows how soon it has to be heard again.
+        end_ns = until_ns if usual_ns is None else min(after_ns + usual_ns * _FACTOR_PERCENT // 100, until_ns)
         return end_ns >= after_ns and self._presence.signs.seen_between(numbers, after_ns, end_ns)
 
     def sent_between(self, node: int, since_ns: int, until_ns: int) -> bool:

@@ -8,14 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
+from dissectors.batch import I64
+from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.facts import AnyList
 from nvscope.findings.loss import TELEGRAM_GAP
-from nvscope.findings.timing import JITTER, TORN_CYCLE
+from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
 from nvscope.units import count_of, percent
 
 LOSS_AT_SENDER = CauseKind(
@@ -35,21 +36,33 @@ LOSS_OF_LIST = CauseKind(
     measured="{lost} lost",
 )
 
-_NEAR_NS = 100_000_000
+_MOST_DUE = 4096
 _CLUSTER_NS = 2_000_000_000
-_IN_A_ROW = 5
+_IN_A_ROW, _RUN = 5, 3
 _ENOUGH_TELEGRAMS, _ENOUGH_GAPS, _SHARE_FACTOR = 20, 2, 4
 _EFFECTS = (TORN_CYCLE, JITTER, NO_ACKNOWLEDGEMENT)
 
 
 class Loss(NamedTuple):
-    """A gap: the symptom, whose it is, when the first missing telegram was due, and how many were lost."""
+    """A gap: the symptom, whose it is, when the first and last missing telegrams were due, and how many were lost.
+
+    ``may_be_ns`` is from when to when the first one can have been sent: cyclic streams keep their time within a quarter
+    of their interval, of others it may be any time between its neighbours.
+    """
 
     row: int
     node: int
     list: int
     due_ns: int
+    last_due_ns: int
     lost: int
+    is_cyclic: bool
+    may_be_ns: tuple[int, int]
+
+    @property
+    def last_ns(self) -> int:
+        """When the last one can have been sent."""
+        return self.last_due_ns + self.may_be_ns[1] - self.due_ns
 
 
 def losses_in(case: Case) -> list[Loss]:
@@ -68,7 +81,10 @@ def losses_in(case: Case) -> list[Loss]:
         interval_ns = nominal.get((number, node, subindex)) or 0
         between_ns = (time_ns - since_ns) // (lost + 1)
         due_ns = min(since_ns + (interval_ns or between_ns), time_ns)
-        found.append(Loss(row, node, number, due_ns, lost))
+        last_due_ns = max(due_ns, time_ns - (interval_ns or between_ns))
+        loose_ns = max(MOMENT_NS, interval_ns // 4)
+        may_be_ns = (due_ns - loose_ns, due_ns + loose_ns) if interval_ns else (since_ns, time_ns)
+        found.append(Loss(row, node, number, due_ns, last_due_ns, lost, bool(interval_ns), may_be_ns))
     return sorted(found, key=lambda loss: loss.due_ns)
 
 
@@ -83,6 +99,8 @@ def judge_losses_at_senders(case: Case) -> Iterator[Explained]:
         for cluster in clusters(chosen):
             lists = [case.lists[number] for number in dict.fromkeys(loss.list for loss in cluster)]
             checked = [_share(case, cluster)]
+            if case.counts_as_a_whole(node):
+                checked.insert(0, "it counts all that it sends: of which list they were is not known")
             if len(case.streams_of_node) == 1:
                 checked.append("it is the only sender: its link, or the capture")
             elif _alone(case, node, cluster):
@@ -98,15 +116,65 @@ def _at_sender(case: Case, node: int, own: Sequence[Loss], every: Sequence[Loss]
     alone = len(case.streams_of_node) == 1 and losing == lists
     if alone or (len(losing) >= 2 and _alike(case, node, own)):
         return list(own)
-    others = np.array([loss.due_ns for loss in every if loss.node != node], np.int64)
-    due_ns = np.array([loss.due_ns for loss in own], np.int64)
-    of_list = np.array([loss.list for loss in own], np.int64)
-    first, behind = np.searchsorted(due_ns, due_ns - _NEAR_NS), np.searchsorted(due_ns, due_ns + _NEAR_NS, "right")
+    others, _ = _due([loss for loss in every if loss.node != node])
+    due_ns, place = _due(own)
+    of_list = np.array([loss.list for loss in own], np.int64)[place]
+    first, behind = np.searchsorted(due_ns, due_ns - MOMENT_NS), np.searchsorted(due_ns, due_ns + MOMENT_NS, "right")
     # Losses stand by time: near one there is one of another list where the list changes in between.
     changes = np.append(0, np.cumsum(of_list[1:] != of_list[:-1]))
     several = changes[behind - 1] > changes[first]
-    beside = np.searchsorted(others, due_ns + _NEAR_NS, "right") > np.searchsorted(others, due_ns - _NEAR_NS)
-    return [loss for loss, chosen in zip(own, (several & ~beside).tolist(), strict=True) if chosen]
+    beside = np.searchsorted(others, due_ns + MOMENT_NS, "right") > np.searchsorted(others, due_ns - MOMENT_NS)
+    chosen = set(distinct(place[several & ~beside]).tolist())
+    alone_too = set(distinct(place[~beside]).tolist())
+    chosen |= _of_outages(own, chosen, alone_too)
+    if len(lists) > 1 and case.counts_as_a_whole(node):
+        # Its counter tells that many telegrams are missing, not of which lists: not all of one.
+        chosen |= {number for number in alone_too if own[number].lost >= _IN_A_ROW}
+    return [own[number] for number in sorted(chosen)]
+
+
+def _of_outages(own: Sequence[Loss], chosen: set[int], alone: set[int]) -> set[int]:
+    """Return losses that were at the same time as an outage of another list of the node.
+
+    Several telegrams in a row of one list, and those of slower ones meanwhile: that need not be within a moment. Tried
+    are the outages of which nothing else was lost beside, ``alone``.
+    """
+    found: set[int] = set()
+    by_list: dict[int, list[int]] = defaultdict(list)
+    for number, loss in enumerate(own):
+        by_list[loss.list].append(number)
+    columns = {
+        place: (np.array([own[one].may_be_ns[0] for one in numbers]), np.array([own[one].last_ns for one in numbers]))
+        for place, numbers in by_list.items()
+    }
+    for number, loss in enumerate(own):
+        if loss.lost < _RUN or number not in alone:
+            continue
+        for place, (first, last) in columns.items():
+            if place == loss.list:
+                continue
+            meanwhile = np.flatnonzero((first <= loss.last_due_ns) & (last >= loss.due_ns))
+            if len(meanwhile):
+                found |= {number, *(by_list[place][one] for one in meanwhile.tolist())}
+    return found - chosen
+
+
+def _due(losses: Sequence[Loss]) -> tuple[I64, I64]:
+    """Return when the missing telegrams were due, rising, and of which of the losses each is the place.
+
+    Of those due within the same tenth of a second, two or three stand for all.
+    """
+    times, places = [], []
+    for place, loss in enumerate(losses):
+        span_ns = loss.last_due_ns - loss.due_ns
+        number = min(loss.lost, _MOST_DUE, span_ns * 2 // MOMENT_NS + 2) if span_ns else 1
+        times.append(np.linspace(loss.due_ns, loss.last_due_ns, number).astype(np.int64))
+        places.append(np.full(number, place))
+    if not times:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    due_ns, of = np.concatenate(times), np.concatenate(places)
+    order = np.argsort(due_ns, kind="stable")
+    return due_ns[order], of[order]
 
 
 def _alike(case: Case, node: int, own: Sequence[Loss]) -> bool:
@@ -150,22 +218,47 @@ def _alone(case: Case, node: int, losses: Sequence[Loss]) -> bool:
     symptoms = case.symptoms
     others = np.flatnonzero(symptoms.of_kinds(TELEGRAM_GAP) & (symptoms.node != node))
     due_ns = np.array([loss.due_ns for loss in losses], np.int64)
-    begun = np.searchsorted(np.sort(symptoms.since_ns[others] - _NEAR_NS), due_ns, "right")
-    ended = np.searchsorted(np.sort(symptoms.time_ns[others] + _NEAR_NS), due_ns, "left")
+    begun = np.searchsorted(np.sort(symptoms.since_ns[others] - MOMENT_NS), due_ns, "right")
+    ended = np.searchsorted(np.sort(symptoms.time_ns[others] + MOMENT_NS), due_ns, "left")
     return len(case.streams_of_node) > 1 and not (begun > ended).any()
 
 
 def clusters(losses: Sequence[Loss]) -> list[list[Loss]]:
     """Return losses of one place by cause: clusters with many lost in a row each for itself, all others as one."""
     found: list[list[Loss]] = []
+    ended_ns = 0
     for loss in losses:
-        if found and loss.due_ns - found[-1][-1].due_ns <= _CLUSTER_NS:
+        if found and loss.due_ns - ended_ns <= _CLUSTER_NS:
             found[-1].append(loss)
+            ended_ns = max(ended_ns, loss.last_due_ns)
         else:
             found.append([loss])
-    large = [one for one in found if max(loss.lost for loss in one) >= _IN_A_ROW]
+            ended_ns = loss.last_due_ns
+    large = [one for one in found if _is_outage(one)]
     rest = [loss for one in found if one not in large for loss in one]
     return [*large, *([rest] if rest else [])]
+
+
+def since_of(losses: Sequence[Loss]) -> int:
+    """Return when the first telegram was missing.
+
+    Of a stream that keeps no time nobody knows when it was: it counts where it must have been before the others.
+    """
+    cyclic_ns = min((loss.due_ns for loss in losses if loss.is_cyclic), default=None)
+    others = [loss for loss in losses if not loss.is_cyclic and (cyclic_ns is None or loss.may_be_ns[1] < cyclic_ns)]
+    return min([loss.due_ns for loss in others] + ([] if cyclic_ns is None else [cyclic_ns]))
+
+
+def end_of_losses(case: Case, losses: Sequence[Loss], least_ns: int) -> int | None:
+    """Return when losses ended, by when they were due; None where they go on as far as one can tell."""
+    due_ns = np.array([loss.due_ns for loss in losses], np.int64)
+    if case.end_of(due_ns, least_ns) is None:
+        return None
+    return int(case.symptoms.time_ns[[loss.row for loss in losses]].max())
+
+
+def _is_outage(losses: Sequence[Loss]) -> bool:
+    return max(loss.lost for loss in losses) >= _IN_A_ROW
 
 
 def _draft(
@@ -174,12 +267,17 @@ def _draft(
 ) -> Iterator[Explained]:  # fmt: skip
     symptoms = case.symptoms
     rows = np.array([loss.row for loss in losses], np.int64)
-    since_ns, last_ns = losses[0].due_ns, int(symptoms.time_ns[rows].max())
-    until_ns: int | None = last_ns
-    if len(losses) > 1:
-        until_ns = case.end_of_many(since_ns, last_ns, len(losses), slack_ns(lists))
+    since_ns, last_ns = since_of(losses), int(symptoms.time_ns[rows].max())
+    # Telegrams that came behind an outage show that it is over.
+    once = max(loss.due_ns for loss in losses) - since_ns <= MOMENT_NS or _is_outage(losses)
+    until_ns = last_ns if once else end_of_losses(case, losses, slack_ns(lists))
     chosen = case.only(rows)
-    effects = case.free(*_EFFECTS) & (symptoms.node == node) & np.isin(symptoms.list, [one.number for one in lists])
+    if case.counts_as_a_whole(node):
+        # Of a list that lost something another one may have told: it came late only.
+        effects = case.free(*_EFFECTS, LATE) & (symptoms.node == node)
+    else:
+        effects = case.free(*_EFFECTS) & (symptoms.node == node)
+        effects &= np.isin(symptoms.list, [one.number for one in lists])
     chosen |= effects & case.touching(rows, longest_ns(lists))
     when = (
         f"at {moment(case, since_ns)}" if len(losses) == 1

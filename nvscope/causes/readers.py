@@ -71,12 +71,12 @@ def judge_rejections(case: Case) -> Iterator[Explained]:
         entry = case.lists[number]
         name = lists_in_words(case, [entry])
         who = f"Node {case.address(reader)}" if reader >= 0 else "A reader"
-        since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
+        since_ns = int(symptoms.time_ns[own].min())
         checked = [f"{count_of(len(own), 'negative acknowledgement')}: its definition of the list is another one"]
         draft = Draft(
             READER_REJECTS, f"{who} rejects {name} since {moment(case, since_ns)}", READER_REJECTS.next_step, checked,
             [entry], [reader] if reader >= 0 else [], since_ns=since_ns,
-            until_ns=_end_of_many(case, [entry], own, last_ns),
+            until_ns=_end_of_many(case, [entry], own),
         )  # fmt: skip
         yield draft, case.only(own)
 
@@ -90,7 +90,7 @@ def judge_without_program(case: Case) -> Iterator[Explained]:
     for told_by, own in places.items():
         lists = [case.lists[number] for number in distinct(symptoms.list[own]).tolist()]
         towards = distinct(symptoms.peer[own])
-        since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
+        since_ns = int(symptoms.time_ns[own].min())
         chosen = case.only(own)
         waits = (
             case.free(NO_ACKNOWLEDGEMENT) & np.isin(symptoms.peer, towards) & np.isin(symptoms.list, symptoms.list[own])
@@ -104,7 +104,7 @@ def judge_without_program(case: Case) -> Iterator[Explained]:
         draft = Draft(
             READER_WITHOUT_PROGRAM, title, READER_WITHOUT_PROGRAM.next_step, checked, lists,
             [told_by] if 0 <= told_by < len(case.facts.summary.addresses) else [], since_ns=since_ns,
-            until_ns=_end_of_many(case, lists, own, last_ns),
+            until_ns=_end_of_many(case, lists, own),
         )  # fmt: skip
         yield draft, chosen
 
@@ -117,8 +117,10 @@ def judge_impossible(case: Case) -> Iterator[Explained]:
         if not isinstance(entry, ListSummary) or entry.diagnosis.nAcknowledges:
             continue
         own = np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & (symptoms.list == number))
+        # Nor was it acknowledged while something else explains why.
+        every = np.flatnonzero(symptoms.of_kinds(NO_ACKNOWLEDGEMENT) & (symptoms.list == number))
         to = [node for node in distinct(symptoms.peer[own]).tolist() if node >= 0]
-        since_ns, last_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
+        since_ns = int(symptoms.since_ns[every].min())
         name = lists_in_words(case, [entry])
         answers = [node for node in to if node in case.last_acknowledgement_ns]
         checked = [f"not one of {count_of(entry.diagnosis.nSendCount, 'telegram')} was acknowledged"]
@@ -133,17 +135,18 @@ def judge_impossible(case: Case) -> Iterator[Explained]:
             checked.append("it is a broadcast: nobody has to answer")
         draft = Draft(
             ACKNOWLEDGEMENT_IMPOSSIBLE, f"{capitalised(name)} asks for acknowledgements that nobody sends",
-            step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
+            step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], every.tolist()),
         )  # fmt: skip
         yield draft, case.only(own)
 
 
 class _Run(NamedTuple):
-    """Telegrams of a list in a row that a reader did not acknowledge."""
+    """Telegrams of a list that a reader did not acknowledge, at least three in a row; or single ones."""
 
     readers: tuple[int, ...]
     list_number: int
     rows: Sequence[int]
+    in_a_row: bool
     since_ns: int
     until_ns: int
 
@@ -160,15 +163,16 @@ def judge_silent_readers(case: Case) -> Iterator[Explained]:
         places[readers, number].append(row)
     runs: list[_Run] = []
     for (readers, number), rows in places.items():
-        for own in _runs(case, rows):
+        in_a_row, single = _runs(case, rows)
+        for own in [*in_a_row, *([single] if single else [])]:
             since_ns, until_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
-            runs.append(_Run(readers, number, own, since_ns, until_ns))
+            runs.append(_Run(readers, number, own, own is not single, since_ns, until_ns))
     for together in _overlapping(runs):
         yield _silent(case, together)
 
 
-def _runs(case: Case, rows: Sequence[int]) -> list[list[int]]:
-    """Return waits of a list: those of at least three telegrams in a row, and all others as one."""
+def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
+    """Return waits of a list: those of at least three telegrams in a row, and all others."""
     symptoms = case.symptoms
     by_stream: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row in rows:
@@ -191,7 +195,7 @@ def _runs(case: Case, rows: Sequence[int]) -> list[list[int]]:
                 parts.append([row])
         runs += [part for part in parts if len(part) >= _RUN]
         rest += [row for part in parts if len(part) < _RUN for row in part]
-    return [*runs, *([sorted(rest)] if rest else [])]
+    return runs, sorted(rest)
 
 
 def _overlapping(runs: Sequence[_Run]) -> list[list[_Run]]:
@@ -200,7 +204,7 @@ def _overlapping(runs: Sequence[_Run]) -> list[list[_Run]]:
     for run in sorted(runs, key=lambda one: one.since_ns):
         for known in found:
             last_ns = max(one.until_ns for one in known)
-            if known[0].readers == run.readers and len(run.rows) >= _RUN and run.since_ns <= last_ns:
+            if known[0].readers == run.readers and known[0].in_a_row and run.in_a_row and run.since_ns <= last_ns:
                 known.append(run)
                 break
         else:
@@ -213,13 +217,13 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Explained:
     rows = [row for run in runs for row in run.rows]
     lists = [case.lists[number] for number in dict.fromkeys(run.list_number for run in runs)]
     since_ns, last_ns = min(run.since_ns for run in runs), max(run.until_ns for run in runs)
-    in_a_row = len(runs[0].rows) >= _RUN and len(_runs(case, runs[0].rows)) == 1
+    in_a_row = runs[0].in_a_row
     which = lists_in_words(case, lists)
     who = f"Node {case.address(readers[0])}" if len(readers) == 1 else f"None of {count_of(len(readers), 'reader')}"
     over = case.end_ns - last_ns > slack_ns(lists)
     until_ns = _answered_again(case, lists, readers, last_ns) if in_a_row and over else None
     if not in_a_row:
-        until_ns = _end_of_many(case, lists, rows, last_ns)
+        until_ns = _end_of_many(case, lists, rows)
     did_not = "did not answer for" if len(readers) == 1 else "answered for"
     if in_a_row and until_ns is not None:
         title = f"{who} {did_not} {which} from {moment(case, since_ns)} to {moment(case, last_ns)}"
@@ -280,7 +284,7 @@ def judge_boot_up(case: Case) -> Iterator[Explained]:
         own = np.flatnonzero(case.free(BOOT_UP_UNANSWERED) & (symptoms.list == number))
         entry = case.lists[number]
         askers = [node for node in distinct(symptoms.peer[own]).tolist() if node >= 0]
-        since_ns, last_ns = int(symptoms.since_ns[own].min()), int(symptoms.time_ns[own].max())
+        since_ns = int(symptoms.since_ns[own].min())
         senders = [case.address(node) for node in getattr(entry, "senders", ())]
         who = f"node {case.address(askers[0])}" if len(askers) == 1 else count_of(len(askers), "node")
         name = lists_in_words(case, [entry])
@@ -288,7 +292,7 @@ def judge_boot_up(case: Case) -> Iterator[Explained]:
         draft = Draft(
             REQUEST_UNANSWERED, f"Nobody answered {who}, which asked for {name} at {moment(case, since_ns)}",
             REQUEST_UNANSWERED.next_step, checked, [entry], askers, since_ns=since_ns,
-            until_ns=_end_of_many(case, [entry], own.tolist(), last_ns),
+            until_ns=_end_of_many(case, [entry], own.tolist()),
         )  # fmt: skip
         yield draft, case.only(own)
 
@@ -301,7 +305,6 @@ def _answered_again(case: Case, lists: Sequence[AnyList], readers: Sequence[int]
     return last_ns if (later > last_ns).any() else None
 
 
-def _end_of_many(case: Case, lists: Sequence[AnyList], rows: Sequence[int], last_ns: int) -> int | None:
+def _end_of_many(case: Case, lists: Sequence[AnyList], rows: Sequence[int]) -> int | None:
     """Return when events that come again and again ended; None where they go on as far as one can tell."""
-    first_ns = int(case.symptoms.time_ns[rows].min())
-    return case.end_of_many(first_ns, last_ns, len(rows), slack_ns(lists))
+    return case.end_of(case.symptoms.time_ns[list(rows)], slack_ns(lists))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -49,22 +48,24 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
     copies = np.flatnonzero(case.free(DUPLICATE_TELEGRAM))
     if not len(copies):
         return
-    since_ns, (repeated, last_ns) = int(symptoms.time_ns[copies].min()), _copies(case, copies)
-    originals = _originals(case, repeated, since_ns, last_ns)
-    many = repeated.total()
-    if not told.any() and (many < _LEAST_COPIES or 100 * many <= _COPIES_PERCENT * originals):
+    # Of what comes often not each one is kept: their number and the last are told by figures and findings.
+    findings = [case.findings[place] for place in distinct(symptoms.finding[copies]).tolist()]
+    since_ns = int(symptoms.time_ns[copies].min())
+    last_ns = max(int(symptoms.time_ns[copies].max()), *(finding.last_ns or 0 for finding in findings))
+    repeated, originals = _counted(case, copies, since_ns, last_ns)
+    if not told.any() and (repeated < _LEAST_COPIES or 100 * repeated <= _COPIES_PERCENT * originals):
         return
     meanwhile = case.overlapping(since_ns - _ROOM_NS, last_ns + _ROOM_NS)
     chosen = told | (case.free(*_OF_COPIES) & meanwhile)
     lists = case.lists_of(copies)
-    checked = [f"{count_of(many, 'telegram')} came again, byte for byte, beside {count(originals)} that did not"]
+    checked = [f"{count_of(repeated, 'telegram')} came again, byte for byte, beside {count(originals)} that did not"]
     ways = [ways_of(case, node) for node in distinct(symptoms.node[copies]).tolist()]
     different = next((words for words in map(ways_in_words, ways) if words), "")
     checked.append(
         f"the copies differ in {different}: a router seen from both sides" if different
         else "addresses, VLAN and time to live are the same: it is the mirror port that shows them twice"
     )  # fmt: skip
-    usual_ns = (last_ns - since_ns) // max(many - 1, 1) + _ROOM_NS
+    usual_ns = (last_ns - since_ns) // max(repeated - 1, 1) + _ROOM_NS
     over = case.end_ns - last_ns > 2 * usual_ns
     when = f"from {moment(case, since_ns)} to {moment(case, last_ns)}" if over else f"since {moment(case, since_ns)}"
     draft = Draft(
@@ -74,34 +75,21 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
     yield draft, chosen
 
 
-def _copies(case: Case, copies: I64) -> tuple[Counter[tuple[int, int, int]], int]:
-    """Return how many copies each stream has, by list, node and SubIndex, and when the last one came.
-
-    Of a stream with many of them, not all are kept as events: they are taken to go on as long as the stream does.
-    """
-    symptoms, repeated = case.symptoms, Counter[tuple[int, int, int]]()
-    columns = symptoms.list[copies], symptoms.node[copies], symptoms.subindex[copies]
-    repeated.update(zip(*(column.tolist() for column in columns), strict=True))
-    last_ns = int(symptoms.time_ns[copies].max())
+def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int, int]:
+    """Return how many telegrams were copies, and about how many of that time were none."""
+    places = set(zip(*(column[copies].tolist() for column in case.symptoms[2:5]), strict=True))
+    repeated, others = 0, 0.0
     for node, streams in case.streams_of_node.items():
         for one in streams:
-            place, all_of_them = (one.list.number, node, one.stream.subindex), one.stream.figures["duplicates"] or 0
-            if 0 < repeated[place] < all_of_them:
-                repeated[place], last_ns = all_of_them, max(last_ns, one.stream.last_ns)
-    return +repeated, last_ns
-
-
-def _originals(case: Case, repeated: Counter[tuple[int, int, int]], since_ns: int, last_ns: int) -> int:
-    """Return about how many telegrams there were from one time to another that are no copies."""
-    found = 0.0
-    for node, streams in case.streams_of_node.items():
-        for one in streams:
+            own = 0
+            if (one.list.number, node, one.stream.subindex) in places:
+                own = one.stream.figures["duplicates"] or 0
+            repeated += own
             first_ns, end_ns = one.stream.first_ns, one.stream.last_ns
             overlap_ns = min(last_ns, end_ns) - max(since_ns, first_ns)
-            own = one.stream.telegrams - repeated[one.list.number, node, one.stream.subindex]
             if overlap_ns >= 0:
-                found += own * (overlap_ns / (end_ns - first_ns) if end_ns > first_ns else 1)
-    return round(found)
+                others += (one.stream.telegrams - own) * (overlap_ns / (end_ns - first_ns) if end_ns > first_ns else 1)
+    return repeated, round(others)
 
 
 def judge_clock_steps(case: Case) -> Iterator[Explained]:

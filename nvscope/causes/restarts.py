@@ -15,7 +15,6 @@ from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.loss import SENDER_RESTART, TELEGRAM_GAP
 from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
-from nvscope.tracker.counters import Scope
 from nvscope.units import duration
 
 NODE_RESTART = CauseKind(
@@ -45,7 +44,7 @@ def judge_node_restarts(case: Case) -> Iterator[Explained]:
         for cluster in _clusters(case, node, rows):
             streams = _concerned(case, node, cluster)
             going_on = [one for one in case.streams_of_node[node] if one.stream.last_ns >= _first_ns(case, cluster)]
-            whole = case.facts.summary.scopes.get(node) not in (None, Scope.STREAM)
+            whole = case.counts_as_a_whole(node)
             since_ns, until_ns = _last_before(case, node, cluster), _first_ns(case, cluster)
             shown = _shown(case, node, since_ns, until_ns + _CLUSTER_NS)
             enough = 2 * len(streams) > len(going_on) or (bool(shown) and 2 * len(streams) == len(going_on))
@@ -119,7 +118,7 @@ def _node_draft(
     symptoms = case.symptoms
     last_ns = int(symptoms.time_ns[list(cluster)].max())
     chosen = case.only(cluster)
-    own = (symptoms.node == node) | (symptoms.peer == node)
+    own = (symptoms.node == node) | case.waits_for(node)
     chosen |= case.free(*_IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
     chosen |= answers_to(case, requests_of(case, node, since_ns, until_ns + _CLUSTER_NS))
     lists = list({one.list.number: one.list for one in case.streams_of_node[node]}.values())

@@ -124,8 +124,8 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     symptoms, meanwhile = case.symptoms, case.overlapping(pause.since_ns, pause.until_ns)
     own = case.free(*_OF_SILENCE) & (symptoms.node == node) & meanwhile
     own |= case.free(STOPPED) & (symptoms.node == node) & (pause.until_ns is None)
-    waits = case.free(*_WAITS) & ((symptoms.node == node) | (symptoms.peer == node)) & meanwhile
-    explained: Bool = own | waits
+    waits = case.free(*_WAITS) & ((symptoms.node == node) | case.waits_for(node)) & meanwhile
+    explained: Bool = own | waits if own.any() else own
     return explained
 
 

@@ -44,7 +44,8 @@ def judge_standstills(case: Case) -> Iterator[Explained]:
             ],
             case.lists_of(late), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
-        yield draft, case.free(*OF_CLOCK) & across
+        # A wait that was open then has ended at its deadline, be that behind the pause or in it.
+        yield draft, case.free(*OF_CLOCK) & (symptoms.since_ns <= since_ns) & (symptoms.time_ns > since_ns)
 
 
 def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
@@ -59,7 +60,8 @@ def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
             nodes.add(node)
             table = case.unusual_intervals(one.list.number, one.stream)
             row = np.flatnonzero((table.since_ns <= since_ns) & (table.time_ns >= until_ns))
-            if not len(row):
+            # What is late by less than half its interval may be so by itself.
+            if not len(row) or 2 * int(table.amount[row[0]]) < 3 * one.nominal_ns:
                 unseen.append(one)
                 continue
             if int(table.detail[row[0]]) & _loss_bit(case, one):
@@ -69,7 +71,6 @@ def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
         return None
     fastest, late_ns = min(found, key=lambda pair: pair[0].nominal_ns)
     alike = all(abs(own_ns - late_ns) <= (one.nominal_ns + fastest.nominal_ns) // 2 for one, own_ns in found)
-    # What is late by less than half its interval is nothing unusual.
     hidden = all(2 * late_ns <= one.nominal_ns for one in unseen)
     short = late_ns <= until_ns - since_ns + fastest.nominal_ns // 2
     return late_ns if alike and hidden and short and late_ns > 0 else None

@@ -17,7 +17,7 @@ from nvscope.causes.filled import lost_in_the_end
 from nvscope.engine.events import NOWHERE
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
-from nvscope.findings.can_bus import ERROR_FRAMES
+from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
 from nvscope.findings.capture import CLOCK_STEP
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.facts import AnyList, Facts
@@ -41,6 +41,7 @@ _STEPS = {
 _OF_EVENT = {EventKind.STEP_BACK: CLOCK_STEP, EventKind.ERROR_FRAME: ERROR_FRAMES, EventKind.BUS_OFF: ERROR_FRAMES} | {
     kind.from_event: kind for kind in CATALOGUE.values() if kind.from_event is not None
 }
+SECOND_NS = 1_000_000_000
 _OF_CYCLES = (TORN_CYCLE, INCOMPLETE_CYCLE)
 
 
@@ -86,7 +87,7 @@ def symptoms_of(
     places = _Places(findings, channels)
     parts = [
         *_of_tables(places, evidence), *_of_steps(facts, places, evidence), *_of_intervals(facts, places, intervals),
-        *_of_silences(facts, places),
+        *_of_silences(facts, places), *_of_overloads(facts, places),
     ]  # fmt: skip
     known = {finding for part in parts for finding in distinct(part.finding).tolist()}
     parts.append(_of_findings(places, known))
@@ -261,6 +262,22 @@ def _of_silences(facts: Facts, places: _Places) -> Iterator[Symptoms]:
                     (number, code_number(STOPPED), *place, silence.since_ns, silence.since_ns, silence.frame,
                      silence.length_ns, NOWHERE, silence.until_ns)
                 )  # fmt: skip
+    if rows:
+        yield _table(rows)
+
+
+def _of_overloads(facts: Facts, places: _Places) -> Iterator[Symptoms]:
+    """Yield the seconds in which a bus was busier than it should be."""
+    rows: list[tuple[int, ...]] = []
+    loads = {bus.channel: bus.load for bus in facts.summary.can.buses}
+    for number, finding in places.of_kind.get(BUS_LOAD, ()):
+        load = loads.get(finding.channel or "")
+        if load is None:
+            continue
+        place = places.place(finding)
+        for second_ns in load.second_ns[load.second > facts.limits.bus_load_percent].tolist():
+            end_ns = second_ns + SECOND_NS
+            rows.append((number, code_number(BUS_LOAD), *place, second_ns, end_ns, 0, 1, NOWHERE, 0))
     if rows:
         yield _table(rows)
 
