@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import Bool
+from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.engine.runs import distinct
@@ -53,15 +53,16 @@ def answers_to(case: Case, requests: Sequence[BootUpRequest]) -> Bool:
     return told
 
 
-def answers_to_anybody(case: Case) -> Bool:
-    """Tell which symptoms are of lists that were sent since somebody had asked for them."""
+def are_answers_to_anybody(case: Case, rows: I64) -> Bool:
+    """Tell which of some symptoms are of lists that were sent since somebody had asked for them."""
     table, symptoms = case.witness.evidence.columns["requests"].table(), case.symptoms
-    told: Bool = np.zeros(len(symptoms.code), np.bool_)
+    lists, since_ns, time_ns = symptoms.list[rows], symptoms.since_ns[rows], symptoms.time_ns[rows]
+    told: Bool = np.zeros(len(rows), np.bool_)
     for number in distinct(table.list).tolist():
         own = table.list == number
         asked_ns, until_ns = np.sort(table.since_ns[own]), np.sort(table.time_ns[own]) + _ROOM_NS
-        before = np.searchsorted(asked_ns, symptoms.time_ns, "right")
-        told |= (symptoms.list == number) & (before > np.searchsorted(until_ns, symptoms.since_ns))
+        before = np.searchsorted(asked_ns, time_ns, "right")
+        told |= (lists == number) & (before > np.searchsorted(until_ns, since_ns))
     return told
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -98,10 +99,10 @@ def slack_ns(lists: Sequence[AnyList]) -> int:
 
 def moments(times_ns: I64) -> int:
     """Return how many moments of a tenth of a second sorted times are of, each from the first one in it."""
-    count, at = 0, 0
-    while at < len(times_ns):
+    times, count, at = times_ns.tolist(), 0, 0
+    while at < len(times):
         count += 1
-        at = int(np.searchsorted(times_ns, times_ns[at] + MOMENT_NS, "right"))
+        at = bisect_right(times, times[at] + MOMENT_NS, at)
     return count
 
 

@@ -21,16 +21,21 @@ def lost_in_the_end(steps: EventTable) -> I64:
     overtaken = np.flatnonzero(steps.kind == EventKind.OVERTAKEN)
     if not len(overtaken):
         return amount
-    columns = steps.list, steps.node, steps.subindex, steps.scope
+    rows = np.flatnonzero((steps.kind == EventKind.GAP) | (steps.kind == EventKind.OVERTAKEN))
+    columns = (column[rows].tolist() for column in (steps.list, steps.node, steps.subindex, steps.scope))
+    is_gap, left = (steps.kind[rows] == EventKind.GAP).tolist(), amount[rows].tolist()
     gaps: dict[tuple[int, ...], list[int]] = defaultdict(list)
-    for row in np.flatnonzero((steps.kind == EventKind.GAP) | (steps.kind == EventKind.OVERTAKEN)).tolist():
-        own = gaps[tuple(int(column[row]) for column in columns)]
-        if steps.kind[row] == EventKind.GAP:
-            own.append(row)
-            del own[:-WINDOW]  # what is further behind is filled no more
+    for place, sequence in enumerate(zip(*columns, strict=True)):
+        own = gaps[sequence]
+        if is_gap[place]:
+            own.append(place)
+            if len(own) > 2 * WINDOW:
+                del own[:-WINDOW]  # what is further behind is filled no more
             continue
-        while own and not amount[own[-1]]:
+        del own[:-WINDOW]
+        while own and not left[own[-1]]:
             own.pop()
         if own:
-            amount[own[-1]] -= 1
+            left[own[-1]] -= 1
+    amount[rows] = left
     return amount

@@ -118,6 +118,7 @@ def _together(losses: Sequence[Loss], senders: Sequence[int]) -> list[list[Loss]
     found: list[list[Loss]] = []
     lost: Counter[int] = Counter()
     first = told = 0
+    losses, senders = _beside_others(losses, senders)
     for place, loss in enumerate(losses):
         lost[loss.node] += 1
         while loss.due_ns - losses[first].due_ns > MOMENT_NS:
@@ -133,6 +134,17 @@ def _together(losses: Sequence[Loss], senders: Sequence[int]) -> list[list[Loss]
         found[-1] += losses[max(first, told) : place + 1]
         told = place + 1
     return found
+
+
+def _beside_others(losses: Sequence[Loss], senders: Sequence[int]) -> tuple[Sequence[Loss], Sequence[int]]:
+    """Return the losses near which another node loses, too, and what is told of each: no others make a moment."""
+    due_ns = np.array([loss.due_ns for loss in losses], np.int64)
+    node = np.array([loss.node for loss in losses], np.int64)
+    changes = np.append(0, np.cumsum(node[1:] != node[:-1]))
+    first = np.searchsorted(due_ns, due_ns - MOMENT_NS)
+    last = np.searchsorted(due_ns, due_ns + MOMENT_NS, "right") - 1
+    several = np.flatnonzero(changes[last] > changes[first]).tolist()
+    return [losses[place] for place in several], [senders[place] for place in several]
 
 
 def _expected(case: Case, losses: Sequence[Loss], at_once: int) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.boot_ups import answers_to_anybody
+from nvscope.causes.boot_ups import are_answers_to_anybody
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, longest_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment
@@ -107,7 +107,8 @@ def judge_bursts(case: Case) -> Iterator[Explained]:
     """Explain bursts that are no answers to boot-up requests, and that no MinGap allows: a note."""
     symptoms = case.symptoms
     places: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free(BURST) & ~answers_to_anybody(case)).tolist():
+    bursts = np.flatnonzero(case.free(BURST))
+    for row in bursts[~are_answers_to_anybody(case, bursts)].tolist():
         defined = case.facts.definition_of(case.lists[int(symptoms.list[row])])
         if defined is None or not defined.min_gap_ns or symptoms.amount[row] < defined.min_gap_ns:
             places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)

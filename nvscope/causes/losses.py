@@ -73,19 +73,20 @@ def losses_in(case: Case) -> list[Loss]:
         for node, streams in case.streams_of_node.items() for one in streams
     }  # fmt: skip
     rows = np.flatnonzero(case.free(TELEGRAM_GAP) & (symptoms.amount > 0))
-    columns = (symptoms.list, symptoms.node, symptoms.subindex, symptoms.since_ns, symptoms.time_ns, symptoms.amount)
-    found = []
-    for row, number, node, subindex, since_ns, time_ns, lost in zip(
-        rows.tolist(), *(column[rows].tolist() for column in columns), strict=True
-    ):
-        interval_ns = nominal.get((number, node, subindex)) or 0
-        between_ns = (time_ns - since_ns) // (lost + 1)
-        due_ns = min(since_ns + (interval_ns or between_ns), time_ns)
-        last_due_ns = max(due_ns, time_ns - (interval_ns or between_ns))
-        loose_ns = max(MOMENT_NS, interval_ns // 4)
-        may_be_ns = (due_ns - loose_ns, due_ns + loose_ns) if interval_ns else (since_ns, time_ns)
-        found.append(Loss(row, node, number, due_ns, last_due_ns, lost, bool(interval_ns), may_be_ns))
-    return sorted(found, key=lambda loss: loss.due_ns)
+    number, node, subindex = symptoms.list[rows], symptoms.node[rows], symptoms.subindex[rows]
+    places = zip(number.tolist(), node.tolist(), subindex.tolist(), strict=True)
+    interval_ns = np.array([nominal.get(place) or 0 for place in places], np.int64)
+    since_ns, time_ns, lost = symptoms.since_ns[rows], symptoms.time_ns[rows], symptoms.amount[rows]
+    between_ns = np.where(interval_ns > 0, interval_ns, (time_ns - since_ns) // (lost + 1))
+    due_ns = np.minimum(since_ns + between_ns, time_ns)
+    last_due_ns = np.maximum(due_ns, time_ns - between_ns)
+    loose_ns = np.maximum(MOMENT_NS, interval_ns // 4)
+    cyclic = interval_ns > 0
+    first_ns, until_ns = np.where(cyclic, due_ns - loose_ns, since_ns), np.where(cyclic, due_ns + loose_ns, time_ns)
+    order = np.argsort(due_ns, kind="stable")
+    may_be_ns = zip(first_ns[order].tolist(), until_ns[order].tolist(), strict=True)
+    columns = (column[order].tolist() for column in (rows, node, number, due_ns, last_due_ns, lost, cyclic))
+    return list(map(Loss._make, zip(*columns, may_be_ns, strict=True)))
 
 
 def judge_losses_at_senders(case: Case) -> Iterator[Explained]:

@@ -25,7 +25,10 @@ _SENDERS = 2
 def judge_standstills(case: Case) -> Iterator[Explained]:
     """Explain what is late in all cyclic streams by the same time, and no longer than the capture holds no frame."""
     symptoms, table = case.symptoms, case.witness.pauses.table
+    rows = np.flatnonzero(case.free(LATE, JITTER))
     for since_ns, until_ns in zip(table.since_ns.tolist(), table.time_ns.tolist(), strict=True):
+        if not ((symptoms.since_ns[rows] <= since_ns) & (symptoms.time_ns[rows] >= until_ns)).any():
+            continue
         across = (symptoms.since_ns <= since_ns) & (symptoms.time_ns >= until_ns)
         late = case.free(LATE, JITTER) & across
         if not late.any() or (symptoms.of_kinds(SENDER_RESTART) & across).any():

@@ -50,6 +50,9 @@ def code_number(kind: FindingKind) -> int:
     return int(kind.code[2:])
 
 
+_CODES = 1000
+
+
 class Symptoms(NamedTuple):
     """The events behind findings, by time; columns int64 of shape (n,).
 
@@ -72,8 +75,9 @@ class Symptoms(NamedTuple):
 
     def of_kinds(self, *kinds: FindingKind) -> Bool:
         """Tell which are behind findings of some kinds."""
-        chosen: Bool = np.isin(self.code, [code_number(kind) for kind in kinds])
-        return chosen
+        table: Bool = np.zeros(_CODES, np.bool_)
+        table[[code_number(kind) for kind in kinds]] = True
+        return table[self.code]
 
 
 def symptoms_of(

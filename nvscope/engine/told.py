@@ -164,6 +164,18 @@ class Told:
         return Clock(self.packets.ts_ns)
 
     @cached_property
+    def header_counts(self) -> I64:
+        """How many packets have each number of headers (``SortedPackets.header``), up to the highest that is there."""
+        return np.bincount(self.batch.header)
+
+    @cached_property
+    def without_header(self) -> I64:
+        """The packets whose headers have no number, rising."""
+        if not len(self) or not self.header_counts[0]:
+            return np.empty(0, np.int64)
+        return np.flatnonzero(self.batch.header == 0)
+
+    @cached_property
     def parts(self) -> Mapping[str, Part]:
         """What the protocols with ports of their own found in the batch, by name; only those that found something.
 

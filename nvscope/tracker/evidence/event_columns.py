@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -60,6 +60,7 @@ class EventColumns:
     def __init__(self, most: int = MOST_EVENTS) -> None:
         self._most = most
         self._parts: list[_Heard] = []
+        self._table: EventTable | None = None
         self.count = 0
         self.left_out = 0
 
@@ -70,6 +71,7 @@ class EventColumns:
         if not room:
             return
         self.count += room
+        self._table = None
         scope = NO_SCOPE if events.scope is None else events.scope
         columns = tuple(getattr(events, name)[:room].astype(np.int64) for name in _OF_BATCH)
         self._parts.append(_Heard(events.kind, scope, columns))
@@ -84,6 +86,11 @@ class EventColumns:
 
     def table(self) -> EventTable:
         """Return what was told so far; a later table is another one."""
+        if self._table is None:
+            self._table = self._made()
+        return self._table
+
+    def _made(self) -> EventTable:
         if not self._parts:
             return EventTable(*[_NOTHING] * len(EventTable._fields))
         numbers = {_name(kind): number for number, kind in self.kinds.items()}
@@ -94,8 +101,19 @@ class EventColumns:
         table = EventTable(kind, scope, *columns)
         place = table.subindex, table.node, table.channel, table.list
         # Where one frame ends several waits of a place, they are told by when they began.
-        order = np.lexsort((table.detail, table.since_ns, *place, table.scope, table.kind, table.frame))
+        order = _sorted((table.frame, table.kind, table.scope, *place[::-1], table.since_ns, table.detail))
         return EventTable(*(column[order] for column in table))
+
+
+def _sorted(keys: Sequence[I64]) -> I64:
+    """Return the order of rows by several keys, the first one before all others; hardly any are equal in that."""
+    order = np.argsort(keys[0], kind="stable")
+    first = keys[0][order]
+    follows = np.append(False, first[1:] == first[:-1])[: len(order)]
+    alike = np.flatnonzero(follows | np.append(follows[1:], False)[: len(order)])
+    some = order[alike]
+    order[alike] = some[np.lexsort([key[some] for key in reversed(keys)])]
+    return order
 
 
 def _name(kind: IntEnum) -> tuple[str, str, str]:

@@ -99,11 +99,11 @@ class SharedAddresses:
         if not len(told):
             return
         header, known = told.batch.header, len(self._ways)
-        alone = np.flatnonzero((header == 0) & (told.packets.link == LinkType.ETHERNET))
-        alone = alone[self._are_data(told, alone)]
+        alone = told.without_header
+        alone = alone[(told.packets.link[alone] == LinkType.ETHERNET) & self._are_data(told, alone)]
         new = np.empty(0, np.int64)
-        if int(header.max()) >= known:
-            self._ways.resize(int(header.max()) + 1)
+        if len(told.header_counts) > known:
+            self._ways.resize(len(told.header_counts))
             later = np.flatnonzero(header >= known)
             first = np.full(len(self._ways) - known, _NONE)
             first[header[later[::-1]] - known] = later[::-1]  # of several, the first one is what stays

@@ -117,13 +117,13 @@ class Waiting:
         """Take a batch, which follows those before."""
         self._varieties = told.varieties
         packets, header = told.packets, told.batch.header
-        count = np.bincount(header, minlength=len(self._count))
-        row = np.flatnonzero(header == 0) if count[0] else np.empty(0, np.int64)
+        count, row = told.header_counts, told.without_header
         if len(count) > self._headers:
             row = np.sort(np.append(row, self._first_of_new(header, len(count))))
             self._headers = len(count)
-        count[: len(self._count)] += self._count
-        self._count = count
+        if len(count) > len(self._count):
+            self._count = np.append(self._count, np.zeros(len(count) - len(self._count), np.int64))
+        self._count[: len(count)] += count
         other = ~self._are_of_lists(told, row)
         self._batches.append(
             _Batch(
