@@ -7,6 +7,7 @@ Halves are rounded to even. A regular space separates thousands, or nothing does
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
@@ -60,6 +61,14 @@ def list_key(key: str) -> str:
     if not head.startswith("can/") or not digits.isascii() or not digits.isdigit():
         return key
     return f"{head}/{cob_id(int(digits), extended=number != digits)}"
+
+
+def short_list_keys(keys: Iterable[str]) -> dict[str, str]:
+    """Return by key what people call lists: ``7`` or ``0x110``; ``1203/7``, ``can1/0x110`` where several have that."""
+    told = {key: list_key(key) for key in keys}
+    short = {key: text.rpartition("/")[2] for key, text in told.items()}
+    known = Counter(short.values())
+    return {key: text if known[text] == 1 else told[key].partition("/")[2] for key, text in short.items()}
 
 
 def cob_id_range(first: int, last: int) -> str:

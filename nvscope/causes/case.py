@@ -28,6 +28,7 @@ from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.summary import ListSummary
+from nvscope.units import short_list_keys
 
 NOBODY = -1
 """The owner of a symptom that nothing has explained yet."""
@@ -220,6 +221,11 @@ class Case:
         """The lists by number."""
         every: list[AnyList] = [*self.facts.summary.lists, *self.facts.summary.can.lists]
         return {entry.number: entry for entry in every}
+
+    @cached_property
+    def short_keys(self) -> Mapping[str, str]:
+        """What lists without a name are called, by the text of their key."""
+        return short_list_keys(str(entry.key) for entry in self.lists.values())
 
     @cached_property
     def streams_of_node(self) -> dict[int, list[NodeStream]]:

@@ -47,4 +47,4 @@ def _name(case: Case, entry: AnyList) -> str:
     defined = case.facts.definition_of(entry)
     if defined is not None and defined.name:
         return defined.name
-    return str(entry.key).rpartition("/")[2]
+    return case.short_keys[str(entry.key)]

@@ -21,11 +21,11 @@ from nvscope.view.lines.text_width import display_width
 if TYPE_CHECKING:
     from nvscope.causes.chronicle import Chronicle
 
-MOST_WELL = 24
-"""So many lists without a fault are shown unless all are wanted."""
+MOST_ROWS, LEAST_WELL = 24, 4
+"""So many lists are shown unless all are wanted; of those without a fault at least so many."""
 
 MOST_CONCERNED = 60
-"""The same of those with one."""
+"""So many with a fault."""
 
 _SHORTEST, _LONGEST, _WIDE = 16, 100, 60
 
@@ -68,8 +68,8 @@ def strips(
     concerned = [by_key[key] for key in told]
     well = [entry for entry in entries if entry["key"] not in told]
     chosen = concerned if every else concerned[:MOST_CONCERNED]
-    rest = well if every else well[:MOST_WELL]
-    names = _names([entry["key"] for entry in entries])
+    rest = well if every else well[: max(MOST_ROWS - len(chosen), LEAST_WELL)]
+    names = units.short_list_keys(entry["key"] for entry in entries)
     measures = _measures(told, names, keys=keys)
     nodes = node_names(report)
     looked = [looked_at(entry, nodes) for entry in (*chosen, *rest)]
@@ -116,16 +116,6 @@ def _measures(told: Mapping[str, Concern], names: Mapping[str, str], *, keys: bo
         Measure(Column("sent", right=True, importance=1), _MEASURED["sent"].cell),
         Measure(Column(""), words),
     ]
-
-
-def _names(keys: Sequence[str]) -> dict[str, str]:
-    """Return what lists without a name are called: their identifier, where several have it with its port."""
-    told = {key: units.list_key(key) for key in keys}
-    short = {key: text.rpartition("/")[2] for key, text in told.items()}
-    known: dict[str, int] = {}
-    for text in short.values():
-        known[text] = known.get(text, 0) + 1
-    return {key: text if known[text] == 1 else told[key].partition("/")[2] for key, text in short.items()}
 
 
 def _keys(shown: Sequence[str], chronicle: Chronicle) -> Sequence[str]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
 _MOST_FINDINGS = 40  # more than anybody reads at once
+_OTHER = "other"
 _UNDER_MARKS = 3  # what is said of rows stands under their first column behind the mark
 _BODY_INDENT = 11  # below the status: the width of its longest word, and a gap
 
@@ -150,7 +151,8 @@ def _closing(report: content.Report, *, everything: bool) -> str:
     if told := happenings.folded(report):
         parts.append(f"{told}{'' if everything else ' (--all)'}.")
     if report["causes"]:
-        kind = report["causes"][0]["kind"]
+        kinds = [cause["kind"] for cause in report["causes"]]
+        kind = next((kind for kind in kinds if kind != _OTHER), _OTHER)
         parts.append(f"`nvscope explain {kind}` says more about a cause.")
     elif everything and report["findings"]:
         code = report["findings"][0]["code"]

@@ -1,0 +1,39 @@
+"""What a live session says of what happened: in each snapshot the causes so far, with those that are over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nvscope.analysis.causes import causes_of
+from nvscope.causes.mark import Mark
+from tests.simulate.simulation import simulated
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_snapshot_has_the_causes_with_those_that_are_over(tmp_path: Path) -> None:
+    inquiry = simulated(ROOT / "tests" / "scenarios" / "causes" / "five-at-once.toml").inquiry(tmp_path)
+    session = inquiry.session()
+    session.start()
+    assert session.wait(60)
+    seen = session.stop()
+    assert seen.happened is not None
+    told = [(cause.kind.name, cause.title, cause.until_ns) for cause in seen.happened.causes]
+    assert told == [(cause.kind.name, cause.title, cause.until_ns) for cause in causes_of(inquiry)[1]]
+    assert {until_ns is None for _, _, until_ns in told} == {True, False}
+
+
+def test_a_snapshot_stays_as_it_is_while_its_session_goes_on(tmp_path: Path) -> None:
+    inquiry = simulated(ROOT / "tests" / "scenarios" / "restart.toml").inquiry(tmp_path)
+    session = inquiry.session()
+    session.start()
+    first = session.snapshot()
+    assert session.wait(60)
+    last = session.stop()
+    for seen in (first, last):
+        assert seen.happened is not None
+        strips = [seen.happened.chronicle.strip(str(entry.key), 40) for entry in seen.summary.lists]
+        assert all(len(strip) == 40 for strip in strips)
+    assert last.happened is not None
+    (strip,) = (last.happened.chronicle.strip(str(entry.key), 40) for entry in last.summary.lists)
+    assert {Mark.RESTARTED, Mark.SILENT} <= set(strip)
