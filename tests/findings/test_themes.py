@@ -132,7 +132,9 @@ def test_judges_yield_their_own_rows_alone(found: Found, tmp_path: Path) -> None
 
 
 def test_explaining_reads_rows_without_what_judges_need() -> None:
-    code = "import nvscope.report.explain as face, sys; face.render('NV201'); print({'numpy', 'lark'} & set(sys.modules))"
+    code = (
+        "import nvscope.report.explain as face, sys; face.render('NV201'); print({'numpy', 'lark'} & set(sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.strip() == "set()"
 
