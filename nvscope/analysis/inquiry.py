@@ -299,7 +299,7 @@ class Inquiry:
         document = report_document(
             summary, findings, found.infos, self.project.definition, rows,
             node_names=self.project.node_names if names else {}, whole=found.summary, all_findings=found.findings,
-            causes=causes, drawn=drawn,
+            causes=causes, left_out=found.happened.left_out, drawn=drawn,
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}

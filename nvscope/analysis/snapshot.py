@@ -27,10 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Happenings:
-    """What happened: the causes behind findings, those that are over too, and what each list did when."""
+    """What happened: the causes behind findings, those that are over too, and what each list did when.
+
+    ``left_out`` is how many events and frames there was no room for, so that no cause is told by them.
+    """
 
     causes: Sequence[Cause]
     chronicle: Chronicle
+    left_out: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,4 +95,4 @@ def _happenings(
     from nvscope.causes.judge import judged  # noqa: PLC0415
 
     case = judged(facts, findings, witness, channels, names)
-    return Happenings(case.causes(), chronicle_of(case))
+    return Happenings(case.causes(), chronicle_of(case), witness.left_out)

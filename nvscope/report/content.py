@@ -156,6 +156,9 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
         frames = units.count_of(left_out, "frame")
         told = f"{frames} {verb} left out of figures: the limit was reached ({LIMIT_REACHED.code})"
         lines.append([Cell(told, Tone.WARNING)])
+    if left_out := report.get("evidence_left_out"):
+        told = f"{units.count_of(left_out, 'event')} left out, for which there was no room: causes may lack some"
+        lines.append([Cell(told, Tone.WARNING)])
     if chosen := report.get("filter"):
         telegrams = capture["telegrams"] + capture.get("can_frames", 0)
         lines.append(filter_cells(chosen, telegrams, "; figures are those of the whole capture"))

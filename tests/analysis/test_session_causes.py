@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from nvscope.analysis.causes import causes_of
 from nvscope.causes.mark import Mark
+from nvscope.report import text
+from nvscope.tracker.evidence.witness import Witness
 from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[2]
@@ -37,3 +41,13 @@ def test_a_snapshot_stays_as_it_is_while_its_session_goes_on(tmp_path: Path) -> 
     assert last.happened is not None
     (strip,) = (last.happened.chronicle.strip(str(entry.key), 40) for entry in last.summary.lists)
     assert {Mark.RESTARTED, Mark.SILENT} <= set(strip)
+
+
+def test_what_there_is_no_room_for_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    inquiry = simulated(ROOT / "tests" / "scenarios" / "causes" / "five-at-once.toml").inquiry(tmp_path)
+    whole = inquiry.report(inquiry.analyze())
+    assert "evidence_left_out" not in whole
+    monkeypatch.setattr(Witness, "left_out", 7)
+    document = inquiry.report(inquiry.analyze())
+    assert document == whole | {"evidence_left_out": 7}
+    assert "7 events left out, for which there was no room: causes may lack some" in text.render(document)

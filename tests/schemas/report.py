@@ -75,6 +75,7 @@ def report() -> Schema:
             "capture": _capture(),
             "totals": _totals(),
             "causes": several(shared("cause"), "what happened: what is broken now, then by severity and weight"),
+            "evidence_left_out": whole("events and frames without room: causes are told without them", 1),
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
             "findings": several(shared("finding"), "the worst first"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
@@ -82,7 +83,7 @@ def report() -> Schema:
             "hops": several(shared("hop"), "with --compare: variables that several lists have"),
             "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
         },
-        optional=("buses", "filter", *_OF_COMPARE),
+        optional=("evidence_left_out", "buses", "filter", *_OF_COMPARE),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),

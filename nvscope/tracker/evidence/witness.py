@@ -37,6 +37,15 @@ class Witness:
         self.pauses.observe(told)
         self.throughput.observe(told)
 
+    @property
+    def left_out(self) -> int:
+        """How much there was no room for: events, and frames of addresses; of it, causes know nothing."""
+        # Of what a stream looks like, the first runs are enough.
+        parts = (
+            self.evidence, self.long_pauses, self.presence, self.presence.signs, self.shared_addresses, self.throughput,
+        )  # fmt: skip
+        return sum(part.left_out for part in parts)
+
     def settle(self) -> None:
         """Make what was observed visible: before somebody looks at it."""
         self.presence.settle()

@@ -56,6 +56,7 @@ def report_document(
     whole: Summary | None = None,
     all_findings: Sequence[Finding] | None = None,
     causes: Sequence[Cause] = (),
+    left_out: int = 0,
     drawn: bool = False,
 ) -> dict[str, Any]:
     """Return the document of what was summarized and judged, and where it was read from.
@@ -63,8 +64,8 @@ def report_document(
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by the key
     of their list, each list has its own. ``node_names`` are by the text of the address. ``whole`` is what the summary
     shows a part of: figures are those of all its streams; ``all_findings`` are those that ``findings`` were chosen
-    from: they decide on the status of lists. ``causes`` are those to be shown. ``drawn``:
-    lists and findings are made when they are asked for (``nvscope.view.documents.drawn``), so that never all of them
+    from: they decide on the status of lists. ``causes`` are those to be shown; for ``left_out``
+    events there was no room, so that they are told without these. ``drawn``: lists and findings are made when they are asked for (``nvscope.view.documents.drawn``), so that never all of them
     are there.
     """
     names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
@@ -99,6 +100,7 @@ def report_document(
         },
         "totals": judged.totals,
         "causes": cause_rows(whole or summary, causes),
+        **({"evidence_left_out": left_out} if left_out else {}),
         "lists": Drawn((*summary.can.lists, *summary.lists), row_of),
         "findings": Drawn(findings, lambda finding: _finding_row(finding, keys, summary)),
     }
