@@ -93,6 +93,7 @@ UNSEEN = {
     "report/capture.drops_by.queue integer": "what is captured live",
     "report/capture.drops_by.ring integer": "the same",
     "report/capture.until_ns string": "the same",
+    "report/evidence_left_out integer": "what has hundreds of thousands of events",
     "report/findings[].parts[].extent number": "many identifiers of one channel that are irregular",
     "report/findings[].parts[].subindex null": "many lists of one channel with incomplete cycles",
     "diff/only_a[].id null": "a list of many whose file does not tell it",

@@ -64,9 +64,9 @@ def report_document(
     Lists that are defined have the name of their ``definition``. With ``values``, rows of variables by the key
     of their list, each list has its own. ``node_names`` are by the text of the address. ``whole`` is what the summary
     shows a part of: figures are those of all its streams; ``all_findings`` are those that ``findings`` were chosen
-    from: they decide on the status of lists. ``causes`` are those to be shown; for ``left_out``
-    events there was no room, so that they are told without these. ``drawn``: lists and findings are made when they are asked for (``nvscope.view.documents.drawn``), so that never all of them
-    are there.
+    from: they decide on the status of lists. ``causes`` are those to be shown; for ``left_out`` events there was no
+    room, so that they are told without these. ``drawn``: lists and findings are made when they are asked for
+    (``nvscope.view.documents.drawn``), so that never all of them are there.
     """
     names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
     keys, shown = _keys(whole or summary), _keys(summary)
