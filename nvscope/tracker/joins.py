@@ -64,7 +64,8 @@ TABLES: Mapping[str, Mapping[str, Join]] = {
     },
     "senders.timing.columns": {
         "last_ns": LAST, "last_frame": LAST, "node_gaps": LAST, "count": SUM, "total_ns": SUM, "least_ns": LEAST,
-        "most_ns": MOST, "squares": SUM, "learned": LAST, "usual_ns": LAST, "first_bucket": LAST, "dense": SUM,
+        "most_ns": MOST, "squares": SUM, "learned": LAST, "usual_ns": LAST, "unusual": LAST,
+        "first_bucket": LAST, "dense": SUM,
         "usual_kept": LAST, "usual_frames": LAST, "usual_keys": LAST,
     },
     "senders.timing.unusual.rows": _COUNTED_EVENTS,

@@ -183,14 +183,14 @@ def test_a_state_that_is_full_keeps_no_further_nodes_lists_or_streams() -> None:
 def test_the_option_the_project_and_what_is_said(tmp_path: Any) -> None:
     log = tmp_path / "many.log"
     log.write_text("".join(f"({time}.000000) can0 {word:03X}#0102\n" for time in range(3) for word in range(1, 9)))
-    shown = program.run("report", log, "--max-streams", "5").stdout.decode()
+    shown = program.run("report", log, "--max-streams", "5", "--all").stdout.decode()
     assert "NV906 limit-reached, 9 times" in shown
     assert "The first 5 streams" in shown
     assert "9 data frames of further identifiers" in " ".join(shown.split())
     assert "9 frames are left out of figures: the limit was reached (NV906)" in shown
     assert "NV906" not in program.run("report", log).stdout.decode()
     (tmp_path / "nvscope.toml").write_text("[limits]\nmax_streams = 7\n")
-    shown = program.run("report", log, "--project", tmp_path / "nvscope.toml").stdout.decode()
+    shown = program.run("report", log, "--project", tmp_path / "nvscope.toml", "--all").stdout.decode()
     assert "NV906 limit-reached, 3 times" in shown
 
 

@@ -62,11 +62,11 @@ def test_names_and_nodes_are_those_of_which_there_is_evidence(
 
 def test_what_canopen_would_have_is_shown_on_demand_as_its_plan() -> None:
     found = report(frames_of(*OF_NODES), 1000)
-    assert "TPDO1" not in text.render(found, width=160, utc=True)
+    assert "TPDO1" not in text.render(found, width=160, utc=True, everything=True)
     details = text.render(found, width=160, utc=True, details=True)
     assert "CANopen's plan" in details
     assert "TPDO1 node 5" in details
-    known = text.render(report(frames_of(*OF_NODES, HEARTBEAT), 1000), width=160, utc=True)
+    known = text.render(report(frames_of(*OF_NODES, HEARTBEAT), 1000), width=160, utc=True, everything=True)
     assert "TPDO1 node 5" in known
 
 
@@ -91,9 +91,9 @@ def test_what_many_identifiers_have_alike_is_one_finding() -> None:
     assert one["message"].startswith(
         "32 identifiers of can0 show this: 0x300, 0x301, 0x302, 0x303 and 28 more. 0x300: "
     )
-    shown = text.render(found, width=100, utc=True)
+    shown = text.render(found, width=100, utc=True, everything=True)
     assert "channel can0" in shown
-    assert "32 lists, all with warnings" in shown
+    assert "Findings: 1 warning" in shown
     assert "-v shows each." in shown
     details = text.render(found, width=100, utc=True, details=True)
     assert [f"COB-ID 0x{0x300 + place:03X}: Jitter" in details for place in range(32)] == [True] * 32
