@@ -113,8 +113,8 @@ def report(
     """Tell what happened in a plant: a verdict, a strip of time for each list, and the causes, with what to do first.
 
     -Y chooses what is shown: lists, streams, nodes, findings and causes to which a chosen telegram belongs, with the
-    figures of the whole capture, so that no filter makes up a loss. --from-time and --to-time cut the capture: only what lies
-    between is judged. Exits with 3 where a capture could not be read to its end.
+    figures of the whole capture, so that no filter makes up a loss. --from-time and --to-time cut the capture: only
+    what lies between is judged. Exits with 3 where a capture could not be read to its end.
     """
     files_named = named_files(sources, read, gvl)
     paths, gvl = files_named.captures, files_named.definitions
