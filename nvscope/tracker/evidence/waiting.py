@@ -152,12 +152,12 @@ class Waiting:
 
     def _are_of_lists(self, told: Told, row: I64) -> Bool:
         """Tell which packets of a batch hold telegrams that belong to a list."""
-        varieties = told.varieties
-        if len(self._of_lists) < len(varieties):
-            by_variety: Bool = np.zeros(len(varieties), np.bool_)
-            on_udp = np.flatnonzero(varieties.carried.carrier == Carrier.UDP)
-            by_variety[on_udp] = np.isin(varieties.telegrams_of(on_udp).header["id"], LIST_SERVICES)
-            self._of_lists = by_variety
+        varieties, known = told.varieties, len(self._of_lists)
+        if known < len(varieties):
+            of_new: Bool = np.zeros(len(varieties) - known, np.bool_)
+            on_udp = np.flatnonzero(varieties.carried.carrier[known:] == Carrier.UDP)
+            of_new[on_udp] = np.isin(varieties.telegrams_of(on_udp + known).header["id"], LIST_SERVICES)
+            self._of_lists = np.append(self._of_lists, of_new)
         return self._of_lists[told.variety[row]]
 
 
