@@ -22,7 +22,7 @@ from nvscope.units import count, count_of, percent
 
 CAPTURE_INCOMPLETE = CauseKind(
     "capture-incomplete",
-    "{lost} not captured",
+    "not captured",
     "The capture lacks telegrams that were on the network: loss that it shows is its own.",
     "Drops that the capturing program tells, several senders that lose at the same moments, or all lists that lose the "
     "same share.",
