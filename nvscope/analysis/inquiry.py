@@ -303,6 +303,11 @@ class Inquiry:
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}
+        if self.project.definition.lists:
+            from nvscope.analysis.missing import missing  # noqa: PLC0415
+
+            called = self.project.node_names if names else {}
+            document["missing"] = missing(found, self.project, summary, findings, causes, called)
         if found.hops is not None:
             from nvscope.view.documents.hops import hop_rows  # noqa: PLC0415
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
@@ -12,10 +14,12 @@ from nvscope.causes.words import moment
 from nvscope.engine.runs import distinct
 from nvscope.errors import ConfigurationError
 from nvscope.findings.definition import DEFINITION_MISMATCH, SILENT_LIST, UNKNOWN_LIST
+from nvscope.findings.facts import AnyList
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.summary import ListSummary
 
 if TYPE_CHECKING:  # captures without definitions need nothing of them
+    from nvscope.definition.layouts import Layouts
     from nvscope.definition.model import ListDefinition
 
 DEFINITION_ELSEWHERE = CauseKind(
@@ -31,12 +35,11 @@ Shapes = frozenset[tuple[int, int, int]]
 """SubIndex, Items and Length of all telegrams of a list."""
 
 
-class _Match(NamedTuple):
-    """A silent list, the finding that says so, and a list that is sent in its shape; ``pack`` as it is sent."""
+class Match(NamedTuple):
+    """A silent list, and a list that is sent in its shape; ``pack`` as it is sent."""
 
     defined: ListDefinition
     key: ListKey
-    finding: int
     sent: ListSummary
     pack: bool
 
@@ -49,29 +52,32 @@ class _Match(NamedTuple):
 
 def judge_definitions_elsewhere(case: Case) -> Iterator[Explained]:
     """Explain lists that are silent, and those that are sent in their place, one cause a pair."""
+    values = case.facts.state.values
+    silent = distinct(case.symptoms.finding[case.free(SILENT_LIST)]).tolist()
+    keys = [key for place in silent if (key := case.findings[place].key) is not None]
+    strange = case.lists_of(case.free(UNKNOWN_LIST, DEFINITION_MISMATCH))
+    for match in matches(keys, strange, values.layouts if values else None):
+        yield _draft(case, match)
+
+
+def matches(silent: Sequence[ListKey], strange: Sequence[AnyList], layouts: Layouts | None) -> Iterator[Match]:
+    """Yield which of some strange lists are silent ones in another place, the least odd pairs first, each list once."""
+    sent = [(entry, shapes) for entry in strange if isinstance(entry, ListSummary) for shapes in _sent_shapes(entry)]
+    if not sent or layouts is None:
+        return
+    found = [
+        Match(defined, key, entry, pack)
+        for key in silent
+        if key.transport is Transport.UDP
+        for pack, defined, shapes in _defined_shapes(layouts, key)
+        for entry, own in sent
+        if own == shapes
+    ]
     taken: set[ListKey] = set()
-    for match in sorted(_matches(case), key=lambda one: one.oddity):
+    for match in sorted(found, key=lambda one: one.oddity):
         if taken.isdisjoint((match.key, match.sent.key)):
             taken |= {match.key, match.sent.key}
-            yield _draft(case, match)
-
-
-def _matches(case: Case) -> Iterator[_Match]:
-    symptoms = case.symptoms
-    silent = [
-        (place, case.findings[place].key) for place in distinct(symptoms.finding[case.free(SILENT_LIST)]).tolist()
-    ]  # fmt: skip
-    strange = case.lists_of(case.free(UNKNOWN_LIST, DEFINITION_MISMATCH))
-    sent = [(entry, shapes) for entry in strange if isinstance(entry, ListSummary) for shapes in _sent_shapes(entry)]
-    if not silent or not sent:
-        return
-    for place, key in silent:
-        if key is None or key.transport is not Transport.UDP:
-            continue
-        for pack, defined, shapes in _defined_shapes(case, key):
-            for entry, own in sent:
-                if own == shapes:
-                    yield _Match(defined, key, place, entry, pack)
+            yield match
 
 
 def _sent_shapes(entry: ListSummary) -> set[Shapes]:
@@ -83,27 +89,27 @@ def _sent_shapes(entry: ListSummary) -> set[Shapes]:
     }  # fmt: skip
 
 
-def _defined_shapes(case: Case, key: ListKey) -> Iterator[tuple[bool, ListDefinition, Shapes]]:
+def _defined_shapes(layouts: Layouts, key: ListKey) -> Iterator[tuple[bool, ListDefinition, Shapes]]:
     """Yield what telegrams of a list look like by its definitions, packed as defined, and otherwise."""
     from nvscope.definition.packing import pack as packed  # noqa: PLC0415
 
-    values = case.facts.state.values
-    for layouts in values.layouts.candidates_of(key) if values else ():
-        defined = layouts[0].list
+    for telegrams in layouts.candidates_of(key):
+        defined = telegrams[0].list
         for pack in (defined.pack, not defined.pack):
             try:
-                telegrams = packed(replace(defined, pack=pack))
+                sent = packed(replace(defined, pack=pack))
             except ConfigurationError:
                 continue  # nobody has written it down like this
-            yield pack, defined, frozenset((one.subindex, one.items, one.length) for one in telegrams)
+            yield pack, defined, frozenset((one.subindex, one.items, one.length) for one in sent)
 
 
-def _draft(case: Case, match: _Match) -> Explained:
+def _draft(case: Case, match: Match) -> Explained:
     symptoms, entry, own, other = case.symptoms, match.sent, match.key, match.sent.key
-    chosen = symptoms.finding == match.finding
+    silent = [place for place, finding in enumerate(case.findings) if finding.key == own]
+    chosen = case.free(SILENT_LIST) & np.isin(symptoms.finding, silent)
     chosen |= case.free(UNKNOWN_LIST, DEFINITION_MISMATCH) & (symptoms.list == entry.number)
     name = f"{match.defined.name} ({own.identifier})" if match.defined.name else f"{own.identifier}"
-    differences, steps = _differences(match)
+    ways, steps = differences(match)
     nodes = list(dict.fromkeys(stream.node for stream in entry.streams))
     since_ns = min(stream.first_ns for stream in entry.streams)
     last_ns = max(stream.last_ns for stream in entry.streams)
@@ -114,7 +120,7 @@ def _draft(case: Case, match: _Match) -> Explained:
         f"{case.address(nodes[0])}",
         f"not one telegram of list {own.identifier} on port {own.port} came",
     ]
-    title = f"List {name} is sent {' and '.join(differences)} since {moment(case, since_ns)}"
+    title = f"List {name} is sent {' and '.join(ways)} since {moment(case, since_ns)}"
     draft = Draft(
         DEFINITION_ELSEWHERE, title, " ".join(steps), checked, [entry], nodes, since_ns=since_ns,
         until_ns=case.end_of_many(since_ns, last_ns, entry.diagnosis.nSendCount, slack_ns([entry])), keys=[own],
@@ -122,19 +128,19 @@ def _draft(case: Case, match: _Match) -> Explained:
     return draft, chosen
 
 
-def _differences(match: _Match) -> tuple[list[str], list[str]]:
+def differences(match: Match) -> tuple[list[str], list[str]]:
     """Return in what a list is sent otherwise than defined, and what would have to change."""
     own, other = match.key, match.sent.key
-    differences, steps = [], []
+    ways, steps = [], []
     if own.identifier != other.identifier:
-        differences.append(f"as list {other.identifier}")
+        ways.append(f"as list {other.identifier}")
         steps.append(
             f"Set the list identifier to {other.identifier} in the definition, or to {own.identifier} in the sender."
         )
     if own.port != other.port:
-        differences.append(f"on port {other.port}")
+        ways.append(f"on port {other.port}")
         steps.append(f"Set the port to {other.port} in the definition, or to {own.port} in the sender.")
     if match.pack != match.defined.pack:
-        differences.append("packed" if match.pack else "not packed")
+        ways.append("packed" if match.pack else "not packed")
         steps.append(f"Set Pack to {str(match.pack).upper()} in the definition and in the readers.")
-    return differences, steps
+    return ways, steps

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words
 from nvscope.findings.definition import SILENT_LIST
+from nvscope.findings.facts import Facts
+from nvscope.findings.finding import Finding
 from nvscope.findings.foreign_headers import foreign_header, is_foreign, telegrams_of
 from nvscope.findings.header import BIG_ENDIAN_HEADER, LENGTH_MISMATCH
 from nvscope.units import count, count_of
@@ -28,14 +30,20 @@ _TOLD_BY = (LENGTH_MISMATCH, BIG_ENDIAN_HEADER)
 
 def judge_foreign_headers(case: Case) -> Iterator[Explained]:
     """Explain telegrams of which nearly none has a Length that fits, one cause for each sender of a list."""
+    for sender in foreign_senders(case.facts, case.findings):
+        yield from _draft(case, *sender)
+
+
+def foreign_senders(facts: Facts, findings: Sequence[Finding]) -> Iterator[tuple[int, int, int, int]]:
+    """Yield number of list, node, and how many telegrams are malformed, of how many, of senders with other headers."""
     malformed: dict[tuple[int, int], int] = defaultdict(int)
-    for finding in case.findings:
+    for finding in findings:
         if finding.kind in _TOLD_BY and finding.list_number is not None and finding.node is not None:
             malformed[finding.list_number, finding.node] += finding.count
-    telegrams = telegrams_of(case.facts, malformed) if malformed else {}
+    telegrams = telegrams_of(facts, malformed) if malformed else {}
     for place in sorted(telegrams):
         if is_foreign(malformed[place], telegrams[place]):
-            yield from _draft(case, *place, malformed[place], telegrams[place])
+            yield *place, malformed[place], telegrams[place]
 
 
 def _draft(case: Case, number: int, node: int, malformed: int, telegrams: int) -> Iterator[Explained]:

@@ -136,7 +136,7 @@ def report(
     keep_freed_memory()
     inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet), asked)
     with flaws_told_first(plant.definition):
-        found = inquiry.analyze(wanted, values=as_json, compare=compare, causes=True, names=not no_names)
+        found = inquiry.analyze(wanted, values=True, compare=compare, causes=True, names=not no_names)
         document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
     shown = colour_wanted(colour)
     chronicle = found.happened.chronicle if found.happened else None

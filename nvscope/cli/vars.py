@@ -232,6 +232,7 @@ def _check_readable(paths: Sequence[str]) -> None:
 
 
 def _last_values(asked: _Asked, listed: str | None) -> _Read:
+    from nvscope.analysis.missing import missing_of_lists
     from nvscope.analysis.seen_lists import SeenLists
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
@@ -245,8 +246,9 @@ def _last_values(asked: _Asked, listed: str | None) -> _Read:
     undecoded = left_out(found.state, found.values, keys)
     unplaced = [entry for entry, _ in asked.inquiry.defined_layouts().unplaced]
     some_came = any(undecoded) or (keys is None and seen.saw_any(unplaced))
+    missing = missing_of_lists(found, asked.inquiry.project, keys, asked.names)
     asked.tell(
-        variables_document(found.state, found.values, keys=keys, expression=asked.wanted),
+        variables_document(found.state, found.values, keys=keys, expression=asked.wanted, missing=missing),
         lambda document: face.render(
             document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc, node_names=asked.names,
             some_came=some_came, of_one_list=keys is not None,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, content, folding, happenings, hops, strips, tables
+from nvscope.report import buses, content, folding, happenings, hops, missing, strips, tables
 from nvscope.report.ansi import batched
 from nvscope.view.escape import markdown_code, markdown_safe
 from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column
@@ -48,6 +48,7 @@ def _lines(
         yield f"- {markdown_code(path)} {markdown_safe(facts)}" if path else f"- {markdown_safe(facts)}"
     for cells in content.capture_lines(report, clock):
         yield f"- {markdown_safe(''.join(cell.text for cell in cells))}"
+    yield from _missing(report, details=details)
     advice = content.advice(report)
     if advice:
         yield ""
@@ -86,6 +87,20 @@ def _lines(
     yield ""
     tool = report["tool"]
     yield f"_{markdown_safe(tool['name'])} {markdown_safe(tool['version'])}_"
+
+
+def _missing(report: content.Report, *, details: bool) -> Iterator[str]:
+    shown, left = missing.entries(report.get("missing", ()), every=details)
+    if not shown:
+        return
+    yield ""
+    yield f"### {missing.TITLE}"
+    yield ""
+    for entry in shown:
+        why = f": {markdown_safe(entry.why)}" if entry.why else ""
+        yield f"- {entry.mark.text} **{markdown_safe(entry.what)}**{why}. {markdown_safe(entry.next)}"
+    if left:
+        yield f"- {missing.left_out(left)}"
 
 
 def _strips(report: content.Report, chronicle: Chronicle | None, *, details: bool) -> Iterator[str]:

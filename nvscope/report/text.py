@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, causes, content, diagnosis, folding, happenings, hops, strips, tables
+from nvscope.report import buses, causes, content, diagnosis, folding, happenings, hops, missing, strips, tables
 from nvscope.report.ansi import painted
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, wrap
@@ -85,7 +85,7 @@ def _lines(
 ) -> Iterator[Line]:  # fmt: skip
     """Yield the report with sentences of at most ``width`` columns and tables that have ``room``."""
     text_width = min(width, _TEXT_WIDTH)
-    yield from _head(report, text_width, width, clock)
+    yield from _head(report, text_width, width, clock, asked)
     if report["lists"]:
         yield []
         yield from _strips(report, chronicle, asked, text_width, room)
@@ -118,14 +118,18 @@ def _lines(
         yield from ([], *wrap([Cell(closing, Tone.FAINT)], text_width))
 
 
-def _head(report: content.Report, text_width: int, width: int, clock: content.Clock) -> Iterator[Line]:
-    """Yield the verdict, and what was captured."""
+def _head(
+    report: content.Report, text_width: int, width: int, clock: content.Clock, asked: Asked
+) -> Iterator[Line]:  # fmt: skip
+    """Yield the verdict, what was captured, and what is missing."""
     mark, told = happenings.headline(report)
     yield from wrap([Cell(f"{mark.text} ", mark.tone), Cell(told, Tone.STRONG)], text_width, hanging=2)
     for path, facts in content.source_facts(report):
         yield from wrap([Cell(f"{path} "), Cell(facts)], width, 2, 4)
     for cells in content.capture_lines(report, clock):
         yield from wrap(cells, text_width, 2, 4)
+    for number, line in enumerate(missing.lines(report.get("missing", ()), text_width, every=asked.details)):
+        yield from ((line,) if number else ([], line))
     advice = content.advice(report)
     if advice:
         yield from _section("What to check", width)

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from nvscope import units
+from nvscope.report import missing
 from nvscope.report.ansi import paint
 from nvscope.report.content import filter_cells, nanoseconds
 from nvscope.view.documents.variables import ASSUMED
@@ -14,6 +15,7 @@ from nvscope.view.escape import visible, visible_document
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40
+_TEXT_WIDTH = 110  # longer lines of prose are hard to read
 _NOTHING_CAME = "No telegram of a defined list was found: compare the identifiers and ports of the definition files."
 _NOT_ONE_CAME = "No telegram of this list was found: compare its identifier and port with what `nvscope report` shows."
 
@@ -50,13 +52,16 @@ def render(
     """
     names = {node: visible(name) for node, name in node_names.items()}
     shown, width = visible_document(document), max(width, MIN_WIDTH)
-    lines = [*filter_lines(shown["filter"], width)]
+    parts = [filter_lines(shown["filter"], width)]
+    absent = [*missing.lines(shown["missing"], min(width, _TEXT_WIDTH))]
     if shown["variables"]:
-        lines += [[]] if lines else []
-        lines += _lines(shown, width, wide, utc, names)
+        parts += [absent, [*_lines(shown, width, wide, utc, names)]]
     else:
-        lines += wrap([Cell(_nothing_told(shown["filter"], some_came, of_one_list), Tone.WARNING)], width)
-    return paint(lines, colour=colour)
+        told = _nothing_told(shown["filter"], some_came, of_one_list)
+        parts[0] = [*parts[0], *wrap([Cell(told, Tone.WARNING)], width)]
+        parts.append(absent)
+    lines = [line for part in parts if part for line in ([], *part)]
+    return paint(lines[1:], colour=colour)
 
 
 def filter_lines(chosen: Mapping[str, Any] | None, width: int) -> list[Line]:

@@ -30,6 +30,7 @@ DEFINITIONS = {
     "can.gvl": ("CAN", 0x190, _SHARED.format(odd="dOther")),
     "overlapping.gvl": ("CAN", 0x191, "nOther : LINT; nFurther : LINT;"),
     "other_type.gvl": ("UDP", 12, "nCount : DINT;"),
+    "elsewhere.gvl": ("UDP", 21, _SHARED.format(odd="dDay")),
     "before.gvl": ("UDP", 10, _SHARED.format(odd="dDay")),
     "after.gvl": ("UDP", 10, "nCount : INT;"),
     "long.gvl": ("CAN", 0x1A0, "sLong : STRING(20); nBehind : INT;"),
@@ -44,6 +45,7 @@ def make_odd_plant(folder: Path) -> None:
         told = "" if identifier is None else f"<ListIdentifier>{identifier}</ListIdentifier>"
         (folder / name).write_text(_GVL.format(declared=declared, protocol=protocol, identifier=told))
     (folder / "named.toml").write_text('definitions = ["eth.gvl"]\n[nodes]\n"10.0.0.1" = { name = "press" }\n')
+    (folder / "silent.toml").write_text('definitions = ["elsewhere.gvl"]\n[lists.44]\ninterval = "1s"\n')
     (folder / "empty.toml").write_text(_EMPTY_SCENARIO)
     values = [_values(number) for number in range(_SENT)]
     frames = []

@@ -56,7 +56,7 @@ from tests.schemas.shapes import (
     whole,
     word,
 )
-from tests.schemas.variables import VALUE, VALUE_OF_LIST
+from tests.schemas.variables import MISSING, VALUE, VALUE_OF_LIST
 
 SCOPES = [*SCOPE_NAMES.values(), SCOPE_UNUSED]
 _JUDGED = [kind for kind in CATALOGUE.values() if kind.judged]
@@ -80,10 +80,11 @@ def report() -> Schema:
             "findings": several(shared("finding"), "the worst first"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
             "filter": record({"expression": text(), "telegrams": whole("those it chooses")}),
+            "missing": several(MISSING, "with definitions: what does not arrive of what is defined"),
             "hops": several(shared("hop"), "with --compare: variables that several lists have"),
             "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
         },
-        optional=("evidence_left_out", "buses", "filter", *_OF_COMPARE),
+        optional=("evidence_left_out", "buses", "filter", "missing", *_OF_COMPARE),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from nvscope.definition.infer import GUESS, LAYOUTS, LIKELY, SURE
 from nvscope.view.documents.variables import ASSUMED, DOCUMENTED
+from nvscope.view.documents.verdicts import SEVERITIES
+from nvscope.view.missing_kinds import KINDS
 from tests.schemas.shapes import (
     FILTER,
     LIST_KEY,
@@ -53,6 +55,21 @@ _VARIABLE: Properties = {
 }
 VALUE_OF_LIST = record(_VARIABLE)
 
+MISSING = record(
+    {
+        "kind": word(KINDS),
+        "severity": word(SEVERITIES),
+        "lists": several(LIST_KEY, "the one that is missing first, then that which is sent in its place"),
+        "list_name": maybe(text("that of the first list")),
+        "nodes": several(text(), "addresses of those that send it, or do not get it"),
+        "variables": several(text(), "what never changed, up to ten; structures and arrays as one"),
+        "variables_cut": whole("further ones"),
+        "what": text("what is missing, as a sentence"),
+        "why": maybe(text("null where nobody knows")),
+        "next": text("what to change or to look at"),
+    }
+)
+
 
 def last_values() -> Schema:
     """Return the schema of ``vars --json``."""
@@ -60,6 +77,7 @@ def last_values() -> Schema:
         "vars", "`nvscope vars --json`: the last value of every variable, its changes and its bounds",
         {
             "filter": FILTER,
+            "missing": several(MISSING, "what does not arrive of what is defined"),
             "variables": several(shared("variable")),
             "earlier": several(shared("variable"), "of telegrams with a layout that another one took the place of"),
         },

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any, NamedTuple
@@ -29,6 +29,7 @@ def variables_document(
     *,
     keys: Collection[ListKey] | None = None,
     expression: str | None = None,
+    missing: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Return the variables of all streams as data, by list, SubIndex and sender; ``keys`` are the lists, as their
     definition has them, None for all.
@@ -36,14 +37,15 @@ def variables_document(
     Numbers are numbers (``null`` where they are not finite), times of the type as numbers in its unit, bytes as
     hexadecimal text; absolute times are nanoseconds as decimal strings. ``earlier`` are the variables of telegrams with
     a layout that another one of the list's definitions took the place of, up to their last telegram. ``expression`` is
-    that of the filter.
+    that of the filter; ``missing`` are rows of what is missing of what is defined.
     """
     streams = [
-        stream for stream in _streams(state, values) if keys is None or values.layouts.key_of(stream.list) in keys
+        stream for stream in streams_of(state, values) if keys is None or values.layouts.key_of(stream.list) in keys
     ]
     return {
         **head("nvscope.vars/1"),
         "filter": filter_told(expression, state.capture.chosen, state.capture.telegrams + state.buses.frames),
+        "missing": list(missing),
         "variables": [row for stream in streams for row in _listed(stream, stream.sequence[-1])],
         "earlier": [row for stream in streams for known in stream.sequence[:-1] for row in _listed(stream, known)],
     }
@@ -59,14 +61,14 @@ def filter_told(expression: str | None, chosen: int, telegrams: int) -> dict[str
 def values_by_list(state: TrackerState, values: Values) -> dict[ListKey, list[dict[str, Any]]]:
     """Return the rows of ``variables_document`` without what they have of their list, by its key."""
     found: dict[ListKey, list[dict[str, Any]]] = {}
-    for stream in _streams(state, values):
+    for stream in streams_of(state, values):
         rows = _rows(stream.subindex, stream.sender, stream.sequence[-1])
         found.setdefault(stream.list, []).extend(rows)
     return found
 
 
 @dataclass(frozen=True, slots=True)
-class _Stream:
+class VariableStream:
     """Whose values: key of the list, SubIndex, sender, and what each of its layouts gave."""
 
     list: ListKey
@@ -75,13 +77,13 @@ class _Stream:
     sequence: Sequence[StreamValues]
 
 
-def _streams(state: TrackerState, values: Values) -> list[_Stream]:
+def streams_of(state: TrackerState, values: Values) -> list[VariableStream]:
     """Return the streams in the order of their rows."""
     entries = []
     for stream in values.streams:
         key = state.keys.stream_key(stream)
         order = key.list, key.subindex, key.order
-        entries.append((order, _Stream(key.list, key.subindex, key.sender, values.sequence(stream))))
+        entries.append((order, VariableStream(key.list, key.subindex, key.sender, values.sequence(stream))))
     return [stream for _, stream in sorted(entries, key=lambda entry: entry[0])]
 
 
@@ -116,7 +118,7 @@ def left_out(state: TrackerState, values: Values, keys: Collection[ListKey] | No
     )
 
 
-def _listed(stream: _Stream, known: StreamValues) -> list[dict[str, Any]]:
+def _listed(stream: VariableStream, known: StreamValues) -> list[dict[str, Any]]:
     listed = {"list": str(stream.list), "list_name": known.layout.list.name}
     return [{**listed, **row} for row in _rows(stream.subindex, stream.sender, known)]
 
