@@ -50,6 +50,9 @@ def report(
             help="Show the same, the diagnosis structure and the streams of every list, and each finding by itself.",
         ),
     ] = False,
+    timing: Annotated[
+        bool, typer.Option("--timing", help="Draw how the intervals of each list are spread: two habits are no jitter.")
+    ] = False,
     wide: WideOption = False,
     listed: Annotated[
         list[str] | None,
@@ -122,6 +125,11 @@ def report(
     timeout_ns = None if timeout is None else duration_ns("--ack-timeout", timeout)
     if as_json and as_markdown:
         raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
+    if as_json and timing:
+        raise UsageError(
+            "--timing is drawn for people",
+            next_step="leave it out: --json has intervals and percentiles of each stream",
+        )
 
     asked = asked_range(from_time, to_time, utc=utc)
     plant = with_channels(project_of(project, gvl), channel_map)
@@ -140,6 +148,11 @@ def report(
         document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
     shown = colour_wanted(colour)
     chronicle = found.happened.chronicle if found.happened else None
+    shapes = None
+    if timing:
+        from nvscope.view.interval_shapes import IntervalShapes
+
+        shapes = IntervalShapes(found.state, found.summary)
     if as_json:
         from nvscope.report import json
 
@@ -148,12 +161,12 @@ def report(
     elif as_markdown:
         from nvscope.report import markdown
 
-        parts = markdown.pieces(document, chronicle, utc=utc, everything=everything, details=details)
+        parts = markdown.pieces(document, chronicle, shapes, utc=utc, everything=everything, details=details)
     else:
         from nvscope.report import text as face
 
         parts = face.pieces(
-            document, chronicle, everything=everything, details=details, colour=shown, width=width(),
+            document, chronicle, shapes, everything=everything, details=details, colour=shown, width=width(),
             wide=tables_are_wide(wide), utc=utc,
         )  # fmt: skip
     echo_all(parts, color=shown)

@@ -6,40 +6,42 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, content, folding, happenings, hops, missing, strips, tables
+from nvscope.report import buses, content, folding, happenings, hops, missing, strips, tables, timing
 from nvscope.report.ansi import batched
 from nvscope.view.escape import markdown_code, markdown_safe
 from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column
 
 if TYPE_CHECKING:
     from nvscope.causes.chronicle import Chronicle
+    from nvscope.view.interval_shapes import IntervalShapes
 
 
 def render(
-    report: content.Report, chronicle: Chronicle | None = None, *, utc: bool = False, everything: bool = False,
-    details: bool = False,
+    report: content.Report, chronicle: Chronicle | None = None, shapes: IntervalShapes | None = None, *,
+    utc: bool = False, everything: bool = False, details: bool = False,
 ) -> str:  # fmt: skip
     """Return the report as Markdown, ending with a line break; ``utc`` tells times in UTC instead of local time.
 
-    ``chronicle`` is what the strips of the lists are drawn from. ``everything`` adds the figures of lists, identifiers
-    on CAN and the findings; ``details`` shows in them what the controllers count as errors, and findings that say the
-    same one by one.
+    ``chronicle`` is what the strips of the lists are drawn from, ``shapes`` are how their intervals are spread, where
+    that is asked for. ``everything`` adds the figures of lists, identifiers on CAN and the findings; ``details`` shows
+    in them what the controllers count as errors, and findings that say the same one by one.
     """
-    return "".join(pieces(report, chronicle, utc=utc, everything=everything, details=details))
+    return "".join(pieces(report, chronicle, shapes, utc=utc, everything=everything, details=details))
 
 
 def pieces(
-    report: content.Report, chronicle: Chronicle | None = None, *, utc: bool = False, everything: bool = False,
-    details: bool = False,
+    report: content.Report, chronicle: Chronicle | None = None, shapes: IntervalShapes | None = None, *,
+    utc: bool = False, everything: bool = False, details: bool = False,
 ) -> Iterator[str]:  # fmt: skip
     """Yield the same, some lines at a time."""
     clock = content.Clock.of(report, utc=utc)
-    for lines in batched(_lines(report, chronicle, clock, everything=everything or details, details=details)):
+    for lines in batched(_lines(report, chronicle, shapes, clock, everything=everything or details, details=details)):
         yield "\n".join(lines) + "\n"
 
 
 def _lines(
-    report: content.Report, chronicle: Chronicle | None, clock: content.Clock, *, everything: bool, details: bool
+    report: content.Report, chronicle: Chronicle | None, shapes: IntervalShapes | None, clock: content.Clock, *,
+    everything: bool, details: bool,
 ) -> Iterator[str]:  # fmt: skip
     head = happenings.headline(report)
     yield f"**{markdown_safe(f'{head[0].text} {head[1]}')}**"
@@ -59,6 +61,8 @@ def _lines(
     if report["lists"]:
         yield ""
         yield from _strips(report, chronicle, details=details)
+        if shapes is not None:
+            yield from _timing(report, shapes, details=details)
     yield from _causes(report)
     if everything and report["lists"]:
         yield ""
@@ -112,6 +116,16 @@ def _strips(report: content.Report, chronicle: Chronicle | None, *, details: boo
     if found.left:
         yield ""
         yield strips.left_out(found, "-v")
+
+
+def _timing(report: content.Report, shapes: IntervalShapes, *, details: bool) -> Iterator[str]:
+    found = timing.timing(report, shapes, keys=details, every=details)
+    yield from ("", f"### {timing.TITLE}", "")
+    if found.rows:
+        yield from _rows(found.columns, found.rows)
+        yield from ("", markdown_safe(timing.LEGEND))
+    else:
+        yield timing.NO_INTERVALS
 
 
 def _causes(report: content.Report) -> Iterator[str]:

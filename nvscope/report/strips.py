@@ -5,7 +5,7 @@ Takes the report of schema ``nvscope.report/2`` and the ``Chronicle`` beside it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope import units
@@ -62,17 +62,12 @@ def strips(
     Lists that causes concern come first, in their order. ``keys``: lists are told by their keys; ``every``: none is
     left out.
     """
-    told = concerns(report)
-    entries: Sequence[Row] = report["lists"]
-    by_key: dict[str, Row] = {entry["key"]: entry for entry in entries if entry["key"] in told}
-    concerned = [by_key[key] for key in told]
-    well = [entry for entry in entries if entry["key"] not in told]
-    chosen = concerned if every else concerned[:MOST_CONCERNED]
-    rest = well if every else well[: max(MOST_ROWS - len(chosen), LEAST_WELL)]
+    told, entries = concerns(report), report["lists"]
+    shown = shown_lists(report, told, every=every)
     names = units.short_list_keys(entry["key"] for entry in entries)
     measures = _measures(told, names, keys=keys)
     nodes = node_names(report)
-    looked = [looked_at(entry, nodes) for entry in (*chosen, *rest)]
+    looked = [looked_at(entry, nodes) for entry in shown.entries]
     measured = [[measure.cell(entry) for measure in measures] for entry in looked]
     places = [place for place in range(len(measures)) if any(row[place].text not in ("", NOTHING) for row in measured)]
     columns = [measures[place].column for place in places]
@@ -81,14 +76,33 @@ def strips(
     if chronicle is not None and rows:
         at = next(place for place, column in enumerate(columns) if column.title in _BEHIND)
         room = _room(columns, rows, width)
-        keys_of = _keys([entry["key"] for entry in (*chosen, *rest)], chronicle)
+        keys_of = keys_among([entry["key"] for entry in shown.entries], chronicle.numbers)
         drawn = [chronicle.strip(key, room) for key in keys_of]
         columns.insert(at, Column(scale(_length_ns(report), room), verbatim=True))
         for row, one in zip(rows, drawn, strict=True):
             row.insert(at, Cell("".join(MARKS[mark][0] for mark in one)))
         marks = sorted({mark for one in drawn for mark in one})
     left = len(entries) - len(rows)
-    return Strips(columns, rows, left, len(concerned) - len(chosen), marks)
+    return Strips(columns, rows, left, shown.left_concerned, marks)
+
+
+class ShownLists(NamedTuple):
+    """The lists that are shown, those that causes concern first, in their order; and how many of these are not."""
+
+    entries: Sequence[Row]
+    left_concerned: int
+
+
+def shown_lists(report: Report, told: Mapping[str, Concern] | None = None, *, every: bool = False) -> ShownLists:
+    """Return the lists of a report that are shown; ``told`` is what happened to them, if it is known already."""
+    told = concerns(report) if told is None else told
+    entries: Sequence[Row] = report["lists"]
+    by_key: dict[str, Row] = {entry["key"]: entry for entry in entries if entry["key"] in told}
+    concerned = [by_key[key] for key in told]
+    well = [entry for entry in entries if entry["key"] not in told]
+    chosen = concerned if every else concerned[:MOST_CONCERNED]
+    rest = well if every else well[: max(MOST_ROWS - len(chosen), LEAST_WELL)]
+    return ShownLists([*chosen, *rest], len(concerned) - len(chosen))
 
 
 _MEASURED = {measure.column.title: measure for measure in OVERVIEW}
@@ -118,11 +132,11 @@ def _measures(told: Mapping[str, Concern], names: Mapping[str, str], *, keys: bo
     ]
 
 
-def _keys(shown: Sequence[str], chronicle: Chronicle) -> Sequence[str]:
-    """Return keys as the chronicle has them, given how a report shows them."""
-    if all(key in chronicle.numbers for key in shown):
+def keys_among(shown: Sequence[str], known: Collection[str]) -> Sequence[str]:
+    """Return keys as what stands beside a report has them, given how the report shows them."""
+    if all(key in known for key in shown):
         return shown
-    raw = {visible(key): key for key in chronicle.numbers}
+    raw = {visible(key): key for key in known}
     return [raw[key] for key in shown]
 
 

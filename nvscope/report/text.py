@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, causes, content, diagnosis, folding, happenings, hops, missing, strips, tables
+from nvscope.report import buses, causes, content, diagnosis, folding, happenings, hops, missing, strips, tables, timing
 from nvscope.report.ansi import painted
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, wrap
@@ -18,6 +18,7 @@ from nvscope.view.lines.text_width import display_width
 
 if TYPE_CHECKING:
     from nvscope.causes.chronicle import Chronicle
+    from nvscope.view.interval_shapes import IntervalShapes
 
 MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
@@ -37,6 +38,7 @@ class Asked(NamedTuple):
 def render(
     report: content.Report,
     chronicle: Chronicle | None = None,
+    shapes: IntervalShapes | None = None,
     *,
     everything: bool = False,
     details: bool = False,
@@ -47,15 +49,24 @@ def render(
 ) -> str:
     """Return the report as text of at most ``width`` columns (40 or more), ending with a line break.
 
-    ``chronicle`` is what the strips of the lists are drawn from. ``everything`` adds the figures of lists, the
-    identifiers on CAN and the findings behind the causes; ``details`` the same and, for each list, the diagnosis
-    structure of the list and its nodes, all counters, and its streams, and shows findings that say the same one by one.
+    ``chronicle`` is what the strips of the lists are drawn from, ``shapes`` are how their intervals are spread, where
+    that is asked for. ``everything`` adds the figures of lists, the identifiers on CAN and the findings behind the
+    causes; ``details`` the same and, for each list, the diagnosis structure of the list and its nodes, all counters,
+    and its streams, and shows findings that say the same one by one.
     ``wide`` tables are as wide as they need all the same. ``utc`` tells times in UTC instead of local time. With and
     without ``colour`` the text is the same.
     """
     return "".join(
         pieces(
-            report, chronicle, everything=everything, details=details, colour=colour, width=width, wide=wide, utc=utc
+            report,
+            chronicle,
+            shapes,
+            everything=everything,
+            details=details,
+            colour=colour,
+            width=width,
+            wide=wide,
+            utc=utc,
         )
     )
 
@@ -63,6 +74,7 @@ def render(
 def pieces(
     report: content.Report,
     chronicle: Chronicle | None = None,
+    shapes: IntervalShapes | None = None,
     *,
     everything: bool = False,
     details: bool = False,
@@ -75,13 +87,13 @@ def pieces(
     shown = visible_document(report)
     width = max(width, MIN_WIDTH)
     asked = Asked(everything or details, details)
-    lines = _lines(shown, chronicle, asked, width, None if wide else width, content.Clock.of(shown, utc=utc))
+    lines = _lines(shown, chronicle, shapes, asked, width, None if wide else width, content.Clock.of(shown, utc=utc))
     return painted(lines, colour=colour)
 
 
 def _lines(
-    report: content.Report, chronicle: Chronicle | None, asked: Asked, width: int, room: int | None,
-    clock: content.Clock,
+    report: content.Report, chronicle: Chronicle | None, shapes: IntervalShapes | None, asked: Asked, width: int,
+    room: int | None, clock: content.Clock,
 ) -> Iterator[Line]:  # fmt: skip
     """Yield the report with sentences of at most ``width`` columns and tables that have ``room``."""
     text_width = min(width, _TEXT_WIDTH)
@@ -89,6 +101,8 @@ def _lines(
     if report["lists"]:
         yield []
         yield from _strips(report, chronicle, asked, text_width, room)
+        if shapes is not None:
+            yield from _timing(report, shapes, asked, text_width, room)
     yield from causes.lines(report["causes"], text_width, every=asked.details)
     if asked.everything and report["lists"]:
         yield from _section("Figures", width)
@@ -147,6 +161,19 @@ def _strips(
         yield from wrap([Cell(legend, Tone.FAINT)], text_width, _UNDER_MARKS)
     if found.left:
         yield from wrap([Cell(strips.left_out(found, "-v"))], text_width, _UNDER_MARKS)
+
+
+def _timing(
+    report: content.Report, shapes: IntervalShapes, asked: Asked, text_width: int, room: int | None
+) -> Iterator[Line]:  # fmt: skip
+    """Yield how the intervals of each list are spread."""
+    found = timing.timing(report, shapes, keys=asked.details, every=asked.details)
+    yield from _section(timing.TITLE, text_width)
+    if found.rows:
+        yield from aligned(found.columns, found.rows, room)
+        yield from wrap([Cell(timing.LEGEND, Tone.FAINT)], text_width)
+    else:
+        yield from wrap([Cell(timing.NO_INTERVALS)], text_width)
 
 
 def _closing(report: content.Report, *, everything: bool) -> str:

@@ -20,6 +20,7 @@ PRESS = ROOT / "captures" / "can" / "press.log"
 VERBS: dict[str, list[str]] = {
     "report": ["report", str(PLANT)],
     "report -v": ["report", str(PLANT), "-v"],
+    "report --timing": ["report", str(PLANT), "--timing"],
     "report of CAN": ["report", str(PRESS), "-v"],
     "report --md": ["report", str(PLANT), "--md"],
     "packets": ["packets", str(PLANT), "-c", "30"],
