@@ -73,7 +73,7 @@ def test_a_list_that_never_came_has_the_one_that_fits_it(
     frames: Sequence[Frame], why: str, step: str, tmp_path: Path
 ) -> None:
     asked = Asked([*frames, *sent(POWER, 13)], [SPEED, POWER], tmp_path)
-    name = "Speed (12 on port 1202)" if "port" in why else "Speed (12)"
+    name = "Speed (1202/12)" if "port" in why else "Speed (12)"
     for rows in (asked.report(), asked.variables()):
         row = next(row for row in rows if row["kind"] == "never-seen")
         assert told([row]) == [(f"{name} was never seen", why, step)]

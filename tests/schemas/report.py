@@ -72,8 +72,7 @@ def report() -> Schema:
     found = document(
         "report", about,
         {
-            "capture": _capture(),
-            "totals": _totals(),
+            "capture": _capture(), "totals": _totals(),
             "causes": several(shared("cause"), "what happened: what is broken now, then by severity and weight"),
             "evidence_left_out": whole("events and frames without room: causes are told without them", 1),
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),

@@ -7,7 +7,7 @@ controller can read, and variables that never change although others of their li
 from __future__ import annotations
 
 import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,7 +17,7 @@ from nvscope.findings.definition import DEFINITION_MISMATCH, SILENT_LIST, UNKNOW
 from nvscope.findings.header import BIG_ENDIAN_HEADER, LENGTH_MISMATCH
 from nvscope.findings.kind import Severity
 from nvscope.list_key import ListKey, Transport
-from nvscope.units import count, count_of, list_key
+from nvscope.units import count, count_of, list_key, short_list_keys
 from nvscope.view.documents.variables import streams_of
 from nvscope.view.missing_kinds import FOREIGN, NEVER_CHANGED, NEVER_SEEN, WITHOUT_PROGRAM
 
@@ -74,7 +74,7 @@ class _Rows:
         self._lists = {entry.number: entry for entry in every}
         keys = {entry.key for entry in self._lists.values()}
         keys |= {key for key in facts.defined if key.transport is Transport.UDP}
-        self._same = Counter((key.transport, key.identifier) for key in keys)
+        self._short = short_list_keys(sorted(map(str, keys)))
         # Only what is missing needs what judges it; of most captures, nothing is.
         self._foreign: list[tuple[int, int, int, int]] = []
         if any(finding.kind in (LENGTH_MISMATCH, BIG_ENDIAN_HEADER) for finding in findings):
@@ -174,11 +174,9 @@ class _Rows:
             yield self._row(NEVER_CHANGED, None, [rest.key], [], what, None, step, rest.names)
 
     def _called(self, key: ListKey) -> str:
-        """Return a list's name with its identifier, and its port or channel where another list has the same."""
-        number = list_key(str(key)).rpartition("/")[2]
-        if self._same[key.transport, key.identifier] > 1:
-            number += f" on {'port ' * (key.transport is Transport.UDP)}{key.port}"
-        name = self._name(key)
+        """Return a list's name with what people call it without one."""
+        text, name = str(key), self._name(key)
+        number = self._short.get(text) or list_key(text).rpartition("/")[2]
         return f"{name} ({number})" if name else f"list {number}"
 
     def _name(self, key: ListKey) -> str | None:
