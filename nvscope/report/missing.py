@@ -11,14 +11,14 @@ from typing import NamedTuple
 from nvscope import units
 from nvscope.report.content import Row, severity_of, status
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
-from nvscope.view.missing_kinds import NEVER_CHANGED
+from nvscope.view.missing_kinds import NEVER_CHANGED, NEVER_SEEN
 
 TITLE = "Missing"
 MOST = 8
 """So many entries are shown unless all are wanted."""
 
-_MOST_RESTING = 3
-"""Of more lists than these, variables that never change are one entry."""
+_MOST_ALIKE = 3
+"""Of more lists than these of which the same is said, it is said once."""
 
 _MOST_NAMED = 4
 
@@ -33,13 +33,16 @@ class Entry(NamedTuple):
 
 
 def entries(rows: Sequence[Row], *, every: bool = False) -> tuple[list[Entry], int]:
-    """Return what is shown, and how many rows are not; ``every`` one, each by itself, or the first ones."""
-    resting = [row for row in rows if row["kind"] == NEVER_CHANGED]
-    if every or len(resting) <= _MOST_RESTING:
-        found = [_entry(row) for row in rows]
-    else:
-        found = [_entry(row) for row in rows if row["kind"] != NEVER_CHANGED]
-        found.append(_folded(resting))
+    """Return what is shown, and how many entries are not; ``every`` row by itself, or the first ones, folded."""
+    alike: dict[tuple[str, str | None, str], list[Row]] = {}
+    for row in rows:
+        alike.setdefault((row["kind"], row["why"], row["next"]), []).append(row)
+    found = []
+    for own in alike.values():
+        if every or len(own) <= _MOST_ALIKE or own[0]["kind"] not in (NEVER_SEEN, NEVER_CHANGED):
+            found += [_entry(row) for row in own]
+        else:
+            found.append(_folded(own))
     shown = found if every else found[:MOST]
     return shown, len(found) - len(shown)
 
@@ -79,10 +82,13 @@ def _named(row: Row) -> str:
 
 
 def _folded(rows: Sequence[Row]) -> Entry:
-    number = sum(len(row["variables"]) + row["variables_cut"] for row in rows)
-    what = f"{units.count_of(number, 'variable')} of {units.count_of(len(rows), 'list')} never changed, others did"
-    lists = [row["list_name"] or units.list_key(row["lists"][0]) for row in rows[:_MOST_NAMED]]
-    return Entry(_mark(rows[0]), what, _together(lists, len(rows) - len(lists)), rows[0]["next"])
+    lists = units.count_of(len(rows), "list")
+    names = [row["list_name"] or units.list_key(row["lists"][0]) for row in rows[:_MOST_NAMED]]
+    what = f"{lists} were never seen"
+    if rows[0]["kind"] == NEVER_CHANGED:
+        number = sum(len(row["variables"]) + row["variables_cut"] for row in rows)
+        what = f"{units.count_of(number, 'variable')} of {lists} never changed, others did"
+    return Entry(_mark(rows[0]), what, _together(names, len(rows) - len(names)), rows[0]["next"])
 
 
 def _together(names: Sequence[str], more: int) -> str:

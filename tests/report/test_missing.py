@@ -60,16 +60,20 @@ def test_nothing_is_said_where_nothing_is_missing() -> None:
 
 
 def test_more_than_eight_are_counted() -> None:
-    assert section(*[ELSEWHERE] * 11)[-1] == "  3 more: --json has all."
-    assert len(section(*[ELSEWHERE] * 11)) == 1 + 8 + 1
-    assert len(section(*[ELSEWHERE] * 11, details=True)) == 1 + 11
+    several = [{**ELSEWHERE, "why": f"as list {number}"} for number in range(11)]
+    assert section(*several)[-1] == "  3 more: --json has all."
+    assert len(section(*several)) == 1 + 8 + 1
+    assert len(section(*several, details=True)) == 1 + 11
 
 
-def test_what_never_changes_in_many_lists_is_one_entry() -> None:
-    assert section(*[RESTING] * 5)[1:] == [
-        "· 30 variables of 5 lists never changed, others did: axis, axis, axis, axis and 1 more. Do this."
+def test_what_is_the_same_of_many_lists_is_said_once() -> None:
+    unseen = row("never-seen", "warning", "axis (7) was never seen", None)
+    assert section(*[unseen] * 6, *[RESTING] * 5)[1:] == [
+        "! 6 lists were never seen: axis, axis, axis, axis and 2 more. Do this.",
+        "· 30 variables of 5 lists never changed, others did: axis, axis, axis, axis and 1 more. Do this.",
     ]
-    assert len(section(*[RESTING] * 5, details=True)) == 1 + 5
+    assert len(section(*[unseen] * 3, *[RESTING] * 3)) == 1 + 6
+    assert len(section(*[unseen] * 6, *[RESTING] * 5, details=True)) == 1 + 11
 
 
 def test_variables_begin_with_it() -> None:
