@@ -36,12 +36,13 @@ def missing(
 def missing_of_lists(
     found: Analysis, project: Project, keys: Collection[ListKey] | None, node_names: Mapping[str, str]
 ) -> list[dict[str, Any]]:  # fmt: skip
-    """Return what is missing of defined lists, without causes; ``keys`` are those asked for, None for all."""
+    """Return what is missing of lists with variables, without causes; ``keys`` are those asked for, None for all."""
     summary, findings = found.summary, found.findings
     if found.chosen is not None:
         summary, findings = found.chosen.summary(summary), found.chosen.findings
-    wanted = project.definition.by_key().keys() if keys is None else keys
-    wanted = {*wanted, *(key for key in _keys(summary) if key.on_any_channel in wanted)}
+    if keys is None:
+        keys = {key for key, entry in project.definition.by_key().items() if entry.variables}
+    wanted = {*keys, *(key for key in _keys(summary) if key.on_any_channel in keys)}
     return missing(found, project, *of_lists(summary, findings, wanted), None, node_names)
 
 

@@ -99,7 +99,7 @@ ODD_COMMANDS = (
     "report alike.log -Y 'can.id == 0x303'",
     "report one.pcap --project named.toml",
     "vars eth.pcap --gvl eth.gvl --gvl before.gvl --gvl after.gvl",
-    "vars eth.pcap --project silent.toml",
+    "vars eth.pcap --gvl elsewhere.gvl",
     "vars eth.pcap --gvl eth.gvl --history '*'",
     "vars one.pcap --gvl eth.gvl --history '*' --all",
     "vars eth.pcap --gvl eth.gvl --gvl nameless.gvl --at 50ms",

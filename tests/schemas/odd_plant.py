@@ -45,7 +45,6 @@ def make_odd_plant(folder: Path) -> None:
         told = "" if identifier is None else f"<ListIdentifier>{identifier}</ListIdentifier>"
         (folder / name).write_text(_GVL.format(declared=declared, protocol=protocol, identifier=told))
     (folder / "named.toml").write_text('definitions = ["eth.gvl"]\n[nodes]\n"10.0.0.1" = { name = "press" }\n')
-    (folder / "silent.toml").write_text('definitions = ["elsewhere.gvl"]\n[lists.44]\ninterval = "1s"\n')
     (folder / "empty.toml").write_text(_EMPTY_SCENARIO)
     values = [_values(number) for number in range(_SENT)]
     frames = []

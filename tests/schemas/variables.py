@@ -55,20 +55,19 @@ _VARIABLE: Properties = {
 }
 VALUE_OF_LIST = record(_VARIABLE)
 
-MISSING = record(
-    {
-        "kind": word(KINDS),
-        "severity": word(SEVERITIES),
-        "lists": several(LIST_KEY, "the one that is missing first, then that which is sent in its place"),
-        "list_name": maybe(text("that of the first list")),
-        "nodes": several(text(), "addresses of those that send it, or do not get it"),
-        "variables": several(text(), "what never changed, up to ten; structures and arrays as one"),
-        "variables_cut": whole("further ones"),
-        "what": text("what is missing, as a sentence"),
-        "why": maybe(text("null where nobody knows")),
-        "next": text("what to change or to look at"),
-    }
-)
+_MISSING: Properties = {
+    "kind": word(KINDS),
+    "severity": word(SEVERITIES),
+    "lists": several(LIST_KEY, "the one that is missing first, then that which is sent in its place"),
+    "list_name": maybe(text("that of the first one")),
+    "nodes": several(text(), "addresses of those that send it, or do not get it"),
+    "variables": several(text(), "what never changed, up to ten; structures and arrays as one"),
+    "variables_cut": whole("further ones"),
+    "what": text("what is missing, as a sentence"),
+    "why": maybe(text("null where nobody knows")),
+    "next": text("what to change or to look at"),
+}
+MISSING = record(_MISSING)
 
 
 def last_values() -> Schema:
@@ -77,7 +76,7 @@ def last_values() -> Schema:
         "vars", "`nvscope vars --json`: the last value of every variable, its changes and its bounds",
         {
             "filter": FILTER,
-            "missing": several(MISSING, "what does not arrive of what is defined"),
+            "missing": several(record({**_MISSING, "list_name": text()}), "what does not arrive of what is defined"),
             "variables": several(shared("variable")),
             "earlier": several(shared("variable"), "of telegrams with a layout that another one took the place of"),
         },
