@@ -65,7 +65,8 @@ class NodeStream(NamedTuple):
 class Draft:
     """A cause that is being judged: everything but what follows from the symptoms that it explains.
 
-    ``keys`` are lists that it concerns and of which nothing was seen.
+    ``keys`` are lists that it concerns and of which nothing was seen; ``at_most`` is its severity where the findings
+    that it explains are no faults.
     """
 
     kind: CauseKind
@@ -78,6 +79,7 @@ class Draft:
     since_ns: int | None = None
     until_ns: int | None = None
     severity: Severity = Severity.NOTE
+    at_most: Severity = Severity.ERROR
     keys: Sequence[ListKey] = ()
     rows: I64 = field(default_factory=lambda: np.empty(0, np.int64))
 
@@ -285,7 +287,7 @@ class Case:
     def _made(self, draft: Draft, findings: Sequence[Finding]) -> tuple[tuple[object, ...], Cause]:
         rows = draft.rows
         worst = [self.findings[place].kind.severity for place in distinct(self.symptoms.finding[rows]).tolist()]
-        severity = max([draft.severity, draft.kind.at_least, *worst])
+        severity = min(max([draft.severity, draft.kind.at_least, *worst]), draft.at_most)
         frames = distinct(self.symptoms.frame[rows])
         frames = frames[frames > 0]
         since_ns, until_ns = draft.since_ns, draft.until_ns

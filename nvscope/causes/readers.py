@@ -12,6 +12,9 @@ import numpy as np
 from dissectors.batch import Bool
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.losses import clusters, losses_at_senders, losses_of_only_lists
+from nvscope.causes.lost_answers import answers_lost
+from nvscope.causes.successions import of_successions
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT, SEND_REJECTED
@@ -155,7 +158,7 @@ def judge_silent_readers(case: Case) -> Iterator[Explained]:
     """Explain what stayed without acknowledgement: runs each for itself, all others of a reader and list as one."""
     symptoms = case.symptoms
     places: dict[tuple[tuple[int, ...], int], list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT)).tolist():
+    for row in np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & ~_lost_on_the_way(case) & ~of_successions(case)).tolist():
         number, peer = int(symptoms.list[row]), int(symptoms.peer[row])
         entry = case.lists[number]
         assert isinstance(entry, ListSummary), "nobody acknowledges on CAN"
@@ -169,6 +172,17 @@ def judge_silent_readers(case: Case) -> Iterator[Explained]:
             runs.append(_Run(readers, number, own, own is not single, since_ns, until_ns))
     for together in _overlapping(runs):
         yield _silent(case, together)
+
+
+def _lost_on_the_way(case: Case) -> Bool:
+    """Tell which acknowledgements are missing because their reader's link loses what it sends."""
+    found: Bool = np.zeros(len(case.owner), np.bool_)
+    if not case.free(NO_ACKNOWLEDGEMENT).any():
+        return found
+    for node, losses in [*losses_at_senders(case).items(), *losses_of_only_lists(case).items()]:
+        for cluster in clusters(losses):
+            found |= answers_lost(case, node, cluster)
+    return found
 
 
 def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:

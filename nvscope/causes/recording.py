@@ -81,6 +81,8 @@ def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int,
     repeated, others = 0, 0.0
     for node, streams in case.streams_of_node.items():
         for one in streams:
+            if one.stream.counter_scope == "unused":
+                continue  # a copy of it looks like one that was sent anew: it takes no step either
             own = 0
             if (one.list.number, node, one.stream.subindex) in places:
                 own = one.stream.figures["duplicates"] or 0

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft, Explained, NodeStream
+from dissectors.batch import Bool
+from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, NodeStream
 from nvscope.causes.recording import CLOCK, OF_CLOCK
 from nvscope.causes.words import moment
 from nvscope.findings.loss import SENDER_RESTART
@@ -45,7 +46,26 @@ def judge_standstills(case: Case) -> Iterator[Explained]:
             case.lists_of(late), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         # A wait that was open then has ended at its deadline, be that behind the pause or in it.
-        yield draft, case.free(*OF_CLOCK) & (symptoms.since_ns <= since_ns) & (symptoms.time_ns > since_ns)
+        chosen = case.free(*OF_CLOCK) & (symptoms.since_ns <= since_ns) & (symptoms.time_ns > since_ns)
+        yield draft, chosen & ~_silent_before(case, since_ns)
+
+
+def _silent_before(case: Case, since_ns: int) -> Bool:
+    """Tell which intervals are of streams that had paused before a time: these stood still by themselves."""
+    symptoms = case.symptoms
+    found: Bool = np.zeros(len(symptoms.code), np.bool_)
+    for node, streams in case.streams_of_node.items():
+        for one in streams:
+            if one.nominal_ns:
+                own = (symptoms.list == one.list.number) & (symptoms.node == node)
+                own &= symptoms.subindex == one.stream.subindex
+                found |= own & (symptoms.since_ns < since_ns - _pause_ns(one))
+    found &= symptoms.of_kinds(LATE, JITTER)
+    return found
+
+
+def _pause_ns(one: NodeStream) -> int:
+    return one.nominal_ns * PAUSE_PERCENT // 100
 
 
 def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
@@ -60,6 +80,8 @@ def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
             nodes.add(node)
             table = case.unusual_intervals(one.list.number, one.stream)
             row = np.flatnonzero((table.since_ns <= since_ns) & (table.time_ns >= until_ns))
+            if len(row) and since_ns - int(table.since_ns[row[0]]) > _pause_ns(one):
+                continue  # it was silent before
             # What is late by less than half its interval may be so by itself.
             if not len(row) or 2 * int(table.amount[row[0]]) < 3 * one.nominal_ns:
                 unseen.append(one)

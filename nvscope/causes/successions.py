@@ -1,0 +1,39 @@
+"""What telegrams in quick succession bring about, and is no fault: waits cut short, cycles that interleave."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dissectors.batch import Bool
+from nvscope.causes.boot_ups import answers_to_anybody
+from nvscope.causes.case import Case
+from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
+from nvscope.findings.timing import TORN_CYCLE
+
+_TENTH = 10
+
+
+def of_successions(case: Case) -> Bool:
+    """Tell which unexplained symptoms are of telegrams that followed each other too soon to tell anything.
+
+    The next telegram ends a wait that its reader had no time to answer; an answer to a boot-up request is sent between
+    the telegrams of a cycle.
+    """
+    symptoms = case.symptoms
+    cut_short = case.free(NO_ACKNOWLEDGEMENT)
+    if cut_short.any():
+        nominal_ns = {
+            (one.list.number, node, one.stream.subindex): one.nominal_ns
+            for node, streams in case.streams_of_node.items() for one in streams
+        }  # fmt: skip
+        rows = np.flatnonzero(cut_short)
+        places = zip(
+            *(column[rows].tolist() for column in (symptoms.list, symptoms.node, symptoms.subindex)), strict=True
+        )
+        least_ns = np.array([nominal_ns.get(place, 0) for place in places], np.int64) // _TENTH
+        cut_short = case.only(rows[symptoms.time_ns[rows] - symptoms.since_ns[rows] < least_ns])
+    torn = case.free(TORN_CYCLE)
+    if torn.any():
+        torn &= answers_to_anybody(case, intervals=1)
+    found: Bool = cut_short | torn
+    return found
