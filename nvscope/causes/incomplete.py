@@ -255,7 +255,9 @@ def _draft(
     length_ns = symptoms.time_ns - symptoms.since_ns
     short = length_ns <= int(length_ns[rows].max()) + slack_ns(lists)  # a longer pause is another matter
     in_moments = case.touching(rows, longest_ns(lists)) & short & ~_late_by_itself(case)
-    chosen |= case.free(*_EFFECTS) & (in_moments | (_uncounted(case) if everywhere else np.False_))
+    chosen |= (
+        case.free(*_EFFECTS) & ~_asked_in_vain(case) & (in_moments | (_uncounted(case) if everywhere else np.False_))
+    )
     chosen |= case.free(NO_ACKNOWLEDGEMENT) & _within_moments(case, moments)
     chosen |= _single_waits(case, *((case.start_ns, case.end_ns) if everywhere else (since_ns, last_ns)), longest)
     lost, all_lost = sum(loss.lost for loss in own), sum(loss.lost for loss in losses)
@@ -301,6 +303,13 @@ def _of_stream(case: Case, node: int, one: NodeStream) -> Bool:
     own: Bool = (symptoms.list == one.list.number) & (symptoms.node == node)
     own &= symptoms.subindex == one.stream.subindex
     return own
+
+
+def _asked_in_vain(case: Case) -> Bool:
+    """Tell which symptoms are of boot-up requests for lists that nobody ever sent."""
+    unsent = [entry.number for entry in case.facts.summary.lists if not entry.senders]
+    asked: Bool = case.symptoms.of_kinds(BOOT_UP_UNANSWERED) & np.isin(case.symptoms.list, unsent)
+    return asked
 
 
 def _within_moments(case: Case, moments: Sequence[Sequence[Loss]]) -> Bool:

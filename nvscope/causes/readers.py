@@ -11,6 +11,7 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
+from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.losses import clusters, losses_at_senders, losses_of_only_lists
 from nvscope.causes.lost_answers import answers_lost
@@ -209,7 +210,11 @@ def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
                 parts.append([row])
         runs += [part for part in parts if len(part) >= _RUN]
         rest += [row for part in parts if len(part) < _RUN for row in part]
-    return runs, sorted(rest)
+    # Single ones make some runs by chance: these are no other matter.
+    telegrams = sum(stream.telegrams for stream in case.lists[int(case.symptoms.list[rows[0]])].streams)
+    longest = longest_by_chance(len(rest), telegrams - len(rest))
+    rest += [row for part in runs if len(part) <= longest for row in part]
+    return [part for part in runs if len(part) > longest], sorted(rest)
 
 
 def _overlapping(runs: Sequence[_Run]) -> list[list[_Run]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from nvscope.analysis.inquiry import Inquiry
 from nvscope.findings.kind import Severity
 from tests.causes.drawn.bus import ERROR, OFF, Bus, Device, PdoList
 from tests.causes.drawn.by_hand import list_of, node_of, plant_of, told_of, told_of_bus
-from tests.causes.drawn.packets import write_pcap
+from tests.causes.drawn.packets import datagram, group_mac, write_pcap
 from tests.causes.drawn.plant import START_NS, Away, Plant
 from tests.causes.drawn.traffic import Seen, play
 from tests.causes.drawn.truth import MILLISECOND, SECOND
@@ -50,6 +51,21 @@ def test_copies_that_take_no_step_do_not_hide_those_that_do(tmp_path: Path) -> N
 
     plant.captured.append(twice)
     assert kinds_of(plant, tmp_path, Severity.WARNING) == ["mirrored-twice"]
+
+
+def test_copies_are_counted_beside_what_came_then_though_the_clock_was_set_forward(tmp_path: Path) -> None:
+    plant = plant_of(60)
+    for number in (1, 2):
+        list_of(node_of(plant, number), number, 100)
+
+    def twice(_: Plant, seen: list[Seen]) -> list[Seen]:
+        copies = [one._replace(ts_ns=one.ts_ns + 50_000) for one in seen if 25 <= (one.ts_ns - START_NS) / SECOND < 35]
+        rows = sorted([*seen, *copies], key=lambda one: one.ts_ns)
+        step_ns = START_NS + 30 * SECOND
+        return [one._replace(ts_ns=one.ts_ns + 90 * SECOND * (one.ts_ns > step_ns)) for one in rows]
+
+    plant.captured.append(twice)
+    assert kinds_of(plant, tmp_path, Severity.WARNING) == ["clock", "mirrored-twice"]
 
 
 def test_what_a_mirror_port_loses_in_a_row_by_chance_is_no_fault_of_a_list(tmp_path: Path) -> None:
@@ -136,3 +152,24 @@ def test_frames_of_others_do_not_say_that_who_left_the_bus_is_back(tmp_path: Pat
     bus.rows.append((START_NS + 20 * SECOND, ERROR | OFF, bytes(8)))
     ((kind, _, until_s),) = told_of_bus(bus, tmp_path)
     assert (kind, until_s) == ("bus-off", None)
+
+
+def test_single_answers_that_are_missing_make_a_run_by_chance(tmp_path: Path) -> None:
+    plant, chance = plant_of(90), random.Random(4)
+    press, reader = node_of(plant, 1), node_of(plant, 2, chatter_s=1)
+    list_of(press, 1, 20, readers=(reader,))
+    captured(plant, lambda one: one.node is not reader or chance.random() > 0.06)
+    assert kinds_of(plant, tmp_path) == ["reader-silent"]
+
+
+def test_whoever_asks_for_a_list_that_nobody_sends_asks_in_vain_whatever_the_capture_lacks(tmp_path: Path) -> None:
+    plant, chance = plant_of(60), random.Random(2)
+    for number in (1, 2, 3):
+        list_of(node_of(plant, number), number, 20)
+    request = struct.pack("<4sIHHHHHBB", b"\0-S3", 6, 99, 0, 1, 20, 0, 0, 0)
+    everybody = "255.255.255.255"
+    captured(plant, lambda _: chance.random() > 0.03)
+    plant.extra.append(
+        (START_NS + 30 * SECOND, datagram(plant.nodes[0].port, group_mac(everybody) or b"", everybody, request))
+    )
+    assert kinds_of(plant, tmp_path) == ["boot-up-unanswered", "capture-incomplete"]
