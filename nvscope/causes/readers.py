@@ -204,7 +204,8 @@ def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
         for before, row in pairwise(own):
             interval_ns = int(symptoms.since_ns[row] - symptoms.since_ns[before])
             usual_ns = stream.intervals.nominal or stream.intervals.p95 or interval_ns
-            if interval_ns <= usual_ns * 3 // 2:
+            # The capture may lack telegrams between: what ended a wait is the next one that it has.
+            if interval_ns <= usual_ns * 3 // 2 or symptoms.since_ns[row] <= symptoms.time_ns[before]:
                 parts[-1].append(row)
             else:
                 parts.append([row])

@@ -162,6 +162,17 @@ def test_single_answers_that_are_missing_make_a_run_by_chance(tmp_path: Path) ->
     assert kinds_of(plant, tmp_path) == ["reader-silent"]
 
 
+def test_a_reader_that_is_silent_is_so_once_whatever_the_capture_lacks(tmp_path: Path) -> None:
+    plant, chance = plant_of(60), random.Random(2)
+    press, reader = node_of(plant, 1), node_of(plant, 2)
+    for number in (1, 2, 3):
+        list_of((press, press, reader)[number - 1], number, 20)
+    read = list_of(press, 4, 50, readers=(reader,))
+    read.silent_readers.append((START_NS + 20 * SECOND, START_NS + 26 * SECOND, "nothing"))
+    captured(plant, lambda _: chance.random() > 0.04)
+    assert kinds_of(plant, tmp_path) == ["capture-incomplete", "reader-silent"]
+
+
 def test_whoever_asks_for_a_list_that_nobody_sends_asks_in_vain_whatever_the_capture_lacks(tmp_path: Path) -> None:
     plant, chance = plant_of(60), random.Random(2)
     for number in (1, 2, 3):
