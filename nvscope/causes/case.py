@@ -230,6 +230,17 @@ class Case:
             found[stream.node].append(NodeStream(entry, stream))
         return dict(sorted(found.items()))
 
+    def streams_at(self, rows: I64) -> list[NodeStream | None]:
+        """Return of which stream on UDP some symptoms are, None where of none."""
+        symptoms = self.symptoms
+        columns = (column[rows].tolist() for column in (symptoms.list, symptoms.node, symptoms.subindex))
+        return [self._stream_at.get(place) for place in zip(*columns, strict=True)]
+
+    @cached_property
+    def _stream_at(self) -> dict[tuple[int, int, int], NodeStream]:
+        every = ((node, one) for node, streams in self.streams_of_node.items() for one in streams)
+        return {(one.list.number, node, one.stream.subindex): one for node, one in every}
+
     def pauses(self, number: int, stream: StreamSummary) -> list[Pause]:
         """Return the pauses of a cyclic stream, with the one that goes on at the end; none of others."""
         nominal_ns = stream.intervals.nominal

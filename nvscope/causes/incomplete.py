@@ -272,37 +272,31 @@ def _draft(
 def _late_by_itself(case: Case) -> Bool:
     """Tell which intervals are long though a Counter that can be trusted says that nothing of them was lost."""
     symptoms = case.symptoms
-    alone: Bool = symptoms.of_kinds(LATE, JITTER) & (symptoms.detail & LOSS_OF_STREAM == 0)
-    for node, streams in case.streams_of_node.items():
-        for one in streams:
-            if case.counts_as_a_whole(node) or not _is_counted(one):
-                alone &= ~_of_stream(case, node, one)
-    return alone
+    rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER) & (symptoms.detail & LOSS_OF_STREAM == 0))
+    return case.only([
+        row for row, one in zip(rows.tolist(), case.streams_at(rows), strict=True)
+        if one is None or (_is_counted(one) and not case.counts_as_a_whole(one.stream.node))
+    ])  # fmt: skip
 
 
 def _uncounted(case: Case) -> Bool:
     """Tell which long intervals may hold a single loss that no Counter tells: a few whole intervals."""
     symptoms = case.symptoms
-    found = case.only([])
-    for node, streams in case.streams_of_node.items():
-        for one in streams:
-            if one.nominal_ns and not _is_counted(one):
-                times = (symptoms.amount + one.nominal_ns // 2) // one.nominal_ns
-                whole = np.abs(symptoms.amount - times * one.nominal_ns) * _AWRY < one.nominal_ns
-                found |= _of_stream(case, node, one) & whole & (times <= _SHORT_GAP + 1)
-    found &= symptoms.of_kinds(LATE, JITTER)
-    return found
+    rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER))
+    intervals_ns = symptoms.amount[rows].tolist()
+    return case.only([
+        row for row, amount, one in zip(rows.tolist(), intervals_ns, case.streams_at(rows), strict=True)
+        if one is not None and one.nominal_ns and not _is_counted(one) and _is_whole(amount, one.nominal_ns)
+    ])  # fmt: skip
+
+
+def _is_whole(interval_ns: int, nominal_ns: int) -> bool:
+    times = (interval_ns + nominal_ns // 2) // nominal_ns
+    return times <= _SHORT_GAP + 1 and abs(interval_ns - times * nominal_ns) * _AWRY < nominal_ns
 
 
 def _is_counted(one: NodeStream) -> bool:
     return one.stream.counter_scope != "unused" and not one.stream.erratic
-
-
-def _of_stream(case: Case, node: int, one: NodeStream) -> Bool:
-    symptoms = case.symptoms
-    own: Bool = (symptoms.list == one.list.number) & (symptoms.node == node)
-    own &= symptoms.subindex == one.stream.subindex
-    return own
 
 
 def _asked_in_vain(case: Case) -> Bool:

@@ -53,15 +53,12 @@ def judge_standstills(case: Case) -> Iterator[Explained]:
 def _silent_before(case: Case, since_ns: int) -> Bool:
     """Tell which intervals are of streams that had paused before a time: these stood still by themselves."""
     symptoms = case.symptoms
-    found: Bool = np.zeros(len(symptoms.code), np.bool_)
-    for node, streams in case.streams_of_node.items():
-        for one in streams:
-            if one.nominal_ns:
-                own = (symptoms.list == one.list.number) & (symptoms.node == node)
-                own &= symptoms.subindex == one.stream.subindex
-                found |= own & (symptoms.since_ns < since_ns - _pause_ns(one))
-    found &= symptoms.of_kinds(LATE, JITTER)
-    return found
+    rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER) & (symptoms.since_ns < since_ns))
+    begun_ns = symptoms.since_ns[rows].tolist()
+    return case.only([
+        row for row, begin_ns, one in zip(rows.tolist(), begun_ns, case.streams_at(rows), strict=True)
+        if one is not None and one.nominal_ns and begin_ns < since_ns - _pause_ns(one)
+    ])  # fmt: skip
 
 
 def _pause_ns(one: NodeStream) -> int:

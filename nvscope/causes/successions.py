@@ -22,15 +22,8 @@ def of_successions(case: Case) -> Bool:
     symptoms = case.symptoms
     cut_short = case.free(NO_ACKNOWLEDGEMENT)
     if cut_short.any():
-        nominal_ns = {
-            (one.list.number, node, one.stream.subindex): one.nominal_ns
-            for node, streams in case.streams_of_node.items() for one in streams
-        }  # fmt: skip
         rows = np.flatnonzero(cut_short)
-        places = zip(
-            *(column[rows].tolist() for column in (symptoms.list, symptoms.node, symptoms.subindex)), strict=True
-        )
-        least_ns = np.array([nominal_ns.get(place, 0) for place in places], np.int64) // _TENTH
+        least_ns = np.array([one.nominal_ns if one else 0 for one in case.streams_at(rows)], np.int64) // _TENTH
         cut_short = case.only(rows[symptoms.time_ns[rows] - symptoms.since_ns[rows] < least_ns])
     torn = case.free(TORN_CYCLE)
     if torn.any():
