@@ -10,7 +10,7 @@ import numpy as np
 
 from dissectors.batch import Bool
 from dissectors.keys import KeyTable
-from nvscope.causes.case import Case, Draft, Explained, slack_ns
+from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.ways import hardware_in_words
 from nvscope.causes.words import lists_in_words, moment
@@ -147,7 +147,10 @@ def _draft(case: Case, node: int, devices: list[_Device], told: list[str]) -> Ex
     lists = list({one.list.number: one.list for one in case.streams_of_node.get(node, ())}.values())
     last_ns = min(devices[0].last_ns, max(one.last_ns for one in devices[1:]))
     frames = min(devices[0].frames, devices[1].frames)
-    until_ns = case.end_of_many(since_ns, last_ns, frames, slack_ns(lists))
+    # Two that send one list spoil its interval: then the usual ones tell what is no pause.
+    usual_ns = max((one.intervals.p99 or 0 for entry in lists for one in entry.streams), default=0)
+    least_ns = max(slack_ns(lists), usual_ns * PAUSE_PERCENT // 100)
+    until_ns = case.end_of_many(since_ns, last_ns, frames, least_ns)
     both = " and ".join(hardware_in_words(one.hardware) for one in devices)
     turns = sum(one.alternations for one in devices)
     title = f"{'Two' if len(devices) == 2 else len(devices)} devices have the address {case.address(node)}"

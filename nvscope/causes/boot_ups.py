@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import Case
+from nvscope.causes.case import Case, longest_ns
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.timing import BURST
@@ -53,14 +53,18 @@ def answers_to(case: Case, requests: Sequence[BootUpRequest]) -> Bool:
     return told
 
 
-def are_answers_to_anybody(case: Case, rows: I64) -> Bool:
-    """Tell which of some symptoms are of lists that were sent since somebody had asked for them."""
+def are_answers_to_anybody(case: Case, rows: I64, intervals: int = 0) -> Bool:
+    """Tell which of some symptoms are of lists that were sent since somebody had asked for them.
+
+    A cycle between request and answer may be taken for the answer: this one comes up to some ``intervals`` later.
+    """
     table, symptoms = case.witness.evidence.columns["requests"].table(), case.symptoms
     lists, since_ns, time_ns = symptoms.list[rows], symptoms.since_ns[rows], symptoms.time_ns[rows]
     told: Bool = np.zeros(len(rows), np.bool_)
     for number in distinct(table.list).tolist():
         own = table.list == number
         asked_ns, until_ns = np.sort(table.since_ns[own]), np.sort(table.time_ns[own]) + _ROOM_NS
+        until_ns += intervals * longest_ns([case.lists[number]])
         before = np.searchsorted(asked_ns, time_ns, "right")
         told |= (lists == number) & (before > np.searchsorted(until_ns, since_ns))
     return told

@@ -47,7 +47,8 @@ INCOMPLETE_CYCLES = CauseKind(
 )
 
 _BEFORE_NS = _S_NS = 1_000_000_000
-_MEANWHILE = (LATE, JITTER, BURST, STOPPED, INCOMPLETE_CYCLE)
+_THEN = (LATE, JITTER, BURST, INCOMPLETE_CYCLE)
+_MEANWHILE = (*_THEN, STOPPED)
 
 
 def _of_channel(case: Case, channel: int) -> Bool:
@@ -68,9 +69,12 @@ def judge_buses_off(case: Case) -> Iterator[Explained]:
             continue
         before = errors & (table.channel == channel) & (table.time_ns <= time_ns)
         since_ns = int(table.time_ns[before & (table.time_ns >= time_ns - _BEFORE_NS)].min())
-        later = table.time_ns[back & (table.channel == channel) & (table.time_ns >= time_ns)]
-        until_ns = int(later.min()) if len(later) else None
+        later = np.flatnonzero(back & (table.channel == channel) & (table.time_ns >= time_ns))
+        until_ns = int(table.time_ns[later].min()) if len(later) else None
+        told = bool(len(later)) and bool(table.detail[later[np.argmin(table.time_ns[later])]])
         slack = slack_ns(case.lists_on(channel))
+        if until_ns is not None and not told and _stays_away(case, own, since_ns, until_ns, slack):
+            until_ns = None  # frames of others came, and nothing said that it was back
         chosen = case.free(ERROR_FRAMES, *_MEANWHILE) & own
         chosen &= case.overlapping(since_ns, None if until_ns is None else until_ns + slack)
         # What has stopped since then sent its last frame up to an interval before.
@@ -85,6 +89,13 @@ def judge_buses_off(case: Case) -> Iterator[Explained]:
             BUS_OFF, title, BUS_OFF.next_step, checked, lists, channel=name, since_ns=since_ns, until_ns=until_ns
         )  # fmt: skip
         yield draft, chosen
+
+
+def _stays_away(case: Case, own: Bool, since_ns: int, until_ns: int, slack: int) -> bool:
+    """Tell whether lists of a channel have ended with a bus-off, up to an interval before it or before it was over."""
+    ended = own & case.symptoms.of_kinds(STOPPED)
+    ended &= (case.symptoms.time_ns >= since_ns - slack) & (case.symptoms.time_ns <= until_ns)
+    return bool(ended.any())
 
 
 def judge_bus_errors(case: Case) -> Iterator[Explained]:
@@ -119,7 +130,9 @@ def _condition(case: Case, kind: CauseKind, channel: int, told: Bool, times_ns: 
     """Return the cause of what is wrong with a bus at some times, and of what is late or incomplete then."""
     name, finding = case.channel_name(channel), case.findings[int(case.symptoms.finding[told][0])]
     since_ns, last_ns = int(times_ns.min()), min(int(times_ns.max()), case.end_ns)
-    chosen = told | (case.free(*_MEANWHILE) & _of_channel(case, channel) & _near(case, np.sort(times_ns)))
+    # What overloads a bus stops with it; who stops while there are errors stops by itself.
+    beside = _MEANWHILE if kind is BUS_OVERLOADED else _THEN
+    chosen = told | (case.free(*beside) & _of_channel(case, channel) & _near(case, np.sort(times_ns)))
     until_ns = case.end_of_many(since_ns, last_ns, len(times_ns))
     noun = "second" if kind is BUS_OVERLOADED else "error frame"
     draft = Draft(

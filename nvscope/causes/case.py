@@ -67,7 +67,8 @@ class NodeStream(NamedTuple):
 class Draft:
     """A cause that is being judged: everything but what follows from the symptoms that it explains.
 
-    ``keys`` are lists that it concerns and of which nothing was seen.
+    ``keys`` are lists that it concerns and of which nothing was seen; ``at_most`` is its severity where the findings
+    that it explains are no faults.
     """
 
     kind: CauseKind
@@ -80,6 +81,7 @@ class Draft:
     since_ns: int | None = None
     until_ns: int | None = None
     severity: Severity = Severity.NOTE
+    at_most: Severity = Severity.ERROR
     keys: Sequence[ListKey] = ()
     rows: I64 = field(default_factory=lambda: np.empty(0, np.int64))
 
@@ -235,6 +237,17 @@ class Case:
             found[stream.node].append(NodeStream(entry, stream))
         return dict(sorted(found.items()))
 
+    def streams_at(self, rows: I64) -> list[NodeStream | None]:
+        """Return of which stream on UDP some symptoms are, None where of none."""
+        symptoms = self.symptoms
+        columns = (column[rows].tolist() for column in (symptoms.list, symptoms.node, symptoms.subindex))
+        return [self._stream_at.get(place) for place in zip(*columns, strict=True)]
+
+    @cached_property
+    def _stream_at(self) -> dict[tuple[int, int, int], NodeStream]:
+        every = ((node, one) for node, streams in self.streams_of_node.items() for one in streams)
+        return {(one.list.number, node, one.stream.subindex): one for node, one in every}
+
     def pauses(self, number: int, stream: StreamSummary) -> list[Pause]:
         """Return the pauses of a cyclic stream, with the one that goes on at the end; none of others."""
         nominal_ns = stream.intervals.nominal
@@ -292,7 +305,7 @@ class Case:
     def _made(self, draft: Draft, findings: Sequence[Finding]) -> tuple[tuple[object, ...], Cause]:
         rows = draft.rows
         worst = [self.findings[place].kind.severity for place in distinct(self.symptoms.finding[rows]).tolist()]
-        severity = max([draft.severity, draft.kind.at_least, *worst])
+        severity = min(max([draft.severity, draft.kind.at_least, *worst]), draft.at_most)
         frames = distinct(self.symptoms.frame[rows])
         frames = frames[frames > 0]
         since_ns, until_ns = draft.since_ns, draft.until_ns

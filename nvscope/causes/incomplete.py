@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -10,14 +11,17 @@ from math import prod
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, longest_ns, slack_ns
+from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, NodeStream, longest_ns, slack_ns
+from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.losses import Loss, end_of_losses, losses_in, since_of
+from nvscope.causes.lost_answers import long_runs
 from nvscope.causes.rates import rates_in_words
 from nvscope.causes.words import moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT
 from nvscope.findings.capture import CAPTURE_DROPS
 from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
+from nvscope.tracker.kept_rows import LOSS_OF_STREAM
 from nvscope.units import count, count_of, percent
 
 CAPTURE_INCOMPLETE = CauseKind(
@@ -30,11 +34,13 @@ CAPTURE_INCOMPLETE = CauseKind(
     measured="{lost} not captured",
 )
 
-_SENDERS = 3
+_SENDERS, _PAIR = 3, 2
 _LEAST_MOMENTS = 2
 _BY_CHANCE = 3
 _EXPECTED, _FACTOR = 10, 3
-_SHORT_GAP, _SINGLE = 3, 2
+_SHORT_GAP = 3
+_LONG = 10  # a pause of so many intervals is no loss of moments
+_AWRY = 4  # an interval is some whole ones if it is off by less than a fourth of one
 _MOST_COMBINED = 24  # of more senders, chance is reckoned with those that lose most
 _EFFECTS = (TORN_CYCLE, JITTER, LATE, BOOT_UP_UNANSWERED)
 
@@ -50,16 +56,26 @@ def judge_incomplete_captures(case: Case) -> Iterator[Explained]:
         told = f"the capture itself tells of {count_of(drops, 'dropped packet')}, for {count(lost)} lost telegrams"
         yield _draft(case, losses, losses, told, everywhere=True)
     elif _alike(case, losses):
-        at_once = {loss.row for group in _moments(case, losses) for loss in group}
-        own = [loss for loss in losses if loss.lost <= _SINGLE or loss.row in at_once]
-        yield _draft(case, own, losses, "all lists of several senders lose about the same share", everywhere=True)
+        moments = _moments(case, losses)
+        at_once = {loss.row for group in moments for loss in group}
+        longest = _longest_by_chance(case, losses)
+        own = [loss for loss in losses if loss.lost <= longest or loss.row in at_once]
+        yield _draft(
+            case,
+            own,
+            losses,
+            "all lists of several senders lose about the same share",
+            everywhere=True,
+            moments=moments,
+            longest=longest,
+        )
     elif moments := _moments(case, losses):
         chosen = [loss for group in moments for loss in group] + _beside(moments, losses)
         senders = max(len({loss.node for loss in group}) for group in moments)
         told = f"up to {senders} senders lose within 0.1 s of each other, {count_of(len(moments), 'time')}"
         rates = rates_in_words(case, [group[0].due_ns for group in moments])
         began = [group[0] for group in moments]
-        yield _draft(case, [*chosen, *_between(chosen, losses)], losses, told, rates, events=began)
+        yield _draft(case, [*chosen, *_between(chosen, losses)], losses, told, rates, events=began, moments=moments)
 
 
 def _alike(case: Case, losses: Sequence[Loss]) -> bool:
@@ -71,7 +87,7 @@ def _alike(case: Case, losses: Sequence[Loss]) -> bool:
     sent: dict[tuple[int, int], int] = defaultdict(int)
     for node, streams in case.streams_of_node.items():
         for one in streams:
-            if one.stream.counter_scope != "unused" and not one.stream.erratic:
+            if _is_counted(one):
                 sent[node, one.list.number] += one.stream.telegrams
     total = sum(sent.values()) + sum(lost.values())
     share = sum(lost.values()) / total if total else 0.0
@@ -85,6 +101,12 @@ def _alike(case: Case, losses: Sequence[Loss]) -> bool:
     return all(should[place] / _FACTOR <= lost[place] <= should[place] * _FACTOR for place in large)
 
 
+def _longest_by_chance(case: Case, losses: Sequence[Loss]) -> int:
+    """Return how many telegrams in a row go missing where each does for itself, with the mean share of single ones."""
+    sent = sum(one.stream.telegrams for streams in case.streams_of_node.values() for one in streams)
+    return longest_by_chance(sum(loss.lost for loss in losses if loss.lost <= _SHORT_GAP), sent)
+
+
 def _moments(case: Case, losses: Sequence[Loss]) -> list[list[Loss]]:
     """Return the moments in which several senders lose, where there are more than by chance."""
     senders = np.minimum(_sending(case, losses), _SENDERS)
@@ -93,21 +115,75 @@ def _moments(case: Case, losses: Sequence[Loss]) -> list[list[Loss]]:
         return []
     in_moments = sum(len(group) for group in found)
     expected = _expected(case, losses, int(senders[senders > 1].min()))
-    if 2 * in_moments > len(losses) or len(found) > _BY_CHANCE * expected + 1:
-        return found
-    return []
+    if 2 * in_moments <= len(losses) and len(found) <= _BY_CHANCE * expected + 1:
+        return []
+    # Where some moments are sure, two senders that lose several telegrams at once are another one.
+    known = {loss.row for group in found for loss in group}
+    pairs = _together([loss for loss in losses if loss.row not in known], [_PAIR] * (len(losses) - len(known)))
+    found += [group for group in pairs if len({loss.node for loss in group if loss.lost >= _SHORT_GAP}) >= _PAIR]
+    found = [_shared(case, group) for group in found]
+    found.sort(key=lambda group: group[0].due_ns)
+    return _widened(found, losses)
+
+
+def _shared(case: Case, group: Sequence[Loss]) -> list[Loss]:
+    """Return the losses of a moment without those that go on for long when nobody else loses: outages of a node."""
+    ended: dict[int, int] = {}
+    for loss in group:
+        ended[loss.node] = max(ended.get(loss.node, loss.last_due_ns), loss.last_due_ns)
+    last = sorted(ended.values())
+    second_ns = last[-2] if len(last) > 1 else last[-1]
+    return [
+        loss for loss in group
+        if loss.last_due_ns <= second_ns + 2 * MOMENT_NS + slack_ns([case.lists[loss.list]]) or loss.lost <= _SHORT_GAP
+    ]  # fmt: skip
+
+
+def _widened(found: Sequence[list[Loss]], losses: Sequence[Loss]) -> list[list[Loss]]:
+    """Return moments with what else was lost from a moment before each to a moment after it."""
+    known = {loss.row for group in found for loss in group}
+    due_ns = [loss.due_ns for loss in losses]
+    wide = []
+    for group in found:
+        own = list(group)
+        first_ns, last_ns = own[0].due_ns - MOMENT_NS, max(loss.last_due_ns for loss in own) + MOMENT_NS
+        for loss in losses[bisect_left(due_ns, first_ns) : bisect_right(due_ns, last_ns)]:
+            if loss.row not in known and loss.last_due_ns <= last_ns:
+                own.append(loss)
+                known.add(loss.row)
+        wide.append(sorted(own, key=lambda loss: loss.due_ns))
+    return wide
 
 
 def _sending(case: Case, losses: Sequence[Loss]) -> I64:
-    """Return how many nodes sent lists at the time of each loss: from their first telegram to their last one."""
-    spans = [
-        (min(one.stream.first_ns for one in streams), max(one.stream.last_ns for one in streams))
-        for streams in case.streams_of_node.values()
-    ]
+    """Return how many nodes sent lists that tell what is lost, at the time of each loss.
+
+    From their first telegram to their last one; not while all of their lists pause.
+    """
     due_ns = np.array([loss.due_ns for loss in losses], np.int64)
-    first_ns, last_ns = (np.sort(np.array(ends, np.int64)) for ends in zip(*spans, strict=True))
-    sending: I64 = np.searchsorted(first_ns, due_ns, "right") - np.searchsorted(last_ns, due_ns, "left")
+    sending = np.zeros(len(losses), np.int64)
+    for streams in case.streams_of_node.values():
+        counted = [one for one in streams if _is_counted(one)]
+        if not counted:
+            continue
+        first_ns = min(one.stream.first_ns for one in counted)
+        last_ns = max(one.stream.last_ns for one in counted)
+        sends = (due_ns >= first_ns) & (due_ns <= last_ns)
+        cyclic = [one for one in counted if one.nominal_ns]
+        if len(cyclic) == len(counted):
+            sends &= ~np.logical_and.reduce([_pausing(case, one, due_ns) for one in cyclic])
+        sending += sends
     return sending
+
+
+def _pausing(case: Case, one: NodeStream, times_ns: I64) -> Bool:
+    """Tell at which times a stream has been silent for long, and goes on to be."""
+    pauses = case.pauses(one.list.number, one.stream)
+    found: Bool = np.zeros(len(times_ns), np.bool_)
+    for pause in pauses:
+        if pause.until_ns is None or pause.until_ns - pause.since_ns > _LONG * one.nominal_ns:
+            found |= (times_ns > pause.since_ns) & (times_ns < (pause.until_ns or case.end_ns))
+    return found
 
 
 def _together(losses: Sequence[Loss], senders: Sequence[int]) -> list[list[Loss]]:
@@ -181,7 +257,7 @@ def _between(chosen: Sequence[Loss], losses: Sequence[Loss]) -> list[Loss]:
 
 def _draft(
     case: Case, own: Sequence[Loss], losses: Sequence[Loss], *told: str, everywhere: bool = False,
-    events: Sequence[Loss] = (),
+    events: Sequence[Loss] = (), moments: Sequence[Sequence[Loss]] = (), longest: int = 2,
 ) -> Explained:  # fmt: skip
     symptoms = case.symptoms
     rows = np.array([loss.row for loss in own], np.int64)
@@ -190,8 +266,12 @@ def _draft(
     chosen = case.only(rows) | case.free(CAPTURE_DROPS)
     length_ns = symptoms.time_ns - symptoms.since_ns
     short = length_ns <= int(length_ns[rows].max()) + slack_ns(lists)  # a longer pause is another matter
-    chosen |= case.free(*_EFFECTS) & case.touching(rows, longest_ns(lists)) & short
-    chosen |= _single_waits(case, *((case.start_ns, case.end_ns) if everywhere else (since_ns, last_ns)))
+    in_moments = case.touching(rows, longest_ns(lists)) & short & ~_late_by_itself(case)
+    chosen |= (
+        case.free(*_EFFECTS) & ~_asked_in_vain(case) & (in_moments | (_uncounted(case) if everywhere else np.False_))
+    )
+    chosen |= case.free(NO_ACKNOWLEDGEMENT) & _within_moments(case, moments)
+    chosen |= _single_waits(case, *((case.start_ns, case.end_ns) if everywhere else (since_ns, last_ns)), longest)
     lost, all_lost = sum(loss.lost for loss in own), sum(loss.lost for loss in losses)
     draft = Draft(
         CAPTURE_INCOMPLETE, f"The capture lacks {count_of(lost, 'telegram')}, since {moment(case, since_ns)}",
@@ -201,14 +281,53 @@ def _draft(
     return draft, chosen
 
 
-def _single_waits(case: Case, since_ns: int, until_ns: int) -> Bool:
-    """Tell which waits ended without an acknowledgement in a time, but for those of three telegrams in a row."""
+def _late_by_itself(case: Case) -> Bool:
+    """Tell which intervals are long though a Counter that can be trusted says that nothing of them was lost."""
     symptoms = case.symptoms
-    waits = np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & case.overlapping(since_ns, until_ns))
-    order = waits[np.lexsort((symptoms.since_ns[waits], symptoms.subindex[waits], symptoms.list[waits]))]
-    if not len(order):
-        return case.only(order)
-    same = (np.diff(symptoms.list[order]) == 0) & (np.diff(symptoms.subindex[order]) == 0)
-    follows = np.append(False, same & (symptoms.since_ns[order][1:] <= symptoms.time_ns[order][:-1]))
-    run = np.cumsum(~follows)
-    return case.only(order[np.bincount(run)[run] <= _SINGLE])
+    rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER) & (symptoms.detail & LOSS_OF_STREAM == 0))
+    return case.only([
+        row for row, one in zip(rows.tolist(), case.streams_at(rows), strict=True)
+        if one is None or (_is_counted(one) and not case.counts_as_a_whole(one.stream.node))
+    ])  # fmt: skip
+
+
+def _uncounted(case: Case) -> Bool:
+    """Tell which long intervals may hold a single loss that no Counter tells: a few whole intervals."""
+    symptoms = case.symptoms
+    rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER))
+    intervals_ns = symptoms.amount[rows].tolist()
+    return case.only([
+        row for row, amount, one in zip(rows.tolist(), intervals_ns, case.streams_at(rows), strict=True)
+        if one is not None and one.nominal_ns and not _is_counted(one) and _is_whole(amount, one.nominal_ns)
+    ])  # fmt: skip
+
+
+def _is_whole(interval_ns: int, nominal_ns: int) -> bool:
+    times = (interval_ns + nominal_ns // 2) // nominal_ns
+    return times <= _SHORT_GAP + 1 and abs(interval_ns - times * nominal_ns) * _AWRY < nominal_ns
+
+
+def _is_counted(one: NodeStream) -> bool:
+    return one.stream.counter_scope != "unused" and not one.stream.erratic
+
+
+def _asked_in_vain(case: Case) -> Bool:
+    """Tell which symptoms are of boot-up requests for lists that nobody ever sent."""
+    unsent = [entry.number for entry in case.facts.summary.lists if not entry.senders]
+    asked: Bool = case.symptoms.of_kinds(BOOT_UP_UNANSWERED) & np.isin(case.symptoms.list, unsent)
+    return asked
+
+
+def _within_moments(case: Case, moments: Sequence[Sequence[Loss]]) -> Bool:
+    """Tell which symptoms began in one of the moments in which the capture lacks telegrams."""
+    began = np.array([group[0].due_ns - MOMENT_NS for group in moments], np.int64)
+    ended = np.array([max(loss.last_due_ns for loss in group) + MOMENT_NS for group in moments], np.int64)
+    since_ns = case.symptoms.since_ns
+    inside: Bool = np.searchsorted(began, since_ns, "right") > np.searchsorted(np.sort(ended), since_ns)
+    return inside
+
+
+def _single_waits(case: Case, since_ns: int, until_ns: int, longest: int) -> Bool:
+    """Tell which waits ended without an acknowledgement in a time, but for longer runs of one stream."""
+    waits = case.free(NO_ACKNOWLEDGEMENT) & case.overlapping(since_ns, until_ns)
+    return waits & ~long_runs(case, waits, longest)

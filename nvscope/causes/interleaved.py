@@ -19,7 +19,7 @@ from nvscope.units import cob_id, count_of, duration
 
 _LEAST_TURNS = 5
 _MOST_IN_A_ROW = 2
-_STEADY = 3
+_STEADY, _MOST_ARE_STEADY = 3, 10
 
 
 class _Turns(NamedTuple):
@@ -75,8 +75,10 @@ def _turns(runs: Sequence[LookRun]) -> _Turns | None:
     turns = [run for run in behind if run.length == rarer]
     if len(turns) < _LEAST_TURNS or counts[rarer] > _MOST_IN_A_ROW * len(turns):
         return None
-    distances = [after.first_ns - before.first_ns for before, after in pairwise(turns)]
+    distances = sorted(after.first_ns - before.first_ns for before, after in pairwise(turns))
     every_ns = int(median(distances))
-    if max(distances) > _STEADY * every_ns or _STEADY * min(distances) < every_ns:
+    # A pause of the bus makes one of them long.
+    odd = len(distances) // _MOST_ARE_STEADY
+    if distances[-1 - odd] > _STEADY * every_ns or _STEADY * distances[odd] < every_ns:
         return None
     return _Turns(runs[0].length, runs[1].length, runs[1].first_ns, rarer, every_ns)

@@ -11,9 +11,11 @@ from dissectors.batch import Bool
 from nvscope.causes.boot_ups import are_answers_to_anybody
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, longest_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.successions import of_successions
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.kind import Severity
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
 from nvscope.units import count_of, duration
 
@@ -38,7 +40,7 @@ _LATE = (LATE, JITTER, TORN_CYCLE)
 def judge_late_senders(case: Case) -> Iterator[Explained]:
     """Explain what came late: one cause a list, joined over the lists of a node that are late at the same time."""
     symptoms = case.symptoms
-    rows = np.flatnonzero(case.free(*_LATE) & ~_incomplete(case))
+    rows = np.flatnonzero(case.free(*_LATE) & ~_incomplete(case) & ~of_successions(case))
     by_list: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row in rows.tolist():
         by_list[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
@@ -104,23 +106,30 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
 
 
 def judge_bursts(case: Case) -> Iterator[Explained]:
-    """Explain bursts that are no answers to boot-up requests, and that no MinGap allows: a note."""
-    symptoms = case.symptoms
+    """Explain bursts that are no answers to boot-up requests, and that no MinGap allows: a note.
+
+    So are waits that the next telegram of a burst cut short, whatever it was sent for.
+    """
+    symptoms, beside = case.symptoms, of_successions(case)
     places: dict[tuple[int, int], list[int]] = defaultdict(list)
     bursts = np.flatnonzero(case.free(BURST))
-    for row in bursts[~are_answers_to_anybody(case, bursts)].tolist():
+    chosen = beside.copy()
+    chosen[bursts[~are_answers_to_anybody(case, bursts)]] = True
+    for row in np.flatnonzero(chosen).tolist():
         defined = case.facts.definition_of(case.lists[int(symptoms.list[row])])
-        if defined is None or not defined.min_gap_ns or symptoms.amount[row] < defined.min_gap_ns:
+        least_ns = (defined.min_gap_ns if defined else None) or None
+        if beside[row] or least_ns is None or symptoms.amount[row] < least_ns:
             places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
     for (node, number), rows in places.items():
         entry = case.lists[number]
         which = lists_in_words(case, [entry])
         since_ns = int(symptoms.since_ns[rows].min())
         who = f"Node {case.address(node)} sent {which}" if node >= 0 else f"{capitalised(which)} came"
+        shortest = symptoms.amount[rows][symptoms.of_kinds(BURST)[rows]]
         draft = Draft(
             SENDER_BURSTS, f"{who} in quick succession, {count_of(len(rows), 'time')}", SENDER_BURSTS.next_step,
-            [f"the shortest interval was {duration(int(symptoms.amount[rows].min()))}"], [entry],
-            [node] if node >= 0 else [], since_ns=since_ns,
+            [f"the shortest interval was {duration(int(shortest.min()))}"] if len(shortest) else [], [entry],
+            [node] if node >= 0 else [], since_ns=since_ns, at_most=Severity.NOTE,
             until_ns=case.end_of(symptoms.time_ns[rows], longest_ns([entry]) * PAUSE_PERCENT // 100),
         )  # fmt: skip
         yield draft, case.only(rows)

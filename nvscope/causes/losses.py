@@ -11,6 +11,7 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
@@ -36,6 +37,7 @@ LOSS_OF_LIST = CauseKind(
     measured="{lost} lost",
 )
 
+CAPTURE = "capture-incomplete"
 _MOST_DUE = 4096
 _CLUSTER_NS = 2_000_000_000
 _IN_A_ROW, _RUN = 5, 3
@@ -91,12 +93,7 @@ def losses_in(case: Case) -> list[Loss]:
 
 def judge_losses_at_senders(case: Case) -> Iterator[Explained]:
     """Explain losses of several lists of one node that come together, or alike."""
-    every = losses_in(case)
-    by_node: dict[int, list[Loss]] = defaultdict(list)
-    for loss in every:
-        by_node[loss.node].append(loss)
-    for node, own in by_node.items():
-        chosen = _at_sender(case, node, own, every)
+    for node, chosen in losses_at_senders(case).items():
         for cluster in clusters(chosen):
             lists = [case.lists[number] for number in dict.fromkeys(loss.list for loss in cluster)]
             checked = [_share(case, cluster)]
@@ -108,7 +105,31 @@ def judge_losses_at_senders(case: Case) -> Iterator[Explained]:
                 checked.append("no other sender lost any then")
             lost, which = count_of(_lost(cluster), "telegram"), lists_in_words(case, lists)
             where = f"Node {case.address(node)} lost {lost} of {which}"
-            yield from _draft(case, LOSS_AT_SENDER, where, node, lists, cluster, checked)
+            for draft, explained in _draft(case, LOSS_AT_SENDER, where, node, lists, cluster, checked):
+                yield draft, explained | (case.free(NO_ACKNOWLEDGEMENT) & answers_lost(case, node, cluster))
+
+
+def losses_at_senders(case: Case) -> dict[int, list[Loss]]:
+    """Return the losses that nothing has explained yet of nodes whose link loses, or their only list."""
+    every = losses_in(case)
+    by_node: dict[int, list[Loss]] = defaultdict(list)
+    for loss in every:
+        by_node[loss.node].append(loss)
+    found = {node: _at_sender(case, node, own, every) for node, own in by_node.items()}
+    return {node: chosen for node, chosen in found.items() if chosen}
+
+
+def losses_of_only_lists(case: Case) -> dict[int, list[Loss]]:
+    """Return the losses that nothing has explained yet of nodes that send one list: its link may lose as well."""
+    found: dict[int, list[Loss]] = defaultdict(list)
+    for loss in losses_in(case):
+        if _has_one_list(case, loss.node):
+            found[loss.node].append(loss)
+    return found
+
+
+def _has_one_list(case: Case, node: int) -> bool:
+    return len({one.list.number for one in case.streams_of_node[node]}) == 1
 
 
 def _at_sender(case: Case, node: int, own: Sequence[Loss], every: Sequence[Loss]) -> list[Loss]:
@@ -185,6 +206,12 @@ def _alike(case: Case, node: int, own: Sequence[Loss]) -> bool:
     for loss in own:
         gaps[loss.list] += 1
         lost[loss.list] += loss.lost
+    # What the capture is thought to lack may have been lost there as well.
+    symptoms, capture = case.symptoms, [n for n, one in enumerate(case.drafts) if one.kind.name == CAPTURE]
+    of_capture = np.isin(case.owner, capture) & symptoms.of_kinds(TELEGRAM_GAP) & (symptoms.node == node)
+    for number, amount in zip(symptoms.list[of_capture].tolist(), symptoms.amount[of_capture].tolist(), strict=True):
+        gaps[number] += 1
+        lost[number] += amount
     sent: dict[int, int] = defaultdict(int)
     for one in case.streams_of_node[node]:
         sent[one.list.number] += one.stream.telegrams
@@ -211,7 +238,10 @@ def judge_losses_of_lists(case: Case) -> Iterator[Explained]:
                 checked.append(f"always SubIndex {subindexes[0]}")
             name = lists_in_words(case, [entry])
             where = f"{capitalised(name)} of {case.address(node)} lost {count_of(_lost(cluster), 'telegram')}"
-            yield from _draft(case, LOSS_OF_LIST, where, node, [entry], cluster, checked)
+            only = _has_one_list(case, node)
+            for draft, explained in _draft(case, LOSS_OF_LIST, where, node, [entry], cluster, checked):
+                lost = case.free(NO_ACKNOWLEDGEMENT) & answers_lost(case, node, cluster) if only else explained
+                yield draft, explained | lost
 
 
 def _alone(case: Case, node: int, losses: Sequence[Loss]) -> bool:

@@ -11,7 +11,11 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
+from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.losses import clusters, losses_at_senders, losses_of_only_lists
+from nvscope.causes.lost_answers import answers_lost
+from nvscope.causes.successions import of_successions
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT, SEND_REJECTED
@@ -155,7 +159,7 @@ def judge_silent_readers(case: Case) -> Iterator[Explained]:
     """Explain what stayed without acknowledgement: runs each for itself, all others of a reader and list as one."""
     symptoms = case.symptoms
     places: dict[tuple[tuple[int, ...], int], list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT)).tolist():
+    for row in np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & ~_lost_on_the_way(case) & ~of_successions(case)).tolist():
         number, peer = int(symptoms.list[row]), int(symptoms.peer[row])
         entry = case.lists[number]
         assert isinstance(entry, ListSummary), "nobody acknowledges on CAN"
@@ -169,6 +173,17 @@ def judge_silent_readers(case: Case) -> Iterator[Explained]:
             runs.append(_Run(readers, number, own, own is not single, since_ns, until_ns))
     for together in _overlapping(runs):
         yield _silent(case, together)
+
+
+def _lost_on_the_way(case: Case) -> Bool:
+    """Tell which acknowledgements are missing because their reader's link loses what it sends."""
+    found: Bool = np.zeros(len(case.owner), np.bool_)
+    if not case.free(NO_ACKNOWLEDGEMENT).any():
+        return found
+    for node, losses in [*losses_at_senders(case).items(), *losses_of_only_lists(case).items()]:
+        for cluster in clusters(losses):
+            found |= answers_lost(case, node, cluster)
+    return found
 
 
 def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
@@ -189,13 +204,18 @@ def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
         for before, row in pairwise(own):
             interval_ns = int(symptoms.since_ns[row] - symptoms.since_ns[before])
             usual_ns = stream.intervals.nominal or stream.intervals.p95 or interval_ns
-            if interval_ns <= usual_ns * 3 // 2:
+            # The capture may lack telegrams between: what ended a wait is the next one that it has.
+            if interval_ns <= usual_ns * 3 // 2 or symptoms.since_ns[row] <= symptoms.time_ns[before]:
                 parts[-1].append(row)
             else:
                 parts.append([row])
         runs += [part for part in parts if len(part) >= _RUN]
         rest += [row for part in parts if len(part) < _RUN for row in part]
-    return runs, sorted(rest)
+    # Single ones make some runs by chance: these are no other matter.
+    telegrams = sum(stream.telegrams for stream in case.lists[int(case.symptoms.list[rows[0]])].streams)
+    longest = longest_by_chance(len(rest), telegrams - len(rest))
+    rest += [row for part in runs if len(part) <= longest for row in part]
+    return [part for part in runs if len(part) > longest], sorted(rest)
 
 
 def _overlapping(runs: Sequence[_Run]) -> list[list[_Run]]:

@@ -81,15 +81,25 @@ def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int,
     repeated, others = 0, 0.0
     for node, streams in case.streams_of_node.items():
         for one in streams:
+            if one.stream.counter_scope == "unused":
+                continue  # a copy of it looks like one that was sent anew: it takes no step either
             own = 0
             if (one.list.number, node, one.stream.subindex) in places:
                 own = one.stream.figures["duplicates"] or 0
             repeated += own
             first_ns, end_ns = one.stream.first_ns, one.stream.last_ns
-            overlap_ns = min(last_ns, end_ns) - max(since_ns, first_ns)
-            if overlap_ns >= 0:
-                others += (one.stream.telegrams - own) * (overlap_ns / (end_ns - first_ns) if end_ns > first_ns else 1)
+            if min(last_ns, end_ns) >= max(since_ns, first_ns):
+                overlap_ns = _busy_ns(case, max(since_ns, first_ns), min(last_ns, end_ns))
+                busy_ns = _busy_ns(case, first_ns, end_ns)
+                others += (one.stream.telegrams - own) * (overlap_ns / busy_ns if busy_ns else 1)
     return repeated, round(others)
+
+
+def _busy_ns(case: Case, since_ns: int, until_ns: int) -> int:
+    """Return how long it is from one time to another, without long pauses of the whole capture."""
+    table = case.witness.pauses.table
+    pauses_ns = np.minimum(table.time_ns, until_ns) - np.maximum(table.since_ns, since_ns)
+    return until_ns - since_ns - int(pauses_ns[pauses_ns > _ROOM_NS].sum())
 
 
 def judge_clock_steps(case: Case) -> Iterator[Explained]:

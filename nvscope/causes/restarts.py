@@ -47,9 +47,17 @@ def judge_node_restarts(case: Case) -> Iterator[Explained]:
             whole = case.counts_as_a_whole(node)
             since_ns, until_ns = _last_before(case, node, cluster), _first_ns(case, cluster)
             shown = _shown(case, node, since_ns, until_ns + _CLUSTER_NS)
-            enough = 2 * len(streams) > len(going_on) or (bool(shown) and 2 * len(streams) == len(going_on))
+            enough = all(
+                2 * own > every or (bool(shown) and 2 * own == every)
+                for own, every in ((len(streams), len(going_on)), (_lists(streams), _lists(going_on)))
+            )
             if whole or enough:
                 yield from _node_draft(case, node, cluster, streams, going_on, since_ns, until_ns, shown)
+
+
+def _lists(streams: Sequence[NodeStream]) -> int:
+    """Return of how many lists streams are: one over many SubIndexes is not most of a node."""
+    return len({one.list.number for one in streams})
 
 
 def _restarts(case: Case) -> dict[int, list[int]]:

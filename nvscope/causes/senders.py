@@ -10,6 +10,7 @@ import numpy as np
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.engine.keys import FrameKind
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS, SHAPE_CHANGED
 from nvscope.findings.definition import DEFINITION_MISMATCH
@@ -48,6 +49,7 @@ class _Further(NamedTuple):
     node: int
     list: ListSummary
     since_ns: int
+    frame: int
 
 
 def judge_second_senders(case: Case) -> Iterator[Explained]:
@@ -64,27 +66,40 @@ def judge_second_senders(case: Case) -> Iterator[Explained]:
             groups[-1].append(one)
         else:
             groups.append([one])
-    for group in sorted(groups, key=lambda group: group[0].since_ns):
-        yield from _draft(case, group)
+    groups.sort(key=lambda group: group[0].since_ns)
+    places = {(one.list.number, one.node) for one in found}
+    for group in groups:
+        yield _draft(case, group, places)
 
 
 def _further(case: Case, number: int, nodes: Collection[int]) -> Iterator[_Further]:
     entry = case.lists[number]
     assert isinstance(entry, ListSummary)
-    first: dict[int, int] = {}
-    for stream in entry.streams:
-        if stream.node in nodes:
-            first[stream.node] = min(first.get(stream.node, stream.first_ns), stream.first_ns)
-    for node in sorted(first, key=lambda node: first[node])[1:]:
-        yield _Further(node, entry, first[node])
+    flows = case.facts.state.lists.flows
+    kind, lists, source = (flows.column(name) for name in ("kind", "list", "source"))
+    row = np.flatnonzero((lists == number) & np.isin(kind, (FrameKind.DATA, FrameKind.MALFORMED_DATA)))
+    frames, times_ns = flows.column("first_frame")[row], flows.column("first_ns")[row]
+    # Frames tell who was first, not times: the clock may have stepped back in between.
+    began = sorted(zip(frames.tolist(), times_ns.tolist(), source[row].tolist(), strict=True))
+    first: dict[int, _Further] = {}
+    compared = {stream.node for stream in entry.streams} & {*nodes}
+    for frame, time_ns, node in began:
+        if node in compared:
+            first.setdefault(node, _Further(node, entry, time_ns, frame))
+    yield from [*first.values()][1:]
 
 
-def _draft(case: Case, group: Sequence[_Further]) -> Iterator[Explained]:
+def _draft(case: Case, group: Sequence[_Further], places: Collection[tuple[int, int]]) -> Explained:
+    """Return the cause of a further sender; ``places`` are the lists and nodes of all further ones."""
     node, since_ns = group[0].node, group[0].since_ns
     lists, symptoms = [one.list for one in group], case.symptoms
     numbers = [entry.number for entry in lists]
     of_lists = np.isin(symptoms.list, numbers)
-    chosen = case.free(*_OF_LIST) & of_lists & (symptoms.time_ns >= since_ns)
+    since_frame = min(one.frame for one in group)
+    chosen = case.free(*_OF_LIST) & of_lists & (symptoms.frame >= since_frame)
+    for number, other in places:
+        if other != node:
+            chosen &= (symptoms.list != number) | (symptoms.node != other)  # what a third one changes is its own
     chosen |= case.free(*_OF_SENDER) & of_lists & (symptoms.node == node)
     own = [one for one in case.streams_of_node[node] if one.list.number in numbers]
     last_ns = max(one.stream.last_ns for one in own)
@@ -100,8 +115,11 @@ def _draft(case: Case, group: Sequence[_Further]) -> Iterator[Explained]:
         f"Stop {name}, or give its list another identifier: readers take turns between both." if len(others) < 2
         else f"Stop {name}, or give its list another identifier: readers take turns between all of them."
     )  # fmt: skip
-    draft = Draft(SECOND_SENDER, title, step, checked, lists, [node, *others], since_ns=since_ns, until_ns=until_ns)
-    yield draft, chosen
+    draft = Draft(
+        SECOND_SENDER, title, step, checked, lists, [node, *others], since_ns=since_ns, until_ns=until_ns,
+        severity=SEVERAL_SENDERS.severity,  # each further one is an event of that finding, which is listed once
+    )  # fmt: skip
+    return draft, chosen
 
 
 def _compared(case: Case, further: _Further) -> tuple[list[str], list[int]]:

@@ -125,6 +125,8 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     own = case.free(*_OF_SILENCE) & (symptoms.node == node) & meanwhile
     own |= case.free(STOPPED) & (symptoms.node == node) & (pause.until_ns is None)
     waits = case.free(*_WAITS) & ((symptoms.node == node) | case.waits_for(node)) & meanwhile
+    only = [entry.number for entry in case.facts.summary.lists if set(entry.senders) == {node}]
+    waits |= case.free(BOOT_UP_UNANSWERED) & np.isin(symptoms.list, only) & meanwhile
     explained: Bool = own | waits if own.any() else own
     return explained
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft, Explained, NodeStream
+from dissectors.batch import Bool
+from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, NodeStream
 from nvscope.causes.recording import CLOCK, OF_CLOCK
 from nvscope.causes.words import moment
 from nvscope.findings.loss import SENDER_RESTART
@@ -48,7 +49,23 @@ def judge_standstills(case: Case) -> Iterator[Explained]:
             case.lists_of(late), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         # A wait that was open then has ended at its deadline, be that behind the pause or in it.
-        yield draft, case.free(*OF_CLOCK) & (symptoms.since_ns <= since_ns) & (symptoms.time_ns > since_ns)
+        chosen = case.free(*OF_CLOCK) & (symptoms.since_ns <= since_ns) & (symptoms.time_ns > since_ns)
+        yield draft, chosen & ~_silent_before(case, since_ns)
+
+
+def _silent_before(case: Case, since_ns: int) -> Bool:
+    """Tell which intervals are of streams that had paused before a time: these stood still by themselves."""
+    symptoms = case.symptoms
+    rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER) & (symptoms.since_ns < since_ns))
+    begun_ns = symptoms.since_ns[rows].tolist()
+    return case.only([
+        row for row, begin_ns, one in zip(rows.tolist(), begun_ns, case.streams_at(rows), strict=True)
+        if one is not None and one.nominal_ns and begin_ns < since_ns - _pause_ns(one)
+    ])  # fmt: skip
+
+
+def _pause_ns(one: NodeStream) -> int:
+    return one.nominal_ns * PAUSE_PERCENT // 100
 
 
 def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
@@ -63,6 +80,8 @@ def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
             nodes.add(node)
             table = case.unusual_intervals(one.list.number, one.stream)
             row = np.flatnonzero((table.since_ns <= since_ns) & (table.time_ns >= until_ns))
+            if len(row) and since_ns - int(table.since_ns[row[0]]) > _pause_ns(one):
+                continue  # it was silent before
             # What is late by less than half its interval may be so by itself.
             if not len(row) or 2 * int(table.amount[row[0]]) < 3 * one.nominal_ns:
                 unseen.append(one)

@@ -41,6 +41,12 @@ def test_two_devices_send_one_identifier(own_ms: int, other_ms: int, tmp_path: P
     assert "NV603" in {finding.code for finding in cause.findings}
 
 
+def test_a_pause_of_the_bus_does_not_hide_that_two_take_turns(tmp_path: Path) -> None:
+    frames = [*sent(8, 100), *sent(4, 100, 10_050)]
+    causes = told([(ms, size) for ms, size in frames if not 11_500 < ms < 13_000], tmp_path)
+    assert "identifier-collision" in {one.kind.name for one in causes}
+
+
 @pytest.mark.parametrize(
     "frames",
     [
