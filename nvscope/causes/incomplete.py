@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from math import prod
@@ -191,25 +191,34 @@ def _together(losses: Sequence[Loss], senders: Sequence[int]) -> list[list[Loss]
 
     One sender alone makes no moment.
     """
-    found: list[list[Loss]] = []
-    lost: Counter[int] = Counter()
-    first = told = 0
     losses, senders = _beside_others(losses, senders)
-    for place, loss in enumerate(losses):
-        lost[loss.node] += 1
-        while loss.due_ns - losses[first].due_ns > MOMENT_NS:
-            node = losses[first].node
-            lost[node] -= 1
-            if not lost[node]:
-                del lost[node]
-            first += 1
-        if len(lost) < max(senders[place], 2):
-            continue
-        if first >= told:
-            found.append([])
-        found[-1] += losses[max(first, told) : place + 1]
-        told = place + 1
-    return found
+    due_ns = np.array([loss.due_ns for loss in losses], np.int64)
+    place = np.arange(len(losses))
+    first = np.searchsorted(due_ns, due_ns - MOMENT_NS)
+    losing = _losing(np.array([loss.node for loss in losses], np.int64), first)
+    # Each window ends with a loss; those that overlap are one moment.
+    ends = place[losing >= np.maximum(np.array(senders, np.int64), 2)]
+    if not len(ends):
+        return []
+    begins = np.append(True, first[ends[1:]] > ends[:-1])
+    start, stop = first[ends[begins]], np.append(ends[:-1][begins[1:]], ends[-1]) + 1
+    return [list(losses[one:other]) for one, other in zip(start.tolist(), stop.tolist(), strict=True)]
+
+
+def _losing(node: I64, first: I64) -> I64:
+    """Return how many nodes lose from the loss ``first`` on, up to each of the losses in the order of time."""
+    before: I64 = np.full(len(node), -1)  # the loss of the same node before each one
+    order = np.argsort(node, kind="stable")
+    same = node[order][1:] == node[order][:-1]
+    before[order[1:][same]] = order[:-1][same]
+    # A loss tells no other node while the one before it of the same node is in the window, too.
+    place = np.arange(len(node))
+    again = np.flatnonzero(before >= 0)
+    change = np.zeros(len(node) + 1, np.int64)
+    np.add.at(change, again, 1)
+    np.add.at(change, np.maximum(np.searchsorted(first, before[again], "right"), again), -1)
+    losing: I64 = place - first + 1 - np.cumsum(change[:-1])
+    return losing
 
 
 def _beside_others(losses: Sequence[Loss], senders: Sequence[int]) -> tuple[Sequence[Loss], Sequence[int]]:
