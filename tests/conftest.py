@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, settings
 
 from tests.laws import FULL_EXAMPLES
 
-QUICK_EXAMPLES = 16
+QUICK_EXAMPLES = 12
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

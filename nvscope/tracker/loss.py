@@ -312,8 +312,7 @@ class Loss:
         length = rows.stop[of_rows] - begins
         stop = np.cumsum(count)
         rare = rare_ones(
-            _RARE, known, self.streams.telegrams[stream] - length, length, stop - count, stop,
-            place[chosen] - np.repeat(begins, count),
+            _RARE, known, self.streams.telegrams[stream] - length, begins, length, stop - count, stop, place[chosen]
         )  # fmt: skip
         if rare is not None:
             chosen = chosen[rare]

@@ -36,8 +36,8 @@ LEARNED_INTERVALS = 8
 """So many intervals of a stream tell where its dense buckets lie."""
 
 DENSE_BUCKETS = BUCKETS_A_DOUBLING
-LONG_PARTS = 512
-"""An interval is long that takes at least one of so many parts of the time since the capture's first frame."""
+LONG_BITS = 9
+"""An interval is long that takes at least one of 2 ** so many parts of the time since the capture's first frame."""
 
 _RARE = 4  # an unusual interval is rare of which there is one in so many: what is cyclic has fewer of them
 _BUCKET_OFFSET = 1 << 20
@@ -247,11 +247,9 @@ class Timing:
         start, stop = bounds[:-1], bounds[1:]
         known, run = columns.unusual[ends.run], ends.run
         columns.unusual[run] += stop - start
-        rare = rare_ones(
-            _RARE, known, before, ends.stop - ends.start, start, stop, place - np.repeat(ends.start, stop - start)
-        )  # fmt: skip
+        rare = rare_ones(_RARE, known, before, ends.start, ends.stop - ends.start, start, stop, place)
         if rare is not None:
-            rare |= took_ns >= np.maximum(time_ns - told.start_ns, 0) // LONG_PARTS
+            rare |= took_ns >= time_ns - told.start_ns >> LONG_BITS
             chosen = np.flatnonzero(rare)
             stream, time_ns, frame, took_ns, lost = (one[chosen] for one in (stream, time_ns, frame, took_ns, lost))
         lists, node, subindex = told.keys.described(stream)

@@ -9,7 +9,7 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.engine.events import EventBatch
 from nvscope.tracker.event_kinds import EventKind
-from nvscope.tracker.timing import LONG_PARTS
+from nvscope.tracker.timing import LONG_BITS
 
 MOST_PAUSES = 1 << 18
 """So many are kept, 40 bytes each; those for which there is no room are counted."""
@@ -45,7 +45,7 @@ class LongPauses:
             return
         if self._start_ns is None:
             self._start_ns = int(events.since_ns.min())
-        long = np.flatnonzero(events.amount >= (events.time_ns - self._start_ns) // LONG_PARTS)
+        long = np.flatnonzero(events.amount >= events.time_ns - self._start_ns >> LONG_BITS)
         room = long[: max(self._most - self._kept, 0)]
         self.left_out += len(long) - len(room)
         if not len(room):
@@ -64,7 +64,7 @@ class LongPauses:
 
     def _forget(self, now_ns: int) -> None:
         whole = self.columns()
-        long = whole.time_ns - whole.since_ns >= (now_ns - (self._start_ns or 0)) // LONG_PARTS
+        long = whole.time_ns - whole.since_ns >= now_ns - (self._start_ns or 0) >> LONG_BITS
         self._parts = [PauseColumns(*(column[long] for column in whole))]
         self._kept = int(long.sum())
         self._prune_at = min(max(2 * self._kept, 1 << 12), self._most)
