@@ -23,14 +23,16 @@ SENDER_LATE = CauseKind(
     "sender-late",
     "late",
     "A list came later than it should, and nothing of it was lost.",
-    "Intervals of more than two and a half times the nominal one, or jitter, without a loss in them.",
+    "Intervals of more than two and a half times the nominal one, or jitter, without a loss in them. "
+    "Less sure where a node counts all that it sends with one counter: what is lost within one sending shows as late.",
     "The cycle and priority of the task that sends it; a breakpoint, or a task that takes too long.",
 )
 SENDER_BURSTS = CauseKind(
     "sender-bursts",
     "bursts",
     "A list was sent several times in quick succession.",
-    "Intervals of less than a tenth of the nominal one, or below the MinGap of the definition.",
+    "Intervals of less than a tenth of the nominal one, or below the MinGap of the definition. "
+    "Less sure where the list has no usual interval.",
     "What triggers its sending: an event that is set in each cycle, or a MinGap that is missing.",
 )
 

@@ -32,7 +32,8 @@ CLOCK = CauseKind(
     "clock set",
     "The clock of the computer that captured was set: times and intervals around that moment are not real.",
     "A frame whose time is more than 1 ms before that of the frame in front of it; or all lists of several senders are "
-    "late by the same time, without loss, while the capture holds no frame at all.",
+    "late by the same time, without loss, while the capture holds no frame at all. "
+    "Less sure where the jump is shorter than what slow lists are late by themselves.",
     "Time synchronisation of the computer that captures: let it finish before recording.",
 )
 
