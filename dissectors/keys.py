@@ -142,6 +142,14 @@ def first_rows(number: I64, bound: int) -> I64:
     return first
 
 
+def first_rows_from(number: I64, known: int, bound: int) -> I64:
+    """Return where each of the numbers ``known`` … ``bound`` − 1 stands first, as far as they occur."""
+    later = np.flatnonzero(number >= known)[::-1]
+    first = np.full(bound - known, -1)
+    first[number[later] - known] = later
+    return first[first >= 0]
+
+
 def _places(words: tuple[U64, ...], bits: int) -> I64:
     """Return for each key one of 2 ** ``bits`` slots."""
     mixed = words[0] * _RANDOM[0]

@@ -144,7 +144,7 @@ def _regular(case: Case, address: int, hardware: int) -> tuple[bool, bool] | Non
 
 def _draft(case: Case, node: int, devices: list[_Device], told: list[str]) -> Explained:
     since_ns = devices[1].first_ns
-    lists = list({one.list.number: one.list for one in case.streams_of_node.get(node, ())}.values())
+    lists = case.lists_of_node(node)
     last_ns = min(devices[0].last_ns, max(one.last_ns for one in devices[1:]))
     frames = min(devices[0].frames, devices[1].frames)
     # Two that send one list spoil its interval: then the usual ones tell what is no pause.
@@ -170,10 +170,7 @@ def _draft(case: Case, node: int, devices: list[_Device], told: list[str]) -> Ex
 def _of_address(case: Case, node: int) -> Bool:
     """Tell which symptoms are of an address, be it as sender or as reader, and of lists that it alone sends."""
     symptoms = case.symptoms
-    alone = [
-        number for number in {one.list.number for one in case.streams_of_node.get(node, ())}
-        if {stream.node for stream in case.lists[number].streams} == {node}
-    ]  # fmt: skip
+    alone = [entry.number for entry in case.lists_of_node(node) if {stream.node for stream in entry.streams} == {node}]
     own: Bool = (symptoms.node == node) | (symptoms.peer == node)
     own |= (symptoms.node < 0) & np.isin(symptoms.list, alone)
     return own

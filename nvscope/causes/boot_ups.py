@@ -46,10 +46,11 @@ def answers_to(case: Case, requests: Sequence[BootUpRequest]) -> Bool:
     """Tell which symptoms are lists sent in quick succession since somebody asked for them."""
     symptoms = case.symptoms
     told: Bool = np.zeros(len(symptoms.code), np.bool_)
+    bursts = case.free(BURST) if requests else told
     for one in requests:
         if one.took_ns is not None:
             meanwhile = case.overlapping(one.time_ns, one.time_ns + one.took_ns + _ROOM_NS)
-            told |= case.free(BURST) & (symptoms.list == one.list) & meanwhile
+            told |= bursts & (symptoms.list == one.list) & meanwhile
     return told
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from nvscope.causes.life import Life
 from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
+from nvscope.findings.definition import SILENT_LIST
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
@@ -61,6 +62,11 @@ class NodeStream(NamedTuple):
     def nominal_ns(self) -> int:
         """Its nominal interval, 0 where it has none."""
         return self.stream.intervals.nominal or 0
+
+
+def lists_of_streams(streams: Iterable[NodeStream]) -> list[ListSummary]:
+    """Return the lists that some streams are of, each once."""
+    return list({one.list.number: one.list for one in streams}.values())
 
 
 @dataclass(slots=True)
@@ -143,6 +149,12 @@ class Case:
         free: Bool = (self.owner == NOBODY) & self.symptoms.of_kinds(*kinds)
         return free
 
+    def free_silent_list(self, key: ListKey) -> Bool:
+        """Tell which symptoms that nothing has explained yet say that one defined list never came."""
+        own = [place for place, finding in enumerate(self.findings) if finding.key == key]
+        told: Bool = self.free(SILENT_LIST) & np.isin(self.symptoms.finding, own)
+        return told
+
     def explain(self, draft: Draft, chosen: Bool) -> None:
         """Add a cause, which explains the chosen symptoms that nothing has explained before."""
         draft.rows = np.flatnonzero(chosen & (self.owner == NOBODY))
@@ -208,6 +220,10 @@ class Case:
     def lists_of(self, chosen: Bool | I64) -> list[AnyList]:
         """Return the lists of some symptoms."""
         return [self.lists[number] for number in distinct(self.symptoms.list[chosen]).tolist() if number >= 0]
+
+    def lists_of_node(self, node: int) -> list[ListSummary]:
+        """Return the lists on UDP that a node sends."""
+        return lists_of_streams(self.streams_of_node.get(node, ()))
 
     def lists_on(self, channel: int) -> list[AnyList]:
         """Return the lists on a channel of CAN."""

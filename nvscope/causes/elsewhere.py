@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import moment
@@ -105,8 +103,7 @@ def _defined_shapes(layouts: Layouts, key: ListKey) -> Iterator[tuple[bool, List
 
 def _draft(case: Case, match: Match) -> Explained:
     symptoms, entry, own, other = case.symptoms, match.sent, match.key, match.sent.key
-    silent = [place for place, finding in enumerate(case.findings) if finding.key == own]
-    chosen = case.free(SILENT_LIST) & np.isin(symptoms.finding, silent)
+    chosen = case.free_silent_list(own)
     chosen |= case.free(UNKNOWN_LIST, DEFINITION_MISMATCH) & (symptoms.list == entry.number)
     name = f"{match.defined.name} ({own.identifier})" if match.defined.name else f"{own.identifier}"
     ways, steps = differences(match)

@@ -10,7 +10,6 @@ import numpy as np
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words
-from nvscope.findings.definition import SILENT_LIST
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.foreign_headers import foreign_header, is_foreign, telegrams_of
@@ -51,8 +50,7 @@ def _draft(case: Case, number: int, node: int, malformed: int, telegrams: int) -
     own = np.flatnonzero(case.free(*_TOLD_BY) & (symptoms.list == number) & (symptoms.node == node))
     if not len(own):
         return
-    silent = [place for place, finding in enumerate(case.findings) if finding.key == entry.key]
-    chosen = case.only(own) | (case.free(SILENT_LIST) & np.isin(symptoms.finding, silent))
+    chosen = case.only(own) | case.free_silent_list(entry.key)
     since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
     header = foreign_header(case.facts, number, node)
     what = "with headers that no controller can read"

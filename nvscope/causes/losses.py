@@ -70,14 +70,9 @@ class Loss(NamedTuple):
 def losses_in(case: Case) -> list[Loss]:
     """Return the gaps that nothing has explained yet, by when the first missing telegram was due."""
     symptoms = case.symptoms
-    nominal = {
-        (one.list.number, node, one.stream.subindex): one.nominal_ns
-        for node, streams in case.streams_of_node.items() for one in streams
-    }  # fmt: skip
     rows = np.flatnonzero(case.free(TELEGRAM_GAP) & (symptoms.amount > 0))
-    number, node, subindex = symptoms.list[rows], symptoms.node[rows], symptoms.subindex[rows]
-    places = zip(number.tolist(), node.tolist(), subindex.tolist(), strict=True)
-    interval_ns = np.array([nominal.get(place) or 0 for place in places], np.int64)
+    number, node = symptoms.list[rows], symptoms.node[rows]
+    interval_ns = np.array([one.nominal_ns if one else 0 for one in case.streams_at(rows)], np.int64)
     since_ns, time_ns, lost = symptoms.since_ns[rows], symptoms.time_ns[rows], symptoms.amount[rows]
     between_ns = np.where(interval_ns > 0, interval_ns, (time_ns - since_ns) // (lost + 1))
     due_ns = np.minimum(since_ns + between_ns, time_ns)
@@ -105,8 +100,8 @@ def judge_losses_at_senders(case: Case) -> Iterator[Explained]:
                 checked.append("no other sender lost any then")
             lost, which = count_of(_lost(cluster), "telegram"), lists_in_words(case, lists)
             where = f"Node {case.address(node)} lost {lost} of {which}"
-            for draft, explained in _draft(case, LOSS_AT_SENDER, where, node, lists, cluster, checked):
-                yield draft, explained | (case.free(NO_ACKNOWLEDGEMENT) & answers_lost(case, node, cluster))
+            draft, explained = _draft(case, LOSS_AT_SENDER, where, node, lists, cluster, checked)
+            yield draft, explained | (case.free(NO_ACKNOWLEDGEMENT) & answers_lost(case, node, cluster))
 
 
 def losses_at_senders(case: Case) -> dict[int, list[Loss]]:
@@ -129,11 +124,11 @@ def losses_of_only_lists(case: Case) -> dict[int, list[Loss]]:
 
 
 def _has_one_list(case: Case, node: int) -> bool:
-    return len({one.list.number for one in case.streams_of_node[node]}) == 1
+    return len(case.lists_of_node(node)) == 1
 
 
 def _at_sender(case: Case, node: int, own: Sequence[Loss], every: Sequence[Loss]) -> list[Loss]:
-    lists = {one.list.number for one in case.streams_of_node.get(node, ())}
+    lists = {entry.number for entry in case.lists_of_node(node)}
     losing = {loss.list for loss in own}
     alone = len(case.streams_of_node) == 1 and losing == lists
     if alone or (len(losing) >= 2 and _alike(case, node, own)):
@@ -238,10 +233,10 @@ def judge_losses_of_lists(case: Case) -> Iterator[Explained]:
                 checked.append(f"always SubIndex {subindexes[0]}")
             name = lists_in_words(case, [entry])
             where = f"{capitalised(name)} of {case.address(node)} lost {count_of(_lost(cluster), 'telegram')}"
-            only = _has_one_list(case, node)
-            for draft, explained in _draft(case, LOSS_OF_LIST, where, node, [entry], cluster, checked):
-                lost = case.free(NO_ACKNOWLEDGEMENT) & answers_lost(case, node, cluster) if only else explained
-                yield draft, explained | lost
+            draft, explained = _draft(case, LOSS_OF_LIST, where, node, [entry], cluster, checked)
+            if _has_one_list(case, node):
+                explained |= case.free(NO_ACKNOWLEDGEMENT) & answers_lost(case, node, cluster)
+            yield draft, explained
 
 
 def _alone(case: Case, node: int, losses: Sequence[Loss]) -> bool:
@@ -295,7 +290,7 @@ def _is_outage(losses: Sequence[Loss]) -> bool:
 def _draft(
     case: Case, kind: CauseKind, where: str, node: int, lists: Sequence[AnyList], losses: Sequence[Loss],
     checked: Sequence[str],
-) -> Iterator[Explained]:  # fmt: skip
+) -> Explained:  # fmt: skip
     symptoms = case.symptoms
     rows = np.array([loss.row for loss in losses], np.int64)
     since_ns, last_ns = since_of(losses), int(symptoms.time_ns[rows].max())
@@ -318,7 +313,7 @@ def _draft(
     draft = Draft(
         kind, f"{where}, {when}", kind.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
     )  # fmt: skip
-    yield draft, chosen
+    return draft, chosen
 
 
 def _lost(losses: Sequence[Loss]) -> int:

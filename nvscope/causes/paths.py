@@ -50,7 +50,7 @@ def _draft(case: Case, node: int, rows: list[int]) -> Explained:
     own = (symptoms.node == node) & np.isin(symptoms.list, [entry.number for entry in lists])
     filled = case.free(TELEGRAM_GAP) & own & (symptoms.amount == 0)
     events = np.flatnonzero(told | filled)
-    since_ns, last_ns = _first_due_ns(case, node, rows), int(symptoms.time_ns[rows].max())
+    since_ns, last_ns = _first_due_ns(case, rows), int(symptoms.time_ns[rows].max())
     farthest = int(symptoms.detail[rows].max())
     # The place that it left open lies so many telegrams before.
     near = case.touching(events, (farthest + 1) * longest_ns(lists))
@@ -72,13 +72,12 @@ def _draft(case: Case, node: int, rows: list[int]) -> Explained:
     return draft, chosen
 
 
-def _first_due_ns(case: Case, node: int, rows: list[int]) -> int:
+def _first_due_ns(case: Case, rows: list[int]) -> int:
     """Return when the first overtaken telegram was due, as far as the intervals of its stream tell."""
     symptoms = case.symptoms
-    nominal = {(one.list.number, one.stream.subindex): one.nominal_ns for one in case.streams_of_node.get(node, ())}
     due_ns = []
-    for row in rows:
-        interval_ns = nominal.get((int(symptoms.list[row]), int(symptoms.subindex[row])), 0)
+    for row, stream in zip(rows, case.streams_at(np.array(rows)), strict=True):
+        interval_ns = stream.nominal_ns if stream else 0
         time_ns, behind = int(symptoms.time_ns[row]), int(symptoms.detail[row])
         due_ns.append(
             max(time_ns - behind * interval_ns, case.start_ns) if interval_ns else int(symptoms.since_ns[row])

@@ -195,15 +195,12 @@ def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
     runs, rest = [], []
     for own in by_stream.values():
         own.sort(key=lambda row: int(symptoms.since_ns[row]))
-        place = int(symptoms.list[own[0]]), int(symptoms.subindex[own[0]])
-        stream = next(
-            one.stream for one in case.streams_of_node[int(symptoms.node[own[0]])]
-            if (one.list.number, one.stream.subindex) == place
-        )  # fmt: skip
+        (sent,) = case.streams_at(np.array(own[:1]))
+        assert sent is not None, "what waits for an acknowledgement is on UDP"
         parts = [[own[0]]]
         for before, row in pairwise(own):
             interval_ns = int(symptoms.since_ns[row] - symptoms.since_ns[before])
-            usual_ns = stream.intervals.nominal or stream.intervals.p95 or interval_ns
+            usual_ns = sent.nominal_ns or sent.stream.intervals.p95 or interval_ns
             # The capture may lack telegrams between: what ended a wait is the next one that it has.
             if interval_ns <= usual_ns * 3 // 2 or symptoms.since_ns[row] <= symptoms.time_ns[before]:
                 parts[-1].append(row)

@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.boot_ups import answers_to, requests_in_words, requests_of
-from nvscope.causes.case import Case, Draft, Explained, NodeStream
+from nvscope.causes.case import Case, Draft, Explained, NodeStream, lists_of_streams
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
@@ -52,12 +52,12 @@ def judge_node_restarts(case: Case) -> Iterator[Explained]:
                 for own, every in ((len(streams), len(going_on)), (_lists(streams), _lists(going_on)))
             )
             if whole or enough:
-                yield from _node_draft(case, node, cluster, streams, going_on, since_ns, until_ns, shown)
+                yield _node_draft(case, node, cluster, streams, going_on, since_ns, until_ns, shown)
 
 
 def _lists(streams: Sequence[NodeStream]) -> int:
     """Return of how many lists streams are: one over many SubIndexes is not most of a node."""
-    return len({one.list.number for one in streams})
+    return len(lists_of_streams(streams))
 
 
 def _restarts(case: Case) -> dict[int, list[int]]:
@@ -122,14 +122,14 @@ def _shown(case: Case, node: int, since_ns: int, until_ns: int) -> list[str]:
 def _node_draft(
     case: Case, node: int, cluster: Sequence[int], streams: Sequence[NodeStream], going_on: Sequence[NodeStream],
     since_ns: int, until_ns: int, shown: Sequence[str],
-) -> Iterator[Explained]:  # fmt: skip
+) -> Explained:  # fmt: skip
     symptoms = case.symptoms
     last_ns = int(symptoms.time_ns[list(cluster)].max())
     chosen = case.only(cluster)
     own = (symptoms.node == node) | case.waits_for(node)
     chosen |= case.free(*_IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
     chosen |= answers_to(case, requests_of(case, node, since_ns, until_ns + _CLUSTER_NS))
-    lists = list({one.list.number: one.list for one in case.streams_of_node[node]}.values())
+    lists = case.lists_of_node(node)
     away_ns = until_ns - since_ns
     usual_ns = max((one.nominal_ns for one in streams), default=0)
     which, counters = lists_in_words(case, [one.list for one in streams]), "counters" if len(streams) > 1 else "counter"
@@ -145,7 +145,7 @@ def _node_draft(
     draft = Draft(
         NODE_RESTART, title, NODE_RESTART.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
     )  # fmt: skip
-    yield draft, chosen
+    return draft, chosen
 
 
 def _within(case: Case, since_ns: int, until_ns: int) -> Bool:
@@ -159,15 +159,15 @@ def judge_list_restarts(case: Case) -> Iterator[Explained]:
     for node, rows in _restarts(case).items():
         for cluster in _clusters(case, node, rows):
             streams = _concerned(case, node, cluster)
-            lists = list({one.list.number: one.list for one in streams}.values())
+            lists = lists_of_streams(streams)
             since_ns, until_ns = _last_before(case, node, cluster), _first_ns(case, cluster)
             symptoms = case.symptoms
             chosen = case.only(cluster)
             beside = (symptoms.node == node) & np.isin(symptoms.list, [entry.number for entry in lists])
             chosen |= case.free(*_BESIDE) & beside & _within(case, since_ns, until_ns)
             which = lists_in_words(case, lists)
-            others = {one.list.number: one.list for one in case.streams_of_node[node] if one not in streams}
-            checked = [f"{lists_in_words(case, list(others.values()))} of it went on"] if others else []
+            others = lists_of_streams(one for one in case.streams_of_node[node] if one not in streams)
+            checked = [f"{lists_in_words(case, others)} of it went on"] if others else []
             title = f"Node {case.address(node)} began {which} anew at {moment(case, until_ns)}"
             draft = Draft(
                 LIST_RESTARTED, title, LIST_RESTARTED.next_step, checked, lists, [node], since_ns=since_ns,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause, slack_ns
+from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause, lists_of_streams, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
@@ -77,7 +77,7 @@ def judge_nodes(case: Case, kind: CauseKind) -> Iterator[Explained]:
             chosen = _explained(case, node, pause)
             if not chosen.any():
                 continue
-            yield from _draft(case, kind, node, streams, pause, chosen)
+            yield _draft(case, kind, node, streams, pause, chosen)
 
 
 def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[_Silence]:
@@ -135,9 +135,9 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
 
 def _draft(
     case: Case, kind: CauseKind, node: int, streams: Sequence[NodeStream], pause: Pause, chosen: Bool
-) -> Iterator[Explained]:
-    timed = {one.list.number: one.list for one in streams if one.nominal_ns}
-    name, which = case.address(node), lists_in_words(case, list(timed.values()))
+) -> Explained:
+    timed = lists_of_streams(one for one in streams if one.nominal_ns)
+    name, which = case.address(node), lists_in_words(case, timed)
     since, checked = moment(case, pause.since_ns), []
     others = [other for other in case.streams_of_node if other != node and _sends_later(case, other, pause)]
     going = f"{count_of(len(others), 'other node')} {'goes' if len(others) == 1 else 'go'} on" if others else ""
@@ -163,10 +163,9 @@ def _draft(
             else "its counters stood still meanwhile: it did not send"
         )  # fmt: skip
     draft = Draft(
-        kind, title, kind.next_step, checked, list(timed.values()), [node], since_ns=pause.since_ns,
-        until_ns=pause.until_ns,
+        kind, title, kind.next_step, checked, timed, [node], since_ns=pause.since_ns, until_ns=pause.until_ns
     )  # fmt: skip
-    yield draft, chosen
+    return draft, chosen
 
 
 def _sends_later(case: Case, node: int, pause: Pause) -> bool:
@@ -199,7 +198,7 @@ def judge_lists(case: Case) -> Iterator[Explained]:
                 symptoms.time_ns >= since_ns - slack_ns(lists)
             )
             chosen[together] = True
-            yield from _list_draft(case, node, lists, since_ns, chosen)
+            yield _list_draft(case, node, lists, since_ns, chosen)
 
 
 def _channel(case: Case, entry: AnyList) -> int:
@@ -219,14 +218,14 @@ def _together(case: Case, rows: Sequence[int]) -> list[list[int]]:
     return found
 
 
-def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, chosen: Bool) -> Iterator[Explained]:
+def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, chosen: Bool) -> Explained:
     which, since, checked = lists_in_words(case, lists), moment(case, since_ns), []
     if node >= 0:
-        others = {one.list.number: one.list for one in case.streams_of_node[node] if one.stream.last_ns > since_ns}
-        others = {number: entry for number, entry in others.items() if entry not in lists}
+        going_on = lists_of_streams(one for one in case.streams_of_node[node] if one.stream.last_ns > since_ns)
+        others = [entry for entry in going_on if entry not in lists]
         title = f"Node {case.address(node)} sends {which} no more since {since}"
         if others:
-            checked.append(f"it goes on with {lists_in_words(case, list(others.values()))}")
+            checked.append(f"it goes on with {lists_in_words(case, others)}")
         channel = None
     else:
         title = f"{capitalised(which)} {'is' if len(lists) == 1 else 'are'} silent since {since}"
@@ -237,4 +236,4 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
         LIST_STOPPED, title, LIST_STOPPED.next_step, checked, lists, [node] if node >= 0 else [], channel,
         since_ns=since_ns,
     )  # fmt: skip
-    yield draft, chosen
+    return draft, chosen

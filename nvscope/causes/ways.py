@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nvscope.causes.case import Case
+from nvscope.causes.words import joined
 from nvscope.tracker.evidence.presence import HARDWARE_BITS
 
 _VLAN_SHIFT = 48
@@ -54,11 +55,6 @@ def ways_in_words(ways: list[Way]) -> str:
             more = f" and {len(different) - _NAMED} more" if len(different) > _NAMED else ""
             parts.append(f"{noun} {joined(different[:_NAMED]) if not more else ', '.join(different[:_NAMED])}{more}")
     return "; ".join(parts)
-
-
-def joined(words: list[str]) -> str:
-    """Return words as they stand in a sentence: ``a, b and c``."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def hardware_in_words(hardware: int) -> str:

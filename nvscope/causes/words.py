@@ -33,9 +33,12 @@ def lists_in_words(case: Case, lists: Sequence[AnyList]) -> str:
     names = [_name(case, entry) for entry in ordered]
     if len(names) > _NAMED:
         return f"{len(names)} lists"
-    if len(names) == 1:
-        return f"list {names[0]}"
-    return f"lists {', '.join(names[:-1])} and {names[-1]}"
+    return f"list{'s' if len(names) > 1 else ''} {joined(names)}"
+
+
+def joined(words: Sequence[str]) -> str:
+    """Return words as they stand in a sentence: ``a, b and c``."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def capitalised(words: str) -> str:

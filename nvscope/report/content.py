@@ -14,7 +14,7 @@ from typing import Any
 from nvscope import units
 from nvscope.findings.capture import LIMIT_REACHED, UNSUPPORTED_LINK_TYPE
 from nvscope.findings.kind import Severity
-from nvscope.view.documents.verdicts import OK, SEVERITIES
+from nvscope.view.documents.verdicts import OK
 from nvscope.view.lines.table import Cell, Tone
 
 Report = Mapping[str, Any]
@@ -70,34 +70,20 @@ def severity_of(word: str) -> Severity | None:
     return None if word == OK else Severity.of(word)
 
 
-def headline(report: Report) -> Cell:
-    """Return what matters most about the whole capture in one line."""
-    lists, totals, capture = report["lists"], report["totals"], report["capture"]
-    found = (word for word in SEVERITIES if totals["findings"][word] or totals["lists"][word])
-    tone = status(severity_of(next(found, OK))).tone
+def why_no_list(report: Report) -> str:
+    """Return why a report has no list, in one line."""
+    capture = report["capture"]
     if _lies_elsewhere(capture):
-        return Cell("No frame of the capture lies in the time that was asked for", Tone.WARNING)
+        return "No frame of the capture lies in the time that was asked for"
     if not capture["frames"]:
-        return Cell("The capture holds no frames", Tone.WARNING)
-    if not capture["telegrams"] and not lists:
+        return "The capture holds no frames"
+    if not capture["telegrams"]:
         if capture["frames"] == 1:
-            return Cell("The only frame is not a telegram of network variables", Tone.WARNING)
-        return Cell(f"None of {units.count(capture['frames'])} frames is a telegram of network variables", Tone.WARNING)
-    if not lists and "filter" in report:
-        return Cell("The filter chooses nothing that belongs to a list", Tone.WARNING)
-    if not lists:
-        return Cell("No list: no telegram belongs to a network variables list", Tone.WARNING)
-    parts = [(number, "ok" if word == OK else f"with {word}s") for word, number in totals["lists"].items() if number]
-    text = units.count_of(len(lists), "list")
-    if len(lists) == 1:
-        text += f", {parts[0][1]}"
-    elif len(parts) == 1:
-        text += f", all {parts[0][1]}"
-    else:
-        text += ": " + ", ".join(f"{units.count(number)} {verdict}" for number, verdict in parts)
-    if beside := tally(totals["findings_beside_lists"]):
-        text += f"; {beside} about something else"
-    return Cell(text, tone)
+            return "The only frame is not a telegram of network variables"
+        return f"None of {units.count(capture['frames'])} frames is a telegram of network variables"
+    if "filter" in report:
+        return "The filter chooses nothing that belongs to a list"
+    return "No list: no telegram belongs to a network variables list"
 
 
 def tally(by_severity: Mapping[str, int]) -> str:

@@ -5,13 +5,12 @@ Takes the report of schema ``nvscope.report/2``. As in ``content``, nothing here
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report import content
-from nvscope.report.content import Report, Row, nanoseconds, status, tally
+from nvscope.report.content import Report, Row, nanoseconds, status, why_no_list
 from nvscope.view.lines.table import Cell, Tone
 
 
@@ -44,8 +43,7 @@ def headline(report: Report) -> tuple[Cell, str]:
     """Return the mark and the line that answer whether something is broken, and how badly."""
     if report["lists"]:
         return _verdict(report)
-    head = content.headline(report)
-    return Cell("●", head.tone), head.text
+    return Cell("●", Tone.WARNING), why_no_list(report)
 
 
 def _verdict(report: Report) -> tuple[Cell, str]:
@@ -135,13 +133,3 @@ def folded(report: Report) -> str:
     if beside:
         parts.append(f"{units.count_of(beside, 'finding')} of little weight beside {'them' if explained else 'that'}")
     return ", ".join(parts)
-
-
-def shown(causes: Sequence[Row], most: int | None) -> tuple[Sequence[Row], int]:
-    """Return the first causes, and how many there are beside these."""
-    return causes[:most], len(causes) - len(causes[:most])
-
-
-def counted(report: Report) -> str:
-    """Return how many findings there are of each severity."""
-    return tally(report["totals"]["findings"])

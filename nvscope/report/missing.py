@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from nvscope import units
-from nvscope.report.content import Row, severity_of, status
+from nvscope.report.content import Row
+from nvscope.report.happenings import severity_of, symbol
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
 from nvscope.view.missing_kinds import NEVER_CHANGED, NEVER_SEEN
 
@@ -67,12 +68,7 @@ def lines(rows: Sequence[Row], width: int, *, every: bool = False) -> Iterator[L
 
 
 def _entry(row: Row) -> Entry:
-    return Entry(_mark(row), row["what"], row["why"] or _named(row), row["next"])
-
-
-def _mark(row: Row) -> Cell:
-    told = status(severity_of(row["severity"]))
-    return Cell(told.text[0], told.tone)
+    return Entry(symbol(severity_of(row)), row["what"], row["why"] or _named(row), row["next"])
 
 
 def _named(row: Row) -> str:
@@ -88,7 +84,7 @@ def _folded(rows: Sequence[Row]) -> Entry:
     if rows[0]["kind"] == NEVER_CHANGED:
         number = sum(len(row["variables"]) + row["variables_cut"] for row in rows)
         what = f"{units.count_of(number, 'variable')} of {lists} never changed, others did"
-    return Entry(_mark(rows[0]), what, _together(names, len(rows) - len(names)), rows[0]["next"])
+    return Entry(symbol(severity_of(rows[0])), what, _together(names, len(rows) - len(names)), rows[0]["next"])
 
 
 def _together(names: Sequence[str], more: int) -> str:

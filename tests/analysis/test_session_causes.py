@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.causes.mark import Mark
 from nvscope.report import text
 from nvscope.tracker.evidence.witness import Witness
+from tests.causes.told import causes_of
 from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[2]

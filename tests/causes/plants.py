@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from ipaddress import ip_address
 from pathlib import Path
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.causes.cause import Cause
 from nvscope.definition.project import Project
 from nvscope.simulate.scenario_file import read_scenario
+from tests.causes.told import causes_of
 from tests.oracle.frame import Frame
 from tests.oracle.pcap import write_pcap
 from tests.simulate.simulation import Simulation

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.causes.cause import Cause
 from nvscope.definition.project import Project
 from tests.causes.plants import causes_in
+from tests.causes.told import causes_of
 from tests.oracle.builders import IDENTITY, data_frame, telegram
 from tests.oracle.frame import Frame
 

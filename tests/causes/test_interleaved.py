@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.causes.cause import Cause
 from nvscope.definition.project import Project
+from tests.causes.told import causes_of
 
 Sent = tuple[int, int]
 """When in ms, and how many bytes."""

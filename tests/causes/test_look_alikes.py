@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.simulate.scenario_file import read_scenario
+from tests.causes.told import causes_of
 from tests.simulate.simulation import Simulation
 
 PLANT = """

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.definition.project import Project
 from nvscope.findings.kind import Severity
 from tests.causes.plants import causes_in, frames_of, from_hardware
+from tests.causes.told import causes_of
 from tests.oracle.frame import Frame
 
 PLANT = """

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
+from tests.causes.told import causes_of
 from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[2]

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
 from tests.causes.drawn.draw import drawn, drawn_on_can
 from tests.causes.drawn.measure import Score
 from tests.causes.drawn.truth import Fault
+from tests.causes.told import causes_of
 from tests.laws import share_of
 
 PLANTS = 1000

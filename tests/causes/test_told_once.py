@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.findings.kind import Severity
 from tests.causes.drawn.bus import ERROR, OFF, Bus, Device, PdoList
@@ -18,6 +17,7 @@ from tests.causes.drawn.packets import datagram, group_mac, write_pcap
 from tests.causes.drawn.plant import START_NS, Away, Plant
 from tests.causes.drawn.traffic import Seen, play
 from tests.causes.drawn.truth import MILLISECOND, SECOND
+from tests.causes.told import causes_of
 
 Keeps = Callable[[Seen], bool]
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.causes.catalogue import KINDS
 from nvscope.causes.other import OTHER
@@ -16,6 +15,7 @@ from nvscope.definition.buses import Buses, BusSettings
 from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.scenario_file import load_scenario
 from nvscope.view.documents.causes import cause_rows
+from tests.causes.told import causes_of
 from tests.simulate.simulation import Simulation, project_of
 
 FOLDER = Path(__file__).parents[1] / "scenarios" / "causes"

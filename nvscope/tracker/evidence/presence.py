@@ -14,7 +14,6 @@ from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
 from nvscope.tracker.evidence.signs import SignsOfLife
 from nvscope.tracker.evidence.waiting import Heard, Waiting
-from nvscope.tracker.latency import Latencies
 
 MOST_ADDRESSES = 1 << 16
 """So many addresses are kept, and so many pairs of them, and announcements; what is left out is counted."""
@@ -128,8 +127,8 @@ class Presence:
 
     ``addresses`` number the hardware and IP addresses that sent some, which are the rows of ``columns``; ``pairs``
     number (upper half, lower half, hardware address with VLAN + 1 above it, time to live), the rows of
-    ``pair_columns``. ``distances`` are those between an address's frames that are no telegrams of lists, and ``signs``
-    when these were, by the rows of ``columns``. ``claims`` are the IP addresses with the hardware addresses that ARP
+    ``pair_columns``. ``signs`` are when an address's frames that are no telegrams of lists were, by the rows of
+    ``columns``. ``claims`` are the IP addresses with the hardware addresses that ARP
     told of them (upper half, lower half, hardware address). ``left_out`` counts the frames of addresses and pairs for
     which there was no room.
     """
@@ -140,7 +139,6 @@ class Presence:
         self._most = most
         self.addresses, self.columns = KeyTable(3), AddressColumns()
         self.pairs, self.pair_columns = KeyTable(4), PairColumns()
-        self.distances = Latencies()
         self.signs = SignsOfLife()
         self.announcements = Announcements()
         self.claims = KeyTable(3)
@@ -241,8 +239,6 @@ class Presence:
         run, time_ns = number[start], heard.times_ns(row)
         before_ns = np.roll(time_ns, 1)
         before_ns[start] = columns.last_other_ns[run]
-        follows = before_ns != NEVER
-        self.distances.observe(number[follows], (time_ns - before_ns)[follows], len(columns))
         self.signs.observe(number, time_ns, before_ns, len(columns))
         columns.others[run] += stop - start
         columns.last_other_ns[run] = time_ns[stop - 1]

@@ -12,7 +12,7 @@ import numpy as np
 from dissectors.addresses import addresses_of
 from dissectors.batch import I64, U8, U64, Bool, LinkType
 from dissectors.carried import Carried, Carrier
-from dissectors.keys import KeyTable
+from dissectors.keys import KeyTable, first_rows_from
 from dissectors.layout import gather_bytes
 from dissectors.varieties import Varieties
 from nvscope.engine.keyed_columns import KeyedColumns
@@ -104,10 +104,7 @@ class SharedAddresses:
         new = np.empty(0, np.int64)
         if len(told.header_counts) > known:
             self._ways.resize(len(told.header_counts))
-            later = np.flatnonzero(header >= known)
-            first = np.full(len(self._ways) - known, _NONE)
-            first[header[later[::-1]] - known] = later[::-1]  # of several, the first one is what stays
-            new = first[first >= 0]
+            new = first_rows_from(header, known, len(self._ways))
             new = new[self._are_data(told, new)]
         row = np.sort(np.append(alone, new))
         before = self._known.column("shared").copy()

@@ -12,6 +12,7 @@ import numpy as np
 
 from dissectors.batch import I32, I64, U16, Bool, PacketBatch, Records
 from dissectors.carried import Carrier
+from dissectors.keys import first_rows_from
 from dissectors.layout import gather_bytes
 from dissectors.netvar import LIST_SERVICES
 from dissectors.varieties import Varieties
@@ -119,7 +120,7 @@ class Waiting:
         packets, header = told.packets, told.batch.header
         count, row = told.header_counts, told.without_header
         if len(count) > self._headers:
-            row = np.sort(np.append(row, self._first_of_new(header, len(count))))
+            row = np.sort(np.append(row, first_rows_from(header, self._headers, len(count))))
             self._headers = len(count)
         if len(count) > len(self._count):
             self._count = np.append(self._count, np.zeros(len(count) - len(self._count), np.int64))
@@ -142,13 +143,6 @@ class Waiting:
         self._batches, self._count = [], np.zeros(1, np.int64)
         self._packets = self._looked_at = 0
         return heard
-
-    def _first_of_new(self, header: I64, headers: int) -> I64:
-        """Return the first packets of headers that were not seen before."""
-        new = np.flatnonzero(header >= self._headers)[::-1]
-        first = np.full(headers - self._headers, -1)
-        first[header[new] - self._headers] = new  # of several, the first one is what stays
-        return first[first >= 0]
 
     def _are_of_lists(self, told: Told, row: I64) -> Bool:
         """Tell which packets of a batch hold telegrams that belong to a list."""

@@ -6,7 +6,6 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
-from nvscope.analysis.causes import causes_of
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.causes.cause import Cause
 from tests.causes.drawn.bus import Bus, write_log
@@ -14,6 +13,7 @@ from tests.causes.drawn.packets import Port, write_pcap
 from tests.causes.drawn.plant import START_NS, List, Node, Plant
 from tests.causes.drawn.traffic import Sent, play
 from tests.causes.drawn.truth import MILLISECOND, SECOND
+from tests.causes.told import causes_of
 
 Picks = Callable[[Sent, float], bool]
 """Tells of a telegram, and of when it is sent in seconds, whether it is meant."""

@@ -17,7 +17,6 @@ from dissectors.batch import LinkType, PacketBatch
 from dissectors.netvar import LIST_SERVICES, dissect
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
-from nvscope.tracker.buckets import bucket_of
 from nvscope.tracker.evidence.presence import HARDWARE, NEVER, Presence
 from nvscope.tracker.evidence.presence import IP as IP_KIND
 from nvscope.tracker.evidence.signs import CLOSE_NS, SignsOfLife
@@ -67,10 +66,7 @@ def singly(batch: PacketBatch) -> tuple[dict[Key, Any], dict[tuple[int, ...], An
     addresses = {}
     for key, times in heard.items():
         others = [time_ns for time_ns, other in times if other]
-        distances = np.diff(np.array(others, np.int64))
-        addresses[key] = (
-            len(times), times[0][0], len(others), Counter(bucket_of(distances).tolist())
-        )  # fmt: skip
+        addresses[key] = len(times), times[0][0], len(others)
     told = {pair: (len(times), times[0], alternations[pair]) for pair, times in pairs.items()}
     return addresses, told, announced
 
@@ -79,12 +75,9 @@ def as_told(presence: Presence) -> tuple[dict[Key, Any], dict[tuple[int, ...], A
     keys = list(zip(*(word.tolist() for word in presence.addresses.words), strict=True))
     columns, pairs = presence.columns, presence.pair_columns
     addresses = {
-        key: (
-            *(int(columns.column(name)[row]) for name in ("count", "first_ns", "others")),
-            Counter(dict(zip(*(one.tolist() for one in presence.distances.counts_of(row)), strict=True))),
-        )
+        key: tuple(int(columns.column(name)[row]) for name in ("count", "first_ns", "others"))
         for row, key in enumerate(keys)
-    }  # fmt: skip
+    }
     told = {
         pair: tuple(int(pairs.column(name)[row]) for name in ("count", "first_ns", "alternations"))
         for row, pair in enumerate(zip(*(word.tolist() for word in presence.pairs.words), strict=True))
