@@ -15,8 +15,9 @@ from dissectors.batch import I64, Bool
 from nvscope.causes.cause import Cause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
-from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
-from nvscope.engine.runs import distinct
+from nvscope.causes.spans import touching
+from nvscope.causes.symptoms import IntervalsByStream, Symptoms, by_place, symptoms_of
+from nvscope.engine.runs import distinct, runs_of
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.definition import SILENT_LIST
 from nvscope.findings.facts import AnyList, Facts
@@ -108,10 +109,15 @@ def slack_ns(lists: Sequence[AnyList]) -> int:
 
 def moments(times_ns: I64) -> int:
     """Return how many moments of a tenth of a second sorted times are of, each from the first one in it."""
-    times, count, at = times_ns.tolist(), 0, 0
-    while at < len(times):
-        count += 1
-        at = bisect_right(times, times[at] + MOMENT_NS, at)
+    start, stop = runs_of(np.cumsum(np.append(0, np.diff(times_ns) > MOMENT_NS))[: len(times_ns)])
+    long = times_ns[stop - 1] - times_ns[start] > MOMENT_NS
+    count = len(start) - int(long.sum())
+    # Only where one follows the other is there something to walk.
+    for begin, end in zip(start[long].tolist(), stop[long].tolist(), strict=True):
+        times, at = times_ns[begin:end].tolist(), 0
+        while at < len(times):
+            count += 1
+            at = bisect_right(times, times[at] + MOMENT_NS, at)
     return count
 
 
@@ -176,11 +182,8 @@ class Case:
 
     def touching(self, rows: I64, slack_ns: int) -> Bool:
         """Tell which symptoms touch one of some others, or come so near to one."""
-        symptoms = self.symptoms
-        begun = np.searchsorted(np.sort(symptoms.since_ns[rows]) - slack_ns, symptoms.time_ns, "right")
-        ended = np.searchsorted(np.sort(symptoms.time_ns[rows]) + slack_ns, symptoms.since_ns, "left")
-        touches: Bool = begun > ended
-        return touches
+        since_ns, until_ns = self.symptoms.since_ns, self.symptoms.time_ns
+        return touching(since_ns, until_ns, since_ns[rows] - slack_ns, until_ns[rows] + slack_ns)
 
     def end_of_many(self, first_ns: int, last_ns: int, events: int, least_ns: int = 0) -> int | None:
         """Return when events that come again and again ended; None where they go on as far as one can tell.
@@ -258,6 +261,14 @@ class Case:
         symptoms = self.symptoms
         columns = (column[rows].tolist() for column in (symptoms.list, symptoms.node, symptoms.subindex))
         return [self._stream_at.get(place) for place in zip(*columns, strict=True)]
+
+    def nominal_ns(self, rows: I64) -> I64:
+        """Return the nominal intervals of the streams on UDP that some symptoms are of, 0 where there is none."""
+        symptoms, found = self.symptoms, np.zeros(len(rows), np.int64)
+        for place, own in by_place((symptoms.list[rows], symptoms.node[rows], symptoms.subindex[rows])):
+            stream = self._stream_at.get((place[0], place[1], place[2]))
+            found[own] = stream.nominal_ns if stream else 0
+        return found
 
     @cached_property
     def _stream_at(self) -> dict[tuple[int, int, int], NodeStream]:

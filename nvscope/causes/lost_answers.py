@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.case import MOMENT_NS, Case
 from nvscope.causes.chance import longest_by_chance
+from nvscope.causes.gaps import Losses
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
-
-if TYPE_CHECKING:  # losses ask here what was lost beside them
-    from nvscope.causes.losses import Loss
 
 _ROOM_NS = 2_000_000_000
 _SHARE_FACTOR = 4
 
 
-def answers_lost(case: Case, node: int, losses: Sequence[Loss]) -> Bool:
+def answers_lost(case: Case, node: int, losses: Losses) -> Bool:
     """Tell which waits for a node's answers ended without one because of its losses: its link lost these as well.
 
     Where it loses now and then, as many of its answers do as of its telegrams; else those near a loss.
@@ -29,14 +24,13 @@ def answers_lost(case: Case, node: int, losses: Sequence[Loss]) -> Bool:
     waits = symptoms.of_kinds(NO_ACKNOWLEDGEMENT) & case.waits_for(node)
     if not waits.any():
         return waits
-    rows = np.array([loss.row for loss in losses], np.int64)
-    near: Bool = case.touching(rows, MOMENT_NS)
-    numbers = {loss.list for loss in losses}
+    near: Bool = case.touching(losses.row, MOMENT_NS)
+    numbers = distinct(losses.list).tolist()
     sent = sum(one.stream.telegrams for one in case.streams_of_node[node] if one.list.number in numbers)
-    own = sum(loss.lost for loss in losses)
-    if max(loss.lost for loss in losses) > longest_by_chance(own, sent):
+    own = losses.total
+    if losses.lost.max() > longest_by_chance(own, sent):
         return waits & near
-    first_ns, last_ns = losses[0].due_ns, losses[-1].due_ns
+    first_ns, last_ns = int(losses.due_ns[0]), int(losses.due_ns[-1])
     # Where the answers are slow lists', the first or last one may have been lost a while before or after.
     room_ns = 3 * (last_ns - first_ns) // max(len(losses) - 1, 1) + _ROOM_NS
     meanwhile = waits & case.overlapping(first_ns - room_ns, last_ns + room_ns)

@@ -12,8 +12,9 @@ import numpy as np
 from dissectors.batch import Bool
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.chance import longest_by_chance
+from nvscope.causes.gaps import clusters
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.losses import clusters, losses_at_senders, losses_of_only_lists
+from nvscope.causes.losses import losses_at_senders, losses_of_only_lists
 from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.successions import of_successions
 from nvscope.causes.words import capitalised, lists_in_words, moment

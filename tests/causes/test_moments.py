@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.causes.case import MOMENT_NS
-from nvscope.causes.incomplete import _together
-from nvscope.causes.losses import Loss
+from nvscope.causes.gaps import Losses
+from nvscope.causes.moments import together
 from tests.laws import examples
 
 
-def walked(losses: list[Loss], senders: list[int]) -> list[list[int]]:
-    """Return the rows of losses in windows of a moment with so many senders; windows that overlap are one."""
+def walked(losses: list[tuple[int, int]], senders: list[int]) -> list[list[int]]:
+    """Return the rows of losses in windows of a moment with so many senders; windows that overlap are one.
+
+    Losses are told by time and node.
+    """
     found: list[list[int]] = []
     told = -1
-    for last, (loss, least) in enumerate(zip(losses, senders, strict=True)):
-        window = [place for place in range(last + 1) if loss.due_ns - losses[place].due_ns <= MOMENT_NS]
-        if len({losses[place].node for place in window}) < max(least, 2):
+    for last, ((due_ns, _), least) in enumerate(zip(losses, senders, strict=True)):
+        window = [place for place in range(last + 1) if due_ns - losses[place][0] <= MOMENT_NS]
+        if len({losses[place][1] for place in window}) < max(least, 2):
             continue
         if window[0] > told:
             found.append([])
@@ -30,10 +34,11 @@ def walked(losses: list[Loss], senders: list[int]) -> list[list[int]]:
 @examples(200)
 def test_moments_are_those_that_a_walk_finds(drawn: list[tuple[int, int, int]], parts: int) -> None:
     drawn.sort(key=lambda one: one[0])
-    losses = [
-        Loss(row, node, 0, time_ns, time_ns, 1, is_cyclic=True, may_be_ns=(time_ns, time_ns))
-        for row, (part, node, _) in enumerate(drawn)
-        for time_ns in [part * MOMENT_NS // parts]
-    ]
+    losses = [(part * MOMENT_NS // parts, node) for part, node, _ in drawn]
     senders = [least for *_, least in drawn]
-    assert [[loss.row for loss in group] for group in _together(losses, senders)] == walked(losses, senders)
+    due_ns, node = (np.array([one[place] for one in losses], np.int64) for place in (0, 1))
+    row, one = np.arange(len(losses)), np.ones(len(losses), np.int64)
+    columns = Losses(row, node, 0 * one, due_ns, due_ns, one, one > 0, due_ns, due_ns)
+    moments = together(columns, np.array(senders, np.int64))
+    found = [moments.place[start:stop].tolist() for start, stop in zip(moments.start, moments.stop, strict=True)]
+    assert found == walked(losses, senders)
