@@ -16,8 +16,8 @@ from nvscope.causes.cause import Cause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
 from nvscope.causes.spans import touching
-from nvscope.causes.symptoms import IntervalsByStream, Symptoms, by_place, symptoms_of
-from nvscope.engine.runs import distinct, runs_of
+from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
+from nvscope.engine.runs import distinct, rows_by, runs_of
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.definition import SILENT_LIST
 from nvscope.findings.facts import AnyList, Facts
@@ -180,10 +180,11 @@ class Case:
             told &= self.symptoms.since_ns <= until_ns
         return told
 
-    def touching(self, rows: I64, slack_ns: int) -> Bool:
-        """Tell which symptoms touch one of some others, or come so near to one."""
-        since_ns, until_ns = self.symptoms.since_ns, self.symptoms.time_ns
-        return touching(since_ns, until_ns, since_ns[rows] - slack_ns, until_ns[rows] + slack_ns)
+    def touching(self, chosen: Bool, rows: I64, slack_ns: int) -> Bool:
+        """Tell which of the chosen symptoms touch one in some rows, or come so near to one."""
+        since_ns, until_ns, own = self.symptoms.since_ns, self.symptoms.time_ns, np.flatnonzero(chosen)
+        others = since_ns[rows] - slack_ns, until_ns[rows] + slack_ns
+        return self.only(own[touching(since_ns[own], until_ns[own], *others)])
 
     def end_of_many(self, first_ns: int, last_ns: int, events: int, least_ns: int = 0) -> int | None:
         """Return when events that come again and again ended; None where they go on as far as one can tell.
@@ -265,7 +266,7 @@ class Case:
     def nominal_ns(self, rows: I64) -> I64:
         """Return the nominal intervals of the streams on UDP that some symptoms are of, 0 where there is none."""
         symptoms, found = self.symptoms, np.zeros(len(rows), np.int64)
-        for place, own in by_place((symptoms.list[rows], symptoms.node[rows], symptoms.subindex[rows])):
+        for place, own in rows_by((symptoms.list[rows], symptoms.node[rows], symptoms.subindex[rows])):
             stream = self._stream_at.get((place[0], place[1], place[2]))
             found[own] = stream.nominal_ns if stream else 0
         return found

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-
 import numpy as np
 
 from dissectors.batch import I64
+from nvscope.engine.runs import rows_by
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.steps import WINDOW
@@ -15,27 +14,22 @@ from nvscope.tracker.steps import WINDOW
 def lost_in_the_end(steps: EventTable) -> I64:
     """Return how many are missing of each step that is a gap, the amounts of all others as they are; shape (n,).
 
-    ``steps`` are in the order of frames. An overtaken telegram fills the last gap of its stream that has room.
+    ``steps`` are in the order of frames. An overtaken telegram fills the last gap of its stream that has room, of as
+    many as a Counter may be behind.
     """
     amount = steps.amount.copy()
-    overtaken = np.flatnonzero(steps.kind == EventKind.OVERTAKEN)
-    if not len(overtaken):
+    if not (steps.kind == EventKind.OVERTAKEN).any():
         return amount
     rows = np.flatnonzero((steps.kind == EventKind.GAP) | (steps.kind == EventKind.OVERTAKEN))
-    columns = (column[rows].tolist() for column in (steps.list, steps.node, steps.subindex, steps.scope))
-    is_gap, left = (steps.kind[rows] == EventKind.GAP).tolist(), amount[rows].tolist()
-    gaps: dict[tuple[int, ...], list[int]] = defaultdict(list)
-    for place, sequence in enumerate(zip(*columns, strict=True)):
-        own = gaps[sequence]
-        if is_gap[place]:
-            own.append(place)
-            if len(own) > 2 * WINDOW:
-                del own[:-WINDOW]  # what is further behind is filled no more
-            continue
-        del own[:-WINDOW]
-        while own and not left[own[-1]]:
-            own.pop()
-        if own:
-            left[own[-1]] -= 1
-    amount[rows] = left
+    for _, places in rows_by([column[rows] for column in (steps.list, steps.node, steps.subindex, steps.scope)]):
+        own = rows[places]
+        is_gap = steps.kind[own] == EventKind.GAP
+        gaps, before = own[is_gap], np.cumsum(is_gap)[~is_gap]
+        left = amount[gaps].tolist()
+        for known in before.tolist():
+            for place in range(known - 1, max(known - WINDOW, 0) - 1, -1):
+                if left[place]:
+                    left[place] -= 1
+                    break
+        amount[gaps] = left
     return amount

@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.causes.case import MOMENT_NS, Case
-from nvscope.causes.symptoms import by_place
+from nvscope.engine.runs import rows_by
 from nvscope.findings.loss import TELEGRAM_GAP
 
 IN_A_ROW = 5
@@ -46,7 +46,7 @@ class Losses:
 
     def by(self, *columns: I64) -> Iterator[tuple[tuple[int, ...], Losses]]:
         """Yield those of equal numbers in some columns, which are as long, in the order of their first ones."""
-        for place, rows in sorted(by_place(columns), key=lambda one: int(one[1][0])):
+        for place, rows in sorted(rows_by(columns), key=lambda one: int(one[1][0])):
             yield place, self.take(rows)
 
     @property

@@ -200,10 +200,10 @@ def _draft(
     chosen = case.only(own.row) | case.free(CAPTURE_DROPS)
     length_ns = symptoms.time_ns - symptoms.since_ns
     short = length_ns <= int(length_ns[own.row].max()) + slack_ns(lists)  # a longer pause is another matter
-    in_moments = case.touching(own.row, longest_ns(lists)) & short & ~_late_by_itself(case)
-    chosen |= (
-        case.free(*_EFFECTS) & ~_asked_in_vain(case) & (in_moments | (_uncounted(case) if everywhere else np.False_))
-    )
+    effects = case.free(*_EFFECTS) & ~_asked_in_vain(case)
+    if everywhere:
+        chosen |= effects & _uncounted(case)
+    chosen |= case.touching(effects & short & ~_late_by_itself(case), own.row, longest_ns(lists))
     if moments:
         chosen |= case.free(NO_ACKNOWLEDGEMENT) & _within_moments(case, moments)
     chosen |= _single_waits(case, *((case.start_ns, case.end_ns) if everywhere else (since_ns, last_ns)), longest)

@@ -68,7 +68,7 @@ def _incomplete(case: Case) -> Bool:
     told = symptoms.of_kinds(INCOMPLETE_CYCLE)
     for number in distinct(symptoms.list[told]).tolist():
         own = symptoms.list == number
-        incomplete |= own & case.touching(np.flatnonzero(told & own), longest_ns([case.lists[number]]) // 2)
+        incomplete |= case.touching(own, np.flatnonzero(told & own), longest_ns([case.lists[number]]) // 2)
     return incomplete
 
 

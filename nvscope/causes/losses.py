@@ -212,7 +212,7 @@ def _draft(
     else:
         effects = case.free(*_EFFECTS) & (symptoms.node == node)
         effects &= np.isin(symptoms.list, [one.number for one in lists])
-    chosen |= effects & case.touching(losses.row, longest_ns(lists))
+    chosen |= case.touching(effects, losses.row, longest_ns(lists))
     when = (
         f"at {moment(case, since_ns)}" if len(losses) == 1
         else f"at {moment(case, since_ns)} and {moment(case, last_due_ns)}" if len(losses) == 2

@@ -24,17 +24,16 @@ def answers_lost(case: Case, node: int, losses: Losses) -> Bool:
     waits = symptoms.of_kinds(NO_ACKNOWLEDGEMENT) & case.waits_for(node)
     if not waits.any():
         return waits
-    near: Bool = case.touching(losses.row, MOMENT_NS)
+    found = case.touching(waits, losses.row, MOMENT_NS)
     numbers = distinct(losses.list).tolist()
     sent = sum(one.stream.telegrams for one in case.streams_of_node[node] if one.list.number in numbers)
     own = losses.total
     if losses.lost.max() > longest_by_chance(own, sent):
-        return waits & near
+        return found
     first_ns, last_ns = int(losses.due_ns[0]), int(losses.due_ns[-1])
     # Where the answers are slow lists', the first or last one may have been lost a while before or after.
     room_ns = 3 * (last_ns - first_ns) // max(len(losses) - 1, 1) + _ROOM_NS
     meanwhile = waits & case.overlapping(first_ns - room_ns, last_ns + room_ns)
-    found = near & waits
     for number in distinct(symptoms.list[meanwhile]).tolist():
         of_list = meanwhile & (symptoms.list == number)
         asked = sum(stream.telegrams for stream in case.lists[number].streams)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
 
 import numpy as np
 
+from dissectors.batch import I64
 from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.ways import ways_in_words, ways_of
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.engine.runs import rows_by
 from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, TELEGRAM_GAP
 from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
 from nvscope.units import count_of
@@ -30,20 +31,20 @@ _BESIDE = (DUPLICATE_TELEGRAM, LATE, JITTER, TORN_CYCLE)
 def judge_two_paths(case: Case) -> Iterator[Explained]:
     """Explain overtaken telegrams: one cause a list, joined over lists of a node that overlap in time."""
     symptoms = case.symptoms
-    places: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row in np.flatnonzero(case.free(OVERTAKEN_TELEGRAM)).tolist():
-        places[int(symptoms.node[row]), int(symptoms.list[row])].append(row)
-    joined: list[tuple[int, list[int]]] = []
-    for (node, _), own in sorted(places.items(), key=lambda one: (one[0][0], int(symptoms.since_ns[one[1]].min()))):
+    overtaken = np.flatnonzero(case.free(OVERTAKEN_TELEGRAM))
+    places = rows_by((symptoms.node[overtaken], symptoms.list[overtaken]))
+    joined: list[tuple[int, I64]] = []
+    lists = [(place[0], overtaken[own]) for place, own in places]
+    for node, own in sorted(lists, key=lambda one: (one[0], int(symptoms.since_ns[one[1]].min()))):
         if joined and joined[-1][0] == node and symptoms.since_ns[own].min() <= symptoms.time_ns[joined[-1][1]].max():
-            joined[-1] = node, joined[-1][1] + own
+            joined[-1] = node, np.append(joined[-1][1], own)
         else:
             joined.append((node, own))
     for node, rows in joined:
         yield _draft(case, node, rows)
 
 
-def _draft(case: Case, node: int, rows: list[int]) -> Explained:
+def _draft(case: Case, node: int, rows: I64) -> Explained:
     symptoms = case.symptoms
     told = case.only(rows)
     lists = case.lists_of(told)
@@ -53,8 +54,8 @@ def _draft(case: Case, node: int, rows: list[int]) -> Explained:
     since_ns, last_ns = _first_due_ns(case, rows), int(symptoms.time_ns[rows].max())
     farthest = int(symptoms.detail[rows].max())
     # The place that it left open lies so many telegrams before.
-    near = case.touching(events, (farthest + 1) * longest_ns(lists))
-    chosen = told | filled | (case.free(*_BESIDE) & own & near)
+    near = case.touching(case.free(*_BESIDE) & own, events, (farthest + 1) * longest_ns(lists))
+    chosen = told | filled | near
     which, times = lists_in_words(case, lists), count_of(len(rows), "time")
     when = f"at {moment(case, since_ns)}" if len(rows) == 1 else (
         f"{times} from {moment(case, since_ns)} to {moment(case, last_ns)}"
@@ -72,14 +73,8 @@ def _draft(case: Case, node: int, rows: list[int]) -> Explained:
     return draft, chosen
 
 
-def _first_due_ns(case: Case, rows: list[int]) -> int:
+def _first_due_ns(case: Case, rows: I64) -> int:
     """Return when the first overtaken telegram was due, as far as the intervals of its stream tell."""
-    symptoms = case.symptoms
-    due_ns = []
-    for row, stream in zip(rows, case.streams_at(np.array(rows)), strict=True):
-        interval_ns = stream.nominal_ns if stream else 0
-        time_ns, behind = int(symptoms.time_ns[row]), int(symptoms.detail[row])
-        due_ns.append(
-            max(time_ns - behind * interval_ns, case.start_ns) if interval_ns else int(symptoms.since_ns[row])
-        )
-    return min(due_ns)
+    symptoms, interval_ns = case.symptoms, case.nominal_ns(rows)
+    due_ns = np.maximum(symptoms.time_ns[rows] - symptoms.detail[rows] * interval_ns, case.start_ns)
+    return int(np.where(interval_ns > 0, due_ns, symptoms.since_ns[rows]).min())

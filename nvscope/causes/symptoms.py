@@ -15,7 +15,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.causes.filled import lost_in_the_end
 from nvscope.engine.events import NOWHERE
-from nvscope.engine.runs import distinct
+from nvscope.engine.runs import distinct, rows_by
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
 from nvscope.findings.capture import CLOCK_STEP
@@ -100,23 +100,12 @@ def symptoms_of(
     return Symptoms(*(column[order] for column in whole))
 
 
-def by_place(columns: Sequence[I64]) -> Iterator[tuple[tuple[int, ...], I64]]:
-    """Yield each row of numbers that some columns hold, rising, and where they hold it, rising."""
-    order = np.lexsort(columns[::-1])
-    changes = np.zeros(len(order), np.bool_)
-    for column in columns:
-        changes |= np.append(True, np.diff(column[order]) != 0)[: len(order)]
-    start = np.flatnonzero(changes)
-    places = zip(*(column[order[start]].tolist() for column in columns), strict=True)
-    yield from zip(places, np.split(order, start[1:]) if len(start) else (), strict=True)
-
-
 class IntervalsByStream:
     """The unusual intervals that were kept, by list, node and SubIndex; those of a stream by time."""
 
     def __init__(self, evidence: Evidence) -> None:
         self._table = evidence.columns["intervals"].table()
-        self._rows = dict(by_place((self._table.list, self._table.node, self._table.subindex)))
+        self._rows = dict(rows_by((self._table.list, self._table.node, self._table.subindex)))
 
     def of(self, place: tuple[int, int, int]) -> EventTable:
         """Return those of one stream."""
@@ -165,7 +154,7 @@ class _Places:
             return None
         columns = table.list, table.node, table.subindex, table.channel
         finding = np.empty(len(table.frame), np.int64)
-        for place, row in by_place(columns):
+        for place, row in rows_by(columns):
             finding[row] = self.find(kind, place[0], place[1], place[2], place[3])
         chosen = np.flatnonzero(finding >= 0)
         return Symptoms(
@@ -211,7 +200,7 @@ def _of_steps(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Sym
 
 def _of_intervals(facts: Facts, places: _Places, intervals: IntervalsByStream) -> Iterator[Symptoms]:
     """Yield the intervals that are late, or bursts, or what makes the jitter."""
-    streams = _streamsby_place(facts)
+    streams = _streams_by_place(facts)
     for kind in (LATE, JITTER, BURST):
         for number, finding in places.of_kind.get(kind, ()):
             place = places.place(finding)[:3]
@@ -243,7 +232,7 @@ def _chosen(facts: Facts, kind: FindingKind, entry: AnyList, stream: AnyStream, 
     return late
 
 
-def _streamsby_place(facts: Facts) -> dict[tuple[int, int, int], tuple[AnyList, AnyStream]]:
+def _streams_by_place(facts: Facts) -> dict[tuple[int, int, int], tuple[AnyList, AnyStream]]:
     """Return all streams with their lists, by list, node and SubIndex."""
     every: list[tuple[AnyList, AnyStream]] = [*facts.streams(), *facts.pdo_streams()]
     return {
@@ -254,7 +243,7 @@ def _streamsby_place(facts: Facts) -> dict[tuple[int, int, int], tuple[AnyList, 
 
 def _of_silences(facts: Facts, places: _Places) -> Iterator[Symptoms]:
     """Yield the silences at the ends of captures; the time is their beginning."""
-    streams = _streamsby_place(facts)
+    streams = _streams_by_place(facts)
     rows: list[tuple[int, ...]] = []
     for number, finding in places.of_kind.get(STOPPED, ()):
         place = places.place(finding)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from dissectors.batch import I64, U16
@@ -62,3 +64,14 @@ def runs_of_lengths(length: I64) -> tuple[I64, I64, I64]:
     run = np.flatnonzero(length)
     stop = np.cumsum(length[run])
     return run, stop - length[run], stop
+
+
+def rows_by(columns: Sequence[I64]) -> Iterator[tuple[tuple[int, ...], I64]]:
+    """Yield each row of numbers that some columns hold, rising, and where they hold it, rising."""
+    order = np.lexsort(columns[::-1])
+    changes = np.zeros(len(order), np.bool_)
+    for column in columns:
+        changes |= np.append(True, np.diff(column[order]) != 0)[: len(order)]
+    start = np.flatnonzero(changes)
+    places = zip(*(column[order[start]].tolist() for column in columns), strict=True)
+    yield from zip(places, np.split(order, start[1:]) if len(start) else (), strict=True)
