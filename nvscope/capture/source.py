@@ -33,10 +33,14 @@ class DropsPart(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Truncation:
-    """Where a file stops in the middle of a record."""
+    """Where a file stops in the middle of a record, or from where on something of it is missing.
+
+    ``is_whole`` where all of its frames were read, and they lack what a recording should have: times, a date.
+    """
 
     offset: int
     message: str
+    is_whole: bool = False
 
 
 @dataclass(frozen=True, slots=True)

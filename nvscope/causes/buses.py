@@ -9,10 +9,11 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment, span_in_words
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
+from nvscope.findings.kind import Severity
 from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.units import count_of, duration
@@ -48,6 +49,7 @@ INCOMPLETE_CYCLES = CauseKind(
 
 _BEFORE_NS = _S_NS = 1_000_000_000
 _THEN = (LATE, JITTER, BURST, INCOMPLETE_CYCLE)
+_FEW = 4
 _MEANWHILE = (*_THEN, STOPPED)
 
 
@@ -104,7 +106,10 @@ def judge_bus_errors(case: Case) -> Iterator[Explained]:
     for channel in distinct(symptoms.channel[case.free(ERROR_FRAMES)]).tolist():
         told = case.free(ERROR_FRAMES) & (symptoms.channel == channel)
         times_ns = np.union1d(symptoms.since_ns[told], symptoms.time_ns[told])
-        yield _condition(case, BUS_ERRORS, channel, told, times_ns, "Nodes of {name} reject frames")
+        draft, chosen = _condition(case, BUS_ERRORS, channel, told, times_ns, "Nodes of {name} reject frames")
+        if case.findings[int(symptoms.finding[told][0])].count <= _FEW:
+            draft.at_most = Severity.NOTE  # each bus has some, as where somebody plugs in
+        yield draft, chosen
 
 
 def judge_overloads(case: Case) -> Iterator[Explained]:
@@ -134,11 +139,12 @@ def _condition(case: Case, kind: CauseKind, channel: int, told: Bool, times_ns: 
     beside = _MEANWHILE if kind is BUS_OVERLOADED else _THEN
     chosen = told | (case.free(*beside) & _of_channel(case, channel) & _near(case, np.sort(times_ns)))
     until_ns = case.end_of_many(since_ns, last_ns, len(times_ns))
-    noun = "second" if kind is BUS_OVERLOADED else "error frame"
+    checked = [finding.message]
+    if kind is BUS_OVERLOADED:
+        checked.append(f"so in {count_of(finding.count, 'second')}")
     draft = Draft(
-        kind, f"{title.format(name=name)} since {moment(case, since_ns)}", kind.next_step,
-        [count_of(finding.count, noun), finding.message], case.lists_of(chosen), channel=name, since_ns=since_ns,
-        until_ns=until_ns,
+        kind, f"{title.format(name=name)} {span_in_words(case, since_ns, until_ns)}", kind.next_step, checked,
+        case.lists_of(chosen), channel=name, since_ns=since_ns, until_ns=until_ns,
     )  # fmt: skip
     return draft, chosen
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from dissectors.can.pdo import channel_name
 from nvscope.causes.cause import Cause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
@@ -23,7 +24,7 @@ from nvscope.findings.definition import SILENT_LIST
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.list_key import ListKey
+from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.evidence.event_columns import EventTable
@@ -234,9 +235,17 @@ class Case:
         name = self.channel_name(channel)
         return [entry for entry in self.lists.values() if str(entry.key.port) == name]
 
+    def is_nobodys(self, entry: AnyList) -> bool:
+        """Tell whether a list is an identifier on CAN that no definition knows: frames of anything, at any time."""
+        return entry.key.transport is Transport.CAN and self.facts.definition_of(entry) is None
+
+    def at_most(self, lists: Iterable[AnyList]) -> Severity:
+        """Return how bad it can be that lists break rules for lists: a note where all are nobody's."""
+        return Severity.NOTE if all(map(self.is_nobodys, lists)) else Severity.ERROR
+
     def channel_name(self, channel: int) -> str:
-        """Return the name of a channel of CAN, as far as it is known."""
-        return self.channels[channel] if 0 <= channel < len(self.channels) else "CAN"
+        """Return what a channel of CAN is called."""
+        return channel_name(self.channels, channel) if channel >= 0 else "CAN"
 
     @cached_property
     def lists(self) -> dict[int, AnyList]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +57,7 @@ def judge_interleaved(case: Case) -> Iterator[Explained]:
                 f"those of {count_of(turns.rarer, 'byte')} come about every {duration(turns.every_ns)}",
             ],
             [entry], channel=channel, since_ns=turns.since_ns, until_ns=last_ns if over else None,
+            at_most=case.at_most([entry]),
         )  # fmt: skip
         yield draft, case.only(told) | (case.free(*OF_LISTS) & own)
 
@@ -76,7 +76,7 @@ def _turns(runs: Sequence[LookRun]) -> _Turns | None:
     if len(turns) < _LEAST_TURNS or counts[rarer] > _MOST_IN_A_ROW * len(turns):
         return None
     distances = sorted(after.first_ns - before.first_ns for before, after in pairwise(turns))
-    every_ns = int(median(distances))
+    every_ns = distances[len(distances) // 2]
     # A pause of the bus makes one of them long.
     odd = len(distances) // _MOST_ARE_STEADY
     if distances[-1 - odd] > _STEADY * every_ns or _STEADY * distances[odd] < every_ns:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -12,12 +12,12 @@ from nvscope.causes.boot_ups import are_answers_to_anybody
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, longest_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.successions import of_successions
-from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moments_in_words, multiple, times_of
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.kind import Severity
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
-from nvscope.units import count_of, duration
+from nvscope.units import duration
 
 SENDER_LATE = CauseKind(
     "sender-late",
@@ -50,15 +50,50 @@ def judge_late_senders(case: Case) -> Iterator[Explained]:
     for (node, _), own in by_list.items():
         by_node[node].append(own)
     for node, parts in by_node.items():
-        parts.sort(key=lambda own: int(symptoms.since_ns[own].min()))
-        joined: list[list[int]] = []
-        for own in parts:
-            if node >= 0 and joined and symptoms.since_ns[own].min() <= symptoms.time_ns[joined[-1]].max():
-                joined[-1] += own
-            else:
-                joined.append(list(own))
-        for own in joined:
+        for own in _of_node(case, parts) if node >= 0 else _at_once(case, parts):
             yield _late(case, node, own)
+
+
+def _of_node(case: Case, parts: Sequence[list[int]]) -> list[list[int]]:
+    """Return what was late of the lists of a node, those together whose times overlap."""
+    symptoms = case.symptoms
+    joined: list[list[int]] = []
+    for own in sorted(parts, key=lambda own: int(symptoms.since_ns[own].min())):
+        if joined and symptoms.since_ns[own].min() <= symptoms.time_ns[joined[-1]].max():
+            joined[-1] += own
+        else:
+            joined.append(list(own))
+    return joined
+
+
+def _at_once(case: Case, parts: Sequence[list[int]]) -> list[list[int]]:
+    """Return what was late of lists whose senders nobody knows, those together that were so at the same moments.
+
+    They are of one device, or of a bus on which nobody sent: each was late in the middle of what the other was.
+    """
+    symptoms = case.symptoms
+    ports = {number: str(entry.key.port) for number, entry in case.lists.items()}
+    rows = np.array(sorted(row for own in parts for row in own))
+    middle_ns = symptoms.since_ns[rows] + (symptoms.time_ns[rows] - symptoms.since_ns[rows]) // 2
+    rows = rows[np.argsort(middle_ns, kind="stable")]
+    since_ns, time_ns, number = symptoms.since_ns[rows], symptoms.time_ns[rows], symptoms.list[rows]
+    middle_ns = np.sort(middle_ns)
+    mutual = (middle_ns[1:] <= time_ns[:-1]) & (since_ns[1:] <= middle_ns[:-1]) & (number[1:] != number[:-1])
+    first: dict[int, int] = {one: one for one in number.tolist()}  # the list that stands for all it is joined with
+
+    def stands_for(one: int) -> int:
+        while first[one] != one:
+            first[one] = first[first[one]]
+            one = first[one]
+        return one
+
+    for one, other in set(zip(number[:-1][mutual].tolist(), number[1:][mutual].tolist(), strict=True)):
+        if ports[one] == ports[other]:
+            first[max(stands_for(one), stands_for(other))] = min(stands_for(one), stands_for(other))
+    joined: dict[int, list[int]] = defaultdict(list)
+    for own in parts:
+        joined[stands_for(int(symptoms.list[own[0]]))] += own
+    return list(joined.values())
 
 
 def _incomplete(case: Case) -> Bool:
@@ -82,10 +117,7 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
     most_ns = int(symptoms.amount[rows][intervals].max(initial=0))
     checked = []
     if most_ns and nominal_ns:
-        tenths = 10 * most_ns // nominal_ns
-        checked.append(
-            f"up to {duration(most_ns)}, {tenths // 10}.{tenths % 10} times the nominal {duration(nominal_ns)}"
-        )
+        checked.append(f"up to {duration(most_ns)}, {multiple(most_ns, nominal_ns)} the nominal {duration(nominal_ns)}")
     if node >= 0:
         every = {one.list.number for one in case.streams_of_node[node] if one.nominal_ns}
         if len(every) > 1:
@@ -94,15 +126,17 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
         checked.append("nothing of it was lost")
     which = lists_in_words(case, lists)
     who = f"Node {case.address(node)} sent {which} late" if node >= 0 else f"{capitalised(which)} came late"
-    when = (
-        f"at {moment(case, since_ns)}" if len(rows) == 1
-        else f"{count_of(len(rows), 'time')} from {moment(case, since_ns)} to {moment(case, last_ns)}"
-    )  # fmt: skip
+    at_most = case.at_most(lists)
+    if at_most is Severity.NOTE:
+        checked.append("no definition says how often it should come" if len(lists) == 1 else "no definition knows them")
+    # An interval may break several rules: it is one event.
+    times = len(distinct(symptoms.frame[rows]))
+    when = moments_in_words(case, times, since_ns, last_ns)
     channels = {str(entry.key.port) for entry in lists} if node < 0 else set()
     draft = Draft(
         SENDER_LATE, f"{who}, {when}", SENDER_LATE.next_step, checked, lists, [node] if node >= 0 else [],
         channels.pop() if len(channels) == 1 else None, since_ns=since_ns,
-        until_ns=case.end_of(symptoms.time_ns[rows], nominal_ns * PAUSE_PERCENT // 100),
+        until_ns=case.end_of(symptoms.time_ns[rows], nominal_ns * PAUSE_PERCENT // 100), at_most=at_most,
     )  # fmt: skip
     return draft, case.only(rows)
 
@@ -129,7 +163,7 @@ def judge_bursts(case: Case) -> Iterator[Explained]:
         who = f"Node {case.address(node)} sent {which}" if node >= 0 else f"{capitalised(which)} came"
         shortest = symptoms.amount[rows][symptoms.of_kinds(BURST)[rows]]
         draft = Draft(
-            SENDER_BURSTS, f"{who} in quick succession, {count_of(len(rows), 'time')}", SENDER_BURSTS.next_step,
+            SENDER_BURSTS, f"{who} in quick succession, {times_of(len(rows))}", SENDER_BURSTS.next_step,
             [f"the shortest interval was {duration(int(shortest.min()))}"] if len(shortest) else [], [entry],
             [node] if node >= 0 else [], since_ns=since_ns, at_most=Severity.NOTE,
             until_ns=case.end_of(symptoms.time_ns[rows], longest_ns([entry]) * PAUSE_PERCENT // 100),

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from nvscope.causes.case import NOBODY, Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import capitalised, lists_in_words
 from nvscope.engine.runs import distinct
+from nvscope.findings.capture import TRUNCATED_FILE
+from nvscope.findings.facts import AnyList
+from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
 
 OTHER = CauseKind(
@@ -32,9 +36,19 @@ def judge_others(case: Case) -> Iterator[Explained]:
             continue
         times = symptoms.time_ns[chosen]
         lists = case.lists_of(chosen)
+        name = f"{capitalised(lists_in_words(case, lists))}: " if lists else ""
         draft = Draft(
-            OTHER, finding.message, finding.hint or finding.kind.next_steps[0], (), lists,
+            OTHER, f"{name}{finding.message.removesuffix('.')}", finding.hint or finding.kind.next_steps[0], (), lists,
             [node for node in distinct(symptoms.node[chosen]).tolist() if node >= 0], finding.channel,
             since_ns=int(symptoms.since_ns[chosen].min()) or None, until_ns=int(times.max()) or None,
+            at_most=_at_most(case, finding, lists),
         )  # fmt: skip
         yield draft, case.only(chosen)
+
+
+def _at_most(case: Case, finding: Finding, lists: Sequence[AnyList]) -> Severity:
+    """Return how bad it can be: what is nobody's list breaks no rule, and a log without times was read whole."""
+    if finding.kind is TRUNCATED_FILE:
+        torn = any(source.truncation and not source.truncation.is_whole for source in case.facts.sources)
+        return Severity.ERROR if torn else Severity.NOTE
+    return case.at_most(lists) if lists else Severity.ERROR

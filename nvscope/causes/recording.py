@@ -9,12 +9,14 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.spans import touching
 from nvscope.causes.ways import ways_in_words, ways_of
 from nvscope.causes.words import moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, UNEXPECTED_ACKNOWLEDGEMENT
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.capture import CLOCK_STEP, MIRRORED_TWICE
+from nvscope.findings.kind import Severity
 from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
 from nvscope.units import count, count_of, duration
@@ -41,6 +43,8 @@ _OF_COPIES = (MIRRORED_TWICE, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, UNEXPECTED
 OF_CLOCK = (LATE, JITTER, BURST, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, TORN_CYCLE, INCOMPLETE_CYCLE)
 _COPIES_PERCENT, _LEAST_COPIES = 80, 20
 _ROOM_NS = 1_000_000_000
+_MOST_STEPS = 20
+"""More steps than so many are one matter: a clock that does not hold, or files put together."""
 
 
 def judge_mirroring(case: Case) -> Iterator[Explained]:
@@ -106,7 +110,13 @@ def _busy_ns(case: Case, since_ns: int, until_ns: int) -> int:
 def judge_clock_steps(case: Case) -> Iterator[Explained]:
     """Explain steps back of the clock, and what they make of the intervals and waits at that moment, one cause each."""
     symptoms = case.symptoms
-    for row in np.flatnonzero(case.free(CLOCK_STEP)).tolist():
+    if (mixed := _mixed_lines(case)) is not None:
+        yield mixed
+    rows = np.flatnonzero(case.free(CLOCK_STEP))
+    if len(rows) > _MOST_STEPS:
+        yield _many_steps(case, rows)
+        return
+    for row in rows.tolist():
         before_ns, now_ns = int(symptoms.since_ns[row]), int(symptoms.time_ns[row])
         low_ns, high_ns = min(before_ns, now_ns), max(before_ns, now_ns)
         near = (symptoms.since_ns <= high_ns) & (symptoms.time_ns >= low_ns)
@@ -118,3 +128,40 @@ def judge_clock_steps(case: Case) -> Iterator[Explained]:
             since_ns=now_ns, until_ns=before_ns,
         )  # fmt: skip
         yield draft, chosen
+
+
+def _mixed_lines(case: Case) -> Explained | None:
+    """Explain frames that are not in the order of their times, though those of each line on CAN are: a note."""
+    symptoms, lines = case.symptoms, case.witness.line_clocks
+    told = case.free(CLOCK_STEP)
+    if lines.lines < 2 or not told.any():
+        return None
+    # A step of a line's own is seen at its first frame, and again where another line is still behind.
+    if len(lines.steps):
+        return None
+    far_ns = int(symptoms.amount[told].max())
+    since_ns, last_ns = int(symptoms.time_ns[told].min()), int(symptoms.since_ns[told].max())
+    draft = Draft(
+        CLOCK, f"Frames of several channels or directions are mixed, up to {duration(far_ns)} out of order",
+        "Nothing, unless what came first on two channels matters: then capture them with one program and clock.",
+        [f"those of each of {count(lines.lines)} are in order: no clock was set"],
+        since_ns=since_ns, until_ns=last_ns, at_most=Severity.NOTE,
+    )  # fmt: skip
+    return draft, told
+
+
+def _many_steps(case: Case, rows: I64) -> Explained:
+    """Explain steps back that are too many to be told one by one."""
+    symptoms = case.symptoms
+    low_ns, high_ns = symptoms.time_ns[rows], symptoms.since_ns[rows]
+    low_ns, high_ns = np.minimum(low_ns, high_ns), np.maximum(low_ns, high_ns)
+    across = touching(symptoms.since_ns, symptoms.time_ns, low_ns, high_ns)
+    far_ns = int(symptoms.amount[rows].max())
+    draft = Draft(
+        CLOCK, f"The clock of the capture went back {count_of(len(rows), 'time')}, by up to {duration(far_ns)}",
+        "Whether the file was put together, or sorted by something else than time; else the clock of the computer that "
+        "captures.",
+        [f"frame {int(symptoms.frame[rows].min())} is the first with an earlier time than the one in front of it"],
+        since_ns=int(low_ns.min()), until_ns=int(high_ns.max()),
+    )  # fmt: skip
+    return draft, case.only(rows) | (case.free(*OF_CLOCK) & across)

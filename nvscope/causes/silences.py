@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause, lists_of_streams, slack_ns
+from nvscope.causes.canopen_nodes import canopen_node_of, last_signs
+from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause, lists_of_streams, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
@@ -51,6 +52,7 @@ LIST_STOPPED = CauseKind(
 _OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 _WAITS = (NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED)
 _SHORTEST = 10  # a pause with an end is told from ten of the longest interval on
+_STEADY_INTERVALS = 30
 _HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near to a pause prove nothing
 
 
@@ -230,10 +232,42 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
     else:
         title = f"{capitalised(which)} {'is' if len(lists) == 1 else 'are'} silent since {since}"
         channel = str(lists[0].key.port)
-        if len(lists) > 1:
+        if device := canopen_node_of(case, lists, channel):
+            title = f"CANopen node {device.node} sends {which} no more since {since}"
+            checked += last_signs(case, device, since_ns - slack_ns(lists))
+        elif len(lists) > 1:
             checked.append("they ended together: one device?")
+    steady = [entry for entry in lists if not case.is_nobodys(entry) or _is_steady(case, entry, since_ns)]
+    if steady:
+        checked.append(_how_steady(case, lists, since_ns))
+    else:
+        checked.append("no definition knows it, and it was not there all the time before: it may have been done")
     draft = Draft(
-        LIST_STOPPED, title, LIST_STOPPED.next_step, checked, lists, [node] if node >= 0 else [], channel,
-        since_ns=since_ns,
+        LIST_STOPPED, title, LIST_STOPPED.next_step, [one for one in checked if one], lists,
+        [node] if node >= 0 else [], channel, since_ns=since_ns,
+        at_most=Severity.ERROR if steady else Severity.NOTE,
     )  # fmt: skip
     return draft, chosen
+
+
+def _is_steady(case: Case, entry: AnyList, until_ns: int) -> bool:
+    """Tell whether a list came from the beginning of the capture on until a time, as usual all the while.
+
+    What begins later, or sends a few frames, may have ended its work: handshakes, transfers, what wakes up a bus.
+    """
+    return all(
+        stream.intervals.nominal is not None
+        and stream.first_ns - case.start_ns <= slack_ns([entry])
+        and until_ns - stream.first_ns >= _STEADY_INTERVALS * stream.intervals.nominal
+        for stream in entry.streams
+    )
+
+
+def _how_steady(case: Case, lists: Sequence[AnyList], until_ns: int) -> str:
+    """Return for how long lists had come as usual, where their sender has no name."""
+    if any(entry.key.transport is not Transport.CAN for entry in lists):
+        return ""
+    first_ns = min(stream.first_ns for entry in lists for stream in entry.streams)
+    usual_ns = longest_ns(lists)
+    every = f", {'each ' if len(lists) > 1 else ''}about every {duration(usual_ns)}" if len(lists) == 1 else ""
+    return f"before that, {'they' if len(lists) > 1 else 'it'} came for {duration(until_ns - first_ns)}{every}"

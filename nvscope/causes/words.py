@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from nvscope.causes.case import Case
 from nvscope.findings.facts import AnyList
+from nvscope.units import count, count_of
 
 _NAMED = 4
 _MINUTES_FROM = 6000
@@ -28,17 +29,48 @@ def moment(case: Case, time_ns: int) -> str:
 
 
 def lists_in_words(case: Case, lists: Sequence[AnyList]) -> str:
-    """Return what some lists are called in a sentence: ``list 12``, ``lists 3, 7 and 9``, ``12 lists``."""
+    """Return what some lists are called in a sentence: ``list 12``, ``lists 3, 7 and 9``, ``12 lists``.
+
+    On CAN, what no definition knows is an identifier: ``identifier 0x181``.
+    """
+    noun = "identifier" if lists and all(map(case.is_nobodys, lists)) else "list"
     ordered = sorted({entry.number: entry for entry in lists}.values(), key=lambda entry: entry.key)
     names = [_name(case, entry) for entry in ordered]
     if len(names) > _NAMED:
-        return f"{len(names)} lists"
-    return f"list{'s' if len(names) > 1 else ''} {joined(names)}"
+        return f"{len(names)} {noun}s"
+    return f"{noun}{'s' if len(names) > 1 else ''} {joined(names)}"
 
 
 def joined(words: Sequence[str]) -> str:
     """Return words as they stand in a sentence: ``a, b and c``."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def moments_in_words(case: Case, times: int, since_ns: int, last_ns: int) -> str:
+    """Return when something was so often: ``at 5.0 s``, ``2 times at 5.0 s``, ``3 times from 5.0 s to 9.0 s``."""
+    if times == 1:
+        return f"at {moment(case, since_ns)}"
+    return f"{times_of(times)} {span_in_words(case, since_ns, last_ns)}"
+
+
+def span_in_words(case: Case, since_ns: int, until_ns: int | None) -> str:
+    """Return from when to when something was: ``since 5.0 s``, ``from 5.0 s to 9.0 s``, ``at 5.0 s``."""
+    first = moment(case, since_ns)
+    if until_ns is None:
+        return f"since {first}"
+    last = moment(case, until_ns)
+    return f"at {first}" if first == last else f"from {first} to {last}"
+
+
+def times_of(number: int) -> str:
+    """Return how often something was: ``once``, ``3 times``."""
+    return "once" if number == 1 else count_of(number, "time")
+
+
+def multiple(value: int, of: int) -> str:
+    """Return a value as a multiple of another one: ``2.6 times``, ``41 times``."""
+    tenths = 10 * value // of
+    return f"{tenths // 10}.{tenths % 10} times" if tenths < 100 else f"{count(tenths // 10)} times"
 
 
 def capitalised(words: str) -> str:

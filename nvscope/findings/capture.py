@@ -174,7 +174,9 @@ def _truncated(facts: Facts) -> Iterator[Finding]:
     cut = [source for source in facts.sources if source.truncation]
     if cut:
         where = "; ".join(f"{source.path}: {source.truncation.message}" for source in cut if source.truncation)
-        yield _whole(facts, TRUNCATED_FILE, len(cut), f"{count_of(len(cut), 'file')} could not be read whole: {where}.")
+        torn = sum(not source.truncation.is_whole for source in cut if source.truncation)
+        what = f"{count_of(torn, 'file')} could not be read whole: {where}." if torn else f"{where}."
+        yield _whole(facts, TRUNCATED_FILE, len(cut), what)
 
 
 def _unsupported(facts: Facts) -> Iterator[Finding]:

@@ -134,4 +134,4 @@ class TextLogReader(Reader):
             told.append("the line is left out" if self._wrong == 1 else f"{self._wrong} such lines are left out")
         if told:
             self.progress.left_out = "; ".join(told)
-            self.progress.truncation = Truncation(at, self.progress.left_out)
+            self.progress.truncation = Truncation(at, self.progress.left_out, is_whole=not what)

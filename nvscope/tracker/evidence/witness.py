@@ -7,6 +7,7 @@ from typing import ClassVar
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
 from nvscope.tracker.evidence.evidence import Evidence
+from nvscope.tracker.evidence.line_clocks import LineClocks
 from nvscope.tracker.evidence.long_pauses import LongPauses
 from nvscope.tracker.evidence.look_runs import LookRuns
 from nvscope.tracker.evidence.pauses import Pauses
@@ -24,6 +25,7 @@ class Witness:
         self.evidence = Evidence()
         self.long_pauses = LongPauses()
         self.looks = LookRuns()
+        self.line_clocks = LineClocks()
         self.presence = Presence()
         self.shared_addresses = SharedAddresses()
         self.pauses = Pauses()
@@ -32,6 +34,7 @@ class Witness:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         self.looks.observe(told)
+        self.line_clocks.observe(told)
         self.presence.observe(told)
         self.shared_addresses.observe(told)
         self.pauses.observe(told)
