@@ -11,7 +11,7 @@ from nvscope.causes.words import moment
 from nvscope.findings.facts import AnyList
 from nvscope.tracker.can.canopen import CanOpenNode
 
-_SENT = ("TPDO1", "TPDO2", "TPDO3", "TPDO4")
+_SENT = ("TPDO1", "TPDO2", "TPDO3", "TPDO4", "EMCY", "SDO answer", "heartbeat")
 
 
 def canopen_node_of(case: Case, lists: Sequence[AnyList], channel: str) -> CanOpenNode | None:
@@ -24,12 +24,12 @@ def canopen_node_of(case: Case, lists: Sequence[AnyList], channel: str) -> CanOp
     return next((one for one in nodes if one.node in numbers), None)
 
 
-def last_signs(case: Case, node: CanOpenNode, since_ns: int) -> list[str]:
-    """Return what a node told of itself since a time at which it stopped sending, the deciding fact first."""
+def last_signs(case: Case, node: CanOpenNode, since_ns: int, slack_ns: int) -> list[str]:
+    """Return what a node told of itself since it stopped sending, give or take some time, the deciding fact first."""
     told = []
-    if node.emergency is not None and node.emergency.time_ns >= since_ns:
+    if node.emergency is not None and node.emergency.time_ns >= since_ns - slack_ns:
         told.append(f"its emergency {node.emergency.code:04X} came at {moment(case, node.emergency.time_ns)}")
-    if node.heartbeats and node.last_ns <= since_ns:
+    if node.heartbeats and node.last_ns <= since_ns + slack_ns:
         told.append("its heartbeat ended with them: its power, cable or firmware")
     elif node.state is not None and node.since_ns is not None:
         state = NODE_STATES.get(node.state, f"in state {node.state}")

@@ -234,7 +234,7 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
         channel = str(lists[0].key.port)
         if device := canopen_node_of(case, lists, channel):
             title = f"CANopen node {device.node} sends {which} no more since {since}"
-            checked += last_signs(case, device, since_ns - slack_ns(lists))
+            checked += last_signs(case, device, since_ns, slack_ns(lists))
         elif len(lists) > 1:
             checked.append("they ended together: one device?")
     steady = [entry for entry in lists if not case.is_nobodys(entry) or _is_steady(case, entry, since_ns)]
