@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from dissectors.can.error import RESTARTED
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment, span_in_words
@@ -16,6 +17,7 @@ from nvscope.findings.can_bus import BUS_LOAD, ERROR_FRAMES
 from nvscope.findings.kind import Severity
 from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED
 from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.units import count_of, duration
 
 BUS_OFF = CauseKind(
@@ -63,7 +65,7 @@ def _of_channel(case: Case, channel: int) -> Bool:
 def judge_buses_off(case: Case) -> Iterator[Explained]:
     """Explain what a bus-off brings about, one cause each."""
     table = case.witness.evidence.columns["buses"].table()
-    off, back = table.kind == EventKind.BUS_OFF, table.kind == EventKind.BUS_BACK
+    off = table.kind == EventKind.BUS_OFF
     errors = (table.kind == EventKind.ERROR_FRAME) | off
     for channel, time_ns in zip(table.channel[off].tolist(), table.time_ns[off].tolist(), strict=True):
         own = _of_channel(case, channel)
@@ -71,9 +73,7 @@ def judge_buses_off(case: Case) -> Iterator[Explained]:
             continue
         before = errors & (table.channel == channel) & (table.time_ns <= time_ns)
         since_ns = int(table.time_ns[before & (table.time_ns >= time_ns - _BEFORE_NS)].min())
-        later = np.flatnonzero(back & (table.channel == channel) & (table.time_ns >= time_ns))
-        until_ns = int(table.time_ns[later].min()) if len(later) else None
-        told = bool(len(later)) and bool(table.detail[later[np.argmin(table.time_ns[later])]])
+        until_ns, told = _back(table, channel, time_ns)
         slack = slack_ns(case.lists_on(channel))
         if until_ns is not None and not told and _stays_away(case, own, since_ns, until_ns, slack):
             until_ns = None  # frames of others came, and nothing said that it was back
@@ -91,6 +91,24 @@ def judge_buses_off(case: Case) -> Iterator[Explained]:
             BUS_OFF, title, BUS_OFF.next_step, checked, lists, channel=name, since_ns=since_ns, until_ns=until_ns
         )  # fmt: skip
         yield draft, chosen
+
+
+def _back(table: EventTable, channel: int, off_ns: int) -> tuple[int | None, bool]:
+    """Return when a controller came back that had left the bus, None where nothing shows it, and whether it said so.
+
+    What it says decides: frames of others go on meanwhile, where another one than the one that records has left.
+    """
+    later = (table.channel == channel) & (table.time_ns >= off_ns)
+    again = table.time_ns[later & (table.kind == EventKind.BUS_OFF) & (table.time_ns > off_ns)]
+    said = later & (table.kind == EventKind.ERROR_FRAME) & (table.detail & RESTARTED != 0)
+    said &= table.time_ns < again.min(initial=np.iinfo(np.int64).max)
+    if said.any():
+        return int(table.time_ns[said].min()), True
+    back = np.flatnonzero(later & (table.kind == EventKind.BUS_BACK))
+    if not len(back):
+        return None, False
+    first = back[np.argmin(table.time_ns[back])]
+    return int(table.time_ns[first]), bool(table.detail[first])
 
 
 def _stays_away(case: Case, own: Bool, since_ns: int, until_ns: int, slack: int) -> bool:

@@ -110,7 +110,10 @@ def _draft(case: Case, match: Match) -> Explained:
     nodes = list(dict.fromkeys(stream.node for stream in entry.streams))
     since_ns = min(stream.first_ns for stream in entry.streams)
     last_ns = max(stream.last_ns for stream in entry.streams)
+    # What is sent on change keeps no time: one interval in twenty is longer than this.
+    usual_ns = 2 * max((stream.intervals.p95 or 0 for stream in entry.streams), default=0)
     telegrams = len({stream.subindex for stream in entry.streams})
+    telegrams_of_one = max(stream.telegrams for stream in entry.streams)
     which = f"all {telegrams} telegrams" if telegrams > 1 else "the telegram"
     checked = [
         f"its definition has the items and sizes of {which} of list {other.identifier} on port {other.port}, from "
@@ -120,7 +123,7 @@ def _draft(case: Case, match: Match) -> Explained:
     title = f"List {name} is sent {' and '.join(ways)} since {moment(case, since_ns)}"
     draft = Draft(
         DEFINITION_ELSEWHERE, title, " ".join(steps), checked, [entry], nodes, since_ns=since_ns,
-        until_ns=case.end_of_many(since_ns, last_ns, entry.diagnosis.nSendCount, slack_ns([entry])), keys=[own],
+        until_ns=case.end_of_many(since_ns, last_ns, telegrams_of_one, max(usual_ns, slack_ns([entry]))), keys=[own],
     )  # fmt: skip
     return draft, chosen
 

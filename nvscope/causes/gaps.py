@@ -15,6 +15,10 @@ from nvscope.findings.loss import TELEGRAM_GAP
 IN_A_ROW = 5
 """So many lost in a row are an outage: a cause of its own."""
 
+SHORT_GAP = 3
+"""Up to so many lost in a row are single losses."""
+
+_AWRY = 4  # an interval is some whole ones if it is off by less than a fourth of one
 _CLUSTER_NS = 2_000_000_000
 
 
@@ -117,3 +121,9 @@ def end_of_losses(case: Case, losses: Losses, least_ns: int) -> int | None:
     if case.end_of(losses.due_ns, least_ns) is None:
         return None
     return int(case.symptoms.time_ns[losses.row].max())
+
+
+def may_lack(interval_ns: int, nominal_ns: int) -> bool:
+    """Tell whether an interval is a few whole ones: telegrams between may be missing, and no Counter tells it."""
+    times = (interval_ns + nominal_ns // 2) // nominal_ns
+    return 1 < times <= SHORT_GAP + 1 and abs(interval_ns - times * nominal_ns) * _AWRY < nominal_ns

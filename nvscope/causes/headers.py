@@ -51,7 +51,7 @@ def _draft(case: Case, number: int, node: int, malformed: int, telegrams: int) -
     if not len(own):
         return
     chosen = case.only(own) | case.free_silent_list(entry.key)
-    since_ns, last_ns = int(symptoms.time_ns[own].min()), int(symptoms.time_ns[own].max())
+    since_ns = int(symptoms.time_ns[own].min())
     header = foreign_header(case.facts, number, node)
     what = "with headers that no controller can read"
     if header is not None and header.has_other_size:
@@ -62,6 +62,6 @@ def _draft(case: Case, number: int, node: int, malformed: int, telegrams: int) -
     draft = Draft(
         HEADER_FOREIGN, f"Node {case.address(node)} sends {lists_in_words(case, [entry])} {what}",
         HEADER_FOREIGN.next_step, checked, [entry], [node], since_ns=since_ns,
-        until_ns=case.end_of_many(since_ns, last_ns, len(own), slack_ns([entry])),
+        until_ns=case.end_of(symptoms.time_ns[own], slack_ns([entry])),
     )  # fmt: skip
     yield draft, chosen

@@ -12,7 +12,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, NodeStream, longest_ns, slack_ns
 from nvscope.causes.chance import longest_by_chance
-from nvscope.causes.gaps import Losses, end_of_losses, losses_in, since_of
+from nvscope.causes.gaps import SHORT_GAP, Losses, end_of_losses, losses_in, may_lack, since_of
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lost_answers import long_runs
 from nvscope.causes.moments import PAIR, Moments, together
@@ -41,10 +41,8 @@ _SENDERS = 3
 _LEAST_MOMENTS = 2
 _BY_CHANCE = 3
 _EXPECTED, _FACTOR = 10, 3
-_SHORT_GAP = 3
 _LIST_BITS = 32
 _LONG = 10  # a pause of so many intervals is no loss of moments
-_AWRY = 4  # an interval is some whole ones if it is off by less than a fourth of one
 _MOST_COMBINED = 24  # of more senders, chance is reckoned with those that lose most
 _EFFECTS = (TORN_CYCLE, JITTER, LATE, BOOT_UP_UNANSWERED)
 
@@ -80,7 +78,7 @@ def judge_incomplete_captures(case: Case) -> Iterator[Explained]:
 
 def _alike(case: Case, losses: Losses) -> bool:
     """Tell whether the lists that should lose some at the mean share do so, about as many as they should."""
-    short = losses.take(losses.lost <= _SHORT_GAP)
+    short = losses.take(losses.lost <= SHORT_GAP)
     lost: dict[tuple[int, ...], int] = defaultdict(int)
     for place, own in short.by(short.node, short.list):
         lost[place] = own.total
@@ -104,7 +102,7 @@ def _alike(case: Case, losses: Losses) -> bool:
 def _longest_by_chance(case: Case, losses: Losses) -> int:
     """Return how many telegrams in a row go missing where each does for itself, with the mean share of single ones."""
     sent = sum(one.stream.telegrams for streams in case.streams_of_node.values() for one in streams)
-    return longest_by_chance(losses.take(losses.lost <= _SHORT_GAP).total, sent)
+    return longest_by_chance(losses.take(losses.lost <= SHORT_GAP).total, sent)
 
 
 def _moments(case: Case, losses: Losses) -> Moments | None:
@@ -123,9 +121,9 @@ def _moments(case: Case, losses: Losses) -> Moments | None:
     pairs = together(losses.take(rest), np.full(len(rest), PAIR))
     of_pair = pairs.number
     several = np.flatnonzero(of_pair >= 0)
-    several = several[pairs.senders(_SHORT_GAP)[of_pair[several]] >= PAIR]
+    several = several[pairs.senders(SHORT_GAP)[of_pair[several]] >= PAIR]
     number[rest[several]] = of_pair[several] + len(sure)
-    return Moments.of(losses, number).without_outages(_slack_ns(case, losses), _SHORT_GAP).widened()
+    return Moments.of(losses, number).without_outages(_slack_ns(case, losses), SHORT_GAP).widened()
 
 
 def _slack_ns(case: Case, losses: Losses) -> I64:
@@ -222,24 +220,32 @@ def _late_by_itself(case: Case) -> Bool:
     rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER) & (symptoms.detail & LOSS_OF_STREAM == 0))
     return case.only([
         row for row, one in zip(rows.tolist(), case.streams_at(rows), strict=True)
-        if one is None or (_is_counted(one) and not case.counts_as_a_whole(one.stream.node))
+        if one is None or _tells(case, one)
     ])  # fmt: skip
 
 
 def _uncounted(case: Case) -> Bool:
-    """Tell which long intervals may hold a single loss that no Counter tells: a few whole intervals."""
+    """Tell which long intervals and torn cycles may hold a single loss that no Counter tells of their list."""
     symptoms = case.symptoms
     rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER))
     intervals_ns = symptoms.amount[rows].tolist()
-    return case.only([
+    late = [
         row for row, amount, one in zip(rows.tolist(), intervals_ns, case.streams_at(rows), strict=True)
-        if one is not None and one.nominal_ns and not _is_counted(one) and _is_whole(amount, one.nominal_ns)
-    ])  # fmt: skip
+        if one is not None and one.nominal_ns and not _tells(case, one) and may_lack(amount, one.nominal_ns)
+    ]  # fmt: skip
+    silent = {
+        (node, one.list.number) for node, streams in case.streams_of_node.items() for one in streams
+        if not _tells(case, one)
+    }  # fmt: skip
+    rows = np.flatnonzero(symptoms.of_kinds(TORN_CYCLE))
+    places = zip(symptoms.node[rows].tolist(), symptoms.list[rows].tolist(), strict=True)
+    torn = [row for row, place in zip(rows.tolist(), places, strict=True) if place in silent]
+    return case.only([*late, *torn])
 
 
-def _is_whole(interval_ns: int, nominal_ns: int) -> bool:
-    times = (interval_ns + nominal_ns // 2) // nominal_ns
-    return times <= _SHORT_GAP + 1 and abs(interval_ns - times * nominal_ns) * _AWRY < nominal_ns
+def _tells(case: Case, one: NodeStream) -> bool:
+    """Tell whether the Counter of a stream tells what is missing of it, and not of another one of its node."""
+    return _is_counted(one) and not case.counts_as_a_whole(one.stream.node)
 
 
 def _is_counted(one: NodeStream) -> bool:

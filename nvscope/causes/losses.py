@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, longest_ns, slack_ns
-from nvscope.causes.gaps import IN_A_ROW, Losses, clusters, end_of_losses, losses_in, since_of
+from nvscope.causes.gaps import IN_A_ROW, Losses, clusters, end_of_losses, losses_in, may_lack, since_of
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.spans import touching
@@ -209,6 +209,8 @@ def _draft(
     if case.counts_as_a_whole(node):
         # Of a list that lost something another one may have told: it came late only.
         effects = case.free(*_EFFECTS, LATE) & (symptoms.node == node)
+        then = effects & case.overlapping(since_ns - slack_ns(lists), last_ns + slack_ns(lists))
+        chosen |= _uncounted(case, then) | (then & symptoms.of_kinds(TORN_CYCLE))
     else:
         effects = case.free(*_EFFECTS) & (symptoms.node == node)
         effects &= np.isin(symptoms.list, [one.number for one in lists])
@@ -222,6 +224,14 @@ def _draft(
         kind, f"{where}, {when}", kind.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
     )  # fmt: skip
     return draft, chosen
+
+
+def _uncounted(case: Case, chosen: Bool) -> Bool:
+    """Tell which of some long intervals may hold telegrams that are missing within one sending: no counter tells it."""
+    symptoms = case.symptoms
+    rows = np.flatnonzero(chosen & symptoms.of_kinds(LATE, JITTER))
+    columns = zip(rows.tolist(), symptoms.amount[rows].tolist(), case.nominal_ns(rows).tolist(), strict=True)
+    return case.only([row for row, amount, nominal in columns if nominal and may_lack(amount, nominal)])
 
 
 def _share(case: Case, losses: Losses) -> str:

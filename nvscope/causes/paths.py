@@ -25,6 +25,7 @@ TWO_PATHS = CauseKind(
     "card of the sender.",
 )
 
+_MANY, _DISTANCES = 10, 5
 _BESIDE = (DUPLICATE_TELEGRAM, LATE, JITTER, TORN_CYCLE)
 
 
@@ -54,7 +55,11 @@ def _draft(case: Case, node: int, rows: I64) -> Explained:
     since_ns, last_ns = _first_due_ns(case, rows), int(symptoms.time_ns[rows].max())
     farthest = int(symptoms.detail[rows].max())
     # The place that it left open lies so many telegrams before.
-    near = case.touching(case.free(*_BESIDE) & own, events, (farthest + 1) * longest_ns(lists))
+    near_ns = (farthest + 1) * longest_ns(lists)
+    if len(rows) >= _MANY:
+        # A telegram may come by the longer way, and late, without being overtaken by its like.
+        near_ns = max(near_ns, _DISTANCES * (last_ns - since_ns) // (len(rows) - 1))
+    near = case.touching(case.free(*_BESIDE) & own, events, near_ns)
     chosen = told | filled | near
     which, times = lists_in_words(case, lists), count_of(len(rows), "time")
     when = f"at {moment(case, since_ns)}" if len(rows) == 1 else (

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.causes.case import Case, Draft, Explained
+from nvscope.causes.case import Case, Draft, Explained, Pause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.spans import touching
 from nvscope.causes.ways import ways_in_words, ways_of
@@ -18,7 +18,7 @@ from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.capture import CLOCK_STEP, MIRRORED_TWICE
 from nvscope.findings.kind import Severity
 from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM
-from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
+from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.units import count, count_of, duration
 
 SEEN_TWICE = CauseKind(
@@ -86,7 +86,7 @@ def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int,
     repeated, others = 0, 0.0
     for node, streams in case.streams_of_node.items():
         for one in streams:
-            if one.stream.counter_scope == "unused":
+            if one.stream.counter_scope == "unused" or one.stream.erratic:
                 continue  # a copy of it looks like one that was sent anew: it takes no step either
             own = 0
             if (one.list.number, node, one.stream.subindex) in places:
@@ -94,17 +94,20 @@ def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int,
             repeated += own
             first_ns, end_ns = one.stream.first_ns, one.stream.last_ns
             if min(last_ns, end_ns) >= max(since_ns, first_ns):
-                overlap_ns = _busy_ns(case, max(since_ns, first_ns), min(last_ns, end_ns))
-                busy_ns = _busy_ns(case, first_ns, end_ns)
+                pauses = case.pauses(one.list.number, one.stream)
+                overlap_ns = _busy_ns(case, max(since_ns, first_ns), min(last_ns, end_ns), pauses)
+                busy_ns = _busy_ns(case, first_ns, end_ns, pauses)
                 others += (one.stream.telegrams - own) * (overlap_ns / busy_ns if busy_ns else 1)
     return repeated, round(others)
 
 
-def _busy_ns(case: Case, since_ns: int, until_ns: int) -> int:
-    """Return how long it is from one time to another, without long pauses of the whole capture."""
+def _busy_ns(case: Case, since_ns: int, until_ns: int, own: Sequence[Pause]) -> int:
+    """Return how long it is from one time to another, without a stream's own pauses, and long ones of the capture."""
     table = case.witness.pauses.table
     pauses_ns = np.minimum(table.time_ns, until_ns) - np.maximum(table.since_ns, since_ns)
-    return until_ns - since_ns - int(pauses_ns[pauses_ns > _ROOM_NS].sum())
+    all_ns = int(pauses_ns[pauses_ns > _ROOM_NS].sum())
+    own_ns = sum(max(min(one.until_ns or until_ns, until_ns) - max(one.since_ns, since_ns), 0) for one in own)
+    return max(until_ns - since_ns - max(all_ns, own_ns), 1)
 
 
 def judge_clock_steps(case: Case) -> Iterator[Explained]:
@@ -122,6 +125,9 @@ def judge_clock_steps(case: Case) -> Iterator[Explained]:
         near = (symptoms.since_ns <= high_ns) & (symptoms.time_ns >= low_ns)
         across = near & ((symptoms.frame >= symptoms.frame[row]) | (symptoms.time_ns < symptoms.since_ns))
         chosen = case.only([row]) | (case.free(*OF_CLOCK) & across)
+        if case.end_ns <= high_ns:
+            # The end by the clock was before the step: what went on behind it seems to have ended.
+            chosen |= case.free(STOPPED) & (symptoms.frame >= symptoms.frame[row])
         draft = Draft(
             CLOCK, f"The clock of the capture went back by {duration(before_ns - now_ns)} at {moment(case, before_ns)}",
             CLOCK.next_step, [f"frame {int(symptoms.frame[row])} has an earlier time than the one in front of it"],

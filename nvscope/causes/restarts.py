@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.boot_ups import answers_to, requests_in_words, requests_of
-from nvscope.causes.case import Case, Draft, Explained, NodeStream, lists_of_streams
+from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, NodeStream, lists_of_streams
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
@@ -72,12 +72,12 @@ def _clusters(case: Case, node: int, rows: Sequence[int]) -> list[list[int]]:
     """Return restarts by ten seconds from the first of each; of a slow stream, the next telegram belongs, too."""
     time_ns, since_ns = case.symptoms.time_ns, case.symptoms.since_ns
     found: list[list[int]] = []
+    whole = case.counts_as_a_whole(node)
     for row in rows:
-        if found:
+        # A stream that begins anew again is of another restart; where one counter is for all, so is each step.
+        if found and not whole and not _same_stream(case, found[-1], row):
             first_ns = _first_ns(case, found[-1])
-            if time_ns[row] - first_ns <= _CLUSTER_NS or (
-                since_ns[row] < first_ns and not _same_stream(case, found[-1], row)
-            ):
+            if time_ns[row] - first_ns <= _CLUSTER_NS or since_ns[row] < first_ns:
                 found[-1].append(row)
                 continue
         found.append([row])
@@ -138,9 +138,10 @@ def _node_draft(
     else:
         checked = [f"the {counters} of {which} began anew: {len(streams)} of its {len(going_on)} streams that go on"]
     checked += shown
-    checked.append(
-        f"it sent nothing for {duration(away_ns)}" if away_ns > usual_ns * 5 // 2 else "without a pause"
-    )  # fmt: skip
+    if usual_ns and away_ns <= usual_ns * PAUSE_PERCENT // 100:
+        checked.append("without a pause")
+    elif usual_ns and len(streams) == len(going_on):
+        checked.append(f"it sent nothing for {duration(away_ns)}")
     title = f"Node {case.address(node)} started anew at {moment(case, until_ns)}"
     draft = Draft(
         NODE_RESTART, title, NODE_RESTART.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nvscope.causes.case import Case, Draft, Explained
+from nvscope.causes.case import Case, Draft, Explained, longest_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.engine.keys import FrameKind
@@ -86,7 +86,18 @@ def _further(case: Case, number: int, nodes: Collection[int]) -> Iterator[_Furth
     for frame, time_ns, node in began:
         if node in compared:
             first.setdefault(node, _Further(node, entry, time_ns, frame))
-    yield from [*first.values()][1:]
+    ordered = sorted(first.values(), key=lambda one: _is_odd_from_the_start(case, one))
+    # What is so from the beginning may have been so before: the one by the definition is the first then.
+    yield from ordered[1:]
+
+
+def _is_odd_from_the_start(case: Case, sender: _Further) -> bool:
+    """Tell whether a node was there from the beginning of the capture on, with telegrams that fit no definition."""
+    symptoms = case.symptoms
+    if sender.since_ns - case.start_ns > 2 * longest_ns([sender.list]):
+        return False
+    misfits = symptoms.of_kinds(DEFINITION_MISMATCH) & (symptoms.list == sender.list.number)
+    return bool((misfits & (symptoms.node == sender.node)).any())
 
 
 def _draft(case: Case, group: Sequence[_Further], places: Collection[tuple[int, int]]) -> Explained:
@@ -96,15 +107,15 @@ def _draft(case: Case, group: Sequence[_Further], places: Collection[tuple[int, 
     numbers = [entry.number for entry in lists]
     of_lists = np.isin(symptoms.list, numbers)
     since_frame = min(one.frame for one in group)
-    chosen = case.free(*_OF_LIST) & of_lists & (symptoms.frame >= since_frame)
+    chosen = case.free(*_OF_LIST) & of_lists & ((symptoms.frame >= since_frame) | (symptoms.node == node))
     for number, other in places:
         if other != node:
             chosen &= (symptoms.list != number) | (symptoms.node != other)  # what a third one changes is its own
     chosen |= case.free(*_OF_SENDER) & of_lists & (symptoms.node == node)
     own = [one for one in case.streams_of_node[node] if one.list.number in numbers]
     last_ns = max(one.stream.last_ns for one in own)
-    longest_ns = max(one.nominal_ns or (one.stream.intervals.p99 or 0) for one in own)
-    until_ns = None if case.end_ns - last_ns <= longest_ns * 5 // 2 else last_ns
+    usual_ns = max(one.nominal_ns or (one.stream.intervals.p99 or 0) for one in own)
+    until_ns = None if case.end_ns - last_ns <= usual_ns * 5 // 2 else last_ns
     which, name = lists_in_words(case, lists), case.address(node)
     if until_ns is None:
         title = f"A further node sends {which} since {moment(case, since_ns)}: {name}"

@@ -161,7 +161,8 @@ def _draft(
     if pause.until_ns is not None:
         lost = case.free(TELEGRAM_GAP) & chosen
         checked.append(
-            "its counters went on meanwhile: its program ran, cable or switch port did not" if lost.any()
+            ("its counters went on meanwhile: its program ran, cable or switch port did not" if kind is NODE_SILENT
+             else "its counters went on meanwhile: it counted what did not come out") if lost.any()
             else "its counters stood still meanwhile: it did not send"
         )  # fmt: skip
     draft = Draft(

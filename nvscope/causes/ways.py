@@ -8,7 +8,7 @@ import numpy as np
 
 from nvscope.causes.case import Case
 from nvscope.causes.words import joined
-from nvscope.tracker.evidence.presence import HARDWARE_BITS
+from nvscope.tracker.evidence.presence import BY_ARP, HARDWARE_BITS
 
 _VLAN_SHIFT = 48
 _NAMED = 3
@@ -35,7 +35,7 @@ def ways_of(case: Case, node: int) -> list[Way]:
             int(device[row] & HARDWARE_BITS), (int(device[row]) >> _VLAN_SHIFT) - 1, int(time_to_live[row]),
             int(presence.pair_columns.count[row]),
         )
-        for row in own.tolist()
+        for row in own[time_to_live[own] != BY_ARP].tolist()
     ]  # fmt: skip
     return sorted(found, key=lambda way: (-way.packets, way))
 

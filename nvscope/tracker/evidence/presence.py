@@ -29,6 +29,9 @@ HARDWARE, IP = 0, 1
 _VLAN_BIT = np.uint64(48)
 HARDWARE_BITS = (np.uint64(1) << _VLAN_BIT) - np.uint64(1)
 
+BY_ARP = 256
+"""In place of a time to live, of ARP messages that an address sends."""
+
 
 class SeenColumns(KeyedColumns):
     """One row an address, or a pair of them: how many frames it sent, and when the first one came."""
@@ -57,7 +60,7 @@ class AddressColumns(SeenColumns):
     """One row an address; ``others`` are its frames that are no telegrams of lists, ``pair`` is the last one it had.
 
     ``last_other_ns`` is ``NEVER``, and ``pair`` ``NOBODY``, before the first, and after nobody has listened. ``shared``
-    are IP addresses with frames by several ways.
+    are IP addresses with frames of several hardware addresses.
     """
 
     others: I64
@@ -126,7 +129,7 @@ class Presence:
     """An observer of all frames, which takes many batches at a time: ``settle`` before looking at it.
 
     ``addresses`` number the hardware and IP addresses that sent some, which are the rows of ``columns``; ``pairs``
-    number (upper half, lower half, hardware address with VLAN + 1 above it, time to live), the rows of
+    number (upper half, lower half, hardware address with VLAN + 1 above it, time to live or ``BY_ARP``), the rows of
     ``pair_columns``. ``signs`` are when an address's frames that are no telegrams of lists were, by the rows of
     ``columns``. ``claims`` are the IP addresses with the hardware addresses that ARP
     told of them (upper half, lower half, hardware address). ``left_out`` counts the frames of addresses and pairs for
@@ -139,6 +142,9 @@ class Presence:
         self._most = most
         self.addresses, self.columns = KeyTable(3), AddressColumns()
         self.pairs, self.pair_columns = KeyTable(4), PairColumns()
+        # IP addresses with hardware addresses, and which of them each pair is of.
+        self._devices = KeyTable(3)
+        self._device_of: I64 = np.empty(0, np.int64)
         self.signs = SignsOfLife()
         self.announcements = Announcements()
         self.claims = KeyTable(3)
@@ -198,14 +204,17 @@ class Presence:
         ways.ip[place[known]] = number
         found, place, row = found.take(known), place[known], row[known]
         self._observe_announcements(heard, found, row, number)
-        # What ARP says is about an address, and has no time to live.
         claimed = found.take((found.ttl < 0) & (found.hardware != 0))
         self.claims.numbers_within(self._most, claimed.high, claimed.low, claimed.hardware)
-        known = np.flatnonzero((found.ttl >= 0) & (found.hardware != 0) & (number >= 0))
+        known = np.flatnonzero((found.hardware != 0) & (number >= 0))
         found, place, row = found.take(known), place[known], row[known]
         device = found.hardware | (found.vlan + 1).astype(np.uint64) << _VLAN_BIT
-        pair = found.high, found.low, device, found.ttl.astype(np.uint64)
+        # What ARP says is about an address, and has no time to live.
+        time_to_live = np.where(found.ttl < 0, BY_ARP, found.ttl).astype(np.uint64)
+        pair = found.high, found.low, device, time_to_live
         ways.pair[place] = self._numbers(self.pairs, pair, self.pair_columns, heard, row)
+        high, low, device, _ = (word[len(self._device_of) :] for word in self.pairs.words)
+        self._device_of = np.append(self._device_of, self._devices.numbers(high, low, device & HARDWARE_BITS))
         return ways
 
     def _numbers(
@@ -245,23 +254,26 @@ class Presence:
 
     def _observe_alternations(self, heard: Heard, seen: _Seen) -> None:
         """Count by how many frames another device took over an address."""
-        pair, ip = seen.numbers("pair"), seen.numbers("ip")
+        pair, ip, device_of = seen.numbers("pair"), seen.numbers("ip"), self._device_of
         known = pair >= 0
         least, most = np.full(len(self.columns), len(self.pairs)), np.full(len(self.columns), NOBODY)
-        np.minimum.at(least, ip[known], pair[known])
-        np.maximum.at(most, ip[known], pair[known])
+        np.minimum.at(least, ip[known], device_of[pair[known]])
+        np.maximum.at(most, ip[known], device_of[pair[known]])
         shared = self.columns.column("shared")
         shared |= least < most
-        # Of an address with one pair in all that is counted now, one packet tells as much as all.
+        # Of an address with one device in all that is counted now, one packet tells as much as all.
         simple = np.flatnonzero((least == most) & (most >= 0) & ~shared)
-        other = (self.columns.pair[simple] >= 0) & (self.columns.pair[simple] != most[simple])
+        before = self.columns.pair[simple]
+        other = (before >= 0) & (device_of[before] != most[simple])
         shared[simple[other]] = True
         simple = simple[~other]
+        of_address = np.full(len(self.columns), NOBODY)
+        of_address[ip[known]] = pair[known]
         several = known.copy()
         several[known] = shared[ip[known]]
         row, place = seen.rows(several)
         self.pair_columns.last_ns[pair[place]] = heard.times_ns(row)  # of several frames, the last one is what stays
-        owner, told = np.append(simple, ip[place]), np.append(most[simple], pair[place])
+        owner, told = np.append(simple, ip[place]), np.append(of_address[simple], pair[place])
         order = stable_order(owner, len(self.columns))
         owner, told = owner[order], told[order]
         start, stop = runs_of(owner)

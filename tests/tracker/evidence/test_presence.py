@@ -17,7 +17,7 @@ from dissectors.batch import LinkType, PacketBatch
 from dissectors.netvar import LIST_SERVICES, dissect
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
-from nvscope.tracker.evidence.presence import HARDWARE, NEVER, Presence
+from nvscope.tracker.evidence.presence import BY_ARP, HARDWARE, NEVER, Presence
 from nvscope.tracker.evidence.presence import IP as IP_KIND
 from nvscope.tracker.evidence.signs import CLOSE_NS, SignsOfLife
 from tests.laws import examples
@@ -58,8 +58,8 @@ def singly(batch: PacketBatch) -> tuple[dict[Key, Any], dict[tuple[int, ...], An
         heard[IP_KIND, high, low].append((time_ns, other))
         if announces:
             announced.append((time_ns, row + 1, (IP_KIND, high, low), hardware))
-        if ttl >= 0 and hardware:
-            pair = high, low, hardware | (vlan + 1) << 48, ttl
+        if hardware:
+            pair = high, low, hardware | (vlan + 1) << 48, BY_ARP if ttl < 0 else ttl
             pairs[pair].append(time_ns)
             alternations[pair] += last.get((high, low), hardware) != hardware
             last[high, low] = hardware
@@ -162,7 +162,7 @@ def test_two_devices_of_one_address_alternate() -> None:
     addresses, pairs, announced = as_told(presence)
     assert sorted(count for count, *_ in addresses.values()) == [2, 2, 2, 2, 4]
     assert sorted((pair[2] & 0xFF, count, alternations) for pair, (count, _, alternations) in pairs.items()) == [
-        (1, 2, 1), (2, 2, 2), (3, 1, 0),
+        (1, 2, 1), (2, 2, 2), (3, 1, 0), (3, 1, 0),
     ]  # fmt: skip
     assert [(time_ns, frame, hardware & 0xFF) for time_ns, frame, _, hardware in announced] == [(50, 6, 3)]
 
