@@ -33,6 +33,8 @@ from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import short_list_keys
 
+_STEADY_INTERVALS = 30
+
 NOBODY = -1
 """The owner of a symptom that nothing has explained yet."""
 
@@ -238,6 +240,20 @@ class Case:
     def is_nobodys(self, entry: AnyList) -> bool:
         """Tell whether a list is an identifier on CAN that no definition knows: frames of anything, at any time."""
         return entry.key.transport is Transport.CAN and self.facts.definition_of(entry) is None
+
+    def is_steady(self, entry: AnyList, until_ns: int) -> bool:
+        """Tell whether a list came from the beginning of the capture on until a time, cyclic for many intervals.
+
+        What begins later, or sends a few frames, may have ended its work: handshakes, transfers, what wakes up a bus.
+        """
+        slack = slack_ns([entry])
+        return all(
+            stream.intervals.nominal is not None
+            and stream.first_ns - self.start_ns <= slack
+            and min(stream.last_ns + slack, until_ns) - stream.first_ns >= _STEADY_INTERVALS * stream.intervals.nominal
+            and stream.last_ns + slack >= until_ns
+            for stream in entry.streams
+        )
 
     def at_most(self, lists: Iterable[AnyList]) -> Severity:
         """Return how bad it can be that lists break rules for lists: a note where all are nobody's."""

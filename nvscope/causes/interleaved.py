@@ -13,10 +13,12 @@ from nvscope.causes.identifiers import IDENTIFIER_COLLISION, OF_LISTS
 from nvscope.causes.words import moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import DLC_MISMATCH
+from nvscope.findings.kind import Severity
 from nvscope.tracker.evidence.look_runs import LookRun
 from nvscope.units import cob_id, count_of, duration
 
 _LEAST_TURNS = 5
+_AT_ONCE = 20  # what follows within so small a part of an interval is the rest of one message
 _MOST_IN_A_ROW = 2
 _STEADY, _MOST_ARE_STEADY = 3, 10
 
@@ -29,6 +31,7 @@ class _Turns(NamedTuple):
     since_ns: int
     rarer: int
     every_ns: int
+    are_independent: bool
 
 
 def judge_interleaved(case: Case) -> Iterator[Explained]:
@@ -57,7 +60,7 @@ def judge_interleaved(case: Case) -> Iterator[Explained]:
                 f"those of {count_of(turns.rarer, 'byte')} come about every {duration(turns.every_ns)}",
             ],
             [entry], channel=channel, since_ns=turns.since_ns, until_ns=last_ns if over else None,
-            at_most=case.at_most([entry]),
+            at_most=Severity.ERROR if turns.are_independent else case.at_most([entry]),
         )  # fmt: skip
         yield draft, case.only(told) | (case.free(*OF_LISTS) & own)
 
@@ -81,4 +84,24 @@ def _turns(runs: Sequence[LookRun]) -> _Turns | None:
     odd = len(distances) // _MOST_ARE_STEADY
     if distances[-1 - odd] > _STEADY * every_ns or _STEADY * distances[odd] < every_ns:
         return None
-    return _Turns(runs[0].length, runs[1].length, runs[1].first_ns, rarer, every_ns)
+    return _Turns(runs[0].length, runs[1].length, runs[1].first_ns, rarer, every_ns, _are_independent(runs, rarer))
+
+
+def _are_independent(runs: Sequence[LookRun], rarer: int) -> bool:
+    """Tell whether frames of the one length come as if there were none of the other, as those of two devices do.
+
+    Parts of one message follow each other at once, and then there is a pause.
+    """
+    others = [run for run in runs[1:] if run.length != rarer]
+    across = sorted(after.first_ns - before.last_ns for before, after in pairwise(others))
+    if not across:
+        return True
+    across_ns = across[len(across) // 2]
+    for is_rarer in (True, False):
+        behind = sorted(
+            after.first_ns - before.last_ns for before, after in pairwise(runs) if (after.length == rarer) is is_rarer
+        )
+        if behind[len(behind) // 2] * _AT_ONCE <= across_ns:
+            return False
+    within = sorted((run.last_ns - run.first_ns) // (run.telegrams - 1) for run in others if run.telegrams > 1)
+    return not within or across_ns <= _STEADY * within[len(within) // 2]

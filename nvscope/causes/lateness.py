@@ -15,6 +15,7 @@ from nvscope.causes.successions import of_successions
 from nvscope.causes.words import capitalised, lists_in_words, moments_in_words, multiple, times_of
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
+from nvscope.findings.facts import AnyList
 from nvscope.findings.kind import Severity
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
 from nvscope.units import duration
@@ -36,6 +37,8 @@ SENDER_BURSTS = CauseKind(
     "What triggers its sending: an event that is set in each cycle, or a MinGap that is missing.",
 )
 
+_LONGEST, _FEW_LISTS, _FEW = 30, 4, 3
+_START_NS = 1_000_000_000
 _LATE = (LATE, JITTER, TORN_CYCLE)
 
 
@@ -127,7 +130,9 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
     which = lists_in_words(case, lists)
     who = f"Node {case.address(node)} sent {which} late" if node >= 0 else f"{capitalised(which)} came late"
     at_most = case.at_most(lists)
-    if at_most is Severity.NOTE:
+    if at_most is Severity.NOTE and _stands_out(case, lists, rows):
+        at_most = Severity.WARNING
+    elif at_most is Severity.NOTE:
         checked.append("no definition says how often it should come" if len(lists) == 1 else "no definition knows them")
     # An interval may break several rules: it is one event.
     times = len(distinct(symptoms.frame[rows]))
@@ -139,6 +144,27 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
         until_ns=case.end_of(symptoms.time_ns[rows], nominal_ns * PAUSE_PERCENT // 100), at_most=at_most,
     )  # fmt: skip
     return draft, case.only(rows)
+
+
+def _stands_out(case: Case, lists: Sequence[AnyList], rows: Sequence[int]) -> bool:
+    """Tell whether what no definition knows kept its time all along, and was late for once while others were not.
+
+    What pauses for long, or often, was not wanted meanwhile; where many pause, the bus slept, or nobody recorded; and
+    at its start, a device has other things to do.
+    """
+    symptoms = case.symptoms
+    late = np.array(rows)[symptoms.of_kinds(LATE)[rows]]
+    events = len(distinct(symptoms.frame[rows]))
+    telegrams = sum(stream.telegrams for entry in lists for stream in entry.streams)
+    if not len(late) or len(lists) > _FEW_LISTS or events > max(_FEW, telegrams // 100):
+        return False
+    if int(symptoms.amount[late].max()) > _LONGEST * longest_ns(lists):
+        return False
+    if int(symptoms.since_ns[late].min()) <= case.start_ns + _START_NS:
+        return False
+    ports = {str(entry.key.port) for entry in lists}
+    beside = [entry for entry in case.lists.values() if str(entry.key.port) in ports and longest_ns([entry])]
+    return 2 * len(lists) <= len(beside) and all(case.is_steady(entry, case.end_ns) for entry in lists)
 
 
 def judge_bursts(case: Case) -> Iterator[Explained]:

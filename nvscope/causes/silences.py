@@ -52,7 +52,6 @@ LIST_STOPPED = CauseKind(
 _OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 _WAITS = (NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED)
 _SHORTEST = 10  # a pause with an end is told from ten of the longest interval on
-_STEADY_INTERVALS = 30
 _HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near to a pause prove nothing
 
 
@@ -238,7 +237,7 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
             checked += last_signs(case, device, since_ns, slack_ns(lists))
         elif len(lists) > 1:
             checked.append("they ended together: one device?")
-    steady = [entry for entry in lists if not case.is_nobodys(entry) or _is_steady(case, entry, since_ns)]
+    steady = [entry for entry in lists if not case.is_nobodys(entry) or case.is_steady(entry, since_ns)]
     if steady:
         checked.append(_how_steady(case, lists, since_ns))
     else:
@@ -249,19 +248,6 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
         at_most=Severity.ERROR if steady else Severity.NOTE,
     )  # fmt: skip
     return draft, chosen
-
-
-def _is_steady(case: Case, entry: AnyList, until_ns: int) -> bool:
-    """Tell whether a list came from the beginning of the capture on until a time, as usual all the while.
-
-    What begins later, or sends a few frames, may have ended its work: handshakes, transfers, what wakes up a bus.
-    """
-    return all(
-        stream.intervals.nominal is not None
-        and stream.first_ns - case.start_ns <= slack_ns([entry])
-        and until_ns - stream.first_ns >= _STEADY_INTERVALS * stream.intervals.nominal
-        for stream in entry.streams
-    )
 
 
 def _how_steady(case: Case, lists: Sequence[AnyList], until_ns: int) -> str:
