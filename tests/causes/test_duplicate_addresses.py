@@ -68,6 +68,16 @@ def test_both_send_a_list_and_each_counts_for_itself(tmp_path: Path) -> None:
     assert cause.findings
 
 
+def test_a_device_that_speaks_arp_alone_has_the_address_too(tmp_path: Path) -> None:
+    arp = "".join(
+        f'[[traffic]]\nkind = "arp"\nnode = "{node}"\nto = "saw"\ninterval = "2s"\nfrom = "{since}"\n'
+        for node, since in (("press", "0s"), ("twin", "12s"))
+    )
+    (cause,) = causes_in(one_address(PLANT + arp), tmp_path)
+    assert cause.title == "Two devices have the address 10.0.0.1 since 12.0 s (list 1)"
+    assert (cause.until_ns, cause.checked[1:]) == (None, ("ARP tells both hardware addresses for it",))
+
+
 def test_of_devices_that_send_no_list_arp_tells_and_nothing_need_be_wrong(tmp_path: Path) -> None:
     (cause,) = causes_in(one_address(PLANT + HAS_ARP), tmp_path)
     assert (cause.kind.name, cause.severity, cause.findings) == ("duplicate-address", Severity.ERROR, ())
