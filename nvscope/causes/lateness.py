@@ -15,7 +15,6 @@ from nvscope.causes.successions import of_successions
 from nvscope.causes.words import capitalised, lists_in_words, moments_in_words, multiple, times_of
 from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
-from nvscope.findings.facts import AnyList
 from nvscope.findings.kind import Severity
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
 from nvscope.units import duration
@@ -37,7 +36,7 @@ SENDER_BURSTS = CauseKind(
     "What triggers its sending: an event that is set in each cycle, or a MinGap that is missing.",
 )
 
-_LONGEST, _FEW_LISTS, _FEW = 30, 4, 3
+_LONGEST, _FEW_LISTS, _FEW = 30, 8, 3
 _START_NS = 1_000_000_000
 _LATE = (LATE, JITTER, TORN_CYCLE)
 
@@ -53,8 +52,18 @@ def judge_late_senders(case: Case) -> Iterator[Explained]:
     for (node, _), own in by_list.items():
         by_node[node].append(own)
     for node, parts in by_node.items():
-        for own in _of_node(case, parts) if node >= 0 else _at_once(case, parts):
-            yield _late(case, node, own)
+        if node >= 0:
+            for own in _of_node(case, parts):
+                yield _late(case, node, own)
+            continue
+        strange = [own for own in parts if case.is_nobodys(case.lists[int(symptoms.list[own[0]])])]
+        for together in _at_once(case, strange):
+            if not _stands_out(case, together):
+                yield _late(case, node, [row for own in together for row in own], Severity.NOTE)
+                strange = [own for own in strange if own not in together]
+        for own in parts:
+            if own in strange or not case.is_nobodys(case.lists[int(symptoms.list[own[0]])]):
+                yield _late(case, node, own)
 
 
 def _of_node(case: Case, parts: Sequence[list[int]]) -> list[list[int]]:
@@ -69,11 +78,13 @@ def _of_node(case: Case, parts: Sequence[list[int]]) -> list[list[int]]:
     return joined
 
 
-def _at_once(case: Case, parts: Sequence[list[int]]) -> list[list[int]]:
+def _at_once(case: Case, parts: Sequence[list[int]]) -> list[list[list[int]]]:
     """Return what was late of lists whose senders nobody knows, those together that were so at the same moments.
 
     They are of one device, or of a bus on which nobody sent: each was late in the middle of what the other was.
     """
+    if not parts:
+        return []
     symptoms = case.symptoms
     ports = {number: str(entry.key.port) for number, entry in case.lists.items()}
     rows = np.array(sorted(row for own in parts for row in own))
@@ -93,9 +104,9 @@ def _at_once(case: Case, parts: Sequence[list[int]]) -> list[list[int]]:
     for one, other in set(zip(number[:-1][mutual].tolist(), number[1:][mutual].tolist(), strict=True)):
         if ports[one] == ports[other]:
             first[max(stands_for(one), stands_for(other))] = min(stands_for(one), stands_for(other))
-    joined: dict[int, list[int]] = defaultdict(list)
+    joined: dict[int, list[list[int]]] = defaultdict(list)
     for own in parts:
-        joined[stands_for(int(symptoms.list[own[0]]))] += own
+        joined[stands_for(int(symptoms.list[own[0]]))].append(own)
     return list(joined.values())
 
 
@@ -110,7 +121,7 @@ def _incomplete(case: Case) -> Bool:
     return incomplete
 
 
-def _late(case: Case, node: int, rows: list[int]) -> Explained:
+def _late(case: Case, node: int, rows: list[int], at_most: Severity = Severity.ERROR) -> Explained:
     symptoms = case.symptoms
     numbers = [number for number in distinct(symptoms.list[rows]).tolist() if number >= 0]
     lists = [case.lists[number] for number in numbers]
@@ -129,10 +140,7 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
         checked.append("nothing of it was lost")
     which = lists_in_words(case, lists)
     who = f"Node {case.address(node)} sent {which} late" if node >= 0 else f"{capitalised(which)} came late"
-    at_most = case.at_most(lists)
-    if at_most is Severity.NOTE and _stands_out(case, lists, rows):
-        at_most = Severity.WARNING
-    elif at_most is Severity.NOTE:
+    if at_most is Severity.NOTE:
         checked.append("no definition says how often it should come" if len(lists) == 1 else "no definition knows them")
     # An interval may break several rules: it is one event.
     times = len(distinct(symptoms.frame[rows]))
@@ -146,13 +154,14 @@ def _late(case: Case, node: int, rows: list[int]) -> Explained:
     return draft, case.only(rows)
 
 
-def _stands_out(case: Case, lists: Sequence[AnyList], rows: Sequence[int]) -> bool:
+def _stands_out(case: Case, parts: Sequence[list[int]]) -> bool:
     """Tell whether what no definition knows kept its time all along, and was late for once while others were not.
 
     What pauses for long, or often, was not wanted meanwhile; where many pause, the bus slept, or nobody recorded; and
     at its start, a device has other things to do.
     """
-    symptoms = case.symptoms
+    symptoms, rows = case.symptoms, [row for own in parts for row in own]
+    lists = [case.lists[int(symptoms.list[own[0]])] for own in parts]
     late = np.array(rows)[symptoms.of_kinds(LATE)[rows]]
     events = len(distinct(symptoms.frame[rows]))
     telegrams = sum(stream.telegrams for entry in lists for stream in entry.streams)
