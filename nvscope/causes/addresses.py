@@ -44,7 +44,6 @@ class _Device(NamedTuple):
     first_frame: int
     first_ns: int
     last_ns: int
-    frames: int
     alternations: int
 
 
@@ -79,7 +78,6 @@ def _devices(case: Case, number: int) -> list[_Device]:
             _Device(
                 own, int(columns.first_frame[first]), int(columns.first_ns[first]),
                 max(int(columns.last_ns[row]) for row in of_pairs),
-                sum(int(columns.count[row]) for row in of_pairs),
                 sum(int(columns.alternations[row]) for row in of_pairs),
             )
         )  # fmt: skip
@@ -146,11 +144,14 @@ def _draft(case: Case, node: int, devices: list[_Device], told: list[str]) -> Ex
     since_ns = devices[1].first_ns
     lists = case.lists_of_node(node)
     last_ns = min(devices[0].last_ns, max(one.last_ns for one in devices[1:]))
-    frames = min(devices[0].frames, devices[1].frames)
+    # What comes in pairs is one event.
+    turns_each = min(one.alternations for one in devices)
     # Two that send one list spoil its interval: then the usual ones tell what is no pause.
     usual_ns = max((one.intervals.p99 or 0 for entry in lists for one in entry.streams), default=0)
-    least_ns = max(slack_ns(lists), usual_ns * PAUSE_PERCENT // 100)
-    until_ns = case.end_of_many(since_ns, last_ns, frames, least_ns)
+    # A reader comes as often as what it reads.
+    read = [entry for entry in case.facts.summary.lists if node in entry.readers]
+    least_ns = max(slack_ns([*lists, *read]), usual_ns * PAUSE_PERCENT // 100)
+    until_ns = case.end_of_many(since_ns, last_ns, turns_each, least_ns)
     both = " and ".join(hardware_in_words(one.hardware) for one in devices)
     turns = sum(one.alternations for one in devices)
     title = f"{'Two' if len(devices) == 2 else len(devices)} devices have the address {case.address(node)}"

@@ -20,6 +20,7 @@ from nvscope.findings.loss import (
     SENDER_RESTART,
     TELEGRAM_GAP,
 )
+from nvscope.findings.timing import TORN_CYCLE
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import percent
 
@@ -40,6 +41,7 @@ _OF_COUNTERS = (
     COUNTER_SCOPE,
     COUNTER_ERRATIC,
     CHECKSUM_FLAG,
+    TORN_CYCLE,  # what belongs to one cycle, the Counter tells
 )
 
 

@@ -351,7 +351,7 @@ class Cycles:
         """Return the bits of the SubIndexes that pairs had sent up to some frames, and how many they must have."""
         bits, count = np.zeros(len(pair), np.uint64), np.zeros(len(pair), np.int64)
         pair_of = self.streams.column("pair")
-        for number in np.unique(pair).tolist():
+        for number in distinct(pair).tolist():
             own, stream = np.flatnonzero(pair == number), np.flatnonzero(pair_of == number)
             first = self.streams.first_frame[stream]
             order = np.argsort(first, kind="stable")
