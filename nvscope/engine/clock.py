@@ -10,14 +10,15 @@ from dissectors.batch import I64
 class Clock:
     """The times of the frames of a batch; ``steady`` where none is earlier than the one before it.
 
-    ``longest_step_ns`` is the longest time between one of them and the next one, 0 of a frame alone.
+    ``step_ns`` are the times between one of them and the next one, ``longest_step_ns`` is the longest, 0 of a frame
+    alone.
     """
 
     def __init__(self, time_ns: I64) -> None:
         self.time_ns = time_ns
-        step_ns = np.diff(time_ns)
-        self.steady = not len(step_ns) or bool(step_ns.min() >= 0)
-        self.longest_step_ns = int(step_ns.max()) if len(step_ns) else 0
+        self.step_ns: I64 = np.diff(time_ns)
+        self.steady = not len(self.step_ns) or bool(self.step_ns.min() >= 0)
+        self.longest_step_ns = int(self.step_ns.max()) if len(self.step_ns) else 0
         self.latest = time_ns if self.steady else np.maximum.accumulate(time_ns)
 
     def __len__(self) -> int:

@@ -360,9 +360,13 @@ def _swapped(steps: Steps, start: I64, last: U16, counter_at: Callable[[I64], U1
 
     ``start`` is where each sequence begins, ``last`` the counter in front of that; ``counter_at`` those at places.
     """
-    place = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
-    if not len(place):
-        return place
+    place: I64 = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
+    # Swapped, +1 is +0x0100, or +0x0101 where the low byte wraps: nothing else is looked at, but where the counter in
+    # front is not the one that steps are taken from.
+    distance, unsure = steps.distance[place] & 0xFFFE, np.zeros(len(steps.step) + 1, np.bool_)
+    unsure[start] = True
+    unsure[1:] |= (steps.step == Step.LATE) | (steps.step == Step.OVERTAKEN) | (steps.step == Step.NONE)
+    place = place[(distance == 0x0100) | unsure[place]]
     sequence = np.searchsorted(start, place, "right") - 1
     before = np.where(start[sequence] == place, last[sequence], counter_at(place - 1))
     found: I64 = sequence[counter_at(place).byteswap() - before.byteswap() == 1]

@@ -46,9 +46,10 @@ class Pauses:
         # Once there are enough, hardly any batch has one that is longer than the shortest of them.
         if max(told.clock.longest_step_ns, first_ns) <= self._longer_than_ns:
             return
-        length_ns = np.diff(time_ns, prepend=time_ns[0] - first_ns)
-        row = np.flatnonzero(length_ns > self._longer_than_ns)
-        length_ns = length_ns[row]
+        row = np.flatnonzero(told.clock.step_ns > self._longer_than_ns) + 1
+        length_ns = told.clock.step_ns[row - 1]
+        if first_ns > self._longer_than_ns:
+            row, length_ns = np.append(0, row), np.append(first_ns, length_ns)
         if len(row) > self._most:
             least_ns = np.partition(length_ns, -self._most)[-self._most]
             row, length_ns = row[length_ns >= least_ns], length_ns[length_ns >= least_ns]

@@ -17,6 +17,8 @@ SLOT_NS = 100_000_000
 MOST_SLOTS = 1 << 20
 """So many slots with frames are kept, 29 hours without a pause; frames in others are counted."""
 
+_MOST_WAITING = 1 << 14
+
 
 class SlotColumns(KeyedColumns):
     """One row a slot in which there were frames: how many, and how many bytes they had on the wire."""
@@ -27,7 +29,7 @@ class SlotColumns(KeyedColumns):
 
 
 class Throughput:
-    """An observer of all frames.
+    """An observer of all frames, which sums up many batches at a time: ``settle`` before looking at it.
 
     ``slots`` number the slots, by time // ``SLOT_NS`` as a 64-bit word, in the order in which they were seen; they are
     the rows of ``columns``. ``left_out`` counts the frames for which there was no room.
@@ -40,16 +42,27 @@ class Throughput:
         self.slots = KeyTable(1)
         self.columns = SlotColumns()
         self.left_out = 0
+        self._parts: list[tuple[I64, I64, I64]] = []
+        self._waiting = 0
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         if not len(told):
             return
         start = _starts(told)
-        slot = (told.packets.ts_ns[start] // SLOT_NS).view(np.uint64)
-        frames = np.diff(start, append=len(told))
-        size_bytes = np.add.reduceat(told.packets.original, start)
-        number = self.slots.numbers_within(self._most, slot)
+        slot = told.packets.ts_ns[start] // SLOT_NS
+        self._parts.append((slot, np.diff(start, append=len(told)), np.add.reduceat(told.packets.original, start)))
+        self._waiting += len(start)
+        if self._waiting >= _MOST_WAITING:
+            self.settle()
+
+    def settle(self) -> None:
+        """Sum up what waits: of many batches at once, that costs hardly more than of one."""
+        if not self._parts:
+            return
+        slot, frames, size_bytes = (np.concatenate(columns) for columns in zip(*self._parts, strict=True))
+        self._parts, self._waiting = [], 0
+        number = self.slots.numbers_within(self._most, slot.view(np.uint64))
         room = number >= 0
         self.left_out += int(frames[~room].sum())
         self.columns.resize(len(self.slots))

@@ -52,6 +52,7 @@ class Witness:
     def settle(self) -> None:
         """Make what was observed visible: before somebody looks at it."""
         self.presence.settle()
+        self.throughput.settle()
         self.evidence.settle()
 
     def hear(self, events: EventBatch) -> None:

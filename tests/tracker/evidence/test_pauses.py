@@ -54,6 +54,7 @@ def test_the_longest_pauses_are_kept(distances: list[int], packets: int, most: i
 def test_throughput_is_what_is_in_each_slot(distances: list[int], packets: int) -> None:
     whole, throughput = frames(distances), Throughput()
     observe(throughput, cut(whole, packets))
+    throughput.settle()
     counts: Counter[int] = Counter()
     sizes: Counter[int] = Counter()
     for time_ns, size in zip(whole.ts_ns.tolist(), whole.original.tolist(), strict=True):
@@ -68,5 +69,6 @@ def test_throughput_is_what_is_in_each_slot(distances: list[int], packets: int) 
 def test_slots_that_there_is_no_room_for_are_counted() -> None:
     throughput = Throughput(most=2)
     observe(throughput, cut(frames([SLOT_NS, 0, SLOT_NS, -SLOT_NS]), 1))
+    throughput.settle()
     assert throughput.columns.column("frames").tolist() == [1, 3]
     assert throughput.left_out == 1
