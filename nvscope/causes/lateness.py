@@ -17,13 +17,14 @@ from nvscope.engine.runs import distinct
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.kind import Severity
 from nvscope.findings.timing import BURST, JITTER, LATE, TORN_CYCLE
-from nvscope.units import duration
+from nvscope.units import count_of, duration
 
 SENDER_LATE = CauseKind(
     "sender-late",
     "late",
     "A list came later than it should, and nothing of it was lost.",
     "Intervals of more than two and a half times the nominal one, or jitter, without a loss in them. "
+    "On CAN, of identifiers that no definition knows, a warning only where they kept their time but for once. "
     "Less sure where a node counts all that it sends with one counter: what is lost within one sending shows as late.",
     "The cycle and priority of the task that sends it; a breakpoint, or a task that takes too long.",
 )
@@ -56,14 +57,15 @@ def judge_late_senders(case: Case) -> Iterator[Explained]:
             for own in _of_node(case, parts):
                 yield _late(case, node, own)
             continue
-        strange = [own for own in parts if case.is_nobodys(case.lists[int(symptoms.list[own[0]])])]
-        for together in _at_once(case, strange):
-            if not _stands_out(case, together):
-                yield _late(case, node, [row for own in together for row in own], Severity.NOTE)
-                strange = [own for own in strange if own not in together]
-        for own in parts:
-            if own in strange or not case.is_nobodys(case.lists[int(symptoms.list[own[0]])]):
-                yield _late(case, node, own)
+        known = [own for own in parts if not case.is_nobodys(case.lists[int(symptoms.list[own[0]])])]
+        for own in known:
+            yield _late(case, node, own)
+        for together in _at_once(case, [own for own in parts if own not in known]):
+            if _stands_out(case, together):
+                for own in together:
+                    yield _late(case, node, own, len(together) - 1)
+            else:
+                yield _unremarkable(case, [row for own in together for row in own])
 
 
 def _of_node(case: Case, parts: Sequence[list[int]]) -> list[list[int]]:
@@ -121,7 +123,7 @@ def _incomplete(case: Case) -> Bool:
     return incomplete
 
 
-def _late(case: Case, node: int, rows: list[int], at_most: Severity = Severity.ERROR) -> Explained:
+def _late(case: Case, node: int, rows: list[int], beside: int = 0) -> Explained:
     symptoms = case.symptoms
     numbers = [number for number in distinct(symptoms.list[rows]).tolist() if number >= 0]
     lists = [case.lists[number] for number in numbers]
@@ -140,8 +142,8 @@ def _late(case: Case, node: int, rows: list[int], at_most: Severity = Severity.E
         checked.append("nothing of it was lost")
     which = lists_in_words(case, lists)
     who = f"Node {case.address(node)} sent {which} late" if node >= 0 else f"{capitalised(which)} came late"
-    if at_most is Severity.NOTE:
-        checked.append("no definition says how often it should come" if len(lists) == 1 else "no definition knows them")
+    if beside:
+        checked.append(f"{count_of(beside, 'other identifier')} came late at the same moment: one device?")
     # An interval may break several rules: it is one event.
     times = len(distinct(symptoms.frame[rows]))
     when = moments_in_words(case, times, since_ns, last_ns)
@@ -149,9 +151,19 @@ def _late(case: Case, node: int, rows: list[int], at_most: Severity = Severity.E
     draft = Draft(
         SENDER_LATE, f"{who}, {when}", SENDER_LATE.next_step, checked, lists, [node] if node >= 0 else [],
         channels.pop() if len(channels) == 1 else None, since_ns=since_ns,
-        until_ns=case.end_of(symptoms.time_ns[rows], nominal_ns * PAUSE_PERCENT // 100), at_most=at_most,
+        until_ns=case.end_of(symptoms.time_ns[rows], nominal_ns * PAUSE_PERCENT // 100),
     )  # fmt: skip
     return draft, case.only(rows)
+
+
+def _unremarkable(case: Case, rows: list[int]) -> Explained:
+    """Explain what came late of identifiers that no definition knows, and does not stand out: a note."""
+    draft, chosen = _late(case, -1, rows)
+    known = "no definition says how often it should come" if len(draft.lists) == 1 else "no definition knows them"
+    draft.checked = [*draft.checked, known]
+    draft.next = "Nothing, unless this is a list of network variables: its definition tells how often it comes."
+    draft.at_most = Severity.NOTE
+    return draft, chosen
 
 
 def _stands_out(case: Case, parts: Sequence[list[int]]) -> bool:

@@ -26,7 +26,7 @@ TWO_PATHS = CauseKind(
 )
 
 _MANY, _DISTANCES = 10, 5
-_BESIDE = (DUPLICATE_TELEGRAM, LATE, JITTER, TORN_CYCLE)
+_LATE = (LATE, JITTER, TORN_CYCLE)
 
 
 def judge_two_paths(case: Case) -> Iterator[Explained]:
@@ -56,10 +56,11 @@ def _draft(case: Case, node: int, rows: I64) -> Explained:
     farthest = int(symptoms.detail[rows].max())
     # The place that it left open lies so many telegrams before.
     near_ns = (farthest + 1) * longest_ns(lists)
+    near = case.touching(case.free(DUPLICATE_TELEGRAM) & own, events, near_ns)
     if len(rows) >= _MANY:
         # A telegram may come by the longer way, and late, without being overtaken by its like.
         near_ns = max(near_ns, _DISTANCES * (last_ns - since_ns) // (len(rows) - 1))
-    near = case.touching(case.free(*_BESIDE) & own, events, near_ns)
+    near |= case.touching(case.free(*_LATE) & own, events, near_ns)
     chosen = told | filled | near
     which, times = lists_in_words(case, lists), count_of(len(rows), "time")
     when = f"at {moment(case, since_ns)}" if len(rows) == 1 else (

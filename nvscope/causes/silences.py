@@ -44,7 +44,8 @@ LIST_STOPPED = CauseKind(
     "list-stopped",
     "silent",
     "A list, or a part of it, is not sent any more, while its sender goes on with others.",
-    "The streams of the list are silent for more than ten intervals, other streams of the node are not.",
+    "The streams of the list are silent for more than ten intervals, other streams of the node are not. On CAN, of an "
+    "identifier that no definition knows, an error only where it came steadily from the beginning on.",
     "The task that the list is sent from, and what enables its sending (event, variable, 'transmit on change').",
     measured="silent for {time}",
 )
@@ -242,8 +243,12 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
         checked.append(_how_steady(case, lists, since_ns))
     else:
         checked.append("no definition knows it, and it was not there all the time before: it may have been done")
+    step = LIST_STOPPED.next_step
+    if all(map(case.is_nobodys, lists)):
+        them = "them" if len(lists) > 1 else "it"
+        step = f"Power and plug of the device that sends {them}, then its program; a definition would name {them}."
     draft = Draft(
-        LIST_STOPPED, title, LIST_STOPPED.next_step, [one for one in checked if one], lists,
+        LIST_STOPPED, title, step, [one for one in checked if one], lists,
         [node] if node >= 0 else [], channel, since_ns=since_ns,
         at_most=Severity.ERROR if steady else Severity.NOTE,
     )  # fmt: skip

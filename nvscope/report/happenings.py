@@ -51,7 +51,9 @@ def _verdict(report: Report) -> tuple[Cell, str]:
     now = [cause for cause in faults if is_now(cause)]
     lists = len(report["lists"])
     concerned = {key for cause in faults for key in cause["lists"]} & {entry["key"] for entry in report["lists"]}
-    told = units.count_of(lists, "list")
+    # On CAN, what has no name is an identifier: nobody knows whether it is a list.
+    is_list = any(entry["transport"] != "can" or entry["name"] for entry in report["lists"])
+    told = units.count_of(lists, "list" if is_list else "identifier")
     if not faults:
         parts = [f"{told}, all well" if lists > 1 else f"{told}, all is well", *_extent(report)]
         return symbol(None), " · ".join(parts)
