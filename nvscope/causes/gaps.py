@@ -63,11 +63,6 @@ class Losses:
         """How many telegrams are missing."""
         return int(self.lost.sum())
 
-    @property
-    def is_outage(self) -> bool:
-        """Whether many are missing in a row."""
-        return bool((self.lost >= IN_A_ROW).any())
-
 
 def losses_in(case: Case) -> Losses:
     """Return the gaps that nothing has explained yet."""

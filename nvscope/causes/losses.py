@@ -202,8 +202,9 @@ def _draft(
 ) -> Explained:  # fmt: skip
     symptoms = case.symptoms
     since_ns, last_ns, last_due_ns = since_of(losses), int(symptoms.time_ns[losses.row].max()), int(losses.due_ns[-1])
-    # Telegrams that came behind an outage show that it is over.
-    once = last_due_ns - since_ns <= MOMENT_NS or losses.is_outage
+    # Telegrams that came behind an outage show that it is over, unless more were lost behind it.
+    outage_ns = int(losses.last_due_ns[losses.lost >= IN_A_ROW].max(initial=0))
+    once = last_due_ns <= max(since_ns, outage_ns) + MOMENT_NS
     until_ns = last_ns if once else end_of_losses(case, losses, slack_ns(lists))
     chosen = case.only(losses.row)
     if case.counts_as_a_whole(node):

@@ -128,22 +128,21 @@ class NodeSequences(KeyedColumns):
     between_lists: I64
     regular_between_lists: I64
     COLUMNS: ClassVar = {
-        "current": (np.uint16(0), 1),
-        "missing": (np.uint64(0), 1),
-        "last_stream": (np.int64(NO_STREAM), 1),
-        "last_ns": (np.int64(0), 1),
-        "last": (np.uint16(0), 1),
-        "gaps": (np.int64(0), 1),
-        "steps": (np.int64(0), 1),
-        "swapped": (np.int64(0), 1),
-        "regular_of_streams": (np.int64(0), 1),
-        "regular_telegram": (np.int64(0), 1),
-        "regular_send": (np.int64(0), 1),
-        "between_streams": (np.int64(0), 1),
-        "regular_between_streams": (np.int64(0), 1),
-        "between_lists": (np.int64(0), 1),
+        "current": (np.uint16(0), 1), "missing": (np.uint64(0), 1), "last_stream": (np.int64(NO_STREAM), 1),
+        "last_ns": (np.int64(0), 1), "last": (np.uint16(0), 1), "gaps": (np.int64(0), 1), "steps": (np.int64(0), 1),
+        "swapped": (np.int64(0), 1), "regular_of_streams": (np.int64(0), 1), "regular_telegram": (np.int64(0), 1),
+        "regular_send": (np.int64(0), 1), "between_streams": (np.int64(0), 1),
+        "regular_between_streams": (np.int64(0), 1), "between_lists": (np.int64(0), 1),
         "regular_between_lists": (np.int64(0), 1),
-    }
+    }  # fmt: skip
+
+    def counts_on(self, between: str) -> Bool:
+        """Tell which nodes count on from one of their ``streams``, or ``lists``, to another in most of these steps.
+
+        Who counts beyond one stream does: a fast stream beside rare ones shows nothing.
+        """
+        told: Bool = 2 * self.column(f"regular_between_{between}") > self.column(f"between_{between}")
+        return told
 
 
 class Loss:
@@ -334,9 +333,15 @@ class Loss:
     def _is_in_question(self, node: I64, scope: Scope) -> Bool:
         """Tell of which nodes Counter may count in a scope: in no other one are clearly more of its steps regular."""
         nodes = self.nodes
-        of_streams = nodes.regular_of_streams[node]
-        of_node = np.maximum(nodes.regular_telegram[node], nodes.regular_send[node])
-        ahead = of_node - of_streams if scope == Scope.STREAM else of_streams - of_node
+        of_streams, of_telegrams = nodes.regular_of_streams[node], nodes.regular_telegram[node]
+        if scope != Scope.STREAM:
+            ahead = of_streams - np.maximum(of_telegrams, nodes.regular_send[node])
+        else:
+            # Telegrams of one sending look regular in a node that counts by stream, too: what it counts from one stream
+            # to another decides (``nvscope.tracker.scopes``).
+            of_telegrams = np.where(nodes.counts_on("streams")[node], of_telegrams, 0)
+            of_sendings = np.where(nodes.counts_on("lists")[node], nodes.regular_send[node], 0)
+            ahead = np.maximum(of_telegrams, of_sendings) - of_streams
         told: Bool = ahead <= _CLEARLY
         return told
 

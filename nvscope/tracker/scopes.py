@@ -63,11 +63,8 @@ _SCOPES = tuple(Scope)
 
 
 def _mostly(of_nodes: NodeSequences, between: str, nodes: int) -> Bool:
-    """Tell which nodes count on from one of their streams, or lists, to another in more than half of these steps.
-
-    Who counts beyond one stream does: a fast stream beside rare ones shows nothing.
-    """
-    own = 2 * of_nodes.column(f"regular_between_{between}") > of_nodes.column(f"between_{between}")
+    """Tell which of so many nodes count on from one of their streams, or lists, to another."""
     told: Bool = np.zeros(nodes, np.bool_)
-    told[: len(own)] = own[:nodes]
+    own = of_nodes.counts_on(between)[:nodes]
+    told[: len(own)] = own
     return told

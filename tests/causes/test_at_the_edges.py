@@ -113,6 +113,17 @@ def test_of_two_senders_from_the_beginning_on_the_one_by_the_definition_is_right
     assert titles(causes) == [("second-sender", "A further node sends list axis since 0.0 s: 10.0.0.95")]
 
 
+def test_what_a_list_of_several_telegrams_loses_is_known_to_the_end(tmp_path: Path) -> None:
+    chance = random.Random(5)
+    every = sent(PRESS, 1, list(range(3000)), 20, subindexes=4)
+    lossy = [frame for frame in every if frame.ts_ns < 6 * SECOND or chance.random() > 0.12]
+    slow = sent(PRESS, 2, list(range(30)), 2000, since_ms=5)
+    causes = causes_in([*lossy, *slow, *sent(SAW, 7, list(range(600)))], tmp_path)
+    (cause,) = causes
+    assert (cause.kind.name, cause.until_ns) == ("loss-of-list", None)
+    assert f"lost {(len(every) - len(lossy)) // 1000} {(len(every) - len(lossy)) % 1000:03} telegrams" in cause.title
+
+
 def test_a_controller_that_says_it_is_back_was_off_till_then(tmp_path: Path) -> None:
     bus = Bus(random.Random(1), "can0", 250_000, 40)
     for cob_id, interval_ms in ((0x140, 100), (0x150, 500)):
