@@ -12,7 +12,7 @@ from dissectors.batch import Bool
 from dissectors.keys import KeyTable
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.ways import hardware_in_words
+from nvscope.causes.ways import device_in_words
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.kind import Severity
 from nvscope.tracker.evidence.presence import HARDWARE_BITS
@@ -152,7 +152,7 @@ def _draft(case: Case, node: int, devices: list[_Device], told: list[str]) -> Ex
     read = [entry for entry in case.facts.summary.lists if node in entry.readers]
     least_ns = max(slack_ns([*lists, *read]), usual_ns * PAUSE_PERCENT // 100)
     until_ns = case.end_of_many(since_ns, last_ns, turns_each, least_ns)
-    both = " and ".join(hardware_in_words(one.hardware) for one in devices)
+    both = " and ".join(device_in_words(one.hardware) for one in devices)
     turns = sum(one.alternations for one in devices)
     title = f"{'Two' if len(devices) == 2 else len(devices)} devices have the address {case.address(node)}"
     title += f" since {moment(case, since_ns)}" if until_ns is None else (

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dissectors.vendors import vendor_of
 from nvscope.causes.case import Case, Draft, Explained, longest_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.words import joined, lists_in_words, moment
 from nvscope.engine.keys import FrameKind
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS, SHAPE_CHANGED
@@ -149,9 +150,11 @@ def _compared(case: Case, further: _Further) -> tuple[list[str], list[int]]:
     hardware = [case.life.hardware_of(node) for node in pair]
     if all(hardware):
         same = hardware[0][0] == hardware[1][0]
+        vendors = [vendor_of(own[0]) for own in hardware]
+        made_by = f", of {joined([one or 'an unknown vendor' for one in vendors])}" if any(vendors) else ""
         checked.append(
             "one hardware address with two IP addresses: one device, or a router in between" if same
-            else "different hardware addresses: two devices, not one address twice"
+            else f"different hardware addresses{made_by}: two devices, not one address twice"
         )  # fmt: skip
     return checked, others
 

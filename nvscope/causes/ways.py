@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dissectors.vendors import vendor_of
 from nvscope.causes.case import Case
 from nvscope.causes.words import joined
 from nvscope.tracker.evidence.presence import BY_ARP, HARDWARE_BITS
@@ -55,6 +56,12 @@ def ways_in_words(ways: list[Way]) -> str:
             more = f" and {len(different) - _NAMED} more" if len(different) > _NAMED else ""
             parts.append(f"{noun} {joined(different[:_NAMED]) if not more else ', '.join(different[:_NAMED])}{more}")
     return "; ".join(parts)
+
+
+def device_in_words(hardware: int) -> str:
+    """Return a hardware address with who made the device: ``00:01:05:00:00:01 (Beckhoff Automation GmbH)``."""
+    vendor = vendor_of(hardware)
+    return f"{hardware_in_words(hardware)} ({vendor})" if vendor else hardware_in_words(hardware)
 
 
 def hardware_in_words(hardware: int) -> str:

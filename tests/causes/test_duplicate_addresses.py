@@ -68,6 +68,15 @@ def test_both_send_a_list_and_each_counts_for_itself(tmp_path: Path) -> None:
     assert cause.findings
 
 
+def test_vendors_tell_which_device_is_meant(tmp_path: Path) -> None:
+    made = PLANT.replace("02:00:00:00:00:aa", "00:01:05:00:00:aa").replace("02:00:00:00:00:bb", "00:a0:45:00:00:bb")
+    (cause,) = causes_in(one_address(made + SENDS_TOO), tmp_path)
+    assert cause.checked[0].startswith(
+        "hardware addresses 00:01:05:00:00:aa (Beckhoff Automation GmbH) and 00:a0:45:00:00:bb (PHOENIX CONTACT "
+        "Electronics GmbH) take turns"
+    )
+
+
 def test_a_device_that_speaks_arp_alone_has_the_address_too(tmp_path: Path) -> None:
     arp = "".join(
         f'[[traffic]]\nkind = "arp"\nnode = "{node}"\nto = "saw"\ninterval = "2s"\nfrom = "{since}"\n'
