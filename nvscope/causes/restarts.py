@@ -128,6 +128,9 @@ def _node_draft(
     chosen = case.only(cluster)
     own = (symptoms.node == node) | case.waits_for(node)
     chosen |= case.free(*_IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
+    # Where one counter is for all, what a list counts anew may look repeated for a while, and its cycles torn.
+    again_ns = int(symptoms.time_ns[chosen].max())
+    chosen |= case.free(TORN_CYCLE) & (symptoms.node == node) & _within(case, since_ns, again_ns + 1)
     chosen |= answers_to(case, requests_of(case, node, since_ns, until_ns + _CLUSTER_NS))
     lists = case.lists_of_node(node)
     away_ns = until_ns - since_ns

@@ -131,7 +131,9 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     waits = case.free(*_WAITS) & ((symptoms.node == node) | case.waits_for(node)) & meanwhile
     only = [entry.number for entry in case.facts.summary.lists if set(entry.senders) == {node}]
     waits |= case.free(BOOT_UP_UNANSWERED) & np.isin(symptoms.list, only) & meanwhile
-    explained: Bool = own | waits if own.any() else own
+    # A cycle that is torn alone is no silence.
+    paused = bool((own & ~symptoms.of_kinds(TORN_CYCLE)).any())
+    explained: Bool = (own | waits) & paused
     return explained
 
 
