@@ -183,7 +183,7 @@ def judge_incomplete_cycles(case: Case) -> Iterator[Explained]:
         own = case.free(INCOMPLETE_CYCLE, LATE, JITTER) & (symptoms.list == number)
         told = case.free(INCOMPLETE_CYCLE) & (symptoms.list == number)
         entry = case.lists[number]
-        since_ns, last_ns = int(symptoms.since_ns[told].min()), int(symptoms.time_ns[told].max())
+        since_ns = int(symptoms.since_ns[told].min())
         which = lists_in_words(case, [entry])
         checked = []
         missing = np.bitwise_or.reduce(symptoms.detail[told])
@@ -193,6 +193,6 @@ def judge_incomplete_cycles(case: Case) -> Iterator[Explained]:
         draft = Draft(
             INCOMPLETE_CYCLES, f"{capitalised(which)} came incomplete, {count_of(int(told.sum()), 'time')}",
             INCOMPLETE_CYCLES.next_step, checked, [entry], channel=str(entry.key.port), since_ns=since_ns,
-            until_ns=case.end_of_many(since_ns, last_ns, int(told.sum())),
+            until_ns=case.end_of(symptoms.time_ns[told], slack_ns([entry])),
         )  # fmt: skip
         yield draft, own

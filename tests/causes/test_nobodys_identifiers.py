@@ -174,3 +174,40 @@ def test_a_log_without_times_was_read_whole(tmp_path: Path) -> None:
     assert cause.severity is Severity.NOTE
     assert "no times were recorded" in cause.title
     assert "could not be read whole" not in cause.title
+
+
+def late_once(at_ms: int, pause_ms: int) -> list[Line]:
+    return [*BUS, *without(sent(0x130, 20), at_ms, at_ms + pause_ms)]
+
+
+@pytest.mark.parametrize(
+    ("lines", "severity"),
+    [
+        pytest.param(late_once(20_000, 200), Severity.WARNING, id="once"),
+        pytest.param(late_once(20_000, 2_000), Severity.NOTE, id="so long that it was not wanted"),
+        pytest.param(late_once(300, 200), Severity.NOTE, id="where the log begins"),
+        pytest.param(
+            [*BUS, *(one for one in sent(0x130, 20) if one.us // 20_000 % 25 not in (3, 4, 5))], Severity.NOTE,
+            id="again and again",
+        ),
+        pytest.param([*BUS, *without(sent(0x130, 20, 4_000), 20_000, 20_200)], Severity.NOTE, id="of a late joiner"),
+    ],
+)  # fmt: skip
+def test_what_kept_its_time_and_was_late_once_stands_out(lines: list[Line], severity: Severity, tmp_path: Path) -> None:
+    (cause,) = (one for one in told(lines, tmp_path) if one.kind.name == "sender-late")
+    assert (cause.severity, [str(key) for key in cause.lists]) == (severity, ["can/can0/304"])
+
+
+def test_identifiers_that_stand_out_at_the_same_moment_name_each_other(tmp_path: Path) -> None:
+    lines = [*BUS, *without([*sent(0x130, 20), *sent(0x140, 20)], 20_000, 20_200)]
+    causes = told(lines, tmp_path)
+    assert [cause.severity for cause in causes] == [Severity.WARNING] * 2
+    assert {cause.checked[-1] for cause in causes} == {"1 other identifier came late at the same moment: one device?"}
+
+
+@pytest.mark.parametrize(("phase_us", "severity"), [(41_000, Severity.ERROR), (500, Severity.NOTE)])
+def test_parts_of_one_message_are_no_two_devices(phase_us: int, severity: Severity, tmp_path: Path) -> None:
+    short = [one._replace(us=one.us + phase_us) for one in sent(0x3E0, 100, size=4)]
+    causes = told([*BUS, *sent(0x3E0, 100), *short], tmp_path)
+    (cause,) = (one for one in causes if one.kind.name == "identifier-collision")
+    assert cause.severity is severity
