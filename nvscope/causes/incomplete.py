@@ -31,8 +31,7 @@ CAPTURE_INCOMPLETE = CauseKind(
     "not captured",
     "The capture lacks telegrams that were on the network: loss that it shows is its own.",
     "Drops that the capturing program tells, several senders that lose at the same moments, or all lists that lose the "
-    "same share. "
-    "Less sure of when it ended where few telegrams are lost.",
+    "same share.",
     "Capture with more room: a faster mirror port, one direction only, a capture filter, a larger buffer.",
     measured="{lost} not captured",
 )

@@ -25,8 +25,7 @@ NODE_SILENT = CauseKind(
     "node-silent",
     "silent",
     "A node that sent cyclic lists sends nothing at all any more, or sent nothing for a while.",
-    "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included. "
-    "Less sure at the restart of a node whose counter wraps at 256.",
+    "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included.",
     "Its power and LEDs, then its cable and switch port. Its task comes last.",
     at_least=Severity.ERROR,
     measured="silent for {time}",
@@ -36,7 +35,7 @@ PROGRAM_STOPPED = CauseKind(
     "program stopped",
     "A node is there, and sends none of its cyclic lists any more, or sent none for a while.",
     "All its cyclic streams pause at once, while other frames of it (ARP, ICMP, TCP) go on as before. "
-    "Less sure where single answers of the node are missing, too.",
+    "Less sure of a node that sends no cyclic list: its missing answers tell then.",
     "Its run/stop switch and the state of its application: stopped, halted at a breakpoint, or in an exception.",
     at_least=Severity.ERROR,
 )

@@ -19,15 +19,11 @@ LEAST = 0.98
 """Of what is put in and of what is told, each kind (causes.md, section 5)."""
 
 STATED = {
-    # What a node with one counter lost within one sending, no counter misses, and a counter that wraps at 256 seems to
-    # tear the first cycles behind a restart: both are told as late, the pause of such a restart as a silence.
-    "sender-late": 0.94,
-    "node-silent": 0.97,
+    # What a node with one counter lost within one sending, no counter misses: it is told as late.
+    "sender-late": 0.97,
     # A clock that jumps by less than the slow lists pause shows in some lists alone.
     "clock": 0.97,
-    # Of a share that all lists lose, the last losses may lie far from the end.
-    "capture-incomplete": 0.97,
-    # A program that stops while single answers are missing is told by these.
+    # A program that stops while its node has no cyclic list is told by the answers that are missing.
     "program-stopped": 0.96,
     # A burst of a list that is disturbed otherwise has no usual interval to be short against.
     "sender-bursts": 0.96,
