@@ -169,7 +169,7 @@ def _unremarkable(case: Case, rows: list[int]) -> Explained:
 def _stands_out(case: Case, parts: Sequence[list[int]]) -> bool:
     """Tell whether what no definition knows kept its time all along, and was late for once while others were not.
 
-    What pauses for long, or often, was not wanted meanwhile; where many pause, the bus slept, or nobody recorded; and
+    What pauses for long, or often, was not wanted meanwhile; where all pause, the bus slept, or nobody recorded; and
     at its start, a device has other things to do.
     """
     symptoms, rows = case.symptoms, [row for own in parts for row in own]
@@ -185,7 +185,7 @@ def _stands_out(case: Case, parts: Sequence[list[int]]) -> bool:
         return False
     ports = {str(entry.key.port) for entry in lists}
     beside = [entry for entry in case.lists.values() if str(entry.key.port) in ports and longest_ns([entry])]
-    return 2 * len(lists) <= len(beside) and all(case.is_steady(entry, case.end_ns) for entry in lists)
+    return len(lists) < len(beside) and all(case.is_steady(entry, case.end_ns) for entry in lists)
 
 
 def judge_bursts(case: Case) -> Iterator[Explained]:
