@@ -27,7 +27,7 @@ def _table() -> str:
         from scapy.libs.manuf import DATA  # noqa: PLC0415
     except ImportError:
         return ""
-    return f"\n{DATA}" if isinstance(DATA, str) else ""
+    return DATA if isinstance(DATA, str) else ""
 
 
 def _line(table: str, begin: str) -> str:

@@ -250,14 +250,18 @@ class Case:
         return all(
             stream.intervals.nominal is not None
             and stream.first_ns - self.start_ns <= slack
-            and min(stream.last_ns + slack, until_ns) - stream.first_ns >= _STEADY_INTERVALS * stream.intervals.nominal
+            and until_ns - stream.first_ns >= _STEADY_INTERVALS * stream.intervals.nominal
             and stream.last_ns + slack >= until_ns
             for stream in entry.streams
         )
 
-    def at_most(self, lists: Iterable[AnyList]) -> Severity:
+    def are_nobodys(self, lists: Sequence[AnyList]) -> bool:
+        """Tell whether there are lists, and all are such identifiers."""
+        return bool(lists) and all(map(self.is_nobodys, lists))
+
+    def at_most(self, lists: Sequence[AnyList]) -> Severity:
         """Return how bad it can be that lists break rules for lists: a note where all are nobody's."""
-        return Severity.NOTE if all(map(self.is_nobodys, lists)) else Severity.ERROR
+        return Severity.NOTE if self.are_nobodys(lists) else Severity.ERROR
 
     def channel_name(self, channel: int) -> str:
         """Return what a channel of CAN is called."""
@@ -315,6 +319,15 @@ class Case:
         if silences and silences[-1].until_ns >= self.end_ns and silences[-1].length_ns > longest_ns:
             found.append(Pause(silences[-1].since_ns, None, silences[-1].frame))
         return found
+
+    @cached_property
+    def long_pauses(self) -> dict[tuple[int, ...], set[tuple[int, int]]]:
+        """From when to when streams paused for long, by list, node and SubIndex: nothing of them came in between."""
+        table = self.witness.long_pauses.columns()
+        return {
+            place: set(zip(table.since_ns[own].tolist(), table.time_ns[own].tolist(), strict=True))
+            for place, own in rows_by((table.list, table.node, table.subindex))
+        }
 
     def unusual_intervals(self, number: int, stream: StreamSummary) -> EventTable:
         """Return the unusual intervals of a stream of a list, by time."""

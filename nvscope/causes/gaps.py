@@ -11,6 +11,7 @@ from dissectors.batch import I64, Bool
 from nvscope.causes.case import MOMENT_NS, Case
 from nvscope.engine.runs import rows_by
 from nvscope.findings.loss import TELEGRAM_GAP
+from nvscope.findings.timing import JITTER, LATE
 
 IN_A_ROW = 5
 """So many lost in a row are an outage: a cause of its own."""
@@ -118,7 +119,13 @@ def end_of_losses(case: Case, losses: Losses, least_ns: int) -> int | None:
     return int(case.symptoms.time_ns[losses.row].max())
 
 
-def may_lack(interval_ns: int, nominal_ns: int) -> bool:
-    """Tell whether an interval is a few whole ones: telegrams between may be missing, and no Counter tells it."""
+def lacking(case: Case, chosen: Bool) -> Bool:
+    """Tell which of some long intervals are a few whole ones: telegrams may be missing that no Counter tells."""
+    symptoms = case.symptoms
+    rows = np.flatnonzero(chosen & symptoms.of_kinds(LATE, JITTER))
+    nominal_ns = case.nominal_ns(rows)
+    rows, nominal_ns = rows[nominal_ns > 0], nominal_ns[nominal_ns > 0]
+    interval_ns = symptoms.amount[rows]
     times = (interval_ns + nominal_ns // 2) // nominal_ns
-    return 1 < times <= SHORT_GAP + 1 and abs(interval_ns - times * nominal_ns) * _AWRY < nominal_ns
+    whole = np.abs(interval_ns - times * nominal_ns) * _AWRY < nominal_ns
+    return case.only(rows[whole & (times > 1) & (times <= SHORT_GAP + 1)])

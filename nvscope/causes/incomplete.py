@@ -12,7 +12,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, NodeStream, longest_ns, slack_ns
 from nvscope.causes.chance import longest_by_chance
-from nvscope.causes.gaps import SHORT_GAP, Losses, end_of_losses, losses_in, may_lack, since_of
+from nvscope.causes.gaps import SHORT_GAP, Losses, end_of_losses, lacking, losses_in, since_of
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lost_answers import long_runs
 from nvscope.causes.moments import PAIR, Moments, together
@@ -193,7 +193,7 @@ def _draft(
     symptoms = case.symptoms
     events = own if events is None else events
     since_ns, last_ns = since_of(events), int(symptoms.time_ns[own.row].max())
-    lists = [case.lists[number] for number in distinct(own.list).tolist()]
+    lists = case.lists_of(own.row)
     chosen = case.only(own.row) | case.free(CAPTURE_DROPS)
     length_ns = symptoms.time_ns - symptoms.since_ns
     short = length_ns <= int(length_ns[own.row].max()) + slack_ns(lists)  # a longer pause is another matter
@@ -227,10 +227,9 @@ def _uncounted(case: Case) -> Bool:
     """Tell which long intervals and torn cycles may hold a single loss that no Counter tells of their list."""
     symptoms = case.symptoms
     rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER))
-    intervals_ns = symptoms.amount[rows].tolist()
     late = [
-        row for row, amount, one in zip(rows.tolist(), intervals_ns, case.streams_at(rows), strict=True)
-        if one is not None and one.nominal_ns and not _tells(case, one) and may_lack(amount, one.nominal_ns)
+        row for row, one in zip(rows.tolist(), case.streams_at(rows), strict=True)
+        if one is not None and not _tells(case, one)
     ]  # fmt: skip
     silent = {
         (node, one.list.number) for node, streams in case.streams_of_node.items() for one in streams
@@ -239,7 +238,7 @@ def _uncounted(case: Case) -> Bool:
     rows = np.flatnonzero(symptoms.of_kinds(TORN_CYCLE))
     places = zip(symptoms.node[rows].tolist(), symptoms.list[rows].tolist(), strict=True)
     torn = [row for row, place in zip(rows.tolist(), places, strict=True) if place in silent]
-    return case.only([*late, *torn])
+    return lacking(case, case.only(late)) | case.only(torn)
 
 
 def _tells(case: Case, one: NodeStream) -> bool:

@@ -57,10 +57,13 @@ def judge_late_senders(case: Case) -> Iterator[Explained]:
             for own in _of_node(case, parts):
                 yield _late(case, node, own)
             continue
-        known = [own for own in parts if not case.is_nobodys(case.lists[int(symptoms.list[own[0]])])]
-        for own in known:
-            yield _late(case, node, own)
-        for together in _at_once(case, [own for own in parts if own not in known]):
+        strange: list[list[int]] = []
+        for own in parts:
+            if case.is_nobodys(case.lists[int(symptoms.list[own[0]])]):
+                strange.append(own)
+            else:
+                yield _late(case, node, own)
+        for together in _at_once(case, strange):
             if _stands_out(case, together):
                 for own in together:
                     yield _late(case, node, own, len(together) - 1)

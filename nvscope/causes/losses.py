@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, longest_ns, slack_ns
-from nvscope.causes.gaps import IN_A_ROW, Losses, clusters, end_of_losses, losses_in, may_lack, since_of
+from nvscope.causes.gaps import IN_A_ROW, Losses, clusters, end_of_losses, lacking, losses_in, since_of
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.spans import touching
@@ -49,7 +49,7 @@ def judge_losses_at_senders(case: Case) -> Iterator[Explained]:
     """Explain losses of several lists of one node that come together, or alike."""
     for node, chosen in losses_at_senders(case).items():
         for cluster in clusters(chosen):
-            lists = _lists(case, cluster)
+            lists = case.lists_of(cluster.row)
             checked = [_share(case, cluster)]
             if case.counts_as_a_whole(node):
                 checked.insert(0, "it counts all that it sends: of which list they were is not known")
@@ -79,10 +79,6 @@ def losses_of_only_lists(case: Case) -> dict[int, Losses]:
 
 def _has_one_list(case: Case, node: int) -> bool:
     return len(case.lists_of_node(node)) == 1
-
-
-def _lists(case: Case, losses: Losses) -> list[AnyList]:
-    return [case.lists[number] for number in distinct(losses.list).tolist()]
 
 
 def _at_sender(case: Case, node: int, own: Losses, all_due_ns: I64) -> Losses:
@@ -211,7 +207,7 @@ def _draft(
         # Of a list that lost something another one may have told: it came late only.
         effects = case.free(*_EFFECTS, LATE) & (symptoms.node == node)
         then = effects & case.overlapping(since_ns - slack_ns(lists), last_ns + slack_ns(lists))
-        chosen |= _uncounted(case, then) | (then & symptoms.of_kinds(TORN_CYCLE))
+        chosen |= lacking(case, then) | (then & symptoms.of_kinds(TORN_CYCLE))
     else:
         effects = case.free(*_EFFECTS) & (symptoms.node == node)
         effects &= np.isin(symptoms.list, [one.number for one in lists])
@@ -225,14 +221,6 @@ def _draft(
         kind, f"{where}, {when}", kind.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
     )  # fmt: skip
     return draft, chosen
-
-
-def _uncounted(case: Case, chosen: Bool) -> Bool:
-    """Tell which of some long intervals may hold telegrams that are missing within one sending: no counter tells it."""
-    symptoms = case.symptoms
-    rows = np.flatnonzero(chosen & symptoms.of_kinds(LATE, JITTER))
-    columns = zip(rows.tolist(), symptoms.amount[rows].tolist(), case.nominal_ns(rows).tolist(), strict=True)
-    return case.only([row for row, amount, nominal in columns if nominal and may_lack(amount, nominal)])
 
 
 def _share(case: Case, losses: Losses) -> str:

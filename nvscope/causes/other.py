@@ -51,4 +51,4 @@ def _at_most(case: Case, finding: Finding, lists: Sequence[AnyList]) -> Severity
     if finding.kind is TRUNCATED_FILE:
         torn = any(source.truncation and not source.truncation.is_whole for source in case.facts.sources)
         return Severity.ERROR if torn else Severity.NOTE
-    return case.at_most(lists) if lists else Severity.ERROR
+    return case.at_most(lists)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import Case, Draft, Explained, NodeStream, slack_ns
+from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.gaps import clusters
 from nvscope.causes.kind import CauseKind
@@ -199,13 +199,14 @@ def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
         (sent,) = case.streams_at(np.array(own[:1]))
         assert sent is not None, "what waits for an acknowledgement is on UDP"
         parts = [[own[0]]]
-        pauses = _pauses_of(case, sent)
+        place = sent.list.number, sent.stream.node, sent.stream.subindex
         for before, row in pairwise(own):
             interval_ns = int(symptoms.since_ns[row] - symptoms.since_ns[before])
             usual_ns = sent.nominal_ns or sent.stream.intervals.p95 or interval_ns
             # The capture may lack telegrams between: what ended a wait is the next one that it has.
             follows = interval_ns <= usual_ns * 3 // 2 or symptoms.since_ns[row] <= symptoms.time_ns[before]
-            if follows or (int(symptoms.since_ns[before]), int(symptoms.since_ns[row])) in pauses:
+            beside = int(symptoms.since_ns[before]), int(symptoms.since_ns[row])
+            if follows or beside in case.long_pauses.get(place, ()):
                 parts[-1].append(row)
             else:
                 parts.append([row])
@@ -216,13 +217,6 @@ def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
     longest = longest_by_chance(len(rest), telegrams - len(rest))
     rest += [row for part in runs if len(part) <= longest for row in part]
     return [part for part in runs if len(part) > longest], sorted(rest)
-
-
-def _pauses_of(case: Case, sent: NodeStream) -> set[tuple[int, int]]:
-    """Return from when to when a stream paused for long: between the telegrams beside a pause there was no other."""
-    table = case.witness.long_pauses.columns()
-    own = (table.list == sent.list.number) & (table.node == sent.stream.node) & (table.subindex == sent.stream.subindex)
-    return set(zip(table.since_ns[own].tolist(), table.time_ns[own].tolist(), strict=True))
 
 
 def _overlapping(runs: Sequence[_Run]) -> list[list[_Run]]:

@@ -140,17 +140,14 @@ def _mixed_lines(case: Case) -> Explained | None:
     """Explain frames that are not in the order of their times, though those of each line on CAN are: a note."""
     symptoms, lines = case.symptoms, case.witness.line_clocks
     told = case.free(CLOCK_STEP)
-    if lines.lines < 2 or not told.any():
-        return None
-    # A step of a line's own is seen at its first frame, and again where another line is still behind.
-    if len(lines.steps):
+    if lines.count < 2 or not lines.are_in_order or not told.any():
         return None
     far_ns = int(symptoms.amount[told].max())
     since_ns, last_ns = int(symptoms.time_ns[told].min()), int(symptoms.since_ns[told].max())
     draft = Draft(
         CLOCK, f"Frames of several channels or directions are mixed, up to {duration(far_ns)} out of order",
         "Nothing, unless what came first on two channels matters: then capture them with one program and clock.",
-        [f"those of each of {count(lines.lines)} are in order: no clock was set"],
+        [f"those of each of {count(lines.count)} are in order: no clock was set"],
         since_ns=since_ns, until_ns=last_ns, at_most=Severity.NOTE,
     )  # fmt: skip
     return draft, told

@@ -245,7 +245,7 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
     else:
         checked.append("no definition knows it, and it was not there all the time before: it may have been done")
     step = LIST_STOPPED.next_step
-    if all(map(case.is_nobodys, lists)):
+    if case.are_nobodys(lists):
         them = "them" if len(lists) > 1 else "it"
         step = f"Power and plug of the device that sends {them}, then its program; a definition would name {them}."
     draft = Draft(
@@ -261,6 +261,5 @@ def _how_steady(case: Case, lists: Sequence[AnyList], until_ns: int) -> str:
     if any(entry.key.transport is not Transport.CAN for entry in lists):
         return ""
     first_ns = min(stream.first_ns for entry in lists for stream in entry.streams)
-    usual_ns = longest_ns(lists)
-    every = f", {'each ' if len(lists) > 1 else ''}about every {duration(usual_ns)}" if len(lists) == 1 else ""
+    every = f", about every {duration(longest_ns(lists))}" if len(lists) == 1 else ""
     return f"before that, {'they' if len(lists) > 1 else 'it'} came for {duration(until_ns - first_ns)}{every}"

@@ -33,7 +33,7 @@ def lists_in_words(case: Case, lists: Sequence[AnyList]) -> str:
 
     On CAN, what no definition knows is an identifier: ``identifier 0x181``.
     """
-    noun = "identifier" if lists and all(map(case.is_nobodys, lists)) else "list"
+    noun = "identifier" if case.are_nobodys(lists) else "list"
     ordered = sorted({entry.number: entry for entry in lists}.values(), key=lambda entry: entry.key)
     names = [_name(case, entry) for entry in ordered]
     if len(names) > _NAMED:

@@ -366,8 +366,9 @@ def _swapped(steps: Steps, start: I64, last: U16, counter_at: Callable[[I64], U1
     ``start`` is where each sequence begins, ``last`` the counter in front of that; ``counter_at`` those at places.
     """
     place: I64 = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
-    # Swapped, +1 is +0x0100, or +0x0101 where the low byte wraps: nothing else is looked at, but where the counter in
-    # front is not the one that steps are taken from.
+    if not len(place):
+        return place
+    # Swapped, +1 is +0x0100, or +0x0101 at a wrap; unsure is it where steps are not from the counter in front.
     distance, unsure = steps.distance[place] & 0xFFFE, np.zeros(len(steps.step) + 1, np.bool_)
     unsure[start] = True
     unsure[1:] |= (steps.step == Step.LATE) | (steps.step == Step.OVERTAKEN) | (steps.step == Step.NONE)

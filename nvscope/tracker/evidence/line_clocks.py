@@ -10,31 +10,25 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
 from nvscope.tracker.capture import CLOCK_STEP_NS
-
-MOST_STEPS = 1 << 12
-"""The frames of so many steps are kept."""
 
 _DIRECTIONS = 4
 
 
 class LineClocks:
-    """An observer of CAN frames; ``steps`` are the first frames that are far before the one in front on their line.
-
-    ``lines`` is how many lines were seen.
-    """
+    """An observer of CAN frames; ``are_in_order`` where no line has a frame far before the one in front of it."""
 
     by_stream: ClassVar[bool] = False
 
     def __init__(self) -> None:
         self._last_ns: dict[int, int] = {}
-        self.steps: I64 = np.empty(0, np.int64)
+        self.are_in_order = True
 
     @property
-    def lines(self) -> int:
+    def count(self) -> int:
+        """How many lines were seen."""
         return len(self._last_ns)
 
     def observe(self, told: Told) -> None:
@@ -43,12 +37,10 @@ class LineClocks:
             return
         line = told.can.channel.astype(np.int64) * _DIRECTIONS + told.can.direction
         order = stable_order(line, int(line.max()) + 1)
-        line, time_ns, row = line[order], told.can.ts_ns[order], told.can.row[order]
+        line, time_ns = line[order], told.can.ts_ns[order]
         before_ns = np.roll(time_ns, 1)
         start, stop = runs_of(line)
         own = line[start].tolist()
         before_ns[start] = [self._last_ns.get(one, int(first)) for one, first in zip(own, time_ns[start], strict=True)]
         self._last_ns |= zip(own, time_ns[stop - 1].tolist(), strict=True)
-        if len(self.steps) < MOST_STEPS:
-            back = row[before_ns - time_ns > CLOCK_STEP_NS] + told.first_frame
-            self.steps = np.append(self.steps, np.sort(back))[:MOST_STEPS]
+        self.are_in_order &= not bool((before_ns - time_ns > CLOCK_STEP_NS).any())
