@@ -16,7 +16,8 @@ from nvscope.findings.answers import NEGATIVE_ACKNOWLEDGEMENT
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SHAPE_CHANGED
 from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.findings.facts import AnyList
-from nvscope.units import count_of
+from nvscope.findings.finding import Finding
+from nvscope.units import count, count_of
 
 DEFINITION_DIFFERS = CauseKind(
     "definition-differs",
@@ -49,7 +50,7 @@ def judge_differing_definitions(case: Case) -> Iterator[Explained]:
         which = lists_in_words(case, [entry])
         findings = {int(place): case.findings[int(place)] for place in distinct(symptoms.finding[told]).tolist()}
         worst = sorted(findings.values(), key=lambda finding: finding.code, reverse=True)
-        checked = [worst[0].message] if misfits or not changes else []
+        checked = list(_told(worst[0])) if misfits or not changes else []
         if changes:
             checked += change_in_words(case, entry, changes[0])
         if rejected.any():
@@ -62,6 +63,29 @@ def judge_differing_definitions(case: Case) -> Iterator[Explained]:
             until_ns=until_ns,
         )  # fmt: skip
         yield draft, chosen
+
+
+def _told(finding: Finding) -> Iterator[str]:
+    """Yield what does not fit, the shape first; the finding's own words where no one definition is the measure."""
+    misfit = finding.misfit
+    if misfit is None:
+        yield finding.message
+        return
+    sent, defined = misfit.sent, misfit.defined
+    if defined is None:
+        last = misfit.telegrams_defined - 1
+        yield f"SubIndex {misfit.subindex} is sent, the definition ends with SubIndex {last}"
+    elif defined == sent:
+        yield f"the last telegram fits again: {sent.in_words}"
+    else:
+        which = f" (SubIndex {misfit.subindex})" if misfit.telegrams_defined > 1 else ""
+        yield f"{sent.in_words} are sent, {defined.items} in {defined.size_bytes} are defined{which}"
+    if misfit.after_change:
+        yield misfit.after_change[0].lower() + misfit.after_change[1:].rstrip(".")
+    if misfit.where:
+        yield misfit.where
+    if finding.count < misfit.telegrams:
+        yield f"{count(finding.count)} of {count_of(misfit.telegrams, 'telegram')}"
 
 
 def _when(case: Case, entry: AnyList, rows: I64, changes: Sequence[Change]) -> tuple[int, int | None]:

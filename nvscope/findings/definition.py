@@ -143,10 +143,10 @@ def _mismatches(facts: Facts, entry: ListSummary) -> Iterator[Finding]:
                 if stream.stream < len(values.unfitting) and values.unfitting.count[stream.stream]
             ]
             told = tell_misfits(facts, entry, streams, misfits, candidates)
-        for message, events, subindex, hint in told:
+        for message, events, subindex, hint, misfit in told:
             yield Finding(
                 DEFINITION_MISMATCH, message, events.count, events.first_ns, events.last_ns, events.frames,
-                entry.number, node, subindex, hint,
+                entry.number, node, subindex, hint, misfit=misfit,
             )  # fmt: skip
 
 

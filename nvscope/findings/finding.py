@@ -10,6 +10,7 @@ from nvscope.findings.kind import FindingKind
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 if TYPE_CHECKING:  # `explain` reads the rows beside the judges, and starts without what these judge from
+    from nvscope.findings.misfit import Misfit
     from nvscope.list_key import ListKey
     from nvscope.tracker.events import EventRows
 
@@ -41,6 +42,8 @@ class Finding:
     """Those that it stands for, in their order, where it is one finding for many lists."""
     extent: float | None = None
     """How far it goes, of kinds in ``nvscope.findings.badness.EXTENTS``."""
+    misfit: Misfit | None = None
+    """How telegrams differ from the only definition of their list, where they do."""
 
     @property
     def code(self) -> str:

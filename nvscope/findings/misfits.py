@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope.findings.definition_names import names_of_definitions
 from nvscope.findings.finding import Events
+from nvscope.findings.misfit import Misfit, Shape
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count, count_of
 
@@ -31,6 +33,8 @@ class Mismatch(NamedTuple):
     events: Events
     subindex: int | None
     hint: str = ""
+    misfit: Misfit | None = None
+    """The same as data, where no definition fits."""
 
 
 def shapes_of(streams: Sequence[StreamSummary]) -> dict[int, tuple[int, int]]:
@@ -53,14 +57,16 @@ def tell_misfits(
     if cause and cause.complete and len(misfits) > 1 and not any(_fits(stream, named[name]) for stream, _ in misfits):
         yield _all_at_once(misfits, named[name], cause)
         return
+    first = next(iter(named.values()))
     for number, (stream, events) in enumerate(misfits):
-        told = _shift(stream, next(iter(named.values()))) if len(named) == 1 else _shifts(stream, named)
+        misfit = _misfit(stream, stream.telegrams, first, cause if number == 0 else None)
+        told = _shift(misfit) if len(named) == 1 else _shifts(stream, named)
         message = f"{count_of(events.count, 'telegram')} of {count(stream.telegrams)}: {told}"
-        first = cause if number == 0 else None
-        if first:
-            yield Mismatch(f"{message} {first.sentence}", events, stream.subindex, first.next_step)
+        only = misfit if len(named) == 1 else None
+        if number == 0 and cause:
+            yield Mismatch(f"{message} {cause.sentence}", events, stream.subindex, cause.next_step, only)
         else:
-            yield Mismatch(message, events, stream.subindex)
+            yield Mismatch(message, events, stream.subindex, misfit=only)
 
 
 def all_of(misfits: Sequence[Events]) -> Events:
@@ -77,14 +83,15 @@ def all_of(misfits: Sequence[Events]) -> Events:
 def _all_at_once(misfits: Misfits, layouts: Telegrams, cause: Cause) -> Mismatch:
     events, first = all_of([events for _, events in misfits]), misfits[0][0]
     telegrams = sum(stream.telegrams for stream, _ in misfits)
-    shift = _shift(first, layouts)
+    misfit = _misfit(first, telegrams, layouts, cause)
+    shift = _shift(misfit)
     if first.subindex < len(layouts):
         shift = f"SubIndex {first.subindex} has {shift}"
     message = (
         f"{count_of(events.count, 'telegram')} of {count(telegrams)}, in {count(len(misfits))} SubIndexes: "
         f"{shift} {cause.sentence}"
     )
-    return Mismatch(message, events, None, cause.next_step)
+    return Mismatch(message, events, None, cause.next_step, misfit)
 
 
 def _cause(
@@ -113,6 +120,11 @@ def _cause(
     return known.get(key, ("", None))
 
 
+def _shifts(stream: StreamSummary, named: Mapping[str, Telegrams]) -> str:
+    told = {name: _shift(_misfit(stream, stream.telegrams, layouts, None)) for name, layouts in named.items()}
+    return " ".join(f"{name}: {shift}" for name, shift in told.items())
+
+
 def _fits(stream: StreamSummary, layouts: Telegrams) -> bool:
     """Tell whether a stream's last telegram has the shape of a definition."""
     return stream.subindex < len(layouts) and (stream.items, stream.length) == (
@@ -120,25 +132,37 @@ def _fits(stream: StreamSummary, layouts: Telegrams) -> bool:
     )  # fmt: skip
 
 
-def _shifts(stream: StreamSummary, named: Mapping[str, Telegrams]) -> str:
-    return " ".join(f"{name}: {_shift(stream, layouts)}" for name, layouts in named.items())
-
-
-def _shift(stream: StreamSummary, layouts: Telegrams) -> str:
-    """Say what of the last telegram cannot be as the definition has it."""
+def _misfit(stream: StreamSummary, telegrams: int, layouts: Telegrams, cause: Cause | None) -> Misfit:
+    """Return what of the last telegram cannot be as the definition has it."""
+    after_change = cause.sentence if cause else ""
     if stream.subindex >= len(layouts):
-        return f"SubIndex {stream.subindex} is sent, by the definition the list ends with {len(layouts) - 1}."
-    if _fits(stream, layouts):
-        return "the last one fits again."
+        header_bytes = layouts[0].length - layouts[0].layout.size_bytes
+        sent = Shape(stream.items, stream.length - header_bytes)
+        return Misfit(stream.subindex, telegrams, len(layouts), sent, None, after_change=after_change)
     layout = layouts[stream.subindex]
-    sent, told = stream.length - (layout.length - layout.layout.size_bytes), layout.layout.size_bytes
-    shape = f"{count_of(stream.items, 'item')} in {count_of(sent, 'byte')}, by the definition {layout.items} in {told}"
-    if sent == told:
-        return f"{shape}: other variables of the same size together."
-    if sent > told:
-        return f"{shape}: {count_of(sent - told, 'byte')} more than up to the end of {layout.elements[-1].name}."
+    size_bytes = layout.layout.size_bytes
+    sent = Shape(stream.items, stream.length - (layout.length - size_bytes))
+    found = Misfit(
+        stream.subindex, telegrams, len(layouts), sent, Shape(layout.items, size_bytes), after_change=after_change
+    )
+    if _fits(stream, layouts) or sent.size_bytes == size_bytes:
+        return found
+    if sent.size_bytes > size_bytes:
+        return replace(found, variable=layout.elements[-1].name, byte=size_bytes)
     for offset, element in layout.spans():
-        if offset + element.type.size_bytes > sent:
-            missing = count_of(told - sent, "byte")
-            return f"{shape}: {element.name} at byte {offset} is the first that cannot be there, {missing} short."
-    return f"{shape}."
+        if offset + element.type.size_bytes > sent.size_bytes:
+            return replace(found, variable=element.name, byte=offset)
+    return found
+
+
+def _shift(misfit: Misfit) -> str:
+    """Say in one sentence what does not fit."""
+    if misfit.defined is None:
+        return (
+            f"SubIndex {misfit.subindex} is sent, by the definition the list ends with {misfit.telegrams_defined - 1}."
+        )
+    if misfit.defined == misfit.sent:
+        return "the last one fits again."
+    told = f"{misfit.sent.in_words}, by the definition {misfit.defined.items} in {misfit.defined.size_bytes}"
+    where = misfit.where
+    return f"{told}: {where}." if where else f"{told}."
