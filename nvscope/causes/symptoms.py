@@ -104,12 +104,16 @@ class IntervalsByStream:
     """The unusual intervals that were kept, by list, node and SubIndex; those of a stream by time."""
 
     def __init__(self, evidence: Evidence) -> None:
-        self._table = evidence.columns["intervals"].table()
-        self._rows = dict(rows_by((self._table.list, self._table.node, self._table.subindex)))
+        table = evidence.columns["intervals"].table()
+        rows = dict(rows_by((table.list, table.node, table.subindex)))
+        # In the order of streams, so that those of one are a slice.
+        self._table = _where(table, np.concatenate([*rows.values(), _NO_ROWS]))
+        stop = np.cumsum([len(own) for own in rows.values()]).tolist()
+        self._rows = dict(zip(rows, map(slice, [0, *stop], stop), strict=True))
 
     def of(self, place: tuple[int, int, int]) -> EventTable:
         """Return those of one stream."""
-        return _where(self._table, self._rows.get(place, _NO_ROWS))
+        return _where(self._table, self._rows.get(place, slice(0)))
 
 
 _NO_ROWS = np.empty(0, np.int64)
@@ -163,7 +167,7 @@ class _Places:
         )  # fmt: skip
 
 
-def _where(table: EventTable, chosen: Bool | I64) -> EventTable:
+def _where(table: EventTable, chosen: Bool | I64 | slice) -> EventTable:
     return EventTable(*(column[chosen] for column in table))
 
 

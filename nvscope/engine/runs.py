@@ -68,10 +68,23 @@ def runs_of_lengths(length: I64) -> tuple[I64, I64, I64]:
 
 def rows_by(columns: Sequence[I64]) -> Iterator[tuple[tuple[int, ...], I64]]:
     """Yield each row of numbers that some columns hold, rising, and where they hold it, rising."""
-    order = np.lexsort(columns[::-1])
+    order = _rising(columns)
     changes = np.zeros(len(order), np.bool_)
     for column in columns:
-        changes |= np.append(True, np.diff(column[order]) != 0)[: len(order)]
+        ordered = column[order]
+        changes[1:] |= ordered[1:] != ordered[:-1]
+    changes[:1] = True
     start = np.flatnonzero(changes)
     places = zip(*(column[order[start]].tolist() for column in columns), strict=True)
     yield from zip(places, np.split(order, start[1:]) if len(start) else (), strict=True)
+
+
+def _rising(columns: Sequence[I64]) -> I64:
+    """Return the order that sorts rows by the first column, then the second …, equal ones as they came."""
+    order = np.arange(len(columns[0]))
+    for column in columns[::-1]:
+        least = int(column.min()) if len(column) else 0
+        bound = int(column.max()) - least + 1 if len(column) else 1
+        if bound > 1:
+            order = order[stable_order((column - least)[order], bound)]
+    return order

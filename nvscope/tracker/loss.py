@@ -368,13 +368,14 @@ def _swapped(steps: Steps, start: I64, last: U16, counter_at: Callable[[I64], U1
     place: I64 = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
     if not len(place):
         return place
-    # Swapped, +1 is +0x0100, or +0x0101 at a wrap; unsure is it where steps are not from the counter in front.
-    distance, unsure = steps.distance[place] & 0xFFFE, np.zeros(len(steps.step) + 1, np.bool_)
-    unsure[start] = True
-    unsure[1:] |= (steps.step == Step.LATE) | (steps.step == Step.OVERTAKEN) | (steps.step == Step.NONE)
-    place = place[(distance == 0x0100) | unsure[place]]
     sequence = np.searchsorted(start, place, "right") - 1
-    before = np.where(start[sequence] == place, last[sequence], counter_at(place - 1))
+    begins = start[sequence] == place
+    # Swapped, +1 is +0x0100, or +0x0101 at a wrap; unsure is it where steps are not from the counter in front.
+    before = steps.step[place - 1]
+    unsure = begins | (before == Step.LATE) | (before == Step.OVERTAKEN) | (before == Step.NONE)
+    likely = unsure | (steps.distance[place] & 0xFFFE == 0x0100)
+    place, sequence, begins = place[likely], sequence[likely], begins[likely]
+    before = np.where(begins, last[sequence], counter_at(place - 1))
     found: I64 = sequence[counter_at(place).byteswap() - before.byteswap() == 1]
     return found
 
