@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dissectors.batch import Bool
+from dissectors.batch import I64, Bool
 from nvscope.causes.boot_ups import are_answers_to_anybody
 from nvscope.causes.case import Case
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
@@ -23,9 +23,19 @@ def of_successions(case: Case) -> Bool:
     cut_short = case.free(NO_ACKNOWLEDGEMENT)
     if cut_short.any():
         rows = np.flatnonzero(cut_short)
-        least_ns = np.array([one.nominal_ns if one else 0 for one in case.streams_at(rows)], np.int64) // _TENTH
+        nominal_ns = case.nominal_ns(rows)
+        # Who answers slowly has until then no time either; who takes as long as an interval lasts, always has as much.
+        least_ns = np.maximum(nominal_ns // _TENTH, np.minimum(_answered_after_ns(case, rows), nominal_ns // 2))
         cut_short = case.only(rows[symptoms.time_ns[rows] - symptoms.since_ns[rows] < least_ns])
     torn = np.flatnonzero(case.free(TORN_CYCLE))
     torn = torn[are_answers_to_anybody(case, torn, intervals=1)]
     found: Bool = cut_short | case.only(torn)
     return found
+
+
+def _answered_after_ns(case: Case, rows: I64) -> I64:
+    """Return after how long nearly all telegrams of the lists of some symptoms are acknowledged, 0 where none is."""
+    answers = case.witness.evidence.answers
+    usual = answers.latencies.figures(answers.pairs.high.astype(np.int64))
+    after_ns = {number: figures.p99 or 0 for number, figures in usual.items()}
+    return np.array([after_ns.get(number, 0) for number in case.symptoms.list[rows].tolist()], np.int64)
