@@ -1,4 +1,4 @@
-"""Waits that the next telegram ends before their reader had the time to answer."""
+"""Telegrams in quick succession: what follows from them is no fault of anybody."""
 
 from __future__ import annotations
 
@@ -39,3 +39,14 @@ def test_who_answers_slowly_is_not_blamed_for_telegrams_that_follow_sooner(
     frames = exchange(sorted([*at_ms, 10_000 + further_ms]), {10_000})
     causes = causes_in(list(frames), tmp_path)
     assert [cause.kind.name for cause in causes if cause.severity.name != "NOTE"] == kinds
+
+
+def test_cycles_of_a_burst_that_interleave_are_not_late(tmp_path: Path) -> None:
+    frames = [
+        data_frame(at_ms * MS + subindex * 3 * MS, "10.0.0.1", "10.0.0.2",
+                   telegram(list_id=7, subindex=subindex, items=2, counter=counter + 900 * subindex))
+        for counter, at_ms in enumerate(sorted([*range(0, 20_000, 50), 10_001]), 1) for subindex in (0, 1)
+    ]  # fmt: skip
+    (cause,) = causes_in(frames, tmp_path)
+    assert (cause.kind.name, cause.severity.name) == ("sender-bursts", "NOTE")
+    assert sorted({finding.code for finding in cause.findings}) == ["NV503", "NV505"]
