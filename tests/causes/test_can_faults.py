@@ -58,3 +58,12 @@ def test_lists_that_a_bus_off_ended_are_no_devices_that_stopped(tmp_path: Path) 
     bus.quiet.append((START_NS + 20 * SECOND + SECOND // 2, bus.end_ns))
     bus.rows.append((bus.end_ns - 1, ERROR | 0x004, bytes([0, 8, 0, 0, 0, 0, 0, 0])))
     assert "list-stopped" not in [kind for kind, _, _ in told_of_bus(bus, tmp_path)]
+
+
+def test_a_cycle_that_a_bus_off_broke_off_is_no_other_matter(tmp_path: Path) -> None:
+    bus = bus_of((0x140, 100, [8, 8]), (0x150, 500, [4]))
+    off_ns = START_NS + 20 * SECOND - 70 * MILLISECOND
+    bus.lists[0].missing = (1, off_ns - 30 * MILLISECOND, off_ns, 1.0)
+    bus.rows.append((off_ns, ERROR | OFF, bytes(8)))
+    bus.quiet.append((off_ns, off_ns + 4 * SECOND))
+    assert [kind for kind, _, _ in told_of_bus(bus, tmp_path)] == ["bus-off"]
