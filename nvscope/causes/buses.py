@@ -8,7 +8,8 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.can.error import RESTARTED
-from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
+from nvscope.causes.case import Case, Draft, Explained, slack_ns
+from nvscope.causes.cut_cycles import cycles_cut
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words, moment, span_in_words
 from nvscope.engine.runs import distinct
@@ -81,7 +82,7 @@ def judge_buses_off(case: Case) -> Iterator[Explained]:
         chosen &= case.overlapping(since_ns, None if until_ns is None else until_ns + slack)
         # What has stopped since then sent its last frame up to an interval before.
         chosen |= case.free(STOPPED) & own & (until_ns is None) & (case.symptoms.time_ns >= since_ns - slack)
-        chosen |= _broken_off(case, own, since_ns)
+        chosen |= cycles_cut(case, since_ns) & own
         name = case.channel_name(channel)
         checked = [
             f"back after {duration(until_ns - time_ns)}" if until_ns is not None else "it did not come back"
@@ -92,14 +93,6 @@ def judge_buses_off(case: Case) -> Iterator[Explained]:
             BUS_OFF, title, BUS_OFF.next_step, checked, lists, channel=name, since_ns=since_ns, until_ns=until_ns
         )  # fmt: skip
         yield draft, chosen
-
-
-def _broken_off(case: Case, own: Bool, since_ns: int) -> Bool:
-    """Tell which cycles had come in part when the bus was left: they ended less than an interval before."""
-    rows = np.flatnonzero(case.free(INCOMPLETE_CYCLE) & own)
-    interval_ns = np.array([longest_ns([case.lists[number]]) for number in case.symptoms.list[rows].tolist()], np.int64)
-    before_ns = since_ns - case.symptoms.time_ns[rows]
-    return case.only(rows[(before_ns >= 0) & (before_ns < interval_ns)])
 
 
 def _back(table: EventTable, channel: int, off_ns: int) -> tuple[int | None, bool]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, NodeStream
+from nvscope.causes.cut_cycles import cycles_cut
 from nvscope.causes.recording import CLOCK, OF_CLOCK
 from nvscope.causes.words import moment
 from nvscope.findings.loss import SENDER_RESTART
@@ -50,7 +51,7 @@ def judge_standstills(case: Case) -> Iterator[Explained]:
         )  # fmt: skip
         # A wait that was open then has ended at its deadline, be that behind the pause or in it.
         chosen = case.free(*OF_CLOCK) & (symptoms.since_ns <= since_ns) & (symptoms.time_ns > since_ns)
-        yield draft, chosen & ~_silent_before(case, since_ns)
+        yield draft, (chosen & ~_silent_before(case, since_ns)) | cycles_cut(case, since_ns, until_ns)
 
 
 def _silent_before(case: Case, since_ns: int) -> Bool:

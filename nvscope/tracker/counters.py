@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:  # what explains findings needs no columns
-    from dissectors.batch import I64, Bool
 
 
 class Scope(IntEnum):
@@ -19,8 +15,6 @@ class Scope(IntEnum):
 
 SCOPE_NAMES = {Scope.STREAM: "stream", Scope.NODE_TELEGRAM: "node-telegram", Scope.NODE_SEND: "node-send"}
 SCOPE_UNUSED = "unused"
-
-_SWAPPED_PERCENT = 90
 
 _ERRATIC_FROM = 100
 _ERRATIC_FACTOR = 10
@@ -40,13 +34,3 @@ def is_erratic(lost: int, telegrams: int, duration_ns: int, median_ns: int | Non
         return lost > _ERRATIC_FROM
     absent_ns = max(0, duration_ns - telegrams * median_ns)
     return (lost - _ERRATIC_FROM) * median_ns > _ERRATIC_FACTOR * absent_ns
-
-
-def byte_swapped(steps: I64, regular: I64, swapped: I64) -> Bool:
-    """Tell which Counters that do not count are written byte-swapped: nearly all steps are +1 in one byte order.
-
-    ``regular`` are so in the right one, ``swapped`` in the other one only; those are most of the ``steps`` that are not
-    regular. A public sender writes the values from 128 on that way.
-    """
-    nearly_all = 100 * (regular + swapped) >= _SWAPPED_PERCENT * steps
-    return nearly_all & (2 * swapped > steps - regular) & (swapped >= _ERRATIC_FROM)

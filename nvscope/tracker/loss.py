@@ -8,7 +8,6 @@ duplicate, however late it comes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -22,7 +21,7 @@ from nvscope.engine.rows import DataRows
 from nvscope.engine.runs import order_by, runs_of_lengths, spans
 from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
-from nvscope.tracker.counters import Scope, byte_swapped
+from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventRows
 from nvscope.tracker.node_steps import NodeOrder, NodeSteps
@@ -30,6 +29,7 @@ from nvscope.tracker.rare import rare_ones
 from nvscope.tracker.repeated import Repeated
 from nvscope.tracker.sender_changes import Changes
 from nvscope.tracker.steps import Step, Steps
+from nvscope.tracker.swapped_counters import byte_swapped, swapped_steps
 
 _TOLD = {
     Step.GAP: EventKind.GAP,
@@ -215,7 +215,7 @@ class Loss:
         streams.regular[run] += rows.stop - rows.start - irregular
         np.add.at(self.nodes.regular_of_streams, keys.node_of(run), rows.stop - rows.start - irregular)
         last = (rows.signature_before >> COUNTER_SHIFT).astype(np.uint16)
-        np.add.at(streams.swapped, run[_swapped(steps, rows.start, last, lambda place: rows.counter[place])], 1)
+        np.add.at(streams.swapped, run[swapped_steps(steps, rows.start, last, lambda place: rows.counter[place])], 1)
         return steps
 
     def _walk_nodes(self, told: Told, rows: DataRows, keys: Keys) -> NodeSteps:
@@ -254,7 +254,7 @@ class Loss:
             nodes.regular_between_streams[run] += of_streams
             nodes.regular_between_lists[run] += of_lists
             last = changes.last_stream
-        own = _swapped(steps, start, nodes.last[run], lambda place: told.counter[packet[place]])
+        own = swapped_steps(steps, start, nodes.last[run], lambda place: told.counter[packet[place]])
         np.add.at(nodes.swapped, run[own], 1)
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
         nodes.last_stream[run] = last
@@ -358,26 +358,6 @@ class Loss:
     def events_of(self, step: Step, scope: Scope) -> EventRows:
         """Return the events of a step in a scope, by stream; those of duplicates are of the step LATE."""
         return self._events[step, min(scope, Scope.NODE_TELEGRAM)]  # both node scopes take the same steps
-
-
-def _swapped(steps: Steps, start: I64, last: U16, counter_at: Callable[[I64], U16]) -> I64:
-    """Return, of each step that is +1 once the bytes of both counters are swapped, the sequence that takes it.
-
-    ``start`` is where each sequence begins, ``last`` the counter in front of that; ``counter_at`` those at places.
-    """
-    place: I64 = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
-    if not len(place):
-        return place
-    sequence = np.searchsorted(start, place, "right") - 1
-    begins = start[sequence] == place
-    # Swapped, +1 is +0x0100, or +0x0101 at a wrap; unsure is it where steps are not from the counter in front.
-    before = steps.step[place - 1]
-    unsure = begins | (before == Step.LATE) | (before == Step.OVERTAKEN) | (before == Step.NONE)
-    likely = unsure | (steps.distance[place] & 0xFFFE == 0x0100)
-    place, sequence, begins = place[likely], sequence[likely], begins[likely]
-    before = np.where(begins, last[sequence], counter_at(place - 1))
-    found: I64 = sequence[counter_at(place).byteswap() - before.byteswap() == 1]
-    return found
 
 
 def _places(chosen: Bool | None) -> I64:
