@@ -81,7 +81,9 @@ def _told(finding: Finding) -> Iterator[str]:
         which = f" (SubIndex {misfit.subindex})" if misfit.telegrams_defined > 1 else ""
         yield f"{sent.in_words} are sent, {defined.items} in {defined.size_bytes} are defined{which}"
     if misfit.after_change:
-        yield misfit.after_change[0].lower() + misfit.after_change[1:].rstrip(".")
+        # Without what that perhaps comes from: it is not what was checked.
+        change = misfit.after_change.partition(": ")[0]
+        yield change[0].lower() + change[1:].rstrip(".")
     if misfit.where:
         yield misfit.where
     if finding.count < misfit.telegrams:
