@@ -375,7 +375,7 @@ class Case:
         frames = distinct(self.symptoms.frame[rows])
         frames = frames[frames > 0]
         since_ns, until_ns = draft.since_ns, draft.until_ns
-        if since_ns is not None and since_ns - self.start_ns <= 2 * longest_ns(draft.lists):
+        if since_ns is not None and since_ns - self.start_ns <= 2 * longest_ns(self._first_lists(draft)):
             since_ns = self.start_ns  # what is so from the beginning may have been so before
         if since_ns is not None and until_ns is not None:
             until_ns = max(since_ns, until_ns)  # a clock may have stepped back in between
@@ -390,3 +390,8 @@ class Case:
         # Numbers of nodes and lists hang on how the capture was cut into batches.
         order = until_ns is not None, -severity, -telegrams, since_ns or 0, cause.lists, cause.title
         return order, cause
+
+    def _first_lists(self, draft: Draft) -> Sequence[AnyList]:
+        """Return the lists that a cause concerned first: a slow one does not tell what a fast one was like before."""
+        times_ns = self.symptoms.since_ns[draft.rows]
+        return self.lists_of(draft.rows[times_ns == times_ns.min(initial=self.end_ns)]) or draft.lists

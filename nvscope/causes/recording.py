@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.causes.case import Case, Draft, Explained, Pause
+from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.spans import touching
 from nvscope.causes.ways import ways_in_words, ways_of
@@ -62,6 +62,7 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
         return
     meanwhile = case.overlapping(since_ns - _ROOM_NS, last_ns + _ROOM_NS)
     chosen = told | (case.free(*_OF_COPIES) & meanwhile)
+    chosen |= case.free(JITTER, TORN_CYCLE) & meanwhile & _of_uncounted(case)
     lists = case.lists_of(copies)
     checked = [f"{count_of(repeated, 'telegram')} came again, byte for byte, beside {count(originals)} that did not"]
     ways = [ways_of(case, node) for node in distinct(symptoms.node[copies]).tolist()]
@@ -86,8 +87,8 @@ def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int,
     repeated, others = 0, 0.0
     for node, streams in case.streams_of_node.items():
         for one in streams:
-            if one.stream.counter_scope == "unused" or one.stream.erratic:
-                continue  # a copy of it looks like one that was sent anew: it takes no step either
+            if _is_uncounted(one):
+                continue
             own = 0
             if (one.list.number, node, one.stream.subindex) in places:
                 own = one.stream.figures["duplicates"] or 0
@@ -99,6 +100,20 @@ def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int,
                 busy_ns = _busy_ns(case, first_ns, end_ns, pauses)
                 others += (one.stream.telegrams - own) * (overlap_ns / busy_ns if busy_ns else 1)
     return repeated, round(others)
+
+
+def _is_uncounted(one: NodeStream) -> bool:
+    """Tell whether the counters of a stream tell nothing: a copy looks like a telegram that was sent anew."""
+    return one.stream.counter_scope == "unused" or one.stream.erratic
+
+
+def _of_uncounted(case: Case) -> Bool:
+    """Tell which symptoms are of such streams: between their copies there seem to be intervals."""
+    symptoms, told = case.symptoms, case.only([])
+    for node, streams in case.streams_of_node.items():
+        for one in filter(_is_uncounted, streams):
+            told |= (symptoms.list == one.list.number) & (symptoms.node == node)
+    return told
 
 
 def _busy_ns(case: Case, since_ns: int, until_ns: int, own: Sequence[Pause]) -> int:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from nvscope.analysis.inquiry import Inquiry
+from nvscope.definition.model import Definition
 from nvscope.definition.project import Project
 from nvscope.findings.kind import Severity
 from tests.causes.plants import causes_in, frames_of, from_hardware
 from tests.causes.told import causes_of
+from tests.definition.lists import list_of
+from tests.findings.defined import SENT
+from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
 
 PLANT = """
@@ -62,6 +67,26 @@ def test_a_mirror_that_shows_all_twice_for_a_while(tmp_path: Path) -> None:
     assert cause.checked[0].startswith("120 telegrams came again, byte for byte, beside 1")
     assert cause.checked[1].startswith("addresses, VLAN and time to live are the same")
     assert {finding.code for finding in cause.findings} >= {"NV202"}
+
+
+def test_a_slow_list_does_not_move_the_beginning_of_a_mirror_to_that_of_the_capture(tmp_path: Path) -> None:
+    slow = '[[list]]\nname = "slow"\nindex = 4\nsender = "saw"\nbytes = [40]\ninterval = "6s"\n'
+    frames = plant(slow + TWICE)
+    (cause,) = causes_in(frames, tmp_path)
+    assert cause.kind.name == "mirrored-twice"
+    assert cause.since_ns is not None
+    assert cause.since_ns - frames[0].ts_ns == pytest.approx(10 * SECOND_NS, abs=SECOND_NS)
+
+
+def test_copies_of_a_list_whose_counter_stands_still_are_copies_too(tmp_path: Path) -> None:
+    entry = replace(list_of(SENT, list_id=4), interval_ns=100_000_000)
+    frames = plant("[[mirrored]]\n")
+    still = telegram(list_id=4, items=4, counter=7, data=bytes(15))
+    times_ns = [frames[0].ts_ns + at * 100_000_000 + at % 3 * 5_000_000 for at in range(400)]
+    own = [data_frame(time_ns, "10.0.0.3", "255.255.255.255", still) for time_ns in times_ns]
+    copies = [frame._replace(ts_ns=frame.ts_ns + 2_000) for frame in own]
+    causes = causes_in([*frames, *own, *copies], tmp_path, Project(definition=Definition([entry])))
+    assert [cause.kind.name for cause in causes if cause.severity > Severity.NOTE] == ["mirrored-twice"]
 
 
 def test_a_router_seen_from_both_sides(tmp_path: Path) -> None:
