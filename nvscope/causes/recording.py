@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.spans import touching
