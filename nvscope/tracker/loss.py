@@ -106,10 +106,10 @@ class NodeSequences(KeyedColumns):
     """One row a node: the sequence of all its telegrams, and the gaps in it.
 
     ``last_stream`` is that of its last telegram that was not repeated, ``NO_STREAM`` before, and while it is unheard;
-    ``last_ns`` is when its last one came, ``last`` its Counter. ``swapped`` is as for streams; ``regular_of_streams``
-    are the regular steps of its streams, ``regular_telegram`` and ``regular_send`` its own. Of its steps,
-    ``between_streams`` are those from one stream to another, ``between_lists`` those from one list to another; of which
-    so many are ``regular``.
+    ``last_ns`` is when its last one came, ``last`` its Counter. ``swapped`` is as for streams, of the steps that are
+    not regular for the stream either; ``regular_of_streams`` are the regular steps of its streams, ``regular_telegram``
+    and ``regular_send`` its own. Of its steps, ``between_streams`` are those from one stream to another,
+    ``between_lists`` those from one list to another; of which so many are ``regular``.
     """
 
     current: U16
@@ -161,7 +161,7 @@ class Loss:
         for log in self._events.values():
             log.resize(len(keys.streams))
         own = self._walk_streams(rows, keys)
-        nodes = self._walk_nodes(told, rows, keys)
+        nodes = self._walk_nodes(told, rows, own, keys)
         self._book(told, rows, own, Scope.STREAM)
         self._book(told, rows, nodes, Scope.NODE_TELEGRAM)
         return own, nodes
@@ -215,10 +215,11 @@ class Loss:
         streams.regular[run] += rows.stop - rows.start - irregular
         np.add.at(self.nodes.regular_of_streams, keys.node_of(run), rows.stop - rows.start - irregular)
         last = (rows.signature_before >> COUNTER_SHIFT).astype(np.uint16)
-        np.add.at(streams.swapped, run[swapped_steps(steps, rows.start, last, lambda place: rows.counter[place])], 1)
+        swapped = swapped_steps(steps, steps.irregular, rows.start, last, lambda place: rows.counter[place])
+        np.add.at(streams.swapped, run[swapped], 1)
         return steps
 
-    def _walk_nodes(self, told: Told, rows: DataRows, keys: Keys) -> NodeSteps:
+    def _walk_nodes(self, told: Told, rows: DataRows, own: Steps, keys: Keys) -> NodeSteps:
         """Walk the nodes' sequences.
 
         A telegram with the node's current counter is sent together with the node's telegram before, if that was of the
@@ -230,7 +231,8 @@ class Loss:
         node = np.where(keys.varieties.column("stream") >= 0, keys.varieties.column("node"), len(length))
         packet = order_by(node, told.variety, len(length))[: len(rows)]
         run, start, stop = runs_of_lengths(length)
-        again = Repeated(_places(_by_packet(rows, len(told.packets), packet)), start)
+        repeated = None if rows.repeated is None else _are_among(packet, rows.packet[rows.repeated], len(told))
+        again = Repeated(_places(repeated), start)
         fresh = nodes.last_stream[run] == NO_STREAM
         steps = again.walk(told.counter.take(packet), nodes.current[run], nodes.missing[run], fresh)
         node_of_stream = keys.node_of(np.arange(len(keys.streams)))
@@ -254,8 +256,11 @@ class Loss:
             nodes.regular_between_streams[run] += of_streams
             nodes.regular_between_lists[run] += of_lists
             last = changes.last_stream
-        own = swapped_steps(steps, start, nodes.last[run], lambda place: told.counter[packet[place]])
-        np.add.at(nodes.swapped, run[own], 1)
+        if len(own.irregular):
+            # What is regular within its stream counts in the right byte order, whatever came from the node in between.
+            places = np.flatnonzero(_are_among(packet, rows.packet[own.irregular], len(told)))
+            swapped = swapped_steps(steps, places, start, nodes.last[run], lambda place: told.counter[packet[place]])
+            np.add.at(nodes.swapped, run[swapped], 1)
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing
         nodes.last_stream[run] = last
         nodes.last_ns[run], nodes.last[run] = time_ns[packet[stop - 1]], told.counter[packet[stop - 1]]
@@ -365,13 +370,11 @@ def _places(chosen: Bool | None) -> I64:
     return np.empty(0, np.int64) if chosen is None else np.flatnonzero(chosen)
 
 
-def _by_packet(rows: DataRows, packets: int, packet: I64) -> Bool | None:
-    """Return which of some packets are repeated."""
-    if rows.repeated is None:
-        return None
-    again = np.zeros(packets, np.bool_)
-    again[rows.packet[rows.repeated]] = True
-    return again.take(packet)
+def _are_among(packet: I64, some: I64, packets: int) -> Bool:
+    """Tell which packets are among some others, all of them less than ``packets``."""
+    among = np.zeros(packets, np.bool_)
+    among[some] = True
+    return among.take(packet)
 
 
 def _runs(place: I64, rows: DataRows) -> tuple[I64, I64, I64]:

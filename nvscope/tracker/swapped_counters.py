@@ -23,12 +23,13 @@ def byte_swapped(steps: I64, regular: I64, swapped: I64) -> Bool:
     return nearly_all & (2 * swapped > steps - regular) & (swapped >= _LEAST_SWAPPED)
 
 
-def swapped_steps(steps: Steps, start: I64, last: U16, counter_at: Callable[[I64], U16]) -> I64:
+def swapped_steps(steps: Steps, places: I64, start: I64, last: U16, counter_at: Callable[[I64], U16]) -> I64:
     """Return, of each step that is +1 once the bytes of both counters are swapped, the sequence that takes it.
 
-    ``start`` is where each sequence begins, ``last`` the counter in front of that; ``counter_at`` those at places.
+    Looked at are the steps at some places, rising. ``start`` is where each sequence begins, ``last`` the counter in
+    front of that; ``counter_at`` those at places.
     """
-    place: I64 = steps.irregular[steps.step[steps.irregular] >= Step.OVERTAKEN]
+    place: I64 = places[steps.step[places] >= Step.OVERTAKEN]
     if not len(place):
         return place
     sequence = np.searchsorted(start, place, "right") - 1
