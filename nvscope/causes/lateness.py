@@ -33,7 +33,7 @@ SENDER_BURSTS = CauseKind(
     "bursts",
     "A list was sent several times in quick succession.",
     "Intervals of less than a tenth of the nominal one, or below the MinGap of the definition. "
-    "Less sure where the list has no usual interval.",
+    "A list without a usual interval shows bursts against a MinGap only.",
     "What triggers its sending: an event that is set in each cycle, or a MinGap that is missing.",
 )
 

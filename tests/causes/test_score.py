@@ -25,8 +25,6 @@ STATED = {
     "clock": 0.97,
     # A program that stops while its node has no cyclic list is told by the answers that are missing.
     "program-stopped": 0.96,
-    # A burst of a list that is disturbed otherwise has no usual interval to be short against.
-    "sender-bursts": 0.96,
 }
 """Kinds that are told less surely than the others, and why."""
 

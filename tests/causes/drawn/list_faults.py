@@ -179,6 +179,9 @@ def sender_bursts(plant: Plant) -> Fault | None:
     one = cyclic_list(plant)
     if one is None or one.interval_ns < 40 * MILLISECOND or one.interval_ns > SECOND:
         return None
+    # Who waits for an acknowledgement in between does not send within a tenth of the interval (NV503).
+    if one.acknowledged and 2 * one.latency_ns >= one.interval_ns // 12:
+        return None
     # Of few intervals these would be one in twenty: then none is usual.
     if plant.seconds * SECOND / one.interval_ns < 150:
         return None
