@@ -59,7 +59,7 @@ class MappedWindow:
     """A regular file, mapped. The last bytes come as a padded copy, and a small file as a whole.
 
     A file that another program shortens while it is mapped ends the process (``bus_error``); one that grows is read to
-    the size it had. ``path`` is what it is called then.
+    the size it had. ``path`` is what it is called then. ``data`` are the bytes of the map.
     """
 
     def __init__(self, descriptor: int, size: int, *, small_file_bytes: int = SMALL_FILE_BYTES, path: str = "") -> None:
@@ -67,17 +67,17 @@ class MappedWindow:
         self._map = mmap.mmap(descriptor, size, access=mmap.ACCESS_READ)
         if hasattr(mmap, "MADV_SEQUENTIAL"):
             self._map.madvise(mmap.MADV_SEQUENTIAL)
-        self._size = size
+        self.size = size
         self._small = small_file_bytes
         self._released = 0
-        self._data = np.frombuffer(self._map, np.uint8)
+        self.data = np.frombuffer(self._map, np.uint8)
 
     def view(self, position: int) -> View:
-        rest = self._size - position
+        rest = self.size - position
         if rest > max(self._small, 2 * _TAIL_BYTES):
-            return View(self._data, position, self._size - _TAIL_BYTES, self._size, 0, True)
+            return View(self.data, position, self.size - _TAIL_BYTES, self.size, 0, True)
         data = np.zeros(rest + PAD_BYTES, np.uint8)
-        data[:rest] = self._data[position:]
+        data[:rest] = self.data[position:]
         return View(data, 0, rest, rest, position, True)
 
     def release(self, position: int) -> None:
@@ -92,7 +92,7 @@ class MappedWindow:
     def close(self) -> None:
         """Drop the map; it goes when the last batch over it does."""
         bus_error.unmapped(id(self))
-        del self._data
+        del self.data
 
 
 class WholeWindow:

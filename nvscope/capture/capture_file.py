@@ -14,7 +14,7 @@ from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES
 from nvscope.capture.content import EXPECTED, STDIN, Content, ContentSizes
 from nvscope.capture.formats import NoCapture, format_of
 from nvscope.capture.pieces import Stopped
-from nvscope.capture.reader import Progress, Reader, ReadingSizes
+from nvscope.capture.reader import Progress, Reader, ReadingSizes, WindowReader
 from nvscope.capture.source import Attachment, SourceInfo, Truncation
 from nvscope.capture.stoppable import StoppableBatches
 from nvscope.capture.time_span import TimeSpan
@@ -162,7 +162,7 @@ class CaptureFile:
         self._opened = opened = opened or self._open(share, span or TimeSpan())
         self._progress, self._channels = opened.reader.progress, opened.reader.channels
         try:
-            for batch in opened.reader.batches():
+            for batch in self._batches(opened.reader, share):
                 if len(batch):
                     progress = self._progress
                     progress.start_ns = int(batch.ts_ns[0]) if progress.start_ns is None else progress.start_ns
@@ -174,6 +174,16 @@ class CaptureFile:
             raise self._unreadable(error) from error
         finally:
             self._end(opened)
+
+    @staticmethod
+    def _batches(reader: Reader, share: int) -> Iterator[PacketBatch]:
+        """Return the batches of a reader; a large file that is read alone is read ahead."""
+        size = reader.content.size_bytes
+        if share > 1 or not isinstance(reader, WindowReader) or size is None or size < reader.sizes.ahead_bytes:
+            return reader.batches()
+        from nvscope.capture.read_ahead import batches_of  # noqa: PLC0415  # not for small files
+
+        return batches_of(reader)
 
     def _end(self, opened: _Opened) -> None:
         """Close a file, and say why it ended where it did; also repeatedly."""

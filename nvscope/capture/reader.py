@@ -17,11 +17,15 @@ from nvscope.capture.source import Attachment, Truncation
 
 @dataclass(frozen=True, slots=True)
 class ReadingSizes:
-    """How a reader cuts its work; any choice gives the same packets. ``lanes`` 0: as many as are fast."""
+    """How a reader cuts its work; any choice gives the same packets. ``lanes`` 0: as many as are fast.
+
+    Of files with ``ahead_bytes`` and more to read, a second process reads ahead where it can (``read_ahead``).
+    """
 
     batch_packets: int = 131_072
     stride_bytes: int = 2 << 20
     lanes: int = 0
+    ahead_bytes: int = 64 << 20
 
 
 @dataclass(slots=True)
