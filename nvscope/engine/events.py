@@ -52,6 +52,13 @@ class EventBatch:
     def __len__(self) -> int:
         return len(self.frame)
 
+    def __getitem__(self, rows: slice) -> EventBatch:
+        """Return the events of a slice."""
+        return EventBatch(
+            self.kind, self.list[rows], self.node[rows], self.subindex[rows], self.channel[rows], self.since_ns[rows],
+            self.time_ns[rows], self.frame[rows], self.amount[rows], self.peer[rows], self.detail[rows], self.scope,
+        )  # fmt: skip
+
     @staticmethod
     def of(
         kind: IntEnum, time_ns: I64, frame: I64, *, lists: I64 | None = None, node: I64 | None = None,

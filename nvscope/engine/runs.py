@@ -20,8 +20,9 @@ def runs_of(numbers: I64) -> tuple[I64, I64]:
     """Return where each run of equal numbers starts, and where it stops."""
     if not len(numbers):
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    start = np.flatnonzero(np.append(True, numbers[1:] != numbers[:-1]))
-    return start, np.append(start[1:], len(numbers))
+    changes = np.flatnonzero(numbers[1:] != numbers[:-1])
+    changes += 1
+    return np.append(0, changes), np.append(changes, len(numbers))
 
 
 def distinct(numbers: I64) -> I64:

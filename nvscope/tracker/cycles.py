@@ -18,7 +18,7 @@ from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
-from nvscope.engine.runs import distinct, runs_of, stable_order
+from nvscope.engine.runs import distinct, runs_of, spans, stable_order
 from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
 from nvscope.tracker.event_kinds import EventKind
@@ -37,9 +37,9 @@ class PairColumns(KeyedColumns):
     """One row a sender and list: the telegram before, and the open cycle.
 
     ``active_from`` is the frame from which the pair has several SubIndexes; ``size`` is 0 before the first cycle,
-    ``last_frame`` is that of its last telegram. ``seen`` are the streams of the pair, ``ready`` those of them whose
-    interval is known, all from frame ``ready_from`` on;
-    of what was unheard, it has to be known anew.
+    ``last_frame`` is that of its last telegram. ``seen`` are the streams of the pair, ``known`` the bits of their
+    SubIndexes; from frame ``known_from`` on, all of them had come. ``ready`` are those whose interval is known, all
+    from frame ``ready_from`` on; of what was unheard, it has to be known anew.
     ``partial``: the open cycle may have begun before the capture. ``skew_ns`` is the longest time between the first and
     the last telegram of a cycle. ``present`` are bits of the SubIndexes in the open one, where somebody listens.
     """
@@ -57,6 +57,8 @@ class PairColumns(KeyedColumns):
     present: U64
     last_frame: I64
     seen: I64
+    known: U64
+    known_from: I64
     ready: I64
     ready_from: I64
     COLUMNS: ClassVar = {
@@ -73,6 +75,8 @@ class PairColumns(KeyedColumns):
         "present": (np.uint64(0), 1),
         "last_frame": (np.int64(0), 1),
         "seen": (np.int64(0), 1),
+        "known": (np.uint64(0), 1),
+        "known_from": (np.int64(0), 1),
         "ready": (np.int64(0), 1),
         "ready_from": (np.int64(0), 1),
     }
@@ -213,6 +217,8 @@ class Cycles:
         self.streams.subindex[new] = keys.places.low[place].astype(np.int64)
         pair = self.streams.pair[new]
         np.add.at(columns.seen, pair, 1)
+        np.bitwise_or.at(columns.known, pair, _bit_of(self.streams.subindex[new]))
+        np.maximum.at(columns.known_from, pair, first)
         if several is None or not several[new].any():
             order = stable_order(pair, len(self.pairs))
             of_pair = pair[order]
@@ -298,10 +304,17 @@ class Cycles:
         np.maximum.at(columns.skew_ns, over_pair, over_skew)
         open_piece = np.flatnonzero(last_piece)
         if told.is_heard:
-            present = np.bitwise_or.reduceat(_bit_of(subindex), piece_start)
+            # Most cycles are whole: of these, nobody asks which SubIndexes they have.
+            torn = np.flatnonzero(over_size < columns.streams[over_pair])
+            of_torn = np.flatnonzero(counts)[torn] - len(closed)
+            of_pieces = over[of_torn[of_torn >= 0]]
+            present = _bits_within(subindex, piece_start, piece_stop, np.append(of_pieces, open_piece))
             present[carried] |= columns.present[run[goes_on]]
-            over_present = np.concatenate([columns.present[run[closed]], present[over]])[counts]
-            self._tell_torn(told, over_pair, over_size, over_ns[counts], over_skew, over_frame[counts], over_present)
+            torn_present = np.concatenate([columns.present[run[closed]], present[over]])[counts][torn]
+            torn_ns, torn_frame = over_ns[counts][torn], over_frame[counts][torn]
+            self._tell_torn(
+                told, over_pair[torn], over_size[torn], torn_ns, over_skew[torn], torn_frame, torn_present
+            )  # fmt: skip
             columns.present[run] = present[open_piece]
         columns.size[run], columns.begin_ns[run] = size[open_piece], begin_ns[open_piece]
         columns.begin_frame[run], columns.partial[run] = begin_frame[open_piece], partial[open_piece]
@@ -329,15 +342,13 @@ class Cycles:
     def _tell_torn(
         self, told: Told, pair: I64, size: I64, begin_ns: I64, skew_ns: I64, frame: I64, present: U64
     ) -> None:  # fmt: skip
-        """Tell of the cycles that are over and have fewer telegrams than SubIndexes were known when they began."""
-        torn = np.flatnonzero(size < self.columns.streams[pair])
-        if not len(torn):
+        """Tell of those cycles that have fewer telegrams than SubIndexes were known when they began."""
+        if not len(pair):
             return
-        known, several = self._known(pair[torn], frame[torn])
-        absent = known & ~present[torn]
-        kept = np.flatnonzero(size[torn] < several)
-        kept = kept[np.argsort(frame[torn[kept]], kind="stable")]
-        torn, absent = torn[kept], absent[kept]
+        known, several = self._known(pair, frame)
+        torn = np.flatnonzero(size < several)
+        torn = torn[np.argsort(frame[torn], kind="stable")]
+        absent = known[torn] & ~present[torn]
         pair, begin_ns = pair[torn], begin_ns[torn]
         lists, node = self.pairs.high[pair].astype(np.int64), self.pairs.low[pair].astype(np.int64)
         told.tell(
@@ -349,10 +360,11 @@ class Cycles:
 
     def _known(self, pair: I64, frame: I64) -> tuple[U64, I64]:
         """Return the bits of the SubIndexes that pairs had sent up to some frames, and how many they must have."""
-        bits, count = np.zeros(len(pair), np.uint64), np.zeros(len(pair), np.int64)
-        pair_of = self.streams.column("pair")
-        for number in distinct(pair).tolist():
-            own, stream = np.flatnonzero(pair == number), np.flatnonzero(pair_of == number)
+        # Once all streams of a pair have come, there is nothing to look up.
+        bits, count = self.columns.known[pair], self.columns.seen[pair]
+        pair_of, early = self.streams.column("pair"), np.flatnonzero(frame < self.columns.known_from[pair])
+        for number in distinct(pair[early]).tolist():
+            own, stream = early[pair[early] == number], np.flatnonzero(pair_of == number)
             first = self.streams.first_frame[stream]
             order = np.argsort(first, kind="stable")
             count[own] = np.searchsorted(first[order], frame[own], "right")
@@ -365,6 +377,16 @@ class Cycles:
 def _bit_of(subindex: I64) -> U64:
     """Return the bit of each SubIndex; those from 62 on share one, so that bits are a number that is not negative."""
     bits: U64 = np.uint64(1) << np.minimum(subindex, _LAST_BIT).astype(np.uint64)
+    return bits
+
+
+def _bits_within(subindex: I64, start: I64, stop: I64, some: I64) -> U64:
+    """Return the bits of the SubIndexes in some of the pieces from ``start`` to ``stop``, 0 of the others."""
+    bits = np.zeros(len(start), np.uint64)
+    if len(some):
+        length = stop[some] - start[some]
+        within = subindex[spans(start[some], length)]
+        bits[some] = np.bitwise_or.reduceat(_bit_of(within), np.cumsum(length) - length)
     return bits
 
 

@@ -258,7 +258,7 @@ class Loss:
             last = changes.last_stream
         if len(own.irregular):
             # What is regular within its stream counts in the right byte order, whatever came from the node in between.
-            places = np.flatnonzero(_are_among(packet, rows.packet[own.irregular], len(told)))
+            places = np.sort(order.place[own.irregular])
             swapped = swapped_steps(steps, places, start, nodes.last[run], lambda place: told.counter[packet[place]])
             np.add.at(nodes.swapped, run[swapped], 1)
         nodes.current[run], nodes.missing[run] = steps.current, steps.missing

@@ -18,7 +18,7 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, TELL_IN_NUMBERS, EventKind
-from nvscope.tracker.evidence.event_columns import NO_SCOPE, EventColumns, EventTable
+from nvscope.tracker.evidence.event_columns import NO_SCOPE, EventColumns
 from nvscope.tracker.list_log import event_parts
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
@@ -66,10 +66,10 @@ def test_what_is_told_is_what_the_log_has(seed: int) -> None:
     expected: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for part in columns._parts:
         if part.kind not in TELL_IN_NUMBERS:
-            for values in zip(*(column.tolist() for column in part.columns), strict=True):
-                row = EventTable(int(part.kind), part.scope, *values)
-                place = row.kind, row.list, row.node, row.subindex
-                expected.setdefault(place, []).append((row.time_ns, row.frame))
+            places = zip(part.list.tolist(), part.node.tolist(), part.subindex.tolist(), strict=True)
+            happened = zip(part.time_ns.tolist(), part.frame.tolist(), strict=True)
+            for place, event in zip(places, happened, strict=True):
+                expected.setdefault((int(part.kind), *place), []).append(event)
     log = state.lists.events
     found = {}
     for row, key in enumerate(zip(*log.keys.words, strict=True)):

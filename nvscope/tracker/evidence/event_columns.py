@@ -46,20 +46,12 @@ _OF_BATCH = EventTable._fields[2:]
 _NOTHING = np.empty(0, np.int64)
 
 
-class _Heard(NamedTuple):
-    """What is kept of a batch: ``columns`` are those of ``_OF_BATCH``."""
-
-    kind: IntEnum
-    scope: int
-    columns: tuple[I64, ...]
-
-
 class EventColumns:
     """A listener that keeps the first ``most`` events it is told; ``left_out`` counts the others."""
 
     def __init__(self, most: int = MOST_EVENTS) -> None:
         self._most = most
-        self._parts: list[_Heard] = []
+        self._parts: list[EventBatch] = []
         self._table: EventTable | None = None
         self.count = 0
         self.left_out = 0
@@ -72,9 +64,7 @@ class EventColumns:
             return
         self.count += room
         self._table = None
-        scope = NO_SCOPE if events.scope is None else events.scope
-        columns = tuple(getattr(events, name)[:room].astype(np.int64) for name in _OF_BATCH)
-        self._parts.append(_Heard(events.kind, scope, columns))
+        self._parts.append(events if room == len(events) else events[:room])
 
     @property
     def kinds(self) -> Mapping[int, IntEnum]:
@@ -94,11 +84,11 @@ class EventColumns:
         if not self._parts:
             return EventTable(*[_NOTHING] * len(EventTable._fields))
         numbers = {_name(kind): number for number, kind in self.kinds.items()}
-        length = [len(part.columns[0]) for part in self._parts]
+        length = [len(part) for part in self._parts]
         kind = np.repeat([numbers[_name(part.kind)] for part in self._parts], length)
-        scope = np.repeat([part.scope for part in self._parts], length)
-        columns = map(np.concatenate, zip(*(part.columns for part in self._parts), strict=True))
-        table = EventTable(kind, scope, *columns)
+        scope = np.repeat([NO_SCOPE if part.scope is None else part.scope for part in self._parts], length)
+        columns = (np.concatenate([getattr(part, name) for part in self._parts]) for name in _OF_BATCH)
+        table = EventTable(kind, scope, *(column.astype(np.int64, copy=False) for column in columns))
         place = table.subindex, table.node, table.channel, table.list
         # Where one frame ends several waits of a place, they are told by when they began.
         order = _sorted((table.frame, table.kind, table.scope, *place[::-1], table.since_ns, table.detail))
