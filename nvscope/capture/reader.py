@@ -25,7 +25,7 @@ class ReadingSizes:
     batch_packets: int = 131_072
     stride_bytes: int = 2 << 20
     lanes: int = 0
-    ahead_bytes: int = 64 << 20
+    ahead_bytes: int = 128 << 20
 
 
 @dataclass(slots=True)
