@@ -61,9 +61,9 @@ def snapshot(
     """Look at a state; nothing in it changes.
 
     ``pdos`` are those of the project, where they are known already. ``overdue``: what nobody answered in time counts,
-    frame or not. ``protocols`` are those that are judged. ``figures``: what was counted is wanted too, so that it can
-    be compared with that of other moments. ``witness`` has observed what the state did, and listened to it, where
-    causes are wanted; these tell nodes by ``node_names``, else by those of the project.
+    frame or not, as it does of live sources. ``protocols`` are those that are judged. ``figures``: what was counted is
+    wanted too, so that it can be compared with that of other moments. ``witness`` has observed what the state did, and
+    listened to it, where causes are wanted; these tell nodes by ``node_names``, else by those of the project.
     """
     definition = project.definition
     pdos = pdos or pdos_of(definition)
@@ -73,6 +73,7 @@ def snapshot(
         cob_ids=cob_ids,
     )  # fmt: skip
     infos = tuple(source.infos)
+    overdue = overdue or any(info.is_live for info in infos)
     at_ns = summary.capture.at_ns
     findings = judge(
         state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition,

@@ -65,7 +65,9 @@ class SourceInfo:
     as far as they are told, each lost packet in one of them at most. ``clock_steps`` counts how often the clock was set
     while it was watched. ``comments`` are those of a pcapng file, as (frame number within the file or None, text).
     ``start_ns`` and ``end_ns`` are the times of the first and the last packet that was passed on, None before the
-    first.
+    first. ``is_live``: it takes packets while they are sent; ``failure`` is why it ended though nobody had said so, ''
+    where it did not. ``without_carrier`` are the times in which its interface had no cable, as (begin, end or None
+    where it is still so).
     """
 
     path: str
@@ -79,6 +81,9 @@ class SourceInfo:
     comments: tuple[tuple[int | None, str], ...] = ()
     start_ns: int | None = None
     end_ns: int | None = None
+    is_live: bool = False
+    failure: str = ""
+    without_carrier: tuple[tuple[int, int | None], ...] = ()
 
 
 class Source(Protocol):

@@ -191,10 +191,15 @@ class Timeline:
         return Between(self, TimeSpan.of(start_ns, end_ns))
 
     def stop(self) -> None:
-        """Let the iteration end after the batch in hand, and close all tracks; for any thread, also repeatedly."""
-        self._stopped = True
+        """Let the iteration end after the batch in hand, and close all tracks; for any thread, also repeatedly.
+
+        Of live tracks, what they have taken until then still comes.
+        """
         for track in self._tracks:
             track.stop()
+        if None in self._files:
+            return
+        self._stopped = True
         running = None if self._running is None else self._running()
         if running is not None:
             running.stop()

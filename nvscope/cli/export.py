@@ -9,6 +9,7 @@ import typer
 
 from nvscope.cli import completion
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
+from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -27,7 +28,7 @@ from nvscope.cli.sources import (
     with_channels,
 )
 from nvscope.cli.terminal import echo
-from nvscope.errors import ExitCode, UsageError
+from nvscope.errors import UsageError
 from nvscope.extras import require
 
 if TYPE_CHECKING:
@@ -46,7 +47,9 @@ Written = tuple[str, int, int]
 """The name of a file, how many telegrams are in it, and how many times that are null since no column holds them."""
 
 
+@with_live_options
 def export(
+    live: LiveOptions,
     sources: SourcesArgument = None,
     write: Annotated[
         str | None,
@@ -127,7 +130,7 @@ def export(
     behind it, is bytes: in CSV and NDJSON hexadecimal digits. What is no number is NaN, inf or -inf in CSV, null in
     NDJSON.
     """
-    files_named = named_files(sources, read, gvl)
+    files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     if not write:
@@ -147,7 +150,7 @@ def export(
     from nvscope.analysis.default_fields import default_fields
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.memory import keep_freed_memory
-    from nvscope.cli.progress import ProgressBar, watching
+    from nvscope.cli.progress import watching
     from nvscope.export.files import format_of
     from nvscope.whole_files import WholeFiles
 
@@ -155,7 +158,7 @@ def export(
     require("export needs", "polars", "pyarrow")
     between = asked_range(from_time, to_time, utc=utc)
     plant = with_channels(project_of(project, gvl), channel_map)
-    inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
+    inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
     with flaws_told_first(plant.definition):
@@ -179,7 +182,7 @@ def export(
     inputs = [*(info.path for info in source.infos), *inquiry.project.inputs]
     files = WholeFiles(inputs, force=force)
     try:
-        with ProgressBar(source, quiet=quiet) as progress:
+        with watching(quiet=quiet)(source) as progress:
             if lists:
                 from nvscope.analysis.values import values
                 from nvscope.view.rows.defined import DefinedTelegrams
@@ -215,8 +218,8 @@ def export(
         from nvscope.units import count_of
 
         echo(f"nvscope: {count_of(fragments, 'IP fragment')}, not put together.", err=True)
-    if tell_of_losses(source.infos):
-        raise typer.Exit(ExitCode.DATA_LOSS)
+    if code := tell_of_losses(source.infos):
+        raise typer.Exit(code)
 
 
 def _write_values(

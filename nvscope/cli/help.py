@@ -13,11 +13,14 @@ from typer.core import TyperCommand, TyperGroup
 
 from nvscope.cli.terminal import numbers
 
-READ, SHOWN, DEFINED, WRITTEN, HELP = "What is read", "What is shown", "Definitions and names", "How it is told", "Help"
+READ, LIVE, SHOWN, DEFINED, WRITTEN, HELP = (
+    "What is read", "Live sources", "What is shown", "Definitions and names", "How it is told", "Help",
+)  # fmt: skip
 
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
+        LIVE: ("-i", "--for", "-a", "-f", "-B", "-p"),
         DEFINED: ("--gvl", "--project", "-n", "--types", "--a-types", "--b-types"),
         WRITTEN: (
             "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",
@@ -28,7 +31,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )  # fmt: skip
 """The groups of options by one of their names; those that stand in none choose what is shown (``SHOWN``)."""
 
-ORDER = (SHOWN, READ, DEFINED, WRITTEN, HELP)
+ORDER = (SHOWN, READ, LIVE, DEFINED, WRITTEN, HELP)
 
 EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
     {

@@ -23,20 +23,21 @@ _BINARY = {"pcap", "pcapng"}
 
 @dataclass(frozen=True, slots=True)
 class NamedFiles:
-    """The captures, of which there is one at least, and the definitions, of which there may be none."""
+    """The captures, of which there is one at least where no interface was named, and the definitions."""
 
     captures: list[str]
     definitions: list[str]
 
 
 def named_files(
-    sources: Sequence[str] | None, read: Sequence[str] | None, gvl: Sequence[str] | None = None
-) -> NamedFiles:
+    sources: Sequence[str] | None, read: Sequence[str] | None, gvl: Sequence[str] | None = None,
+    interfaces: Sequence[str] = (),
+) -> NamedFiles:  # fmt: skip
     """Return what was named as arguments, by -r and by --gvl, sorted by what it is.
 
     A shell makes one --gvl and arguments of ``--gvl *.gvl``, and does not say what stands first. A pattern that it left
-    as it is stands for its files. Raises UsageError where there is no capture, UnreadableInput for a pattern without
-    files.
+    as it is stands for its files. Raises UsageError where there is no capture and no interface was named,
+    UnreadableInput for a pattern without files.
     """
     captures = _expanded(read or ())
     definitions: list[str] = []
@@ -48,7 +49,7 @@ def named_files(
     files = {identity for path in (*captures, *named) if (identity := identity_of(path))}
     for path in named:
         (definitions if _is_definition(path, files) else captures).append(path)
-    if not captures:
+    if not captures and not interfaces:
         if definitions:
             raise UsageError(
                 "no capture is given, only definitions",

@@ -20,6 +20,7 @@ from nvscope.cli.definitions import (
     tell_of_missing,
 )
 from nvscope.cli.encodings import as_data
+from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -37,7 +38,7 @@ from nvscope.cli.sources import (
     with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
-from nvscope.errors import ExitCode, UsageError
+from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
@@ -58,7 +59,9 @@ _MOMENT_HELP = (
 )
 
 
+@with_live_options
 def packets(
+    live: LiveOptions,
     sources: SourcesArgument = None,
     read: ReadOption = None,
     trees: Annotated[
@@ -125,7 +128,7 @@ def packets(
     left, as in a report with the same times; a time without a zone is local, with -t u or ud UTC. Exits with 3 where a
     capture could not be read to its end.
     """
-    files_named = named_files(sources, read, gvl)
+    files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     records = output is not None and output != "text"
@@ -141,12 +144,14 @@ def packets(
             "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",
             next_step="add one of them; `nvscope vars` shows last values",
         )
-    inquiry = None
-    if asked:
-        from nvscope.analysis.inquiry import Inquiry
-        from nvscope.cli.progress import watching
+    from nvscope.cli.progress import watching
 
-        inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
+    captures = captured(paths, live, plant, ports)
+    inquiry = None
+    if asked or captures is not paths:
+        from nvscope.analysis.inquiry import Inquiry
+
+        inquiry = Inquiry(captures, plant, ports, watch=watching(quiet=quiet), asked=between)
     named = []
     with flaws_told_first(plant.definition):
         if inquiry and fields:
@@ -170,7 +175,6 @@ def packets(
     from nvscope.analysis.reading import reading_of
     from nvscope.analysis.seen_lists import SeenLists
     from nvscope.capture.open import open_source
-    from nvscope.cli.progress import ProgressBar
     from nvscope.view.fields.field import times_beyond
     from nvscope.view.rows.frames import PacketRows
 
@@ -184,7 +188,7 @@ def packets(
     telegrams = PacketRows(limit=count)
     seen = SeenLists() if inquiry and plant.files and count is None else None
     out = sys.stdout
-    with ProgressBar(source, quiet=quiet or out.isatty()) as progress:
+    with watching(quiet=quiet or out.isatty())(source) as progress:
         out.write(face.begin())
         for rows in read_packets(source, reading, telegrams, progress, [canopen, *([seen] if seen else [])]):
             for text in face.render(rows):
@@ -225,8 +229,8 @@ def packets(
         tell_of_lists(inquiry)
     if inquiry and seen:
         tell_of_missing(inquiry, seen)
-    if tell_of_losses(source.infos):
-        raise typer.Exit(ExitCode.DATA_LOSS)
+    if code := tell_of_losses(source.infos):
+        raise typer.Exit(code)
 
 
 def _face(

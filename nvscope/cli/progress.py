@@ -13,6 +13,8 @@ from nvscope.capture.source import FileSource, Source
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from nvscope.cli.live import LiveRun
+
 _SILENT_S = 1.0
 
 
@@ -55,6 +57,14 @@ class ProgressBar:
             self._bar.stop()
 
 
-def watching(*, quiet: bool) -> Callable[[Source], ProgressBar]:
-    """Return what makes the progress bar of a source."""
-    return lambda source: ProgressBar(source, quiet=quiet)
+def watching(*, quiet: bool) -> Callable[[Source], ProgressBar | LiveRun]:
+    """Return what makes the progress bar of files, and what ends a live source in order."""
+
+    def watch(source: Source) -> ProgressBar | LiveRun:
+        if isinstance(source, FileSource):
+            return ProgressBar(source, quiet=quiet)
+        from nvscope.cli.live import LiveRun
+
+        return LiveRun(source, quiet=quiet)
+
+    return watch

@@ -11,6 +11,7 @@ from nvscope.cli.completion import lists
 from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
+from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -31,10 +32,12 @@ from nvscope.cli.sources import (
     with_channels,
 )
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, echo_all, tables_are_wide, width
-from nvscope.errors import ExitCode, UsageError
+from nvscope.errors import UsageError
 
 
+@with_live_options
 def report(
+    live: LiveOptions,
     sources: SourcesArgument = None,
     read: ReadOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON (nvscope.report/2).")] = False,
@@ -119,7 +122,7 @@ def report(
     figures of the whole capture, so that no filter makes up a loss. --from-time and --to-time cut the capture: only
     what lies between is judged. Exits with 3 where a capture could not be read to its end.
     """
-    files_named = named_files(sources, read, gvl)
+    files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     timeout_ns = None if timeout is None else duration_ns("--ack-timeout", timeout)
@@ -142,7 +145,7 @@ def report(
     from nvscope.cli.progress import watching
 
     keep_freed_memory()
-    inquiry = Inquiry(paths, plant, ports, timeout_ns, watching(quiet=quiet), asked)
+    inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, timeout_ns, watching(quiet=quiet), asked)
     with flaws_told_first(plant.definition):
         found = inquiry.analyze(wanted, values=True, compare=compare, causes=True, names=not no_names)
         document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
@@ -181,5 +184,5 @@ def report(
     if asked and not found.summary.capture.frames:
         echo(NOTHING_BETWEEN, err=True)
     tell_of_gaps(found.infos, found.summary.capture.start_ns, found.summary.capture.at_ns)
-    if tell_of_losses(found.infos):
-        raise typer.Exit(ExitCode.DATA_LOSS)
+    if code := tell_of_losses(found.infos):
+        raise typer.Exit(code)

@@ -15,7 +15,7 @@ import typer
 from nvscope.cli.completion import expressions
 from nvscope.cli.terminal import echo
 from nvscope.duration import parse_duration
-from nvscope.errors import UsageError
+from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from dissectors.netvar import PortRules
@@ -28,7 +28,7 @@ SourcesArgument = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="SOURCE...",
-        help="Capture files, directories of them, or - for stdin; and definition files, as for --gvl.",
+        help="Capture files, directories of them, or - for stdin; or an interface; and definition files, as for --gvl.",
         show_default=False,
     ),
 ]
@@ -207,13 +207,21 @@ def _files_of(recording: Recording) -> str:
     return first if first == last else f"{first} … {last}"
 
 
-def tell_of_losses(infos: Sequence[SourceInfo]) -> bool:
-    """Say on stderr which files could not be read to their end; tell whether there were any."""
+def tell_of_losses(infos: Sequence[SourceInfo]) -> ExitCode:
+    """Say on stderr which sources could not be read to their end, or lost something; return the exit code of that."""
+    from nvscope.units import count_of
     from nvscope.view.escape import visible
 
+    failed = [info for info in infos if info.failure]
+    for info in failed:
+        echo(f"nvscope: {visible(info.path)}: {visible(info.failure)}; this is what came until then.", err=True)
+    lossy = [info for info in infos if info.is_live and info.drops]
+    for info in lossy:
+        told = count_of(info.drops or 0, "frame")
+        echo(f"nvscope: {visible(info.path)}: {told} dropped while capturing; -B takes a larger buffer.", err=True)
     cut = [info for info in infos if info.truncation]
     for info in cut:
         assert info.truncation
         place = f"{visible(info.path)}, offset {info.truncation.offset}"
         echo(f"nvscope: {place}: {visible(info.truncation.message)}", err=True)
-    return bool(cut)
+    return ExitCode.CAPTURE if failed else ExitCode.DATA_LOSS if cut or lossy else ExitCode.GOOD

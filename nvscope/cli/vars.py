@@ -21,6 +21,7 @@ from nvscope.cli.definitions import (
     tell_of_missing,
 )
 from nvscope.cli.encodings import as_data
+from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     ChannelMapOption,
@@ -39,7 +40,7 @@ from nvscope.cli.sources import (
 )
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, tables_are_wide, tell, width
 from nvscope.cli.undecoded import tell_of_truncated, tell_of_unfitting
-from nvscope.errors import ExitCode, UsageError
+from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
@@ -47,7 +48,9 @@ if TYPE_CHECKING:
     from nvscope.list_key import ListKey
 
 
+@with_live_options
 def variables(
+    live: LiveOptions,
     sources: SourcesArgument = None,
     read: ReadOption = None,
     wanted: FilterOption = None,
@@ -113,7 +116,7 @@ def variables(
     Their names come from the definition files that the PLC project exports. Exits with 3 where a capture could not be
     read to its end.
     """
-    files_named = named_files(sources, read, gvl)
+    files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     _check(gvl, history, every, at, infer, write, as_json=as_json)
@@ -130,7 +133,7 @@ def variables(
     from nvscope.cli.progress import watching
 
     between = asked_range(from_time, to_time, utc=utc)
-    inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=between)
+    inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     names = {} if no_names else plant.node_names
     asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names, tables_are_wide(wide))
     if infer:
@@ -145,8 +148,8 @@ def variables(
                 told = _last_values(asked, listed)
         tell_of_lists(inquiry)
     tell_of_channels(channel_map, told.channels)
-    if tell_of_losses(told.infos):
-        raise typer.Exit(ExitCode.DATA_LOSS)
+    if code := tell_of_losses(told.infos):
+        raise typer.Exit(code)
 
 
 class _Read(NamedTuple):
@@ -224,9 +227,10 @@ def _check(
 def _check_readable(paths: Sequence[str]) -> None:
     """Raise what is wrong with files: where no definition is given, the name of one may be mistyped."""
     from nvscope.capture.content import STDIN
+    from nvscope.capture.live.open import is_live
     from nvscope.capture.open import open_source
 
-    files = [path for path in paths if path != STDIN]
+    files = [path for path in paths if path != STDIN and not is_live(path)]
     if files:
         open_source(files)
 

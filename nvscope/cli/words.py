@@ -13,7 +13,7 @@ USUAL_VERB = "report"
 
 _OF_PROGRAM = {"--version", "--help", "-h", "--install-completion", "--show-completion"}
 _HELP = "help"
-_LIVE = ("can:", "udp:")
+_LIVE = ("can:", "udp://")
 _MOST_NEAR = 3
 
 
@@ -48,7 +48,18 @@ def _is_source(word: str) -> bool:
     """Return whether a word is meant as a source; of one that looks like a path, opening it will say what is wrong."""
     if word == "-" or word.startswith(_LIVE) or os.path.lexists(word):
         return True
+    if _is_interface(word):
+        return True
     return any(mark in word for mark in "./\\*?[")
+
+
+def _is_interface(word: str) -> bool:
+    import socket
+
+    try:
+        return any(name == word for _, name in socket.if_nameindex())
+    except OSError:
+        return False
 
 
 def _near(word: str, verbs: set[str]) -> str:

@@ -53,6 +53,12 @@ class Clock:
         return units.since(time_ns, self.start_ns or 0)
 
 
+def watched_until_ns(capture: Row) -> int | None:
+    """Return up to when there was something to be seen: the last frame, or as long as a live source was watched."""
+    known = [time_ns for name in ("end_ns", "until_ns") if (time_ns := nanoseconds(capture[name])) is not None]
+    return max(known, default=None)
+
+
 def nanoseconds(value: str | None) -> int | None:
     """Return an absolute time of the report, a decimal string, as a number."""
     return None if value is None else int(value)
@@ -125,7 +131,7 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
         lines[0] += [Cell(", "), Cell(f"{units.count(capture['drops'])} dropped while capturing", Tone.WARNING)]
     elif capture["drops"] == 0:
         lines[0].append(Cell(", none dropped"))
-    start_ns, end_ns = clock.start_ns, nanoseconds(capture["end_ns"])
+    start_ns, end_ns = clock.start_ns, watched_until_ns(capture)
     if start_ns is not None and end_ns is not None:
         start, zone = units.absolute_time(start_ns, utc=clock.utc), units.zone(start_ns, utc=clock.utc)
         lines.append([Cell(f"{units.duration(end_ns - start_ns)} from {start} to {clock.moment(end_ns)} {zone}")])

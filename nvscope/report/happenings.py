@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report.content import Report, Row, nanoseconds, status, why_no_list
+from nvscope.report.content import Report, Row, nanoseconds, status, watched_until_ns, why_no_list
 from nvscope.view.lines.table import Cell, Tone
 
 
@@ -75,7 +75,7 @@ def _verdict(report: Report) -> tuple[Cell, str]:
 def _extent(report: Report) -> list[str]:
     """Return how long a healthy plant was watched, and how much was sent."""
     capture = report["capture"]
-    start_ns, end_ns = nanoseconds(capture["start_ns"]), nanoseconds(capture["end_ns"])
+    start_ns, end_ns = nanoseconds(capture["start_ns"]), watched_until_ns(capture)
     parts = [] if start_ns is None or end_ns is None else [units.duration(end_ns - start_ns)]
     if capture["telegrams"]:
         parts.append(units.count_of(capture["telegrams"], "telegram"))
@@ -92,7 +92,7 @@ def concerns(report: Report) -> dict[str, Concern]:
             for key in cause["lists"]:
                 found.setdefault(key, []).append(cause)
     lists: Mapping[str, Row] = {entry["key"]: entry for entry in report["lists"] if entry["key"] in found}
-    end_ns = nanoseconds(report["capture"]["end_ns"]) or 0
+    end_ns = watched_until_ns(report["capture"]) or 0
     told = {}
     for key, causes in found.items():
         if key in lists:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from nvscope import units
 from nvscope.causes.mark import Mark
 from nvscope.findings.kind import Severity
-from nvscope.report.content import Report, Row, nanoseconds, node_names
+from nvscope.report.content import Report, Row, nanoseconds, node_names, watched_until_ns
 from nvscope.report.happenings import Concern, concerns, symbol
 from nvscope.report.tables import OVERVIEW, Measure, looked_at
 from nvscope.view.escape import visible
@@ -152,8 +152,8 @@ def _room(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int 
 
 
 def _length_ns(report: Report) -> int:
-    start_ns, end_ns = (nanoseconds(report["capture"][key]) or 0 for key in ("start_ns", "end_ns"))
-    return max(end_ns - start_ns, 1)
+    start_ns, end_ns = nanoseconds(report["capture"]["start_ns"]), watched_until_ns(report["capture"])
+    return max((end_ns or 0) - (start_ns or 0), 1)
 
 
 _UNITS = ((1, "ns"), (1_000, "µs"), (1_000_000, "ms"), (1_000_000_000, "s"), (60 * 10**9, "min"), (3600 * 10**9, "h"),

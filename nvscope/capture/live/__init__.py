@@ -1,0 +1,1 @@
+"""Where packets come from while they are sent: interfaces, sockets, buses."""

@@ -1,0 +1,91 @@
+"""Network devices of this machine: names, kinds, states and addresses."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import sys
+from dataclasses import dataclass
+
+from dissectors.batch import LinkType
+
+_ETHERNET, _LOOPBACK, _CAN, _NONE = 1, 772, 280, 65534
+_LINKS = {_ETHERNET: LinkType.ETHERNET, _LOOPBACK: LinkType.ETHERNET, _CAN: LinkType.CAN_SOCKETCAN, _NONE: LinkType.RAW}
+_IFNAME_BYTES = 16
+_SIOCGIFFLAGS, _SIOCGIFHWADDR = 0x8913, 0x8927
+_IFF_UP, _IFF_RUNNING = 0x1, 0x40
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """A network device by ``name`` and ``index``; ``kind`` is the kernel's number for what it is (ARPHRD)."""
+
+    name: str
+    index: int
+    kind: int
+
+    @property
+    def link(self) -> int:
+        """The link type of what is captured on it."""
+        return _LINKS[self.kind]
+
+    @property
+    def is_known(self) -> bool:
+        """Whether what is captured on it can be read."""
+        return self.kind in _LINKS
+
+    @property
+    def is_loopback(self) -> bool:
+        return self.kind == _LOOPBACK
+
+    @property
+    def is_ethernet(self) -> bool:
+        return self.link == LinkType.ETHERNET
+
+    @property
+    def is_can(self) -> bool:
+        return self.kind == _CAN
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceState:
+    """Whether somebody has set a device up, and whether it has a carrier, which is a cable that works."""
+
+    is_up: bool
+    has_carrier: bool
+
+
+def names() -> list[str]:
+    """Return the names of the network devices, in the order of the kernel."""
+    try:
+        return [name for _, name in socket.if_nameindex()]
+    except OSError:
+        return []
+
+
+def device_of(name: str) -> Device | None:
+    """Return a device by its name, None where there is none; on Linux."""
+    if not sys.platform.startswith("linux") or not 0 < len(name.encode(errors="replace")) < _IFNAME_BYTES:
+        return None
+    try:
+        index = socket.if_nametoindex(name)
+        kind = struct.unpack_from("=H", _ask(name, _SIOCGIFHWADDR), _IFNAME_BYTES)[0]
+    except (OSError, ValueError):  # also what cannot be a name at all
+        return None
+    return Device(name, index, kind)
+
+
+def state_of(name: str) -> DeviceState | None:
+    """Return the state of a device, None where there is none any more."""
+    try:
+        flags = struct.unpack_from("=H", _ask(name, _SIOCGIFFLAGS), _IFNAME_BYTES)[0]
+    except (OSError, ValueError):  # also what cannot be a name at all
+        return None
+    return DeviceState(bool(flags & _IFF_UP), bool(flags & _IFF_RUNNING))
+
+
+def _ask(name: str, question: int) -> bytes:
+    from fcntl import ioctl  # noqa: PLC0415  not there on Windows
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        return ioctl(any_socket.fileno(), question, name.encode().ljust(40, b"\0"))

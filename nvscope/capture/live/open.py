@@ -1,0 +1,86 @@
+"""Opens live sources by what people call them: eth0, udp://0.0.0.0:1202, can:socketcan:can0."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from nvscope.capture.live.device import device_of, names
+from nvscope.capture.live.inlet import Inlet
+from nvscope.capture.live.live_source import Autostop, LiveSource
+from nvscope.capture.live.wait import Wait
+from nvscope.capture.source import Source
+from nvscope.capture.timeline import Timeline
+from nvscope.errors import CaptureError, UsageError
+
+_UDP, _CAN = "udp://", "can:"
+_MAX_BUFFER_BYTES = 2 << 30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveSettings:
+    """How live sources are opened.
+
+    ``bpf`` is a filter of tcpdump's language for interfaces, '' for everything, None for the default one, which lets
+    through what uses one of the ``ports`` and what says something of network variables on any other.
+    """
+
+    autostop: Autostop = field(default_factory=Autostop)
+    bpf: str | None = None
+    ports: Collection[int] = ()
+    promiscuous: bool = True
+    buffer_bytes: int | None = None
+    renamed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}), hash=False)
+
+
+def is_live(word: str) -> bool:
+    """Return whether a word names a live source; a file of that name goes before an interface."""
+    return word.startswith((_UDP, _CAN)) or (not os.path.lexists(word) and device_of(word) is not None)
+
+
+def open_live(words: Sequence[str], settings: LiveSettings) -> Source:
+    """Return live sources as one timeline, open: what comes from now on is kept until it is read.
+
+    Raises UsageError for a word that cannot be understood, CaptureError for what cannot be opened.
+    """
+    if len(set(words)) < len(words):
+        raise UsageError("a live source is given more than once", next_step="name each once")
+    wait = Wait()
+    inlets: list[Inlet] = []
+    try:
+        for word in words:
+            inlets.append(_inlet(word, settings))
+    except BaseException:
+        for inlet in inlets:
+            inlet.close()
+        wait.close()
+        raise
+    sources = [LiveSource(inlet, wait, settings.autostop) for inlet in inlets]
+    if len(sources) == 1 and not settings.renamed:
+        return sources[0]
+    return Timeline(sources, renamed=settings.renamed)
+
+
+def _inlet(word: str, settings: LiveSettings) -> Inlet:
+    device = device_of(word)
+    if device is None:
+        near = ", ".join(names()) or "none"
+        raise CaptureError("no interface has this name", where=word, next_step=f"the interfaces are: {near}")
+    if not device.is_known:
+        raise CaptureError(
+            f"an interface of a kind that cannot be read (ARPHRD {device.kind})", where=word,
+            next_step="capture with tcpdump -w FILE, and read the file",
+        )  # fmt: skip
+    from nvscope.capture.live.bpf import compiled, default_program  # noqa: PLC0415
+    from nvscope.capture.live.ring import BUFFER_BYTES, KernelRing  # noqa: PLC0415
+
+    if settings.bpf is None:
+        program = default_program(device.link, settings.ports)
+    else:
+        program = compiled(settings.bpf, device.link) if settings.bpf.strip() else None
+    size = settings.buffer_bytes or BUFFER_BYTES
+    if size > _MAX_BUFFER_BYTES:
+        raise UsageError("-B: more than 2048 MiB", next_step="take less; 64 MiB hold most of a second at full speed")
+    return KernelRing(device, program, promiscuous=settings.promiscuous, buffer_bytes=size)

@@ -1,0 +1,254 @@
+"""The options by which verbs are told of live sources, and what a verb does while it reads one."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Annotated, Any, Self, get_type_hints
+
+import typer
+
+from nvscope.cli.sources import duration_ns
+from nvscope.cli.terminal import echo
+from nvscope.errors import UnreadableInput, UsageError
+
+if TYPE_CHECKING:
+    from dissectors.netvar import PortRules
+    from nvscope.capture.source import Source
+    from nvscope.definition.project import Project
+
+_KILOBYTE = 1000
+_MEGABYTE = 1 << 20
+_STATUS_S = 1.0
+_MOST_NAMES = 8
+_INTERFACE = re.compile(r"[\w@:-]{1,15}", re.ASCII)
+
+InterfaceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-i", "--interface", metavar="NAME", help="Capture on an interface; also several.", show_default=False
+    ),
+]
+ForOption = Annotated[
+    str | None,
+    typer.Option("--for", metavar="DURATION", help="End a live source, or stdin, after this time.", show_default=False),
+]
+AutostopOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-a",
+        "--autostop",
+        metavar="WHAT:N",
+        help="End a live source after duration:N seconds, packets:N, or filesize:N kB of packets.",
+        show_default=False,
+    ),
+]
+BpfOption = Annotated[
+    str | None,
+    typer.Option(
+        "-f",
+        "--capture-filter",
+        metavar="BPF",
+        help="What interfaces let in, in the language of tcpdump; '' for everything. Without it: the ports of the "
+        "project, telegrams on any other port, fragments, ICMP and ARP.",
+        show_default=False,
+    ),
+]
+BufferOption = Annotated[
+    float | None,
+    typer.Option("-B", "--buffer-size", metavar="MIB", help="The kernel's buffer of an interface.", show_default="64"),
+]
+PromiscuousOption = Annotated[
+    bool, typer.Option("-p", "--no-promiscuous-mode", help="Leave out frames that are for other stations.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class LiveOptions:
+    """What was asked of live sources."""
+
+    interfaces: Sequence[str] = ()
+    duration: str | None = None
+    autostop: Sequence[str] = ()
+    bpf: str | None = None
+    buffer_mib: float | None = None
+    not_promiscuous: bool = False
+
+    @property
+    def asked(self) -> list[str]:
+        """The options that were given, and mean nothing without a live source."""
+        told = {
+            "--for": self.duration, "-a": self.autostop, "-f": self.bpf is not None, "-B": self.buffer_mib,
+            "-p": self.not_promiscuous,
+        }  # fmt: skip
+        return [name for name, value in told.items() if value]
+
+
+def with_live_options(verb: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb the options of live sources; it takes them as one, ``live``."""
+
+    def taking(
+        *,
+        interface: InterfaceOption = None,
+        duration: ForOption = None,
+        autostop: AutostopOption = None,
+        bpf: BpfOption = None,
+        buffer_mib: BufferOption = None,
+        not_promiscuous: PromiscuousOption = False,
+        **others: Any,
+    ) -> None:
+        live = LiveOptions(interface or (), duration, autostop or (), bpf, buffer_mib, not_promiscuous)
+        verb(live=live, **others)
+
+    hints = get_type_hints(taking, include_extras=True)
+    options = [
+        one.replace(annotation=hints[name])
+        for name, one in inspect.signature(taking, follow_wrapped=False).parameters.items()
+        if name != "others"
+    ]
+    hints = get_type_hints(verb, include_extras=True)
+    kept = [
+        one.replace(kind=one.KEYWORD_ONLY, annotation=hints[name])
+        for name, one in inspect.signature(verb).parameters.items()
+        if name != "live"
+    ]
+    taking.__signature__ = inspect.Signature([*kept, *options])  # type: ignore[attr-defined]
+    taking.__annotations__ = {one.name: one.annotation for one in (*kept, *options)}
+    taking.__name__, taking.__doc__, taking.__module__ = verb.__name__, verb.__doc__, verb.__module__
+    return taking
+
+
+def captured(
+    paths: Sequence[str], live: LiveOptions, plant: Project, ports: PortRules | None
+) -> Sequence[str] | Source:
+    """Return the captures as they were named, or, where these are live sources, as one that is open.
+
+    UnreadableInput for a word that names nothing, UsageError where live sources and files are mixed, or options given
+    that mean nothing without one.
+    """
+    from nvscope.capture.live.open import is_live
+
+    words = [*live.interfaces, *(path for path in paths if is_live(path))]
+    files = [path for path in paths if not is_live(path)]
+    for path in files:
+        _look_for(path)
+    if not words:
+        if asked := [name for name in live.asked if not (name in ("--for", "-a") and files == ["-"])]:
+            raise UsageError(
+                f"{', '.join(asked)}: for live sources, and these are files", next_step="leave it out, or name an "
+                "interface with -i NAME",
+            )  # fmt: skip
+        return paths
+    if files:
+        raise UsageError(
+            f"files and live sources cannot be read together: {files[0]} and {words[0]}",
+            next_step="read one after the other",
+        )
+    return _opened(words, live, plant, ports)
+
+
+def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: PortRules | None) -> Source:
+    from dissectors.netvar import PORT
+    from nvscope.capture.live.open import LiveSettings, open_live
+    from nvscope.cli.privileges import drop_privileges
+
+    wanted = {PORT, *plant.ports, *(ports.telegrams if ports else ())}
+    wanted |= {key.port for key in plant.definition.by_key() if isinstance(key.port, int)}
+    size = None if live.buffer_mib is None else max(int(live.buffer_mib * _MEGABYTE), 1)
+    source = open_live(
+        words,
+        LiveSettings(
+            autostop=_autostop(live), bpf=live.bpf, ports=wanted, promiscuous=not live.not_promiscuous,
+            buffer_bytes=size, renamed=plant.channels,
+        ),
+    )  # fmt: skip
+    drop_privileges()
+    return source
+
+
+def _autostop(live: LiveOptions) -> Any:
+    from nvscope.capture.live.live_source import Autostop
+
+    told: dict[str, int] = {}
+    if live.duration is not None:
+        told["duration"] = duration_ns("--for", live.duration)
+    for text in live.autostop:
+        what, sign, number = text.partition(":")
+        try:
+            value = float(number)
+        except ValueError:
+            value = 0.0
+        if what not in ("duration", "packets", "filesize") or not sign or not 0 < value < 1e12:
+            raise UsageError(
+                f"-a {text[:80]}: expected duration:SECONDS, packets:N or filesize:KB",
+                next_step="for example -a duration:60",
+            )
+        told[what] = int(value * {"duration": 1_000_000_000, "packets": 1, "filesize": _KILOBYTE}[what])
+    return Autostop(told.get("duration"), told.get("packets"), told.get("filesize"))
+
+
+def _look_for(path: str) -> None:
+    """Raise UnreadableInput for a bare word that is neither a file nor an interface."""
+    import os
+
+    if not _INTERFACE.fullmatch(path) or path == "-" or os.path.lexists(path):
+        return  # opening it says what is wrong
+    from nvscope.capture.live.device import names
+    from nvscope.near_files import near_files
+
+    devices = names()
+    interfaces = f"the interfaces are {', '.join(devices[:_MOST_NAMES])}" if devices else "there are no interfaces"
+    near = near_files(path)
+    files = f"; files with such a name are {', '.join(near)}" if near else ""
+    raise UnreadableInput("no file and no interface has this name", where=path, next_step=interfaces + files)
+
+
+class LiveRun:
+    """While a live source is read: Ctrl-C and SIGTERM end it in order, and a terminal sees that it goes on.
+
+    A second Ctrl-C ends the program.
+    """
+
+    def __init__(self, source: Source, *, quiet: bool = False) -> None:
+        self._source = source
+        self._shows = not quiet and sys.stderr.isatty()
+        self._begun_s = self._shown_s = time.monotonic()
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            try:
+                self._before[number] = signal.signal(number, self._end)
+            except ValueError:  # not in the main thread
+                return self
+        return self
+
+    def _end(self, number: int, frame: FrameType | None) -> None:
+        signal.signal(number, self._before[number])
+        self._source.stop()
+
+    def __call__(self) -> None:
+        now_s = time.monotonic()
+        if not self._shows or now_s - self._shown_s < _STATUS_S:
+            return
+        self._shown_s = now_s
+        infos = self._source.infos
+        frames, drops = sum(info.frames for info in infos), sum(info.drops or 0 for info in infos)
+        names = ", ".join(info.path for info in infos)
+        lost = f", {drops} dropped" if drops else ""
+        text = f"{names}: {now_s - self._begun_s:.0f} s, {frames} frames{lost}; Ctrl-C ends"
+        echo(f"\r\x1b[K{text}", err=True, nl=False)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._shown_s > self._begun_s:
+            echo("\r\x1b[K", err=True, nl=False)
+        for number, before in self._before.items():
+            signal.signal(number, before)
