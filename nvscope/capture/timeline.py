@@ -191,10 +191,7 @@ class Timeline:
         return Between(self, TimeSpan.of(start_ns, end_ns))
 
     def stop(self) -> None:
-        """Let the iteration end after the batch in hand, and close all tracks; for any thread, also repeatedly.
-
-        Of live tracks, what they have taken until then still comes.
-        """
+        """Let the iteration end after the batch in hand, and close all tracks; what live ones have taken still comes."""
         for track in self._tracks:
             track.stop()
         if None in self._files:
