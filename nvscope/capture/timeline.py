@@ -191,7 +191,7 @@ class Timeline:
         return Between(self, TimeSpan.of(start_ns, end_ns))
 
     def stop(self) -> None:
-        """Let the iteration end after the batch in hand, and close all tracks; what live ones have taken still comes."""
+        """End after the batch in hand, and close all tracks; what live ones have taken still comes."""
         for track in self._tracks:
             track.stop()
         if None in self._files:

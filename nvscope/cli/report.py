@@ -120,7 +120,8 @@ def report(
 
     -Y chooses what is shown: lists, streams, nodes, findings and causes to which a chosen telegram belongs, with the
     figures of the whole capture, so that no filter makes up a loss. --from-time and --to-time cut the capture: only
-    what lies between is judged. Exits with 3 where a capture could not be read to its end.
+    what lies between is judged. An interface is watched until --for is over, or Ctrl-C. Exits with 3 where a capture
+    could not be read to its end, or lost frames.
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
