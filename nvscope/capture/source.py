@@ -67,7 +67,8 @@ class SourceInfo:
     ``start_ns`` and ``end_ns`` are the times of the first and the last packet that was passed on, None before the
     first. ``is_live``: it takes packets while they are sent; ``failure`` is why it ended though nobody had said so, ''
     where it did not. ``without_carrier`` are the times in which its interface had no cable, as (begin, end or None
-    where it is still so).
+    where it is still so). Without ``hears_answers``, it gets what is for everybody and for this machine: what others
+    answer to each other is unknown.
     """
 
     path: str
@@ -84,6 +85,7 @@ class SourceInfo:
     is_live: bool = False
     failure: str = ""
     without_carrier: tuple[tuple[int, int | None], ...] = ()
+    hears_answers: bool = True
 
 
 class Source(Protocol):

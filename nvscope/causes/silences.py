@@ -151,10 +151,11 @@ def _draft(
     else:
         title = f"Node {name} {past} from {since} to {moment(case, pause.until_ns)} ({which})"
     if kind is NODE_SILENT:
-        checked.append(
-            "nothing of it came afterwards, ARP included" if pause.until_ns is None
-            else f"nothing of it came for {duration(pause.until_ns - pause.since_ns)}, ARP included"
-        )  # fmt: skip
+        when = "afterwards" if pause.until_ns is None else f"for {duration(pause.until_ns - pause.since_ns)}"
+        if all(info.hears_answers for info in case.facts.sources):
+            checked.append(f"nothing of it came {when}, ARP included")
+        else:
+            checked.append(f"nothing of it came {when}; whether it sends other frames is not to be seen by this socket")
     else:
         checked.append("other frames of it (ARP, ICMP, TCP …) go on: it has power and cable")
     if going:

@@ -169,6 +169,13 @@ def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: Port
         ),
     )  # fmt: skip
     drop_privileges()
+    for word in words:
+        if word.startswith("udp:"):
+            echo(
+                f"nvscope: {word}: a plain socket gets broadcasts, the groups it joined, and what is sent to this "
+                "machine; what nodes answer to each other is not to be seen, and not judged.",
+                err=True,
+            )
     return source
 
 

@@ -23,7 +23,8 @@ class Reading:
     ``timeout_ns`` is how long an answer may take. ``dissectors`` read the protocols that have ports of their own, the
     first one first where several could. ``max_streams`` is how many streams, and other kinds of telegrams by sender,
     receiver, list and SubIndex, are told apart; so many identifiers of CAN. ``all_frames``: frames in which nothing is
-    found are wanted too (``Told.others``).
+    found are wanted too (``Told.others``). Without ``hears_answers``, what nodes answer to each other is not to be
+    seen: nobody waits for it.
     """
 
     ports: PortRules | None = None
@@ -33,3 +34,4 @@ class Reading:
     dissectors: tuple[Dissector, ...] = ()
     max_streams: int = MAX_STREAMS
     all_frames: bool = False
+    hears_answers: bool = True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import ClassVar, Protocol
 
 from nvscope.capture.source import Source
@@ -32,6 +33,8 @@ def run(source: Source, reading: Reading, observers: Sequence[Observer]) -> Iter
 
     A batch is valid until the next one is asked for. Who stops asking stops the loop.
     """
+    if not all(info.hears_answers for info in source.infos):
+        reading = replace(reading, hears_answers=False)
     by_stream = any(observer.by_stream for observer in observers)
     recogniser = Recogniser(reading, lambda: source.channels, by_stream=by_stream)
     for packets in source:

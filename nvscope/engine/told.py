@@ -61,7 +61,8 @@ class Told:
     is measured up to what follows, and that begins as a capture does. ``pdos`` know which lists CAN frames belong to,
     and what channels are called; ``dissectors`` read the protocols that have ports of their own; ``timeout_ns`` is how
     long an answer may take, ``max_streams`` how many streams and identifiers are told apart; ``all_frames`` says
-    whether frames in which nothing is found are wanted.
+    whether frames in which nothing is found are wanted, ``hears_answers`` whether what nodes answer to each other is to
+    be seen at all.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
 
@@ -75,7 +76,7 @@ class Told:
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
         timeout_ns: int, choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
         dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS, all_frames: bool = False,
-        unheard: Sequence[Unheard] = (),
+        unheard: Sequence[Unheard] = (), hears_answers: bool = True,
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -88,6 +89,7 @@ class Told:
         self.max_streams = max_streams
         self.all_frames = all_frames
         self.unheard = unheard
+        self.hears_answers = hears_answers
         self._choose = choose
         self._laid = laid
         self._listeners: Listeners = ()
@@ -102,7 +104,7 @@ class Told:
             batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
             choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
             dissectors=self.dissectors, timeout_ns=self.timeout_ns, max_streams=self.max_streams,
-            all_frames=self.all_frames, unheard=self.unheard,
+            all_frames=self.all_frames, unheard=self.unheard, hears_answers=self.hears_answers,
         )  # fmt: skip
         return told.heard_by(self._listeners)
 

@@ -41,11 +41,13 @@ _FEW_PAIRS = 4096  # of waits and streams, of which few are of one place
 class Acknowledgement:
     """The open waits of all streams and of all boot-up requests, and how long those took that were answered.
 
-    ``timeout_ns`` is that of the batch observed last: how frames are read says it.
+    ``timeout_ns`` and ``hears_answers`` are those of the batch observed last: how frames are read says them. Where
+    answers are not to be seen, nobody waits for one.
     """
 
     def __init__(self) -> None:
         self.timeout_ns = TIMEOUT_NS
+        self.hears_answers = True
         self.waits = WaitColumns()
         self.places = PlaceColumns()
         self.boot_up_waits = NO_REQUESTS
@@ -61,7 +63,7 @@ class Acknowledgement:
         """
         self.waits.resize(len(keys.streams))
         self.places.resize(len(keys.places))
-        wanting = rows.wanting
+        wanting = rows.wanting if self.hears_answers else rows.wanting[:0]
         unexpected = self._unexpected(rows, wanting, acknowledgements, clock, keys)
         missing, answered, errors = self._follow(rows, wanting, acknowledgements, clock, keys, first_frame, heard=heard)
         negative, negative_node = self._negative(rows, acknowledgements, clock, keys, first_frame)
@@ -83,6 +85,7 @@ class Acknowledgement:
     def take(self, part: Acknowledgement, share: Share) -> None:
         """Take over the waits of a part for its share of the lists."""
         self.timeout_ns = part.timeout_ns
+        self.hears_answers = part.hears_answers
         self.waits.take(part.waits, share.streams)
         self.places.take(part.places, share.places)
         waits = BootUpWaits.stacked([self.boot_up_waits, part.boot_up_waits])

@@ -112,6 +112,7 @@ def _kept(state: TrackerState) -> TrackerState:
     """Return a copy of a state that holds what figures are read from, and nothing else."""
     kept = TrackerState()
     kept.lists.acknowledgement.timeout_ns = state.lists.acknowledgement.timeout_ns
+    kept.lists.acknowledgement.hears_answers = state.lists.acknowledgement.hears_answers
     for path in TABLES:
         _put(kept, path, attrgetter(path)(state).copied(*(("count",) if path in _ONLY_COUNTED else ())))
     for path in KEYS:

@@ -104,6 +104,7 @@ class ListState:
         """Take a batch, which follows those observed so far."""
         errors: list[ErrorEvents] = []
         self.acknowledgement.timeout_ns = told.timeout_ns
+        self.acknowledgement.hears_answers = told.hears_answers
         if len(told):
             self.several_senders.observe(told, self.flows)
             self.flows.observe(told)
@@ -198,7 +199,7 @@ class ListState:
         """Book the telegrams that ICMP messages say were not delivered."""
         errors: list[ErrorEvents] = []
         quoted, lists, node, receiver, by, code = told.laid.rejected
-        if not len(quoted):
+        if not len(quoted) or not told.hears_answers:
             return errors
         datagram, service = quoted.datagram, quoted.header["id"]
         frame = datagram.row + told.first_frame
@@ -235,6 +236,8 @@ class ListState:
         mine = varieties.column("kind") == kind
         others = told.laid.data.others
         row = others[mine[told.variety[others]]]
+        if kind is FrameKind.ACKNOWLEDGEMENT and not told.hears_answers:
+            row = row[:0]
         number = np.flatnonzero(mine)
         place, destination = varieties.place[number], flows.destination[varieties.flow[number]]
         target = np.full(len(varieties), -1)

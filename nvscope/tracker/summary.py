@@ -216,6 +216,9 @@ def _counters(state: TrackerState, streams: Sequence[Sequence[StreamSummary]]) -
     left_out = state.keys.left_out.of_lists(state.keys.lists)
     for name, part in _UNKNOWN_WITHOUT.items():
         of_list[name] = _known_where(of_list[name], left_out & part == 0)
+    if not state.lists.acknowledgement.hears_answers:
+        unknown: list[int | None] = [None] * len(streams)
+        of_list |= dict.fromkeys(_UNKNOWN_UNHEARD, unknown)
     in_part = (left_out & Missing.DATA != 0).tolist()
     # Of hundreds of thousands of lists, most have counted the same, and those on CAN nothing.
     zeros = [0] * len(of_list)
@@ -236,6 +239,9 @@ _UNKNOWN_WITHOUT = {
     "bootup_unanswered": Missing.DATA,
 }
 """What nobody knows of a list of which the limit has left out something, beside the counters of its streams."""
+
+_UNKNOWN_UNHEARD = ("missing_acknowledgements", "negative_acknowledgements", "send_rejected")
+"""What nobody knows of a list where what nodes answer to each other is not to be seen."""
 
 
 def _known_where(amounts: Sequence[int | None], known: Bool) -> list[int | None]:

@@ -13,12 +13,14 @@ class Inlet(Protocol):
 
     ``path`` is what people call it, ``format`` what kind of it reports name. ``channels`` are names of channels by
     number, if its packets have any. ``lag_ns`` is how long a packet may be in the kernel before ``take`` gives it out.
+    ``hears_answers``: what others say to each other comes in, too, and not only what is for this machine.
     """
 
     path: str
     format: str
     channels: Sequence[str]
     lag_ns: int
+    hears_answers: bool
 
     def fileno(self) -> int:
         """Return the descriptor that has something to be read when a packet came."""

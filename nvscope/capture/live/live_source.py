@@ -48,7 +48,7 @@ class LiveSource:
         self._autostop = autostop or Autostop()
         self._clock = SystemClock()
         self._opened_ns = time.monotonic_ns()
-        self._info = SourceInfo(inlet.path, inlet.format, is_live=True)
+        self._info = SourceInfo(inlet.path, inlet.format, is_live=True, hears_answers=inlet.hears_answers)
         self._stopping = False
         self._begun = False
         self._carrier: list[tuple[int, int | None]] = []

@@ -64,6 +64,12 @@ def open_live(words: Sequence[str], settings: LiveSettings) -> Source:
 
 
 def _inlet(word: str, settings: LiveSettings) -> Inlet:
+    if word.startswith(_UDP):
+        from nvscope.capture.live.udp_socket import UdpSocket  # noqa: PLC0415
+
+        return UdpSocket(word)
+    if word.startswith(_CAN):
+        raise UsageError("CAN buses cannot be watched live yet", where=word, next_step="read a log of candump")
     device = device_of(word)
     if device is None:
         near = ", ".join(names()) or "none"

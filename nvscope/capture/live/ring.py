@@ -47,6 +47,7 @@ class KernelRing:
     """
 
     format = "interface"
+    hears_answers = True
 
     def __init__(
         self, device: Device, program: Sequence[Instruction] | None = None, *, promiscuous: bool = True,
