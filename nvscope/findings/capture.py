@@ -137,13 +137,14 @@ CARRIER_LOST = FindingKind(
         "If nobody was at the cable, read the log of the switch, and change cable and port.",
     ),
     of_capture=True,
-    judged=False,
 )
 
 
 def judge_capture(facts: Facts) -> Iterator[Finding]:
     """Yield what the capture lacks, each a finding about the whole of it."""
     yield from _drops(facts)
+    yield from _carrier(facts)
+    yield from _set_unseen(facts)
     steps_back = facts.state.capture.steps_back.rows
     for events in (events_of(steps_back, row) for row in range(len(steps_back))):
         step = duration(facts.state.capture.longest_step_back_ns)
@@ -168,6 +169,31 @@ def _drops(facts: Facts) -> Iterator[Finding]:
         seen = facts.state.capture.frames
         share = percent(drops, drops + seen)
         yield _whole(facts, CAPTURE_DROPS, drops, f"The capture lost {count_of(drops, 'frame')} of its own ({share}).")
+
+
+def _carrier(facts: Facts) -> Iterator[Finding]:
+    """Tell when interfaces had no cable, each by itself: what others saw meanwhile is as good as ever."""
+    for source in facts.sources:
+        times = source.without_carrier
+        if not times:
+            continue
+        until_ns = [facts.at_ns if end_ns is None else end_ns for _, end_ns in times]
+        whole_ns = sum(max(end_ns - start_ns, 0) for (start_ns, _), end_ns in zip(times, until_ns, strict=True))
+        now = ", and it is still so" if times[-1][1] is None else ""
+        message = f"{source.path} had no carrier for {duration(whole_ns)}, {_times(len(times))}{now}."
+        yield Finding(CARRIER_LOST, message, len(times), times[0][0], max(until_ns[-1], times[0][0]))
+
+
+def _set_unseen(facts: Facts) -> Iterator[Finding]:
+    """Tell that a clock was set though no frame shows it: forward, or while nothing came."""
+    steps = max((source.clock_steps for source in facts.sources), default=0)  # all look at one clock
+    if steps and not len(facts.state.capture.steps_back.rows):
+        message = f"The clock of this machine was set {_times(steps)} while it was watched; no frame's time goes back."
+        yield _whole(facts, CLOCK_STEP, steps, message)
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{count(number)} times"
 
 
 def _truncated(facts: Facts) -> Iterator[Finding]:

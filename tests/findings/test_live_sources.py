@@ -1,0 +1,63 @@
+"""What a live source tells of itself: times without a cable (NV907), a clock that was set (NV902)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from nvscope.capture.source import SourceInfo
+from nvscope.findings.finding import Finding
+from nvscope.findings.judge import judge
+from tests.findings.test_timing import MS, START_NS, sent
+from tests.packets import batch_of, tracked
+
+ETH0 = SourceInfo("eth0", "interface", is_live=True)
+SECOND_NS = 1_000_000_000
+
+
+def told(infos: Sequence[SourceInfo], intervals_ms: Sequence[float] = (50,) * 20) -> dict[str, list[Finding]]:
+    """Return the findings about the capture by code; telegrams come from ``START_NS`` on."""
+    found: dict[str, list[Finding]] = {}
+    for finding in judge(tracked([batch_of(sent(intervals_ms))]), infos):
+        if finding.code.startswith("NV9"):
+            found.setdefault(finding.code, []).append(finding)
+    return found
+
+
+def test_an_interface_with_its_cable_is_no_finding() -> None:
+    assert told([ETH0]) == {}
+
+
+def test_each_interface_tells_of_its_times_without_a_cable() -> None:
+    times = ((START_NS, START_NS + 2 * SECOND_NS), (START_NS + 5 * SECOND_NS, START_NS + 5_500 * MS))
+    (found,) = told([replace(ETH0, without_carrier=times), replace(ETH0, path="eth1")])["NV907"]
+    assert (found.count, found.first_ns, found.last_ns) == (2, START_NS, START_NS + 5_500 * MS)
+    assert found.message == "eth0 had no carrier for 2.5 s, 2 times."
+
+
+def test_a_cable_that_is_out_is_out_up_to_now() -> None:
+    (found,) = told([replace(ETH0, without_carrier=((START_NS, None),))])["NV907"]
+    assert (found.count, found.first_ns, found.last_ns) == (1, START_NS, START_NS + 1000 * MS)
+    assert found.message == "eth0 had no carrier for 1.0 s, once, and it is still so."
+
+
+def test_a_cable_that_was_never_in_is_told_before_any_frame() -> None:
+    (found,) = told([replace(ETH0, without_carrier=((START_NS, None),))], ())["NV907"]
+    assert found.first_ns == START_NS
+
+
+def test_a_clock_that_was_set_forward_is_told_though_no_time_goes_back() -> None:
+    (found,) = told([replace(ETH0, clock_steps=2)])["NV902"]
+    assert (found.count, found.message) == (
+        2, "The clock of this machine was set 2 times while it was watched; no frame's time goes back.",
+    )  # fmt: skip
+
+
+def test_a_clock_that_was_set_back_is_told_once() -> None:
+    (found,) = told([replace(ETH0, clock_steps=1)], (50, 50, -3_600_000, 50))["NV902"]
+    assert found.message.startswith("1 frame with a time more than 1 ms before that of the frame in front: by up to ")
+
+
+def test_one_clock_of_several_interfaces_was_set_once() -> None:
+    (found,) = told([replace(ETH0, clock_steps=1), replace(ETH0, path="eth1", clock_steps=1)])["NV902"]
+    assert found.count == 1
