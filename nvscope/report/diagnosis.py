@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from nvscope import units
-from nvscope.report.content import Clock, Row, nanoseconds
-from nvscope.report.tables import UNKNOWN, count_cell, counts_nothing, error_name
 from nvscope.tracker.figures import DIAGNOSIS
+from nvscope.view.lines.plant.content import Clock, Row, nanoseconds
+from nvscope.view.lines.plant.tables import UNKNOWN, count_cell, counts_nothing, error_name
 from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Tone
 
 _IEC_TYPE = {16: "UINT", 32: "UDINT"}

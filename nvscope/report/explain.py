@@ -11,11 +11,11 @@ from nvscope.errors import UsageError
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.findings.kind import FindingKind
 from nvscope.report.ansi import paint
-from nvscope.report.content import status
 from nvscope.report.explain_column import MEANINGS, column_called, column_lines
 from nvscope.report.explain_figure import figure_called, figure_lines
 from nvscope.tracker.figures import FIGURES, Figure
 from nvscope.version import head
+from nvscope.view.lines.plant.content import status
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 if TYPE_CHECKING:  # who asks for a code need not wait for what causes are judged from

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from nvscope import units
 from nvscope.findings.badness import badness
 from nvscope.findings.cob_ids import OF_ONE_LIST
-from nvscope.report import content
-from nvscope.report.content import Row
+from nvscope.view.lines.plant import content
+from nvscope.view.lines.plant.content import Row
 
 _MANY = 4
 """From so many findings on, one stands for others that have other figures."""

@@ -12,11 +12,11 @@ from typing import Any
 
 from nvscope import units
 from nvscope.report.ansi import paint
-from nvscope.report.content import nanoseconds
 from nvscope.report.variables import VALUE_WIDTH, filter_lines
 from nvscope.version import head
 from nvscope.view.documents.history import HISTORY_SCHEMA
 from nvscope.view.escape import json_ascii, visible, visible_document
+from nvscope.view.lines.plant.content import nanoseconds
 from nvscope.view.lines.short_names import short_names
 from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, hidden, wrap
 from nvscope.view.lines.text_width import display_width, shorten

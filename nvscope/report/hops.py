@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
-from nvscope.report.content import Report, Row
-from nvscope.report.tables import Measure, duration_cell
+from nvscope.view.lines.plant.content import Report, Row
+from nvscope.view.lines.plant.tables import Measure, duration_cell
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "Hops: the same variable in several lists"

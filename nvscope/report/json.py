@@ -11,7 +11,7 @@ from nvscope.view.documents.drawn import Drawn, DrawnRow, Shape
 from nvscope.view.escape import json_text
 
 if TYPE_CHECKING:  # what tables for people need takes longer to import than a small report to write
-    from nvscope.report.content import Report
+    from nvscope.view.lines.plant.content import Report
 
 _PIECE_CHARACTERS = 1 << 20
 _INDENT = 2

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, content, folding, happenings, hops, missing, strips, tables, timing
+from nvscope.report import folding, hops, missing, timing
 from nvscope.report.ansi import batched
 from nvscope.view.escape import markdown_code, markdown_safe
+from nvscope.view.lines.plant import buses, content, happenings, strips, tables
 from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column
 
 if TYPE_CHECKING:

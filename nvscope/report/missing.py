@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from nvscope import units
-from nvscope.report.content import Row
-from nvscope.report.happenings import severity_of, symbol
+from nvscope.view.lines.plant.content import Row
+from nvscope.view.lines.plant.happenings import severity_of, symbol
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
 from nvscope.view.missing_kinds import NEVER_CHANGED, NEVER_SEEN
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report import buses, causes, content, diagnosis, folding, happenings, hops, missing, strips, tables, timing
+from nvscope.report import diagnosis, folding, hops, missing, timing
 from nvscope.report.ansi import painted
 from nvscope.view.escape import visible_document
+from nvscope.view.lines.plant import buses, causes, content, happenings, strips, tables
 from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, wrap
 from nvscope.view.lines.text_width import display_width
 

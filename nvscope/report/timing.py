@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope import units
-from nvscope.report.content import Report, node_names
-from nvscope.report.strips import keys_among, shown_lists
+from nvscope.view.lines.plant.content import Report, node_names
+from nvscope.view.lines.plant.strips import keys_among, shown_lists
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from typing import Any
 from nvscope import units
 from nvscope.report import missing
 from nvscope.report.ansi import paint
-from nvscope.report.content import filter_cells, nanoseconds
 from nvscope.view.documents.variables import ASSUMED
 from nvscope.view.escape import visible, visible_document
+from nvscope.view.lines.plant.content import filter_cells, nanoseconds
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 
 MIN_WIDTH = 40

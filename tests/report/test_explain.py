@@ -11,12 +11,13 @@ from nvscope.causes.catalogue import BY_NAME, KINDS
 from nvscope.causes.kind import CauseKind
 from nvscope.errors import ExitCode, UsageError
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.report import buses, explain
+from nvscope.report import explain
 from nvscope.report.explain_column import MEANINGS
-from nvscope.report.tables import ERRORS, INTERVALS, OVERVIEW, STREAMS
 from nvscope.tracker.figures import FIGURES, PLACES, Figure, Of
 from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields.vocabulary import vocabulary
+from nvscope.view.lines.plant import buses
+from nvscope.view.lines.plant.tables import ERRORS, INTERVALS, OVERVIEW, STREAMS
 from nvscope.view.lines.text_width import display_width
 
 

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.report import tables, text
+from nvscope.report import text
+from nvscope.view.lines.plant import tables
 from nvscope.view.lines.table import Tone
 from nvscope.view.lines.text_width import display_width
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from nvscope import units
-from nvscope.report.content import Row
-from nvscope.report.happenings import severity_of, symbol
+from nvscope.view.lines.plant.content import Row
+from nvscope.view.lines.plant.happenings import severity_of, symbol
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
 from nvscope.view.lines.text_width import display_width
 

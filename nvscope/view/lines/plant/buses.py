@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
-from nvscope.report.content import Clock, Report, Row, nanoseconds
-from nvscope.report.tables import Measure, count_cell, used
+from nvscope.view.lines.plant.content import Clock, Report, Row, nanoseconds
+from nvscope.view.lines.plant.tables import Measure, count_cell, used
 from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column, Tone
 
 MOST_IDENTIFIERS = 8

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report.content import Report, Row, node_names, severity_of, status
 from nvscope.tracker.counters import SCOPE_UNUSED
 from nvscope.tracker.figures import BY_NAME, LIST_COUNTERS, Of
 from nvscope.tracker.jitter import Jitter
 from nvscope.view.documents.figures import lookup
+from nvscope.view.lines.plant.content import Report, Row, node_names, severity_of, status
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
-from nvscope.report.content import Report, Row, nanoseconds, status, watched_until_ns, why_no_list
+from nvscope.view.lines.plant.content import Report, Row, nanoseconds, status, watched_until_ns, why_no_list
 from nvscope.view.lines.table import Cell, Tone
 
 

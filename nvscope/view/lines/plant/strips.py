@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from nvscope import units
 from nvscope.causes.mark import Mark
 from nvscope.findings.kind import Severity
-from nvscope.report.content import Report, Row, nanoseconds, node_names, watched_until_ns
-from nvscope.report.happenings import Concern, concerns, symbol
-from nvscope.report.tables import OVERVIEW, Measure, looked_at
 from nvscope.view.escape import visible
+from nvscope.view.lines.plant.content import Report, Row, nanoseconds, node_names, watched_until_ns
+from nvscope.view.lines.plant.happenings import Concern, concerns, symbol
+from nvscope.view.lines.plant.tables import OVERVIEW, Measure, looked_at
 from nvscope.view.lines.table import GAP, NOTHING, Cell, Column, Tone
 from nvscope.view.lines.text_width import display_width
 
