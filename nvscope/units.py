@@ -150,6 +150,13 @@ def duration(duration_ns: int) -> str:
     raise AssertionError("days have no limit")
 
 
+def rate(per_s: float) -> str:
+    """Return how often something comes in a second: ``44/s``, below ten with a decimal, below one as a pause."""
+    if per_s >= 9.95:
+        return f"{count(round(per_s))}/s"
+    return f"{per_s:.1f}/s" if per_s else "0/s"
+
+
 def iec_time(duration_ns: int) -> str:
     """Return an IEC 61131-3 TIME literal such as ``T#1m2s345ms``, whole milliseconds, the rest cut off."""
     return _iec_duration("T", duration_ns, _MS_NS)

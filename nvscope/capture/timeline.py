@@ -24,13 +24,14 @@ from weakref import ReferenceType, ref
 
 import numpy as np
 
-from dissectors.batch import I64, PAD_BYTES, U8, End, PacketBatch
+from dissectors.batch import I64, End, PacketBatch
 from dissectors.can.frame import channels_of
 from dissectors.can.pdo import channel_name
 from nvscope.capture.between import Between
+from nvscope.capture.packed import gathered
 from nvscope.capture.recordings import is_apart, is_seamless
 from nvscope.capture.source import Attachment, FileSource, Source, SourceInfo
-from nvscope.capture.spans import BATCH_BYTES, copy_spans, stretches
+from nvscope.capture.spans import BATCH_BYTES, stretches
 from nvscope.capture.stoppable import StoppableBatches
 from nvscope.capture.time_span import TimeSpan
 
@@ -361,7 +362,7 @@ class Timeline:
         for rows in stretches(captured, self._batch_packets, self._batch_bytes):
             counts = np.bincount(origin[rows], minlength=len(batches)).tolist()
             parts = [batch[at : at + count] for batch, at, count in zip(batches, done, counts, strict=True)]
-            data, offsets = _gather(parts)
+            data, offsets = gathered(parts)
             offset = np.empty(rows.stop - rows.start, np.int64)
             for number, part in enumerate(offsets):
                 offset[origin[rows] == number] = part
@@ -373,28 +374,3 @@ class Timeline:
                 data, offset, captured[rows], original[rows], ts_ns[rows], column, own, direction=way, source=of
             )  # fmt: skip
             done = [at + count for at, count in zip(done, counts, strict=True)]
-
-
-def _gather(parts: list[PacketBatch]) -> tuple[U8, list[I64]]:
-    """Copy the packets of batches over different buffers to one; return it and the offsets of each batch in it."""
-    regions: list[U8] = []
-    offsets: list[I64] = []
-    size = 0
-    for part in parts:
-        if not len(part):
-            offsets.append(part.offset)
-            continue
-        first = int(part.offset.min())
-        region = part.data[first : int((part.offset + part.captured).max())]
-        captured = part.captured.astype(np.int64)
-        start = part.offset - first
-        if len(region) > 2 * int(captured.sum()) + 64 * len(part):
-            packed_start = np.cumsum(captured) - captured
-            packed = np.empty(int(captured.sum()), np.uint8)
-            copy_spans(packed, packed_start, region, start, captured)
-            region, start = packed, packed_start
-        offsets.append(start + size)
-        regions.append(region)
-        size += len(region)
-    regions.append(np.zeros(PAD_BYTES, np.uint8))
-    return np.concatenate(regions), offsets

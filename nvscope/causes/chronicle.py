@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -68,6 +68,15 @@ class Chronicle:
             np.add.at(depth, last[of_mark] + 1, -1)
             found[(np.cumsum(depth[:-1]) > 0) & (found < worse)] = worse
         return [Mark(one) for one in found.tolist()]
+
+    def last(self, length_ns: int) -> Chronicle:
+        """Return what happened in the last so many nanoseconds."""
+        start_ns = max(self.start_ns, self.end_ns - length_ns)
+        if start_ns == self.start_ns:
+            return self
+        kept = self.marks[2] >= start_ns
+        lists, since_ns, until_ns, mark = (column[kept] for column in self.marks)
+        return replace(self, start_ns=start_ns, marks=(lists, np.maximum(since_ns, start_ns), until_ns, mark))
 
     @cached_property
     def numbers(self) -> Mapping[str, int]:

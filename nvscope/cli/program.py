@@ -15,6 +15,7 @@ VERBS = {
     "vars": "nvscope.cli.vars:variables",
     "packets": "nvscope.cli.packets:packets",
     "export": "nvscope.cli.export:export",
+    "watch": "nvscope.cli.watch:watch",
     "gvl": "nvscope.cli.gvl:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",

@@ -49,6 +49,11 @@ class Session(Generic[Look]):
         self._error: BaseException | None = None
 
     @property
+    def source(self) -> Source:
+        """What is read."""
+        return self._source
+
+    @property
     def ended(self) -> bool:
         """Whether the source has come to its end, or failed, or was stopped."""
         return self._ended

@@ -78,7 +78,7 @@ def strips(
         room = _room(columns, rows, width)
         keys_of = keys_among([entry["key"] for entry in shown.entries], chronicle.numbers)
         drawn = [chronicle.strip(key, room) for key in keys_of]
-        columns.insert(at, Column(scale(_length_ns(report), room), verbatim=True))
+        columns.insert(at, Column(_scale(report, chronicle, room), verbatim=True))
         for row, one in zip(rows, drawn, strict=True):
             row.insert(at, Cell("".join(MARKS[mark][0] for mark in one)))
         marks = sorted({mark for one in drawn for mark in one})
@@ -149,6 +149,14 @@ def _room(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int 
         for place, column in enumerate(columns)
     ]
     return max(_SHORTEST, min(_LONGEST, width - sum(natural) - GAP * len(columns)))
+
+
+def _scale(report: Report, chronicle: Chronicle, cells: int) -> str:
+    """Return the scale of strips: of a part of the time, how long it is; it ends now."""
+    whole_ns, shown_ns = _length_ns(report), chronicle.end_ns - chronicle.start_ns
+    if shown_ns >= whole_ns or chronicle.start_ns == nanoseconds(report["capture"]["start_ns"]):
+        return scale(whole_ns, cells)
+    return f"last {units.duration(shown_ns)}"[:cells]
 
 
 def _length_ns(report: Report) -> int:

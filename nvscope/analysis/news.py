@@ -1,0 +1,54 @@
+"""News: which causes are there that were not, and which are over, from one look to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+from nvscope.causes.cause import Cause
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What changed between two looks: causes that are new, or there again, and those that are over."""
+
+    new: Sequence[Cause] = ()
+    ended: Sequence[Cause] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.new or self.ended)
+
+
+class News:
+    """Compares the causes of each look with those of the one before.
+
+    A cause is the same as long as kind, place and beginning are, whatever its figures. One that is over when it is seen
+    first is told as both. A cause that is told no more is over: what followed has shown that it was none, or another
+    one; then it has no ``until_ns``.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, Cause] = {}
+
+    def of(self, causes: Sequence[Cause]) -> Told:
+        """Return what is new in the causes of a look."""
+        now: dict[Hashable, Cause] = {}
+        for cause in causes:
+            now.setdefault(_identity(cause), cause)
+        new, ended = [], []
+        for identity, cause in now.items():
+            before = self._known.get(identity)
+            is_over = cause.until_ns is not None
+            if before is None or (before.until_ns is not None and not is_over):
+                new.append(cause)
+            if is_over and (before is None or before.until_ns is None):
+                ended.append(cause)
+        ended += [cause for identity, cause in self._known.items() if identity not in now and cause.until_ns is None]
+        self._known = now
+        return Told(tuple(new), tuple(ended))
+
+
+def _identity(cause: Cause) -> Hashable:
+    """Return what stays of a cause while it goes on: where it has nodes, lists may join it."""
+    place = cause.nodes or cause.lists or cause.channel
+    return cause.kind.name, place, cause.since_ns

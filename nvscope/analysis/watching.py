@@ -1,0 +1,160 @@
+"""Watching: a source that is looked at while it is read; each look is a scene, a value that stays as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from nvscope.analysis.inquiry import Analysis, Inquiry
+from nvscope.analysis.snapshot import Snapshot, snapshot
+from nvscope.capture.by_second import BySecond
+from nvscope.capture.source import Source
+from nvscope.engine.ring import RING_BYTES, FrameRing, Recent, RecentSource
+from nvscope.engine.run import Observer
+from nvscope.engine.session import Session
+from nvscope.tracker.evidence.witness import Witness
+from nvscope.tracker.pace import Pace, PaceSeen
+from nvscope.tracker.state import TrackerState
+from nvscope.view.documents.report import report_document
+
+if TYPE_CHECKING:
+    from nvscope.tracker.variables.values import StreamValues
+    from nvscope.view.documents.variables import VariableStream
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is known at a moment: figures and causes, how fast lists come, the last frames, the values of variables.
+
+    ``variables`` are empty without definitions. ``node_names`` are those that causes tell nodes by. ``at_ns`` of the
+    snapshot is the time up to which the source was watched.
+    """
+
+    snapshot: Snapshot
+    pace: PaceSeen
+    recent: Recent
+    inquiry: Inquiry
+    channels: Sequence[str] = ()
+    variables: Sequence[VariableStream] = ()
+    node_names: Mapping[str, str] | None = None
+
+    @property
+    def at_ns(self) -> int | None:
+        return self.snapshot.at_ns
+
+    @cached_property
+    def document(self) -> Mapping[str, Any]:
+        """The report (schema ``nvscope.report/2``) at that moment; its lists and findings are made when asked for."""
+        known, happened = self.snapshot, self.snapshot.happened
+        assert happened is not None
+        project = self.inquiry.project
+        names = project.node_names if self.node_names is None else self.node_names
+        return report_document(
+            known.summary, known.findings, known.infos, project.definition, node_names=names, causes=happened.causes,
+            left_out=happened.left_out, drawn=True,
+        )  # fmt: skip
+
+    def frames(self, first_frame: int = 0, stop_frame: int | None = None) -> RecentSource:
+        """Return the last frames, from one number to before another, as a source."""
+        return RecentSource(self.recent, self.snapshot.infos, self.channels, first_frame, stop_frame)
+
+
+@dataclass(frozen=True, slots=True)
+class Watching:
+    """How a source is watched: ``ring_bytes`` are kept of the last frames, ``others`` observe too.
+
+    ``node_names`` are those that are shown, None for those of the project.
+    """
+
+    ring_bytes: int = RING_BYTES
+    node_names: Mapping[str, str] | None = None
+    others: Sequence[Observer] = ()
+
+
+USUAL = Watching()
+
+
+class Watched:
+    """The observers of a source that is watched, and what they know together.
+
+    ``overdue``: what nobody answered in time counts, frame or not.
+    """
+
+    def __init__(self, inquiry: Inquiry, source: Source, how: Watching = USUAL, *, overdue: bool = True) -> None:
+        self.source = source
+        self._inquiry, self._overdue, self._names = inquiry, overdue, how.node_names
+        self._witness = Witness()
+        self._state = inquiry.state(values=True, listeners=(self._witness,))
+        self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
+        self.observers: list[Observer] = [self._state, self._witness, self._ring, self._pace, *how.others]
+
+    def look(self) -> Scene:
+        """Return what is known at this moment; nothing changes by it."""
+        inquiry = self._inquiry
+        found = snapshot(
+            self._state, self.source, inquiry.project, inquiry.pdos, overdue=self._overdue,
+            protocols=inquiry.protocols, witness=self._witness, node_names=self._names,
+        )  # fmt: skip
+        return Scene(
+            found, self._pace.seen(), self._ring.recent(), inquiry, tuple(self.source.channels),
+            _kept_variables(self._state), self._names,
+        )  # fmt: skip
+
+
+def watching(inquiry: Inquiry, how: Watching = USUAL) -> Session[Scene]:
+    """Return the captures of an inquiry to be read in a thread of its own, and looked at meanwhile."""
+    watched = Watched(inquiry, inquiry.open(), how)
+    return Session(watched.source, inquiry.reading(), watched.observers, watched.look)
+
+
+def scene_at(
+    inquiry: Inquiry, time_ns: int | None, how: Watching = USUAL, progress: Callable[[], bool] = lambda: True
+) -> Scene | None:
+    """Return what was known of captures at a time, None for their end; they are read up to there.
+
+    ``progress`` is called after each batch; None where it returns False.
+    """
+    source = inquiry.open() if time_ns is None else inquiry.open().between(None, time_ns)
+    watched = Watched(inquiry, source, how, overdue=False)
+    for _ in inquiry.run(source, watched.observers):
+        if not progress():
+            source.stop()
+            return None
+    return watched.look()
+
+
+def scenes_by_second(inquiry: Inquiry, how: Watching = USUAL) -> Iterator[Scene]:
+    """Yield what was known of captures behind each second of their time, and at their end."""
+    watched = Watched(inquiry, BySecond(inquiry.open()), how, overdue=False)
+    for told in inquiry.run(watched.source, watched.observers):
+        if not len(told) and told.until_ns is not None:
+            yield watched.look()
+    yield watched.look()
+
+
+def analysis_of(scene: Scene) -> Analysis:
+    """Return a scene as what one reading of captures showed, to be asked for what filters need."""
+    known = scene.snapshot
+    return Analysis(known.infos, TrackerState(), known.summary, known.findings, happened=known.happened)
+
+
+def _kept_variables(state: TrackerState) -> Sequence[VariableStream]:
+    """Return copies of the values of all streams, in the order in which they are shown."""
+    values = state.values
+    if values is None or not values.streams:
+        return ()
+    from nvscope.view.documents.variables import streams_of  # noqa: PLC0415  not without definitions
+
+    return tuple(
+        replace(stream, sequence=[_kept(one) for one in stream.sequence]) for stream in streams_of(state, values)
+    )
+
+
+def _kept(known: StreamValues) -> StreamValues:
+    return replace(
+        known, data=known.data.copy(), changes=known.changes.copy(), changed_ns=known.changed_ns.copy(),
+        least=[None if one is None else one.copy() for one in known.least],
+        most=[None if one is None else one.copy() for one in known.most],
+    )  # fmt: skip

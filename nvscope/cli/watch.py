@@ -1,0 +1,218 @@
+"""``nvscope watch``: what happens in a plant, while it happens; on a screen, or line by line."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nvscope.cli.counts import at_least_one
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
+from nvscope.cli.encodings import as_data
+from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
+from nvscope.cli.named_files import named_files
+from nvscope.cli.sources import (
+    ChannelMapOption,
+    DecodeOption,
+    FilterOption,
+    FromTimeOption,
+    ReadOption,
+    SourcesArgument,
+    ToTimeOption,
+    asked_range,
+    duration_ns,
+    port_rules,
+    tell_of_losses,
+    with_channels,
+)
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
+from nvscope.errors import UsageError
+
+if TYPE_CHECKING:
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.analysis.news import Told
+    from nvscope.analysis.watching import Scene, Watching
+
+_EVERY_NS = 10_000_000_000
+_LOOK_S = 1.0
+_PATIENCE_S = 5.0
+_MEBIBYTE = 1 << 20
+
+
+@with_live_options
+def watch(
+    live: LiveOptions,
+    sources: SourcesArgument = None,
+    read: ReadOption = None,
+    plain: Annotated[
+        bool, typer.Option("--plain", help="No screen: a table from time to time, and causes as they begin and end.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="No screen: a line of JSON a second (nvscope.watch/1).")
+    ] = False,
+    every: Annotated[
+        str | None,
+        typer.Option("--every", metavar="DURATION", help="With --plain, a table so often; 10s.", show_default=False),
+    ] = None,
+    ring: Annotated[
+        int,
+        typer.Option(
+            "--ring", metavar="MIB", parser=at_least_one, help="The last frames are kept in so many MiB of memory.",
+        ),
+    ] = 256,
+    wanted: FilterOption = None,
+    gvl: GvlOption = None,
+    project: ProjectOption = None,
+    no_names: NoNamesOption = False,
+    decode: DecodeOption = None,
+    channel_map: ChannelMapOption = None,
+    from_time: FromTimeOption = None,
+    to_time: ToTimeOption = None,
+    theme: Annotated[
+        str | None, typer.Option("--theme", metavar="NAME", help="Colours of the screen: dark, light, ansi, or mono.")
+    ] = None,
+    utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress on stderr.")] = False,
+    colour: ColourOption = "auto",
+) -> None:  # fmt: skip
+    """Watch lists, causes, variables, packets and nodes of a plant while it runs, or of a capture as its time moves.
+
+    On a terminal it is a screen: 1 to 7 choose a view, ? shows all keys. Where stdin or stdout is no terminal it is
+    what --plain prints. What it says at a moment is what a report on the same packets says. Exits as a report does.
+    """
+    files_named = named_files(sources, read, gvl, live.interfaces)
+    paths, gvl = files_named.captures, files_named.definitions
+    if plain and as_json:
+        raise UsageError("--plain and --json exclude each other", next_step="leave one of them out")
+    ports = port_rules(decode)
+    asked = asked_range(from_time, to_time, utc=utc)
+    every_ns = _EVERY_NS if every is None else duration_ns("--every", every)
+    plant = with_channels(project_of(project, gvl), channel_map)
+
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.analysis.watching import Watching
+    from nvscope.cli.memory import keep_freed_memory
+
+    keep_freed_memory()
+    captures = captured(paths, live, plant, ports)
+    inquiry = Inquiry(captures, plant, ports, asked=asked)
+    screen = not (plain or as_json) and sys.stdin.isatty() and sys.stdout.isatty()
+    how = Watching(ring * _MEBIBYTE, {} if no_names else None)
+    if screen:
+        from nvscope.tui.run import run_screen
+
+        with flaws_told_first(plant.definition):
+            infos = run_screen(inquiry, how, expression=wanted, theme=theme, utc=utc, colour=colour)
+        if code := tell_of_losses(infos):
+            raise typer.Exit(code)
+        return
+    if wanted is not None:
+        raise UsageError("-Y chooses what the screen shows", next_step="leave it out, or use `nvscope report -Y`")
+    with flaws_told_first(plant.definition):
+        last = _printed(inquiry, as_json, every_ns, how, quiet=quiet, colour=colour_wanted(colour), utc=utc)
+    if plant.files:
+        tell_of_lists(inquiry)
+    if code := tell_of_losses(last.snapshot.infos):
+        raise typer.Exit(code)
+
+
+def _printed(
+    inquiry: Inquiry, as_json: bool, every_ns: int, how: Watching, *, quiet: bool, colour: bool, utc: bool
+) -> Scene:  # fmt: skip
+    """Print what is watched until its end; return what is known then."""
+    from nvscope.analysis.news import News
+
+    printer: _Json | _Plain = _Json() if as_json else _Plain(every_ns, colour=colour, utc=utc)
+    if as_json:
+        as_data()
+    news, last = News(), None
+    for last in _scenes(inquiry, how, quiet=quiet):
+        assert last.snapshot.happened
+        told = news.of(last.snapshot.happened.causes)
+        if text := printer.text(last, told):
+            echo(text, nl=False, color=colour)
+    assert last is not None
+    if text := printer.end(last):
+        echo(text, nl=False, color=colour)
+    return last
+
+
+def _scenes(inquiry: Inquiry, how: Watching, *, quiet: bool) -> Iterator[Scene]:
+    """Yield what is known behind each second: of files of their own time, else of ours."""
+    from nvscope.analysis.watching import scenes_by_second, watching
+
+    if inquiry.paths and "-" not in inquiry.paths:
+        yield from scenes_by_second(inquiry, how)
+        return
+    session = watching(inquiry, how)
+    with LiveRun(session.source, quiet=quiet or sys.stdout.isatty()) as progress:
+        session.start()
+        due_s = time.monotonic()
+        while True:
+            due_s = max(due_s + _LOOK_S, time.monotonic())
+            ended = session.wait(due_s - time.monotonic())
+            yield session.stop() if ended else session.snapshot(_PATIENCE_S)
+            if ended:
+                return
+            progress()
+
+
+class _Json:
+    """A line a second, schema ``nvscope.watch/1``."""
+
+    def text(self, scene: Scene, told: Told) -> str:
+        import json
+
+        from nvscope.view.documents.watch import watch_line
+        from nvscope.view.escape import json_ascii
+
+        known = scene.snapshot
+        keys = {entry.number: str(entry.key) for entry in known.summary.lists}
+        keys |= {entry.number: str(entry.key) for entry in known.summary.can.lists}
+        per_s = {key: scene.pace.per_second(number, 1) for number, key in keys.items()}
+        line = watch_line(
+            scene.document, known.summary, known.at_ns, per_s, scene.pace.of_all(1), told.new, told.ended
+        )  # fmt: skip
+        return json_ascii(json.dumps(line, ensure_ascii=False)) + "\n"
+
+    def end(self, scene: Scene) -> str:
+        return ""
+
+
+class _Plain:
+    """A table from time to time, and what begins and ends when it does."""
+
+    def __init__(self, every_ns: int, *, colour: bool, utc: bool) -> None:
+        self._every_ns = every_ns
+        self._colour, self._utc = colour, utc
+        self._due_ns: int | None = None
+        self._shown_ns: int | None = None
+
+    def text(self, scene: Scene, told: Told) -> str:
+        from nvscope.report import watch as face
+
+        at_ns = scene.at_ns
+        text = face.news(told.new, told.ended, at_ns, colour=self._colour, width=width(), utc=self._utc)
+        if at_ns is None or not scene.document["lists"]:
+            return text
+        if self._due_ns is None or at_ns >= self._due_ns:
+            self._due_ns = at_ns + self._every_ns
+            text += self._table(scene)
+        return text
+
+    def end(self, scene: Scene) -> str:
+        return "" if self._shown_ns is not None and scene.at_ns == self._shown_ns else self._table(scene)
+
+    def _table(self, scene: Scene) -> str:
+        from nvscope.report import watch as face
+
+        self._shown_ns = scene.at_ns
+        happened = scene.snapshot.happened
+        assert happened
+        chronicle = happened.chronicle.last(face.STRIP_NS)
+        return face.table(
+            scene.document, chronicle, per_s=scene.pace.of_all(), colour=self._colour, width=width(), utc=self._utc
+        )  # fmt: skip

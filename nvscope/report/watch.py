@@ -1,0 +1,83 @@
+"""What is watched, for dumb terminals and files: the table from time to time, and what begins or ends when it does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from nvscope import units
+from nvscope.report.ansi import paint
+from nvscope.view.escape import visible, visible_document
+from nvscope.view.lines.plant import content, happenings, strips
+from nvscope.view.lines.plant.content import Report
+from nvscope.view.lines.table import Cell, Line, Tone, aligned, wrap
+
+if TYPE_CHECKING:
+    from nvscope.causes.cause import Cause
+    from nvscope.causes.chronicle import Chronicle
+
+MIN_WIDTH = 40
+STRIP_NS = 120_000_000_000
+"""So much time the strips show at most."""
+
+_UNDER_MARKS = 3
+
+
+def table(
+    report: Report, chronicle: Chronicle | None, *, per_s: float | None = None, colour: bool = False, width: int = 80,
+    utc: bool = False,
+) -> str:  # fmt: skip
+    """Return the verdict and a row a list as text of at most ``width`` columns, ending with an empty line."""
+    shown, width = visible_document(report), max(width, MIN_WIDTH)
+    return paint([*_table(shown, chronicle, per_s, width, utc), []], colour=colour)
+
+
+def _table(
+    report: Report, chronicle: Chronicle | None, per_s: float | None, width: int, utc: bool
+) -> Iterator[Line]:  # fmt: skip
+    mark, told = happenings.headline(report)
+    clock = content.Clock.of(report, utc=utc)
+    until_ns = content.watched_until_ns(report["capture"])
+    facts = [] if until_ns is None else [clock.second(until_ns)]
+    if per_s is not None:
+        facts.append(units.rate(per_s))
+    drops = report["capture"]["drops"]
+    if drops:
+        facts.append(f"{units.count(drops)} dropped")
+    head = [Cell(f"{mark.text} ", mark.tone), Cell(told, Tone.STRONG), *(Cell(f" · {fact}") for fact in facts)]
+    yield from wrap(head, width, hanging=2)
+    if report["lists"]:
+        found = strips.strips(report, chronicle, width)
+        yield from aligned(found.columns, found.rows, width)
+        if legend := strips.legend(found.marks):
+            yield from wrap([Cell(legend, Tone.FAINT)], width, _UNDER_MARKS)
+        if found.left:
+            yield from wrap([Cell(strips.left_out(found, "report -v"))], width, _UNDER_MARKS)
+
+
+def news(
+    new: Sequence[Cause], ended: Sequence[Cause], at_ns: int | None, *, colour: bool = False, width: int = 80,
+    utc: bool = False,
+) -> str:  # fmt: skip
+    """Return what began and what is over, a paragraph each, as text; "" where that is nothing."""
+    when = "" if at_ns is None else f"{units.clock_time(at_ns, utc=utc).partition('.')[0]} "
+    lines: list[Line] = []
+    width = max(width, MIN_WIDTH)
+    for cause in new:
+        lines += _of_cause(cause, when, width)
+    begun = {id(cause) for cause in new}
+    for cause in ended:
+        if id(cause) not in begun:
+            over = "over" if cause.until_ns is not None else "no longer told: what followed shows otherwise"
+            told = [Cell(when, Tone.FAINT), Cell("● ", Tone.GOOD), Cell(f"{visible(cause.title)}: {over}")]
+            lines += wrap(told, width, hanging=len(when) + 2)
+    return paint(lines, colour=colour) if lines else ""
+
+
+def _of_cause(cause: Cause, when: str, width: int) -> Iterator[Line]:
+    mark, indent = happenings.symbol(cause.severity), len(when) + 2
+    title = [Cell(when, Tone.FAINT), Cell(f"{mark.text} ", mark.tone), Cell(visible(cause.title), Tone.STRONG)]
+    yield from wrap(title, width, hanging=indent)
+    for fact in cause.checked[:3]:
+        yield from wrap([Cell("✓ ", Tone.GOOD), Cell(visible(fact))], width, indent, indent + 2)
+    yield from wrap([Cell("Next  ", Tone.STRONG), Cell(visible(cause.next))], width, indent, indent + 6)

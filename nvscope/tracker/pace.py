@@ -1,0 +1,131 @@
+"""Pace: how many telegrams of each list came in each of the last seconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from nvscope.engine.rows import DataRows
+from nvscope.engine.told import Told
+
+PACE_SECONDS = 180
+MOST_LISTS = 5_000
+"""Of so many lists it is kept, of those behind them it is unknown: it is looked at, and no figure."""
+
+_S_NS = 1_000_000_000
+Counts = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True)
+class PaceSeen:
+    """How many well-formed data telegrams, and data frames of CAN, came in each second up to a moment.
+
+    ``counts`` has a row a second, the oldest first, and a column a list by its number: int32 of shape
+    (``PACE_SECONDS``, lists). The last row is second ``last_s`` since 1970, which is not over yet at ``until_ns``; in
+    front of ``first_s`` nothing was observed. ``last_ns`` is when the last telegram of each list came, 0 without any.
+    """
+
+    counts: Counts
+    last_ns: npt.NDArray[np.int64]
+    first_s: int = 0
+    last_s: int = 0
+    until_ns: int = 0
+
+    def per_second(self, number: int, seconds: int = 5) -> float | None:
+        """Return how many came of a list a second, over the last whole seconds; None where nobody knows."""
+        if number >= self.counts.shape[1]:
+            return None
+        known = min(seconds, self.last_s - self.first_s)
+        if known <= 0:
+            return None
+        return float(self.counts[-1 - known : -1, number].sum()) / known
+
+    def of_all(self, seconds: int = 5) -> float | None:
+        """Return how many came a second of all lists; None where nobody knows."""
+        known = min(seconds, self.last_s - self.first_s)
+        return float(self.counts[-1 - known : -1].sum()) / known if known > 0 else None
+
+    def last_of(self, number: int) -> int | None:
+        """Return when the last telegram of a list came, None where none did, or nobody knows."""
+        return int(self.last_ns[number]) or None if number < len(self.last_ns) else None
+
+    def seconds(self, number: int, count: int) -> list[int]:
+        """Return how many came of a list in each of the last ``count`` whole seconds, the oldest first."""
+        if number >= self.counts.shape[1]:
+            return []
+        known = max(min(count, self.last_s - self.first_s, PACE_SECONDS - 1), 0)
+        seen: list[int] = self.counts[PACE_SECONDS - 1 - known : PACE_SECONDS - 1, number].tolist()
+        return seen
+
+
+NOTHING_SEEN = PaceSeen(np.zeros((PACE_SECONDS, 0), np.int32), np.zeros(0, np.int64))
+
+
+class Pace:
+    """Counts telegrams by second and list, for the last ``PACE_SECONDS``; an observer.
+
+    Where the clock goes back further than that, it begins anew.
+    """
+
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self) -> None:
+        # By second modulo PACE_SECONDS.
+        self._counts: Counts = np.zeros((PACE_SECONDS, 0), np.int32)
+        self._last_ns = np.zeros(0, np.int64)
+        self._first_s = self._last_s = 0
+        self._until_ns = 0
+        self._begun = False
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        if len(told):
+            self._move(int(told.packets.ts_ns[0]), int(told.packets.ts_ns.max()))
+            lists = min(len(told.keys.lists), MOST_LISTS)
+            if lists > self._counts.shape[1]:
+                more = lists - self._counts.shape[1]
+                self._counts = np.pad(self._counts, ((0, 0), (0, more)))
+                self._last_ns = np.pad(self._last_ns, (0, more))
+            for rows in (told.laid.data, told.laid.pdos):
+                if len(rows):
+                    self._count(rows, told)
+        if told.until_ns is not None:
+            self._move(told.until_ns, told.until_ns)
+
+    def _count(self, rows: DataRows, told: Told) -> None:
+        keys = told.keys
+        own = keys.list_of_place(keys.place_of(rows.run_stream))
+        np.maximum.at(self._last_ns, own[own < MOST_LISTS], rows.time_ns[rows.stop - 1][own < MOST_LISTS])
+        lists = np.repeat(own, rows.stop - rows.start)
+        second = rows.time_ns // _S_NS
+        kept = (lists < MOST_LISTS) & (second > self._last_s - PACE_SECONDS)
+        if not kept.all():
+            lists, second = lists[kept], second[kept]
+        wide = self._counts.shape[1]
+        place = second % PACE_SECONDS * wide + lists
+        self._counts += np.bincount(place, minlength=PACE_SECONDS * wide).reshape(PACE_SECONDS, wide).astype(np.int32)
+
+    def _move(self, first_ns: int, last_ns: int) -> None:
+        """Let time pass: seconds that were not there yet have nothing in them."""
+        last_s = last_ns // _S_NS
+        if not self._begun or last_s < self._last_s - PACE_SECONDS:
+            self._begun = True
+            self._counts[:] = 0
+            self._last_ns[:] = 0
+            self._first_s, self._last_s = first_ns // _S_NS, last_s
+            self._until_ns = last_ns
+            return
+        self._until_ns = max(self._until_ns, last_ns)
+        if last_s > self._last_s:
+            new = np.arange(max(self._last_s + 1, last_s - PACE_SECONDS + 1), last_s + 1) % PACE_SECONDS
+            self._counts[new] = 0
+            self._last_s = last_s
+            self._first_s = max(self._first_s, last_s - PACE_SECONDS + 1)
+
+    def seen(self) -> PaceSeen:
+        """Return what is known at this moment."""
+        order = np.arange(self._last_s - PACE_SECONDS + 1, self._last_s + 1) % PACE_SECONDS
+        return PaceSeen(self._counts[order], self._last_ns.copy(), self._first_s, self._last_s, self._until_ns)
