@@ -248,6 +248,13 @@ class Inquiry:
             )
         return self._judged(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
 
+    def filter_by(self, expression: str, found: Analysis) -> DisplayFilter:
+        """Return a display filter that goes by what an analysis found; nothing is read. UsageError as ``filter``."""
+        from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
+
+        chosen = DisplayFilter(expression, self.fields)
+        return self._judged(expression, found) if chosen.judged else chosen
+
     def analyze(
         self, expression: str | None = None, *, values: bool = False, compare: bool = False, causes: bool = True,
         names: bool = True, others: Sequence[Observer] = (),

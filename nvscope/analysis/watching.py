@@ -21,6 +21,7 @@ from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:
     from nvscope.tracker.variables.values import StreamValues
+    from nvscope.view.display_filter import DisplayFilter
     from nvscope.view.documents.variables import VariableStream
 
 
@@ -55,6 +56,10 @@ class Scene:
             known.summary, known.findings, known.infos, project.definition, node_names=names, causes=happened.causes,
             left_out=happened.left_out, drawn=True,
         )  # fmt: skip
+
+    def filter(self, expression: str) -> DisplayFilter:
+        """Return a display filter that goes by what was known at that moment; UsageError as ``Inquiry.filter``."""
+        return self.inquiry.filter_by(expression, analysis_of(self))
 
     def frames(self, first_frame: int = 0, stop_frame: int | None = None) -> RecentSource:
         """Return the last frames, from one number to before another, as a source."""

@@ -57,7 +57,7 @@ def render(name: str, *, colour: bool = False, width: int = 80) -> str:
 
 def _told(found: _Named, width: int) -> Iterator[Iterable[Line]]:
     if found.causes:
-        from nvscope.report.explain_cause import cause_lines  # noqa: PLC0415
+        from nvscope.view.lines.plant.explain_cause import cause_lines  # noqa: PLC0415
 
         yield from (cause_lines(cause, width) for cause in found.causes)
     yield from (_lines(kind, width) for kind in found.findings)
@@ -131,7 +131,7 @@ def _found(name: str) -> _Named:
 
 
 def _causes_called(name: str) -> Sequence[CauseKind]:
-    from nvscope.report.explain_cause import cause_called  # noqa: PLC0415
+    from nvscope.view.lines.plant.explain_cause import cause_called  # noqa: PLC0415
 
     cause = cause_called(name)
     return [cause] if cause else []
@@ -152,7 +152,7 @@ def _kind(code: str) -> FindingKind | None:
 
 
 def _overview(width: int) -> Iterator[Line]:
-    from nvscope.report.explain_cause import causes_table  # noqa: PLC0415
+    from nvscope.view.lines.plant.explain_cause import causes_table  # noqa: PLC0415
 
     kinds = CATALOGUE.values()
     yield [Cell("Causes: what happened", Tone.STRONG)]

@@ -7,7 +7,7 @@ Text given to this module is already visible (``view.escape``).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
@@ -77,10 +77,44 @@ def aligned(
     columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None, indent: int = 0
 ) -> Iterator[Line]:  # fmt: skip
     """Yield the same, each line when it is asked for."""
+    found = fitting(columns, rows, width, indent)
+    yield heading(columns, found, indent)
+    for row in rows:
+        yield table_line(columns, found, row, indent)
+    if width is not None:
+        yield from hidden(found.hidden(columns), width, indent)
+
+
+class Fitting(NamedTuple):
+    """How a table fits a width: the places of the columns that are shown, their widths, and short forms of cells.
+
+    ``natural`` are the widths that all columns would take.
+    """
+
+    kept: Sequence[int]
+    widths: Sequence[int]
+    forms: Mapping[int, Mapping[str, str]]
+    natural: Sequence[int]
+
+    def hidden(self, columns: Sequence[Column]) -> list[str]:
+        """Return the titles of the columns that have no room."""
+        return [column.title for place, column in enumerate(columns) if place not in self.kept]
+
+
+def fitting(
+    columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None, indent: int = 0,
+    least: Sequence[int] = (),
+) -> Fitting:  # fmt: skip
+    """Return how a table of some rows fits a width, None for as much as it needs.
+
+    ``least`` are widths that columns want in any case, so that they stay while other rows are shown.
+    """
     natural = [
         max(display_width(column.title), max([display_width(row[place].text) for row in rows], default=0))
         for place, column in enumerate(columns)
     ]
+    if least:
+        natural = list(map(max, natural, least))
     kept, widths = list(range(len(columns))), natural
     forms: dict[int, dict[str, str]] = {}
     if width is not None and sum(natural) + GAP * (len(natural) - 1) > width - indent:
@@ -97,16 +131,23 @@ def aligned(
         forms = {
             place: short_names(names[place], taken) for place, taken in zip(kept, widths, strict=True) if place in names
         }
-    yield _line([Cell(columns[place].title, Tone.FAINT) for place in kept], columns, kept, widths, indent)
-    for row in rows:
-        cells = [row[place] for place in kept]
-        for at, place in enumerate(kept):
-            text, tone = cells[at]
-            if place in forms and forms[place].get(text, text) != text:
-                cells[at] = Cell(forms[place][text], tone)
-        yield _line(cells, columns, kept, widths, indent)
-    if width is not None:
-        yield from hidden([column.title for place, column in enumerate(columns) if place not in kept], width, indent)
+    return Fitting(kept, widths, forms, natural)
+
+
+def heading(columns: Sequence[Column], found: Fitting, indent: int = 0) -> Line:
+    """Return the titles of the columns that are shown."""
+    titles = [Cell(columns[place].title, Tone.FAINT) for place in found.kept]
+    return _line(titles, columns, found.kept, found.widths, indent)
+
+
+def table_line(columns: Sequence[Column], found: Fitting, row: Sequence[Cell], indent: int = 0) -> Line:
+    """Return one row of a table."""
+    cells = [row[place] for place in found.kept]
+    for at, place in enumerate(found.kept):
+        text, tone = cells[at]
+        if place in found.forms and found.forms[place].get(text, text) != text:
+            cells[at] = Cell(found.forms[place][text], tone)
+    return _line(cells, columns, found.kept, found.widths, indent)
 
 
 def hidden(titles: Sequence[str], width: int, indent: int = 0) -> list[Line]:

@@ -29,13 +29,14 @@ def lines(causes: Sequence[Row], width: int, *, every: bool = False) -> Iterator
     shown = causes if every else causes[:MOST_CAUSES]
     for number, cause in enumerate(shown, 1):
         yield []
-        yield from _cause(number, cause, width, every=every)
+        yield from lines_of(number, cause, width, every=every)
     if left := len(causes) - len(shown):
         more = f"{units.count_of(left, 'cause')} more, none of more weight: -v shows all, --json and --md too."
         yield from ([], *wrap([Cell(more)], width))
 
 
-def _cause(number: int, cause: Row, width: int, *, every: bool) -> Iterator[Line]:
+def lines_of(number: int, cause: Row, width: int, *, every: bool = False) -> Iterator[Line]:
+    """Yield one cause, with every fact that was checked where ``every`` one is wanted."""
     mark = symbol(severity_of(cause))
     head = [mark, Cell(f" {number}".ljust(_INDENT - 2) + " "), Cell(cause["title"], Tone.STRONG)]
     title = _with_kind(wrap(head, width, hanging=_INDENT), cause["kind"], width)

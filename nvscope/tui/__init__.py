@@ -1,0 +1,1 @@
+"""The screen: what is known of a plant, looked at while it runs."""

@@ -1,0 +1,151 @@
+"""The bars of the screen: what is watched and how it is, the views, and what keys do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from textual.strip import Strip
+from textual.widget import Widget
+
+from nvscope import units
+from nvscope.findings.kind import Severity
+from nvscope.tui.actions import Keymap
+from nvscope.tui.look import Look
+from nvscope.tui.painting import DARK, Palette, strip_of
+from nvscope.view.escape import visible
+from nvscope.view.lines.plant.happenings import is_now, severity_of, symbol
+from nvscope.view.lines.short_names import short_names
+from nvscope.view.lines.table import Cell, Line, Tone
+from nvscope.view.lines.text_width import display_width
+
+_LEAST_NAME = 16
+
+
+class Bar(Widget):
+    """One line of toned text, with a part at the right where there is room."""
+
+    can_focus = False
+    DEFAULT_CSS = """
+    Bar { height: 1; width: 100%; }
+    """
+
+    def __init__(self, *, palette: Palette = DARK, **how: Any) -> None:
+        super().__init__(**how)
+        self.palette = palette
+        self._left: Line = ()
+        self._right: Line = ()
+
+    def tell(self, left: Line, right: Line = ()) -> None:
+        """Show other text."""
+        self._left, self._right = left, right
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        width = self.size.width
+        taken, right = _width(self._left), _width(self._right)
+        line = list(self._left)
+        if self._right and taken + right + 1 <= width:
+            line += [Cell(" " * (width - taken - right)), *self._right]
+        return strip_of(line, width, self.palette).apply_style(self.rich_style)
+
+    def on_click(self, event: Any) -> None:
+        self.clicked(event.x)
+
+    def clicked(self, x: int) -> None:
+        """Somebody clicked at a column."""
+
+
+def _width(line: Line) -> int:
+    return sum(display_width(cell.text) for cell in line)
+
+
+def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
+    """Return what is watched and how it is, and the time, in so many columns; ``state`` says whether time goes on.
+
+    Where there is little room, what is least telling is left out.
+    """
+    report, scene = look.report, look.scene
+    start_ns = scene.snapshot.summary.start_ns
+    rows = [cause for cause in report["causes"] if severity_of(cause) > Severity.NOTE]
+    now = [cause for cause in rows if is_now(cause)]
+    # What is told, and how much it matters.
+    parts: list[tuple[int, Cell]] = []
+    if start_ns is not None:
+        parts.append((2, Cell(units.duration(look.now_ns - start_ns), Tone.FAINT)))
+    if not rows and report["lists"]:
+        parts.append((9, Cell("● all well", Tone.GOOD)))
+    for severity in (Severity.ERROR, Severity.WARNING):
+        if number := sum(severity_of(cause) is severity for cause in now):
+            parts.append((9, Cell(f"{symbol(severity).text} {number} now", symbol(severity).tone)))
+    if passed := len(rows) - len(now):
+        parts.append((5, Cell(f"{passed} passed", Tone.FAINT)))
+    parts.append((6, Cell(units.count_of(len(report["lists"]), "list"))))
+    rate = scene.pace.of_all()
+    if rate is not None and look.live:
+        parts.append((4, Cell(units.rate(rate))))
+    drops = report["capture"]["drops"]
+    if drops or look.live:
+        told = "dropped ?" if drops is None else f"dropped {units.count(drops)}"
+        parts.append((8 if drops else 3, Cell(told, Tone.ERROR if drops else Tone.FAINT)))
+    right = [Cell(f"{state} ", Tone.WARNING)] if state else []
+    if start_ns is not None:
+        right.append(Cell(f"{look.clock.second(look.now_ns).rpartition(' ')[2]} "))
+    infos = scene.snapshot.infos
+    names = ", ".join(visible(info.path) for info in infos[:2]) + (f" +{len(infos) - 2}" if len(infos) > 2 else "")
+    title = Cell(" nvscope ", Tone.STRONG)
+    while True:
+        taken = _width([title, *right, *(cell for _, cell in parts)]) + 3 * len(parts) + 1
+        if taken + min(display_width(names), _LEAST_NAME) <= width or not parts:
+            break
+        parts.remove(min(parts, key=lambda part: part[0]))
+    room = max(width - taken, _LEAST_NAME)
+    line = [title, Cell(short_names({names}, room).get(names, names) if display_width(names) > room else names)]
+    for _, cell in parts:
+        line += [Cell("   "), cell]
+    return line, right
+
+
+class Tabs(Bar):
+    """The views by number; the one in front stands out."""
+
+    def __init__(self, titles: Sequence[str]) -> None:
+        super().__init__(id="tabs")
+        self._titles = titles
+        self._front = 0
+
+    def front(self, place: int) -> None:
+        """Show which view is in front."""
+        self._front = place
+        line: list[Cell] = [Cell(" ")]
+        for number, title in enumerate(self._titles, 1):
+            told = f"{number} {title}"
+            line.append(Cell(f"[{told}]", Tone.STRONG) if number - 1 == place else Cell(f" {told} ", Tone.FAINT))
+        self.tell(line)
+
+    def clicked(self, x: int) -> None:
+        at = 1
+        for number, title in enumerate(self._titles, 1):
+            stop = at + len(f"{number} {title}") + 2
+            if at <= x < stop:
+                self.app.act("view." + title.lower())  # type: ignore[attr-defined]
+                return
+            at = stop
+
+
+_SHORT = {
+    "time.freeze": "freeze", "find.filter": "filter", "show.sort": "sort", "view.open": "open",
+    "program.command": "command", "program.help": "keys", "view.packets": "packets", "time.previous-finding": "before",
+    "time.next-finding": "next", "show.notch": "notch", "show.plot": "plot", "show.hex": "bytes", "view.pane": "pane",
+    "find.next": "match", "time.back": "back", "time.forward": "on",
+}  # fmt: skip
+
+
+def foot(keymap: Keymap, hints: Sequence[str], state: Line) -> tuple[Line, Line]:
+    """Return what keys do, the most useful first, and how time is."""
+    line: list[Cell] = [Cell(" ")]
+    for name in (*hints, "program.command", "program.help"):
+        key = keymap.key_of(name)
+        if key:
+            line += [Cell(key, Tone.STRONG), Cell(f" {_SHORT.get(name, name.partition('.')[2])}   ", Tone.FAINT)]
+    return line, state

@@ -1,0 +1,175 @@
+"""Where the screen gets its scenes from: a thread that looks at what is read, and keeps the looks of a while."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.analysis.watching import Scene, Watching, scene_at, watching
+from nvscope.capture.source import SourceInfo
+from nvscope.errors import NvscopeError
+
+LOOK_S = 0.25
+"""A look so often, unless looks themselves take more than a fifth of the time."""
+
+_LEAST_REST = 4
+_LONGEST_REST_S = 2.0
+_PATIENCE_S = 2.0
+_KEPT_APART_NS = 1_000_000_000
+_MOST_KEPT_ROWS = 200_000
+"""Scenes are kept as long as they have so many streams together, and are so many."""
+
+_MOST_KEPT = 1_800
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """From when to when there is something to be looked at."""
+
+    start_ns: int
+    end_ns: int
+
+
+OnScene = Callable[[Scene], None]
+OnEnd = Callable[[BaseException | None], None]
+
+
+class Feed(Protocol):
+    """Gives scenes to a screen, from a thread of its own: ``on_scene`` for each look, ``on_end`` when nothing follows.
+
+    ``is_live``: time goes on by itself.
+    """
+
+    is_live: bool
+
+    def start(self, on_scene: OnScene, on_end: OnEnd) -> None:
+        """Begin to look."""
+        ...
+
+    def span(self) -> Span | None:
+        """Return from when to when scenes can be had, None before the first."""
+        ...
+
+    def at(self, time_ns: int, on_scene: OnScene) -> None:
+        """Ask for the scene at a time; it comes by ``on_scene`` unless another one is asked for before it is there."""
+        ...
+
+    def stop(self) -> list[SourceInfo]:
+        """End, and return what is known of the sources then."""
+        ...
+
+
+class SessionFeed:
+    """Looks at a session while it runs: live sources, streams, and files while they are read.
+
+    One scene a second is kept for a while; of files any moment can be read again (``past``).
+    """
+
+    def __init__(self, inquiry: Inquiry, how: Watching) -> None:
+        self._inquiry, self._how = inquiry, how
+        self._session = watching(inquiry, how)
+        self.is_live = not (inquiry.paths and "-" not in inquiry.paths)
+        self._kept: deque[Scene] = deque()
+        self._kept_rows = 0
+        self._last: Scene | None = None
+        self._stopping = threading.Event()
+        self._wanted_ns: int | None = None
+        self._wanted = threading.Condition()
+        self._threads: list[threading.Thread] = []
+
+    def start(self, on_scene: OnScene, on_end: OnEnd) -> None:
+        self._session.start()
+        self._begin(lambda: self._look(on_scene, on_end), "nvscope looks")
+
+    def _begin(self, work: Callable[[], None], name: str) -> None:
+        thread = threading.Thread(target=work, name=name, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _look(self, on_scene: OnScene, on_end: OnEnd) -> None:
+        error: BaseException | None = None
+        try:
+            while not self._stopping.is_set():
+                began_s = time.monotonic()
+                scene = self._session.snapshot(_PATIENCE_S)
+                ended = self._session.ended
+                if ended:
+                    scene = self._session.stop()
+                if scene is not self._last:
+                    self._keep(scene)
+                    on_scene(scene)
+                if ended:
+                    break
+                took_s = time.monotonic() - began_s
+                self._stopping.wait(min(max(LOOK_S, _LEAST_REST * took_s), _LONGEST_REST_S))
+        except BaseException as failure:  # told to the screen, which ends with it
+            error = failure
+        if not self._stopping.is_set():
+            on_end(error)
+
+    def _keep(self, scene: Scene) -> None:
+        self._last = scene
+        at_ns = scene.at_ns
+        if at_ns is None or not self.is_live:
+            return
+        if self._kept and at_ns - (self._kept[-1].at_ns or 0) < _KEPT_APART_NS:
+            return
+        self._kept.append(scene)
+        self._kept_rows += _rows(scene)
+        while len(self._kept) > 1 and (self._kept_rows > _MOST_KEPT_ROWS or len(self._kept) > _MOST_KEPT):
+            self._kept_rows -= _rows(self._kept.popleft())
+
+    def span(self) -> Span | None:
+        last = self._last
+        if last is None or last.at_ns is None:
+            return None
+        if not self.is_live:
+            start_ns = last.snapshot.summary.start_ns
+            return Span(last.at_ns if start_ns is None else start_ns, last.at_ns)
+        return Span((self._kept[0].at_ns if self._kept else None) or last.at_ns, last.at_ns)
+
+    def at(self, time_ns: int, on_scene: OnScene) -> None:
+        if self.is_live:
+            kept = [scene for scene in tuple(self._kept) if (scene.at_ns or 0) <= time_ns]
+            if kept or self._kept:
+                on_scene(kept[-1] if kept else self._kept[0])
+            return
+        with self._wanted:
+            self._wanted_ns = time_ns
+            self._wanted.notify_all()
+        if len(self._threads) == 1:
+            self._begin(lambda: self._read_again(on_scene), "nvscope past")
+
+    def _read_again(self, on_scene: OnScene) -> None:
+        while not self._stopping.is_set():
+            with self._wanted:
+                self._wanted.wait_for(lambda: self._wanted_ns is not None or self._stopping.is_set())
+                time_ns, self._wanted_ns = self._wanted_ns, None
+            if self._stopping.is_set() or time_ns is None:
+                return
+            try:
+                scene = scene_at(
+                    self._inquiry, time_ns, self._how,
+                    lambda: self._wanted_ns is None and not self._stopping.is_set(),
+                )  # fmt: skip
+            except NvscopeError:
+                continue  # the file is gone, or changed: what is shown stays
+            if scene is not None:
+                on_scene(scene)
+
+    def stop(self) -> list[SourceInfo]:
+        self._stopping.set()
+        with self._wanted:
+            self._wanted.notify_all()
+        return list(self._session.stop().snapshot.infos)
+
+
+def _rows(scene: Scene) -> int:
+    summary = scene.snapshot.summary
+    lists = sum(len(entry.streams) for entry in summary.lists)
+    return lists + sum(len(entry.streams) for entry in summary.can.lists) + 20

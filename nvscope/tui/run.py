@@ -1,0 +1,57 @@
+"""Runs the screen, and gives the terminal back as it was, whatever happens."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.analysis.watching import Watching
+from nvscope.capture.source import SourceInfo
+from nvscope.errors import UsageError
+from nvscope.tui.actions import Keymap
+
+if TYPE_CHECKING:
+    from typing import Literal
+
+THEMES = ("dark", "light", "ansi", "mono")
+
+
+def run_screen(
+    inquiry: Inquiry, how: Watching, *, expression: str | None = None, theme: str | None = None, utc: bool = False,
+    colour: Literal["auto", "always", "never"] = "auto",
+) -> Sequence[SourceInfo]:  # fmt: skip
+    """Show the screen until somebody ends it; return what is known of the sources then.
+
+    Raises ConfigurationError for keys of the project that cannot be, UsageError for a theme that there is not, and what
+    reading the source raises.
+    """
+    project = inquiry.project
+    keymap = Keymap(project.keys, str(project.path or ""))
+    if theme is not None and theme not in THEMES:
+        raise UsageError(f"--theme {theme[:40]}: there is no such theme", next_step=f"there are {', '.join(THEMES)}")
+    from nvscope.tui.app import WatchApp  # noqa: PLC0415  not for a wrong key
+    from nvscope.tui.feed import SessionFeed  # noqa: PLC0415
+
+    feed = SessionFeed(inquiry, how)
+    app = WatchApp(feed, keymap, expression=expression, theme=theme or _theme(colour), utc=utc)
+    # Textual draws on stderr, which may go to a file; that stdout is a terminal was looked at.
+    errors, sys.__stderr__ = sys.__stderr__, sys.__stdout__  # type: ignore[misc]
+    try:
+        app.run()
+    finally:
+        sys.__stderr__ = errors  # type: ignore[misc]
+        infos = feed.stop()
+    if app.error is not None:
+        raise app.error
+    return infos
+
+
+def _theme(colour: str) -> str:
+    """Return the theme that fits a terminal: its own sixteen colours where it may have no more, none where asked."""
+    if colour == "never" or (colour == "auto" and os.environ.get("NO_COLOR")):
+        return "mono"
+    many = os.environ.get("COLORTERM") in ("truecolor", "24bit") or "256" in os.environ.get("TERM", "")
+    return "dark" if many else "ansi"

@@ -1,0 +1,222 @@
+"""A table of which only the rows in view are made, with a cursor; columns never get narrower."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from textual.geometry import Size
+from textual.message import Message
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from nvscope.tui.painting import CURSOR, DARK, Palette, strip_of
+from nvscope.view.lines.table import GAP, Cell, Column, Fitting, Line, fitting, heading, table_line
+
+_SHORTEST_STRIP, _WANTED_STRIP, _LONGEST_STRIP = 10, 20, 60
+_MAY_GO = 3
+"""Columns of at most this importance go for a strip that shows something."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """What a table shows: its columns, how many rows, and the cells of a row when they are asked for.
+
+    ``key`` tells what a row is about, so that the cursor stays on it where rows move. ``stretches`` is the place of a
+    column that takes what room is left, whose cells ``strip`` makes of a row and a width; ``title`` is made likewise.
+    """
+
+    columns: Sequence[Column]
+    count: int
+    cells: Callable[[int], Sequence[Cell]]
+    key: Callable[[int], Hashable]
+    stretches: int | None = None
+    strip: Callable[[int, int], Cell] | None = None
+    title: Callable[[int], str] | None = None
+
+
+_NO_TABLE = Table((), 0, lambda _: (), lambda row: row)
+
+
+@dataclass(slots=True)
+class _Drawn:
+    """What was drawn of a table, as long as nothing changes: its fitting, and lines by row."""
+
+    found: Fitting | None = None
+    columns: Sequence[Column] = ()
+    heading: Line = ()
+    lines: dict[int, Line] = field(default_factory=dict)
+    window: tuple[int, int, int] = (0, 0, 0)
+
+
+class TableView(ScrollView):
+    """Shows a ``Table``; the row under the cursor is ``row``, -1 without any."""
+
+    can_focus = False
+    DEFAULT_CSS = """
+    TableView { height: 1fr; scrollbar-size-vertical: 1; scrollbar-size-horizontal: 0; overflow-x: hidden; }
+    """
+
+    class Opened(Message):
+        """A row was clicked that the cursor was on."""
+
+    class Moved(Message):
+        """The cursor is on another row."""
+
+    def __init__(self, *, palette: Palette = DARK, **how: Any) -> None:
+        super().__init__(**how)
+        self.palette = palette
+        self.table = _NO_TABLE
+        self.row = -1
+        self._key: Hashable = None
+        self._least: list[int] = []
+        self._drawn = _Drawn()
+        self.follows = False
+        """Whether the cursor stays on the last row when more come."""
+
+    def show(self, table: Table) -> None:
+        """Show another table, or the same with other rows; the cursor stays on what it was on."""
+        if [one.title for one in table.columns] != [one.title for one in self.table.columns]:
+            self._least = []
+        self.table = table
+        self._drawn = _Drawn()
+        if not table.count:
+            self.row, self._key = -1, None
+        elif self.follows or self.row < 0:
+            self.row = table.count - 1 if self.follows else 0
+        elif self.row >= table.count or table.key(self.row) != self._key:
+            found = next((row for row in range(table.count) if table.key(row) == self._key), None)
+            self.row = min(self.row, table.count - 1) if found is None else found
+        if self.row >= 0:
+            self._key = table.key(self.row)
+        # One line more: the heading stays in view above the rows.
+        self.virtual_size = Size(self.size.width, table.count + 1)
+        self._bring_into_view()
+        self.refresh()
+
+    @property
+    def key(self) -> Hashable:
+        """What the row under the cursor is about, None without a row."""
+        return self._key
+
+    def text(self) -> str:
+        """Return the row under the cursor as text."""
+        if self.row < 0:
+            return ""
+        self._fit()
+        return "".join(cell.text for cell in self._line(self.row))
+
+    def move(self, action: str) -> bool:
+        """Move the cursor as an action says; False where that is none of moving."""
+        page = max(self.size.height - 1, 1)
+        steps = {
+            "move.down": 1, "move.up": -1, "move.page-down": page, "move.page-up": -page,
+            "move.half-page-down": max(page // 2, 1), "move.half-page-up": -max(page // 2, 1),
+            "move.first": -self.table.count, "move.last": self.table.count,
+        }  # fmt: skip
+        if action not in steps:
+            return False
+        self.go_to(self.row + steps[action])
+        return True
+
+    def go_to(self, row: int) -> None:
+        """Put the cursor on a row, or on the nearest that there is."""
+        if not self.table.count:
+            return
+        row = min(max(row, 0), self.table.count - 1)
+        if row != self.row:
+            self.row, self._key = row, self.table.key(row)
+            self.post_message(self.Moved())
+        self._bring_into_view()
+        self.refresh()
+
+    def _bring_into_view(self) -> None:
+        height = max(self.size.height - 1, 1)
+        top = self.scroll_offset.y
+        if self.row >= 0 and not top <= self.row < top + height:
+            target = self.row - height + 1 if self.row >= top + height else self.row
+            self.scroll_to(0, max(target, 0), animate=False, force=True)
+
+    def on_resize(self) -> None:
+        self._least = []
+        self._drawn = _Drawn()
+        self.virtual_size = Size(self.size.width, self.table.count + 1)
+        self._bring_into_view()
+
+    def on_click(self, event: Any) -> None:
+        row = self.scroll_offset.y + event.y - 1
+        if event.y < 1 or not 0 <= row < self.table.count:
+            return
+        if row == self.row:
+            self.post_message(self.Opened())
+        self.go_to(row)
+
+    def _window(self) -> tuple[int, int, int]:
+        top = self.scroll_offset.y
+        return top, min(top + max(self.size.height - 1, 0), self.table.count), self.size.width
+
+    def _fit(self) -> None:
+        """Find out how the rows in view fit the width."""
+        window = self._window()
+        if self._drawn.found is not None and self._drawn.window == window:
+            return
+        table, (first, stop, width) = self.table, window
+        rows = [table.cells(row) for row in range(first, stop)]
+        if not self._least:
+            self._least = [0] * len(table.columns)
+        columns = list(table.columns)
+        if table.stretches is not None and table.strip is not None:
+            found = fitting(columns, rows, None, least=self._least)
+            self._least = list(found.natural)
+            kept = self._kept(columns, width)
+            room = width - sum(self._least[place] for place in kept) - GAP * len(kept)
+            room = max(_SHORTEST_STRIP, min(_LONGEST_STRIP, room))
+            title = table.title(room) if table.title else ""
+            at = sum(place < table.stretches for place in kept)
+            strips = [table.strip(row, room) for row in range(first, stop)]
+            columns = _with(
+                [columns[place] for place in kept], at, Column(title, shortest=_SHORTEST_STRIP, verbatim=True)
+            )
+            rows = [
+                _with([cells[place] for place in kept], at, drawn) for cells, drawn in zip(rows, strips, strict=True)
+            ]
+            least = _with([self._least[place] for place in kept], at, room)
+            found = fitting(columns, rows, width, least=least)
+        else:
+            found = fitting(columns, rows, width, least=self._least)
+            self._least = list(found.natural)
+        lines = {
+            row: table_line(columns, found, cells) for row, cells in zip(range(first, stop), rows, strict=True)
+        }  # fmt: skip
+        self._drawn = _Drawn(found, columns, heading(columns, found), lines, window)
+
+    def _kept(self, columns: Sequence[Column], width: int) -> list[int]:
+        """Return the columns that stay beside the strip: those of least importance go for one that shows something."""
+        kept = list(range(len(columns)))
+        while width - sum(self._least[place] for place in kept) - GAP * len(kept) < _WANTED_STRIP:
+            low = [(one, place) for place in kept if (one := columns[place].importance) is not None and one <= _MAY_GO]
+            if not low:
+                break
+            kept.remove(min(low)[1])
+        return kept
+
+    def _line(self, row: int) -> Line:
+        return self._drawn.lines.get(row, ())
+
+    def render_line(self, y: int) -> Strip:
+        width, base = self.size.width, self.rich_style
+        if not self.table.columns or not width:
+            return Strip.blank(width, base)
+        self._fit()
+        if y == 0:
+            return strip_of(self._drawn.heading, width, self.palette).apply_style(base)
+        row = self.scroll_offset.y + y - 1
+        if row >= self.table.count:
+            return Strip.blank(width, base)
+        over = CURSOR if row == self.row else None
+        return strip_of(self._line(row), width, self.palette, over).apply_style(base)
+
+
+def _with(items: Sequence[Any], at: int, item: Any) -> list[Any]:
+    return [*items[:at], item, *items[at:]]

@@ -1,0 +1,1 @@
+"""The views of the screen, a file each."""
