@@ -13,7 +13,7 @@ from nvscope.causes.buses import (
     judge_incomplete_cycles,
     judge_overloads,
 )
-from nvscope.causes.case import Case, Explained
+from nvscope.causes.case import Case, Clock, Explained
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
 from nvscope.causes.elsewhere import judge_definitions_elsewhere
@@ -85,13 +85,14 @@ JUDGES: tuple[Judge, ...] = (
 
 def judged(
     facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = (),
-    names: Mapping[str, str] = MappingProxyType({}),
+    names: Mapping[str, str] = MappingProxyType({}), clock: Clock | None = None,
 ) -> Case:  # fmt: skip
     """Return the case of some findings, with everything explained.
 
-    ``channels`` are those of CAN by number; ``names`` are those of nodes, by the text of their address.
+    ``channels`` are those of CAN by number; ``names`` are those of nodes, by the text of their address; ``clock`` is
+    as for ``Case``.
     """
-    case = Case(facts, findings, witness, channels, names)
+    case = Case(facts, findings, witness, channels, names, clock)
     for judge in JUDGES:
         # What a judge finds next hangs on what was explained before.
         for draft, chosen in judge(case):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -100,7 +101,7 @@ def watch(
     captures = captured(paths, live, plant, ports)
     inquiry = Inquiry(captures, plant, ports, asked=asked)
     screen = not (plain or as_json) and sys.stdin.isatty() and sys.stdout.isatty()
-    how = Watching(ring * _MEBIBYTE, {} if no_names else None)
+    how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if captures is not paths else None)
     if screen:
         from nvscope.tui.run import run_screen
 
@@ -112,11 +113,20 @@ def watch(
     if wanted is not None:
         raise UsageError("-Y chooses what the screen shows", next_step="leave it out, or use `nvscope report -Y`")
     with flaws_told_first(plant.definition):
+        # Programs get the words of reports.
+        how = replace(how, clock=None) if as_json else how
         last = _printed(inquiry, as_json, every_ns, how, quiet=quiet, colour=colour_wanted(colour), utc=utc)
     if plant.files:
         tell_of_lists(inquiry)
     if code := tell_of_losses(last.snapshot.infos):
         raise typer.Exit(code)
+
+
+def _clock(utc: bool) -> Callable[[int], str]:
+    """Return what tells moments by the clock on the wall: whoever watches was there."""
+    from nvscope.units import clock_time
+
+    return lambda time_ns: clock_time(time_ns, utc=utc, digits=0)
 
 
 def _printed(
