@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -103,10 +103,14 @@ def watch(
     screen = not (plain or as_json) and sys.stdin.isatty() and sys.stdout.isatty()
     how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if captures is not paths else None)
     if screen:
+        from nvscope.record.recorder import Recorder
         from nvscope.tui.run import run_screen
 
+        recorder = Recorder(lambda: () if isinstance(captures, Sequence) else captures.channels)
+        if captures is not paths or "-" in paths:
+            how = replace(how, others=[recorder])
         with flaws_told_first(plant.definition):
-            infos = run_screen(inquiry, how, expression=wanted, theme=theme, utc=utc, colour=colour)
+            infos = run_screen(inquiry, how, recorder, expression=wanted, theme=theme, utc=utc, colour=colour)
         if code := tell_of_losses(infos):
             raise typer.Exit(code)
         return
