@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -41,6 +42,7 @@ _EVERY_NS = 10_000_000_000
 _LOOK_S = 1.0
 _PATIENCE_S = 5.0
 _MEBIBYTE = 1 << 20
+_SIGNALLED = 128
 
 
 @with_live_options
@@ -110,8 +112,10 @@ def watch(
         if captures is not paths or "-" in paths:
             how = replace(how, others=[recorder])
         with flaws_told_first(plant.definition):
-            infos = run_screen(inquiry, how, recorder, expression=wanted, theme=theme, utc=utc, colour=colour)
-        if code := tell_of_losses(infos):
+            left = run_screen(inquiry, how, recorder, expression=wanted, theme=theme, utc=utc, colour=colour)
+        if left.signal == getattr(signal, "SIGHUP", None):
+            raise typer.Exit(_SIGNALLED + left.signal)  # nobody is there any more to be told anything
+        if code := tell_of_losses(left.infos):
             raise typer.Exit(code)
         return
     if wanted is not None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import signal
 import threading
 import time
 from collections.abc import Sequence
@@ -76,6 +79,8 @@ class WatchApp(App[None], inherit_bindings=False):
         self._drawn_s = 0.0
         self._draw_due = False
         self.error: BaseException | None = None
+        self.ended_by = 0
+        """The signal that ended it, 0 for none."""
         self.views: Sequence[View] = make_views()
 
     def compose(self) -> ComposeResult:
@@ -96,6 +101,21 @@ class WatchApp(App[None], inherit_bindings=False):
             lambda scene: self.call_from_thread(self._take, scene),
             lambda error: self.call_from_thread(self._end, error),
         )
+
+        self._end_in_order()
+
+    def _end_in_order(self) -> None:
+        """End as a person ends it where the system asks for that, so that the terminal and files are whole."""
+        loop = asyncio.get_running_loop()
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
+                    loop.add_signal_handler(number, self._end_by, int(number))
+
+    def _end_by(self, number: int) -> None:
+        self.ended_by = number
+        self.exit()
 
     # What comes from the feed.
 

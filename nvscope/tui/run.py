@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Watching
@@ -18,14 +18,22 @@ if TYPE_CHECKING:
 
     from nvscope.tui.recording import Recorder
 
+
+class Left(NamedTuple):
+    """What is known when the screen has ended: of the sources, and by which signal, 0 for none."""
+
+    infos: Sequence[SourceInfo]
+    signal: int
+
+
 THEMES = ("dark", "light", "ansi", "mono")
 
 
 def run_screen(
     inquiry: Inquiry, how: Watching, recorder: Recorder, *, expression: str | None = None, theme: str | None = None,
     utc: bool = False, colour: Literal["auto", "always", "never"] = "auto",
-) -> Sequence[SourceInfo]:  # fmt: skip
-    """Show the screen until somebody ends it; return what is known of the sources then.
+) -> Left:  # fmt: skip
+    """Show the screen until somebody ends it; return what is known then.
 
     ``recorder`` is one of the observers of ``how``, where the source is live. Raises ConfigurationError for keys of the
     project that cannot be, UsageError for a theme that there is not, and what reading the source raises.
@@ -51,7 +59,7 @@ def run_screen(
         recorder.stop()
     if app.error is not None:
         raise app.error
-    return infos
+    return Left(infos, app.ended_by)
 
 
 def _theme(colour: str) -> str:
