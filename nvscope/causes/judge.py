@@ -38,6 +38,7 @@ from nvscope.causes.senders import judge_second_senders
 from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
 from nvscope.causes.snapped import judge_cut_frames, judge_drops
 from nvscope.causes.standstills import judge_standstills
+from nvscope.causes.unplugged import judge_without_carrier
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.tracker.evidence.witness import Witness
@@ -45,6 +46,7 @@ from nvscope.tracker.evidence.witness import Witness
 Judge = Callable[[Case], Iterator[Explained]]
 
 JUDGES: tuple[Judge, ...] = (
+    judge_without_carrier,
     judge_incomplete_captures,
     judge_drops,
     judge_cut_frames,
