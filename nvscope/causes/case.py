@@ -124,20 +124,16 @@ def moments(times_ns: I64) -> int:
     return count
 
 
-Clock = Callable[[int], str]
-"""Tells a moment, given in ns since 1970."""
-
-
 class Case:
     """Everything that was seen, what of it breaks rules, and which cause explains each of the events behind that.
 
-    ``owner`` has the number of the draft that explains each symptom, ``NOBODY`` before. ``clock`` tells moments as
-    people do who were there, None for the time since the beginning of the capture.
+    ``owner`` has the number of the draft that explains each symptom, ``NOBODY`` before. ``clock`` tells moments,
+    None for the time since the beginning.
     """
 
     def __init__(
         self, facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str],
-        names: Mapping[str, str], clock: Clock | None = None,
+        names: Mapping[str, str], clock: Callable[[int], str] | None = None,
     ) -> None:  # fmt: skip
         self._names = names
         self.clock = clock

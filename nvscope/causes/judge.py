@@ -13,7 +13,7 @@ from nvscope.causes.buses import (
     judge_incomplete_cycles,
     judge_overloads,
 )
-from nvscope.causes.case import Case, Clock, Explained
+from nvscope.causes.case import Case, Explained
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
 from nvscope.causes.elsewhere import judge_definitions_elsewhere
@@ -87,7 +87,7 @@ JUDGES: tuple[Judge, ...] = (
 
 def judged(
     facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = (),
-    names: Mapping[str, str] = MappingProxyType({}), clock: Clock | None = None,
+    names: Mapping[str, str] = MappingProxyType({}), clock: Callable[[int], str] | None = None,
 ) -> Case:  # fmt: skip
     """Return the case of some findings, with everything explained.
 

@@ -119,7 +119,7 @@ def watch(
             raise typer.Exit(code)
         return
     if wanted is not None:
-        raise UsageError("-Y chooses what the screen shows", next_step="leave it out, or use `nvscope report -Y`")
+        raise UsageError("-Y chooses what the screen shows", next_step="leave it out; a report shows what it chooses")
     with flaws_told_first(plant.definition):
         # Programs get the words of reports.
         how = replace(how, clock=None) if as_json else how

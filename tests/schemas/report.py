@@ -228,7 +228,6 @@ def _can_stream() -> Schema:
 
 
 def cause() -> Schema:
-    """Return the schema of a cause."""
     explained = {
         "code": word([kind.code for kind in _JUDGED]),
         "list": maybe(LIST_KEY),
