@@ -12,6 +12,7 @@ from dissectors.batch import Bool
 from nvscope.causes.canopen_nodes import canopen_node_of, last_signs
 from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause, lists_of_streams, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.unplugged import was_unplugged
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
@@ -53,6 +54,9 @@ _OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 _WAITS = (NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED)
 _SHORTEST = 10  # a pause with an end is told from ten of the longest interval on
 _HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near to a pause prove nothing
+
+
+_INTERVALS_UNSURE = 3
 
 
 class _Silence(NamedTuple):
@@ -105,6 +109,8 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[_Sil
         if not ended and any(one > last.since_ns + longest_ns * 3 // 2 for one in others_ns):
             continue
         if ended and (until_ns or 0) - last.since_ns <= _SHORTEST * longest_ns:
+            continue
+        if was_unplugged(case, last.since_ns, until_ns, _INTERVALS_UNSURE * longest_ns):
             continue
         silence = _Silence(Pause(last.since_ns, until_ns, last.frame), longest_ns)
         if ended or (case.free(STOPPED) & (case.symptoms.node == node)).any():

@@ -52,6 +52,15 @@ def judge_without_carrier(case: Case) -> Iterator[Explained]:
         yield draft, chosen
 
 
+def was_unplugged(case: Case, since_ns: int, until_ns: int | None, slack_ns: int) -> bool:
+    """Tell whether a silence lies in a time without a carrier, but for so much at both ends: then it is none."""
+    slack_ns += _NOTICED_NS
+    return any(
+        since_ns >= begin_ns - slack_ns and (end_ns is None or (until_ns is not None and until_ns <= end_ns + slack_ns))
+        for begin_ns, end_ns in _without_any(case)
+    )
+
+
 def _without_any(case: Case) -> list[_Span]:
     """Return the times in which none of the sources had a carrier; none where one of them is no interface."""
     sources = case.facts.sources

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from nvscope.expression.typed_columns import FieldType
 from nvscope.protocols.table import PROTOCOLS, fields_of
+from nvscope.tui.actions import ACTIONS
 from nvscope.view.fields.frame import EITHER_OF
 from nvscope.view.fields.vocabulary import vocabulary
 from tests.program import run_text
@@ -55,7 +56,22 @@ def test_with_definitions_the_variables_are_listed_too() -> None:
     assert f"  perhaps {peers / 'axis.gvl'}" in missing.stderr
 
 
-def test_without_an_option_the_fields_are_shown_and_that_there_are_no_keys_yet() -> None:
+def test_without_an_option_the_keys_of_the_screen_are_shown() -> None:
     done = keys()
-    assert (done.returncode, done.stdout) == (0, keys("--fields").stdout)
-    assert done.stderr == "nvscope: there is no live screen yet, and so there are no key bindings.\n"
+    assert (done.returncode, done.stderr) == (0, "")
+    assert all(len(line) <= 80 for line in done.stdout.splitlines())
+    told = [line for line in done.stdout.splitlines() if line.startswith("  ")]
+    for action in ACTIONS:
+        assert any(action.name in line and " ".join(action.keys) in line for line in told), action.name
+
+
+def test_keys_are_those_of_the_project(tmp_path: Path) -> None:
+    project = tmp_path / "nvscope.toml"
+    project.write_text('[keys]\n"view.causes" = "c"\n')
+    (line,) = [line for line in keys("--project", str(project)).stdout.splitlines() if "view.causes" in line]
+    assert line.split()[:2] == ["c", "view.causes"]
+    project.write_text('[keys]\n"view.cuases" = "c"\n')
+    done = keys("--project", str(project))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"{project}: keys.view.cuases: no action has this name" in done.stderr
+    assert "view.causes" in done.stderr
