@@ -14,6 +14,7 @@ from nvscope.capture.source import Source
 from nvscope.engine.ring import RING_BYTES, FrameRing, Recent, RecentSource
 from nvscope.engine.run import Observer
 from nvscope.engine.session import Session
+from nvscope.tracker.counted import Counted
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.pace import Pace, PaceSeen
 from nvscope.tracker.state import TrackerState
@@ -91,30 +92,64 @@ class Watched:
 
     def __init__(self, inquiry: Inquiry, source: Source, how: Watching = USUAL, *, overdue: bool = True) -> None:
         self.source = source
-        self._inquiry, self._overdue, self._names = inquiry, overdue, how.node_names
+        self.inquiry, self._overdue, self._names = inquiry, overdue, how.node_names
         self._clock = how.clock
         self._witness = Witness()
         self._state = inquiry.state(values=True, listeners=(self._witness,))
         self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
+        self._reset = False
+        self._base: Counted | None = None
         self.observers: list[Observer] = [self._state, self._witness, self._ring, self._pace, *how.others]
 
+    def reset(self) -> None:
+        """Count from the next look on, and leave out what is over by then; for any thread."""
+        self._reset = True
+
     def look(self) -> Scene:
-        """Return what is known at this moment; nothing changes by it."""
-        inquiry = self._inquiry
+        """Return what is known at this moment; nothing that is observed changes by it."""
+        inquiry = self.inquiry
         found = snapshot(
             self._state, self.source, inquiry.project, inquiry.pdos, overdue=self._overdue,
             protocols=inquiry.protocols, witness=self._witness, node_names=self._names, clock=self._clock,
+            figures=self._reset or self._base is not None,
         )  # fmt: skip
+        if self._reset:
+            self._reset, self._base = False, found.figures
+        if self._base is not None:
+            found = _since(found, self._base, inquiry)
         return Scene(
             found, self._pace.seen(), self._ring.recent(), inquiry, tuple(self.source.channels),
             _kept_variables(self._state), self._names,
         )  # fmt: skip
 
 
+def _since(found: Snapshot, base: Counted, inquiry: Inquiry) -> Snapshot:
+    """Return what was counted since a moment, and of what happened what was not over then."""
+    assert found.figures is not None
+    project, start_ns = inquiry.project, base.end_ns
+    summary = (found.figures - base).summary(
+        intervals_ns=project.definition.nominal_intervals_ns(), readers=project.readers, buses=project.buses,
+        cob_ids=inquiry.pdos.cob_ids if inquiry.pdos else frozenset(),
+    )  # fmt: skip
+    happened = found.happened
+    if start_ns is None or happened is None:
+        return replace(found, summary=summary)
+    causes = [one for one in happened.causes if one.until_ns is None or one.until_ns > start_ns]
+    findings = [one for one in found.findings if one.last_ns is None or one.last_ns > start_ns]
+    chronicle = happened.chronicle.last(max(happened.chronicle.end_ns - start_ns, 1))
+    return replace(
+        found, summary=summary, findings=tuple(findings), happened=replace(happened, causes=causes, chronicle=chronicle)
+    )
+
+
 def watching(inquiry: Inquiry, how: Watching = USUAL) -> Session[Scene]:
     """Return the captures of an inquiry to be read in a thread of its own, and looked at meanwhile."""
-    watched = Watched(inquiry, inquiry.open(), how)
-    return Session(watched.source, inquiry.reading(), watched.observers, watched.look)
+    return session_of(Watched(inquiry, inquiry.open(), how))
+
+
+def session_of(watched: Watched) -> Session[Scene]:
+    """Return what is watched to be read in a thread of its own."""
+    return Session(watched.source, watched.inquiry.reading(), watched.observers, watched.look)
 
 
 def scene_at(

@@ -264,6 +264,13 @@ class WatchApp(App[None], inherit_bindings=False):
     def _do_program_quit(self, _: str) -> None:
         self.exit()
 
+    def _do_program_reset(self, _: str) -> None:
+        if not self.feed.is_live:
+            self.notify("A capture is counted from its beginning; --from-time cuts it", timeout=3)
+            return
+        self.feed.reset()
+        self.notify("Counted from now on", timeout=2)
+
     def _do_program_suspend(self, _: str) -> None:
         self.action_suspend_process()
 

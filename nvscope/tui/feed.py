@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.analysis.watching import Scene, Watching, scene_at, watching
+from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, session_of
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import NvscopeError
 
@@ -59,6 +59,10 @@ class Feed(Protocol):
         """Ask for the scene at a time; it comes by ``on_scene`` unless another one is asked for before it is there."""
         ...
 
+    def reset(self) -> None:
+        """Count from now on."""
+        ...
+
     def stop(self) -> list[SourceInfo]:
         """End, and return what is known of the sources then."""
         ...
@@ -72,7 +76,8 @@ class SessionFeed:
 
     def __init__(self, inquiry: Inquiry, how: Watching) -> None:
         self._inquiry, self._how = inquiry, how
-        self._session = watching(inquiry, how)
+        self._watched = Watched(inquiry, inquiry.open(), how)
+        self._session = session_of(self._watched)
         self.is_live = not (inquiry.paths and "-" not in inquiry.paths)
         self._kept: deque[Scene] = deque()
         self._kept_rows = 0
@@ -161,6 +166,9 @@ class SessionFeed:
                 continue  # the file is gone, or changed: what is shown stays
             if scene is not None:
                 on_scene(scene)
+
+    def reset(self) -> None:
+        self._watched.reset()
 
     def stop(self) -> list[SourceInfo]:
         self._stopping.set()

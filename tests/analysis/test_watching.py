@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.analysis.watching import Scene, Watching, scene_at, scenes_by_second, watching
+from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, scenes_by_second, watching
+from nvscope.capture.by_second import BySecond
 from nvscope.definition.project_file import read_project
 from nvscope.view.asked_time import parse_range
 from nvscope.view.documents.drawn import plain
@@ -100,3 +101,22 @@ def test_a_clock_tells_the_moments_of_causes() -> None:
     assert scene is not None
     titles = [row["title"] for row in scene.document["causes"]]
     assert "Node 192.168.1.12 is silent since <23> (list 12)" in titles
+
+
+def test_after_a_reset_only_what_came_since_is_counted() -> None:
+    inquiry = Inquiry([PLANT])
+    watched = Watched(inquiry, BySecond(inquiry.open()))
+    looks = []
+    for told in inquiry.run(watched.source, watched.observers):
+        if not len(told) and told.until_ns is not None:
+            if len(looks) == 15:
+                watched.reset()
+            looks.append(watched.look())
+    before, begun, last = looks[14], looks[15], watched.look()
+    assert {row["diag"]["nSendCount"] for row in begun.document["lists"]} == {0}
+    whole = {row["key"]: row["diag"]["nSendCount"] for row in document_of(last)["lists"]}
+    assert whole["udp/1202/7"] == 382  # of 700, as the frames of the capture tell
+    assert sum(whole.values()) < sum(row["diag"]["nSendCount"] for row in report_of(Inquiry([PLANT]))["lists"])
+    assert "loss-of-list" in {row["kind"] for row in before.document["causes"]}
+    kinds = [row["kind"] for row in last.document["causes"]]
+    assert sorted(kinds) == ["node-restart", "node-silent", "second-sender"]
