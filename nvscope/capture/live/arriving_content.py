@@ -13,6 +13,7 @@ from nvscope.errors import UnreadableInput
 MOST_BYTES = 8 << 20
 """So many bytes are taken at a time."""
 
+_HEAD_BYTES = 64 << 10
 _MOST_HEAD_BYTES = 4 << 20
 
 
@@ -46,6 +47,10 @@ class ArrivingPieces:
 
         UnreadableInput where much has come, and nobody can tell what it is.
         """
+        if self._kept is not None:
+            if sum(map(len, self._kept)) > _MOST_HEAD_BYTES:
+                raise UnreadableInput("no capture begins in the first 4 MiB", next_step="give a pcap or pcapng stream")
+            most_bytes = min(most_bytes, _HEAD_BYTES)
         taken = 0
         while taken < most_bytes and (piece := self.feed.read()):
             taken += len(piece)
@@ -53,8 +58,6 @@ class ArrivingPieces:
         if self._kept is not None:
             self._kept += self._ready
             self._ready.clear()
-            if sum(map(len, self._kept)) > _MOST_HEAD_BYTES:
-                raise UnreadableInput("no capture begins in the first 4 MiB", next_step="give a pcap or pcapng stream")
         return taken
 
     def told(self) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 
 SLACK_NS = 1_500_000_000
 """tcpdump's buffer in the kernel hands packets on up to a second late, some sooner; the rest is for the way."""
@@ -23,19 +24,22 @@ _MOST = 4096
 
 
 class StreamClock:
-    """Tells how far time has passed in a stream by the packets that came."""
+    """Tells how far time has passed in a stream by the packets that came, and by a clock that nobody can set."""
 
-    def __init__(self) -> None:
+    def __init__(self, steady_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self._steady_ns = steady_ns
         # When packets came, and their longest delay.
         self._delays: deque[tuple[int, int]] = deque(maxlen=_MOST)
         self._old_ns: int | None = None
+        self._last_ns = 0
 
     def came(self, first_ns: int, last_ns: int, *, old: bool = False) -> None:
         """Note that packets came just now, whose earliest and latest times these are.
 
         ``old`` ones were there before anybody looked: when they came is unknown, and not later than now.
         """
-        now_ns = time.monotonic_ns()
+        now_ns = self._steady_ns()
+        self._last_ns = last_ns
         if old:
             self._old_ns = now_ns - last_ns
             return
@@ -45,8 +49,11 @@ class StreamClock:
         self._delays.append((now_ns, now_ns - first_ns))
 
     def until_ns(self) -> int | None:
-        """Return up to when everything has come, in the time of the packets; None before the first one."""
+        """Return up to when everything has come, in the time of the packets; None where these alone tell it."""
         longest_ns = self._old_ns
         if self._delays:
             longest_ns = max(delay_ns for _, delay_ns in self._delays)
-        return None if longest_ns is None else time.monotonic_ns() - longest_ns - SLACK_NS
+        if longest_ns is None:
+            return None
+        until_ns = self._steady_ns() - longest_ns - SLACK_NS
+        return until_ns if until_ns > self._last_ns else None

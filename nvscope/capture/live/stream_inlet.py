@@ -16,25 +16,29 @@ GATHER_NS = 50_000_000
 """So long bytes are gathered to a batch: less would cost more time than it saves."""
 
 _PAUSE_S = 0.005
+_MOST_BEHIND_BYTES = 64 << 20
+"""So much is read at the end of what was there by then: who ends a reading that lags behind wants no more of it."""
+
 _SIZES = ReadingSizes(batch_packets=32_768)
 
 
 class StreamInlet:
     """The packets of a pcap, a pcapng or a text log that is being written; an ``Inlet``.
 
-    ``grows``: it is a file. ``clock`` tells how far time has passed in it. Raises UnreadableInput where it is no
-    capture, UsageError where its format cannot be read before it is complete; both when enough of it has come.
+    ``grows``: it is a file. Bytes are gathered to a batch for ``gather_ns``. ``clock`` tells how far time has passed in
+    it, ``ended`` that nothing comes any more. When enough of it has come, it raises UnreadableInput where it is no
+    capture, and UsageError where its format cannot be read before it is complete.
     """
 
     hears_answers = True
     lag_ns = 0
 
-    def __init__(self, path: str, feed: ByteFeed, *, grows: bool) -> None:
+    def __init__(self, path: str, feed: ByteFeed, *, grows: bool, gather_ns: int = GATHER_NS) -> None:
         self.path = path
         self.format = "stream"
         self.clock = StreamClock()
         self.ended = False
-        self._feed, self._grows = feed, grows
+        self._feed, self._grows, self._gather_ns = feed, grows, gather_ns
         self._pieces = ArrivingPieces(feed)
         self._reader: Reader | None = None
         self._batches: Iterator[PacketBatch] = iter(())
@@ -62,8 +66,8 @@ class StreamInlet:
         """Take the bytes that are there and, if there are any, what comes just behind them; tell whether to read."""
         taken = self._pieces.take()
         if taken:
-            until_ns = time.monotonic_ns() + GATHER_NS
-            while taken < MOST_BYTES and not self._feed.ended and time.monotonic_ns() < until_ns:
+            until_ns = time.monotonic_ns() + self._gather_ns
+            while self._reader and taken < MOST_BYTES and not self._feed.ended and time.monotonic_ns() < until_ns:
                 time.sleep(_PAUSE_S)
                 taken += self._pieces.take(MOST_BYTES - taken)
         return bool(taken) or self._feed.ended
@@ -111,10 +115,14 @@ class StreamInlet:
             raise UnreadableInput(
                 "no file had this name until the end", where=self.path, next_step="check the name and the directory"
             )
-        if not self._feed.ended:
-            self._pieces.take(self._feed.waiting_bytes())
-        while (batch := self._next()) is not None:
-            yield batch
+        rest = min(self._feed.waiting_bytes(), _MOST_BEHIND_BYTES)
+        while True:
+            while (batch := self._next()) is not None:
+                yield batch
+            taken = 0 if self._feed.ended else self._pieces.take(min(rest, MOST_BYTES))
+            if not taken:
+                return
+            rest -= taken
 
     def drops(self) -> Mapping[str, int]:
         return self.progress.drops_by
