@@ -262,7 +262,7 @@ def _look_for(path: str) -> None:
 
 
 class LiveRun:
-    """While a live source is read: Ctrl-C and SIGTERM end it in order, and a terminal sees that it goes on.
+    """While a live source is read: Ctrl-C, SIGTERM and SIGHUP end it in order, and a terminal sees that it goes on.
 
     A second Ctrl-C ends the program.
     """
@@ -274,7 +274,11 @@ class LiveRun:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            # Who started the program with nohup wants it to go on.
+            if number is None or (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
+                continue
             try:
                 self._before[number] = signal.signal(number, self._end)
             except ValueError:  # not in the main thread

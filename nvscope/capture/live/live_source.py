@@ -89,8 +89,10 @@ class LiveSource:
                 batch = self._inlet.take()
                 if batch is None:
                     self._wait.wait(min(self._longest_wait_ns, self._left_ns()))
-                    batch = self._inlet.take()
+                # In front of the last take: who is stopped between the two (Ctrl-Z) must not miss what came meanwhile.
                 until_ns = self._look()
+                if batch is None:
+                    batch = self._inlet.take()
                 if batch is None:
                     self._tell()
                     yield PacketBatch.nothing(until_ns)
