@@ -244,7 +244,7 @@ class Inquiry:
         if once := self._read_once:
             raise UsageError(
                 f"{', '.join(chosen.judged)}: known when the whole capture was read, and {once} cannot be read twice",
-                next_step="name a file instead of -",
+                next_step="name a file instead",
             )
         return self.filter_by(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
 

@@ -126,14 +126,17 @@ class StreamWindow:
     """Bytes that come in pieces: a pipe, or what a decompressor yields.
 
     An empty piece says that there is nothing for the moment; then, or after ``patience_ns``, what has come is a view.
+    With ``pauses``, it is one also where nothing has come.
     """
 
     def __init__(
-        self, pieces: Iterator[bytes], *, chunk_bytes: int = CHUNK_BYTES, patience_ns: int = 250_000_000
-    ) -> None:
+        self, pieces: Iterator[bytes], *, chunk_bytes: int = CHUNK_BYTES, patience_ns: int = 250_000_000,
+        pauses: bool = False,
+    ) -> None:  # fmt: skip
         self._pieces = pieces
         self._chunk_bytes = chunk_bytes
         self._patience_ns = patience_ns
+        self._pauses = pauses
         self._data = np.zeros(PAD_BYTES, np.uint8)
         self._origin = 0
         self._end = 0
@@ -148,7 +151,7 @@ class StreamWindow:
                 pieces.append(piece)
                 fresh += len(piece)
             enough = fresh >= self._chunk_bytes or not piece or time.monotonic_ns() - begun_ns > self._patience_ns
-            if fresh and enough:
+            if (fresh or self._pauses) and enough:
                 ends_file = False
                 break
         # The position is beyond what has come only once: when a file header was read in another way.

@@ -11,11 +11,10 @@ from weakref import ReferenceType, ref
 from dissectors.batch import PacketBatch
 from nvscope.capture.between import Between
 from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES
-from nvscope.capture.content import EXPECTED, STDIN, Content, ContentSizes
-from nvscope.capture.formats import NoCapture, format_of
+from nvscope.capture.content import STDIN, Content, ContentSizes
 from nvscope.capture.pieces import Stopped
-from nvscope.capture.reader import Progress, Reader, ReadingSizes, WindowReader
-from nvscope.capture.source import Attachment, SourceInfo, Truncation
+from nvscope.capture.reader import Progress, Reader, ReadingSizes, WindowReader, reader_of
+from nvscope.capture.source import Attachment, SourceInfo
 from nvscope.capture.stoppable import StoppableBatches
 from nvscope.capture.time_span import TimeSpan
 from nvscope.errors import NvscopeError, UnreadableInput
@@ -189,13 +188,7 @@ class CaptureFile:
         """Close a file, and say why it ended where it did; also repeatedly."""
         if self._opened is opened:
             self._position, self._opened = opened.position, None
-            failure, progress = opened.content.failure, opened.reader.progress
-            if failure:
-                cut = progress.truncation
-                message = f"{failure}; frames are read up to the last whole record"
-                if progress.left_out:
-                    message += f"; before that, {progress.left_out}"
-                progress.truncation = Truncation(cut.offset if cut else opened.reader.position, message)
+            opened.reader.tell_failure()
         opened.content.close()
 
     def _open(self, share: int = 1, span: TimeSpan | None = None) -> _Opened:
@@ -229,11 +222,8 @@ class CaptureFile:
                 os.close(descriptor)
             raise
         try:
-            known = format_of(content.head)
-            if known is not None:
-                make: type[Reader] = known.reader_class()
-                return _Opened(known.name, content, make(content, sizes))
-            raise NoCapture(f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", where=content.begin)
+            name, reader = reader_of(content, sizes)
+            return _Opened(name, content, reader)
         except BaseException:
             content.close()
             raise

@@ -7,6 +7,7 @@ import stat
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
+from typing import Protocol
 
 from nvscope.capture.byte_window import (
     CHUNK_BYTES,
@@ -36,13 +37,25 @@ class ContentSizes:
     chunk_bytes: int = CHUNK_BYTES
 
 
+class Input(Protocol):
+    """Bytes as they are on disk or on their way, in pieces, of which those before ``position`` were read."""
+
+    @property
+    def position(self) -> int: ...
+
+    def __iter__(self) -> Iterator[bytes]: ...
+
+
 class Content:
     """The content of a file that is open as ``descriptor``; ``path`` is what messages call it, "-" is stdin.
 
     ``head`` are its first bytes, ``compression`` is how they were compressed, '' if not at all. A ``regular`` file can
     be opened again. A reader takes either ``window()`` or ``pieces()``, or reads the file at ``disk_path`` by itself.
     ``span`` is what is wanted of it: packets outside may be left out. Raises NoCapture where there is nothing in it.
+    Where it ``pauses``, a reader must not wait for what comes next, but say that nothing has come.
     """
+
+    pauses = False
 
     def __init__(
         self,
@@ -63,16 +76,17 @@ class Content:
             raise UnreadableInput("a directory, expected a file", where=path)
         self.regular = stat.S_ISREG(status.st_mode) and (path != STDIN or not os.lseek(descriptor, 0, os.SEEK_CUR))
         self.size_bytes = status.st_size if self.regular else None
-        self._input = FilePieces(descriptor, stopped) if self.regular else PipePieces(descriptor, stopped)
+        self._input: Input = FilePieces(descriptor, stopped) if self.regular else PipePieces(descriptor, stopped)
         self._pieces = iter(self._input)
         self._by_pieces = not self.regular
-        if self.regular:
-            self.head = read_at(descriptor, TEXT_HEAD_BYTES, 0)
-        else:
-            self.head = self._peek()
+        self._begin(read_at(descriptor, TEXT_HEAD_BYTES, 0) if self.regular else self._peek())
+
+    def _begin(self, head: bytes) -> None:
+        """Find out by its first bytes whether it is compressed, and what it begins with if it is."""
+        self.head = head
         self.compression = compression_of(self.head)
         if not self.head:
-            raise NoCapture(f"empty (0 bytes), expected {EXPECTED}", where=path)
+            raise NoCapture(f"empty (0 bytes), expected {EXPECTED}", where=self.path)
         if self.compression:
             self._decompressed = Decompressed(self._pieces, self.compression)
             self._pieces = iter(self._decompressed)
@@ -80,7 +94,7 @@ class Content:
             self.head = self._peek()
             if not self.head:
                 what = self.failure or f"{self.compression} data with nothing in them"
-                raise NoCapture(f"{what}, expected {EXPECTED}", where=f"{path}, offset 0")
+                raise NoCapture(f"{what}, expected {EXPECTED}", where=f"{self.path}, offset 0")
 
     def _peek(self) -> bytes:
         """Return as much from the begin of the pieces as tells what they are, if there is as much, and put it back."""
@@ -116,7 +130,9 @@ class Content:
         """Return a window over the bytes: a map of a regular file where it can be mapped, a buffer of all others."""
         if self._window is None:
             self._window = None if self._by_pieces else self._map()
-            self._window = self._window or StreamWindow(self.pieces(), chunk_bytes=self._sizes.chunk_bytes)
+            self._window = self._window or StreamWindow(
+                self.pieces(), chunk_bytes=self._sizes.chunk_bytes, pauses=self.pauses
+            )
         return self._window
 
     def _map(self) -> ByteWindow | None:

@@ -8,10 +8,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.byte_window import View
-from nvscope.capture.content import Content
+from nvscope.capture.content import EXPECTED, Content
+from nvscope.capture.formats import NoCapture, format_of
 from nvscope.capture.source import Attachment, Truncation
 
 
@@ -48,12 +50,16 @@ class Progress:
 class Reader(ABC):
     """Reads the content of one capture file, from its begin to its end, once.
 
+    One that ``follows`` gives out what has come where the content makes a pause, and then, if ``content.pauses``, an
+    empty batch.
+
     ``position`` is how far the content has been read. ``channels`` are the names of the packets' channels, by number,
     as far as the file tells them; ``attachments`` what it brings with it, each of which can be read at any time. Raises
     UnreadableInput when it is made where nothing can be read at all; what is wrong later goes to ``progress``.
     """
 
     attachments: Sequence[Attachment] = ()
+    follows: ClassVar[bool] = False
 
     def __init__(self, content: Content, sizes: ReadingSizes) -> None:
         self.content = content
@@ -70,11 +76,22 @@ class Reader(ABC):
         where reading fails.
         """
 
+    def tell_failure(self) -> None:
+        """Tell in ``progress`` what ended the content before its end, if something did."""
+        if not (failure := self.content.failure):
+            return
+        cut = self.progress.truncation
+        message = f"{failure}; frames are read up to the last whole record"
+        if self.progress.left_out:
+            message += f"; before that, {self.progress.left_out}"
+        self.progress.truncation = Truncation(cut.offset if cut else self.position, message)
+
 
 class WindowReader(Reader):
     """A reader that looks at the content through a window; ``finished`` says that it wants to see no more of it."""
 
     finished = False
+    follows = True
 
     def batches(self) -> Iterator[PacketBatch]:
         """Yield the packets of view after view, and let go of what has been read."""
@@ -83,7 +100,18 @@ class WindowReader(Reader):
             for batch in self.read(window.view(self.position)):
                 yield batch
                 window.release(self.position)
+            if self.content.pauses:
+                yield PacketBatch.nothing()
 
     @abstractmethod
     def read(self, view: View) -> Iterator[PacketBatch]:
         """Yield the packets whose records are whole in ``view``, and move ``position`` behind them."""
+
+
+def reader_of(content: Content, sizes: ReadingSizes) -> tuple[str, Reader]:
+    """Return the name of the format of a content, which its first bytes show, and its reader; NoCapture for none."""
+    known = format_of(content.head)
+    if known is None:
+        raise NoCapture(f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", where=content.begin)
+    make: type[Reader] = known.reader_class()
+    return known.name, make(content, sizes)

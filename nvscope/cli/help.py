@@ -20,7 +20,7 @@ READ, LIVE, SHOWN, DEFINED, WRITTEN, HELP = (
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
-        LIVE: ("-i", "--for", "-a", "-f", "-B", "-p"),
+        LIVE: ("-i", "--for", "-a", "--follow", "-f", "-B", "-p"),
         DEFINED: ("--gvl", "--project", "-n", "--types", "--a-types", "--b-types"),
         WRITTEN: (
             "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",

@@ -49,6 +49,10 @@ AutostopOption = Annotated[
         show_default=False,
     ),
 ]
+FollowOption = Annotated[
+    bool,
+    typer.Option("--follow", help="Go on reading a capture that is still written, like tail -f, until it is ended."),
+]
 BpfOption = Annotated[
     str | None,
     typer.Option(
@@ -79,14 +83,18 @@ class LiveOptions:
     bpf: str | None = None
     buffer_mib: float | None = None
     not_promiscuous: bool = False
+    follow: bool = False
 
     @property
     def asked(self) -> list[str]:
         """The options that were given, and mean nothing without a live source."""
-        told = {
-            "--for": self.duration, "-a": self.autostop, "-f": self.bpf is not None, "-B": self.buffer_mib,
-            "-p": self.not_promiscuous,
-        }  # fmt: skip
+        told = {"--for": self.duration, "-a": self.autostop}
+        return [name for name, value in told.items() if value] + self.of_interfaces
+
+    @property
+    def of_interfaces(self) -> list[str]:
+        """The options that were given, and mean nothing without an interface."""
+        told = {"-f": self.bpf is not None, "-B": self.buffer_mib, "-p": self.not_promiscuous}
         return [name for name, value in told.items() if value]
 
 
@@ -101,9 +109,10 @@ def with_live_options(verb: Callable[..., None]) -> Callable[..., None]:
         bpf: BpfOption = None,
         buffer_mib: BufferOption = None,
         not_promiscuous: PromiscuousOption = False,
+        follow: FollowOption = False,
         **others: Any,
     ) -> None:
-        live = LiveOptions(interface or (), duration, autostop or (), bpf, buffer_mib, not_promiscuous)
+        live = LiveOptions(interface or (), duration, autostop or (), bpf, buffer_mib, not_promiscuous, follow)
         verb(live=live, **others)
 
     hints = get_type_hints(taking, include_extras=True)
@@ -132,17 +141,21 @@ def captured(
     UnreadableInput for a word that names nothing, UsageError where live sources and files are mixed, or options given
     that mean nothing without one.
     """
-    from nvscope.capture.live.open import is_live
+    from nvscope.capture.live.open import is_live, is_stream
 
+    if live.follow:
+        return _followed(paths, live, plant)
     words = [*live.interfaces, *(path for path in paths if is_live(path))]
     files = [path for path in paths if not is_live(path)]
     for path in files:
         _look_for(path)
     if not words:
-        if asked := [name for name in live.asked if not (name in ("--for", "-a") and files == ["-"])]:
+        if len(files) == 1 and is_stream(files[0]) and live.asked and not live.of_interfaces:
+            return _streamed(files[0], live, plant)
+        if asked := live.asked:
             raise UsageError(
-                f"{', '.join(asked)}: for live sources, and these are files", next_step="leave it out, or name an "
-                "interface with -i NAME",
+                f"{', '.join(asked)}: for live sources, and these are files", next_step="leave it out, name an "
+                "interface with -i NAME, or go on with a file that is still written by --follow",
             )  # fmt: skip
         return paths
     if files:
@@ -151,6 +164,38 @@ def captured(
             next_step="read one after the other",
         )
     return _opened(words, live, plant, ports)
+
+
+def _followed(paths: Sequence[str], live: LiveOptions, plant: Project) -> Source:
+    """Return a file that is still written, as a live source; what has to be waited for is told."""
+    import os
+
+    from nvscope.capture.live.open import is_live
+
+    if len(paths) != 1 or live.interfaces or is_live(paths[0]):
+        raise UsageError(
+            "--follow takes one file, or - for stdin, and nothing beside it",
+            next_step="interfaces are watched without it; several files at a time can be read when they are complete",
+        )
+    if live.of_interfaces:
+        raise UsageError(
+            f"{', '.join(live.of_interfaces)}: for interfaces, and this is a file", next_step="leave it out"
+        )
+    path = paths[0]
+    if path != "-":
+        from nvscope.view.escape import visible
+
+        if not os.path.lexists(path):
+            echo(f"nvscope: {visible(path)}: not there yet; it is waited for.", err=True)
+        elif os.path.isfile(path) and not os.path.getsize(path):
+            echo(f"nvscope: {visible(path)}: still empty; its first packet is waited for.", err=True)
+    return _streamed(path, live, plant)
+
+
+def _streamed(path: str, live: LiveOptions, plant: Project) -> Source:
+    from nvscope.capture.live.open import LiveSettings, open_stream
+
+    return open_stream(path, LiveSettings(autostop=_autostop(live), renamed=plant.channels))
 
 
 def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: PortRules | None) -> Source:
@@ -217,7 +262,7 @@ def _look_for(path: str) -> None:
 
 
 class LiveRun:
-    """While a live source is read: Ctrl-C and SIGTERM end it in order, and a terminal sees that it goes on.
+    """While a live source is read: Ctrl-C, SIGTERM and SIGHUP end it in order, and a terminal sees that it goes on.
 
     A second Ctrl-C ends the program.
     """
@@ -229,7 +274,11 @@ class LiveRun:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            # Who started the program with nohup wants it to go on.
+            if number is None or (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
+                continue
             try:
                 self._before[number] = signal.signal(number, self._end)
             except ValueError:  # not in the main thread

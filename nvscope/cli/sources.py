@@ -218,7 +218,8 @@ def tell_of_losses(infos: Sequence[SourceInfo]) -> ExitCode:
     lossy = [info for info in infos if info.is_live and info.drops]
     for info in lossy:
         told = count_of(info.drops or 0, "frame")
-        echo(f"nvscope: {visible(info.path)}: {told} dropped while capturing; -B takes a larger buffer.", err=True)
+        more = "; -B takes a larger buffer" if info.format == "interface" else ""
+        echo(f"nvscope: {visible(info.path)}: {told} dropped while capturing{more}.", err=True)
     cut = [info for info in infos if info.truncation]
     for info in cut:
         assert info.truncation

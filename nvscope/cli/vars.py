@@ -122,7 +122,7 @@ def variables(
     _check(gvl, history, every, at, infer, write, as_json=as_json)
     plant = with_channels(project_of(project, gvl), channel_map)
     if not infer and not plant.files:
-        _check_readable(paths)
+        _check_readable([] if live.follow else paths)
         raise UsageError(
             "no definition is given",
             next_step="name the exported list and its types with --gvl FILE or in nvscope.toml, or propose a layout "
@@ -226,11 +226,10 @@ def _check(
 
 def _check_readable(paths: Sequence[str]) -> None:
     """Raise what is wrong with files: where no definition is given, the name of one may be mistyped."""
-    from nvscope.capture.content import STDIN
-    from nvscope.capture.live.open import is_live
+    from nvscope.capture.live.open import is_live, is_stream
     from nvscope.capture.open import open_source
 
-    files = [path for path in paths if path != STDIN and not is_live(path)]
+    files = [path for path in paths if not is_stream(path) and not is_live(path)]
     if files:
         open_source(files)
 

@@ -53,6 +53,8 @@ class LineFormat(Protocol):
 class TextLogReader(Reader):
     """Reads a text log; ``make_format`` is for each format its own."""
 
+    follows = True
+
     def __init__(self, content: Content, sizes: ReadingSizes) -> None:
         super().__init__(content, sizes)
         self._format = self.make_format(content)
@@ -78,6 +80,8 @@ class TextLogReader(Reader):
                     frames, channels = [], []
                 if batches.rows:
                     yield batches.take()
+                if self.content.pauses:
+                    yield PacketBatch.nothing()
                 continue
             self.position = lines.offset
             if self.content.failure and not lines.ended:

@@ -18,12 +18,14 @@ class Inlet(Protocol):
 
     path: str
     format: str
-    channels: Sequence[str]
     lag_ns: int
     hears_answers: bool
 
+    @property
+    def channels(self) -> Sequence[str]: ...
+
     def fileno(self) -> int:
-        """Return the descriptor that has something to be read when a packet came."""
+        """Return the descriptor that has something to be read when a packet came, -1 where only ``take`` tells."""
         ...
 
     def take(self) -> PacketBatch | None:

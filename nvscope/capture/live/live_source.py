@@ -52,7 +52,9 @@ class LiveSource:
         self._stopping = False
         self._begun = False
         self._carrier: list[tuple[int, int | None]] = []
-        wait.add(inlet.fileno())
+        self._longest_wait_ns = TICK_NS
+        if inlet.fileno() >= 0:
+            wait.add(inlet.fileno())
 
     @property
     def infos(self) -> Sequence[SourceInfo]:
@@ -86,21 +88,28 @@ class LiveSource:
             while not self._is_over():
                 batch = self._inlet.take()
                 if batch is None:
-                    self._wait.wait(min(TICK_NS, self._left_ns()))
+                    self._wait.wait(min(self._longest_wait_ns, self._left_ns()))
+                # In front of the last take: who is stopped between the two (Ctrl-Z) must not miss what came meanwhile.
+                until_ns = self._look()
+                if batch is None:
                     batch = self._inlet.take()
-                now_ns = self._clock.look()
-                self._look_at_carrier(now_ns)
                 if batch is None:
                     self._tell()
-                    yield PacketBatch.nothing(now_ns - self._inlet.lag_ns)
+                    yield PacketBatch.nothing(until_ns)
                 else:
                     yield self._counted(batch)
             for batch in self._inlet.drain():
                 yield self._counted(batch)
-            self._clock.look()
+            self._look()
             self._tell()
         finally:
             self._close()
+
+    def _look(self) -> int | None:
+        """Look at clock and carrier; return up to when all that came has been given out, None if nobody knows."""
+        now_ns = self._clock.look()
+        self._look_at_carrier(now_ns)
+        return now_ns - self._inlet.lag_ns
 
     def _is_over(self) -> bool:
         limits, info = self._autostop, self._info

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
+import stat
+import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from nvscope.capture.content import STDIN
 from nvscope.capture.live.device import device_of, names
 from nvscope.capture.live.inlet import Inlet
 from nvscope.capture.live.live_source import Autostop, LiveSource
 from nvscope.capture.live.wait import Wait
 from nvscope.capture.source import Source
 from nvscope.capture.timeline import Timeline
-from nvscope.errors import CaptureError, UsageError
+from nvscope.errors import CaptureError, UnreadableInput, UsageError
 
 _UDP, _CAN = "udp://", "can:"
 _MAX_BUFFER_BYTES = 2 << 30
@@ -61,6 +64,33 @@ def open_live(words: Sequence[str], settings: LiveSettings) -> Source:
     if len(sources) == 1 and not settings.renamed:
         return sources[0]
     return Timeline(sources, renamed=settings.renamed)
+
+
+def is_stream(word: str) -> bool:
+    """Return whether a word names what can be read only once, as it comes: stdin, or a named pipe."""
+    if word == STDIN:
+        return True
+    try:
+        mode = os.stat(word).st_mode
+    except OSError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def open_stream(word: str, settings: LiveSettings) -> Source:
+    """Return a capture that is being written, open: stdin, a named pipe, or a file that grows and may come later.
+
+    Raises UnreadableInput for what cannot be opened; what it is shows when it is read.
+    """
+    from nvscope.capture.live.byte_feed import FileFeed, feed_of  # noqa: PLC0415
+    from nvscope.capture.live.stream_inlet import StreamInlet  # noqa: PLC0415
+    from nvscope.capture.live.stream_source import StreamSource  # noqa: PLC0415
+
+    if word == STDIN and sys.stdin is None:
+        raise UnreadableInput("stdin is closed", where=word, next_step="name a file instead")
+    feed = feed_of(word, sys.stdin.fileno() if word == STDIN else None)
+    source = StreamSource(StreamInlet(word, feed, grows=isinstance(feed, FileFeed)), Wait(), settings.autostop)
+    return Timeline([source], renamed=settings.renamed) if settings.renamed else source
 
 
 def _inlet(word: str, settings: LiveSettings) -> Inlet:

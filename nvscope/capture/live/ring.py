@@ -60,7 +60,7 @@ class KernelRing:
         self._dropped = 0
         self._next = 0
         self._taken: list[int] = []
-        self._failure = ""
+        self._failure = 0
         try:
             self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
         except PermissionError as error:
@@ -76,6 +76,9 @@ class KernelRing:
                 _WORDS.get(error.errno or 0, error.strerror or str(error)), where=device.name,
                 next_step="`nvscope doctor` tells more about the interfaces of this machine",
             ) from error  # fmt: skip
+        if failure := self.failure():
+            self._socket.close()
+            raise CaptureError(failure, where=device.name, next_step=f"set it up: ip link set {device.name} up")
 
     def _open(self, device: Device, program: Sequence[Instruction] | None, promiscuous: bool) -> None:
         tap = self._socket
@@ -165,12 +168,14 @@ class KernelRing:
     def failure(self) -> str:
         if not self._failure:
             try:
-                number = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+                self._failure = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             except OSError as error:
-                number = error.errno or errno.EBADF
-            if number:
-                self._failure = _WORDS.get(number, errno.errorcode.get(number, str(number)))
-        return self._failure
+                self._failure = error.errno or errno.EBADF
+        if self._failure == errno.ENETDOWN and state_of(self.path) is None:
+            self._failure = errno.ENODEV  # it is set down before it goes
+        if not self._failure:
+            return ""
+        return _WORDS.get(self._failure, errno.errorcode.get(self._failure, str(self._failure)))
 
     def has_carrier(self) -> bool:
         state = state_of(self.path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 _STEP_NS = 1_000_000
 _QUICK_NS = 200_000
@@ -16,28 +17,30 @@ class SystemClock:
     slowly drawn to another one (NTP) takes no step.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, now_ns: Callable[[], int] = time.time_ns, steady_ns: Callable[[], int] = time.monotonic_ns
+    ) -> None:
         self.steps = 0
-        self._apart_ns = _apart_ns()
+        self._now_ns, self._steady_ns = now_ns, steady_ns
+        self._apart_ns = self._measured_ns()
 
     def look(self) -> int:
         """Return the time of day in nanoseconds, and count a step since the last look, if there was one."""
-        apart_ns = _apart_ns()
+        apart_ns = self._measured_ns()
         if abs(apart_ns - self._apart_ns) > _STEP_NS:
             self.steps += 1
         self._apart_ns = apart_ns
-        return time.time_ns()
+        return self._now_ns()
 
-
-def _apart_ns() -> int:
-    """Return how far the time of day is from the steady clock; of some looks, the one that was least interrupted."""
-    best_ns, best = 1 << 62, 0
-    for _ in range(_TRIES):
-        before_ns = time.monotonic_ns()
-        now_ns = time.time_ns()
-        took_ns = time.monotonic_ns() - before_ns
-        if took_ns < best_ns:
-            best_ns, best = took_ns, now_ns - before_ns
-        if took_ns < _QUICK_NS:
-            break
-    return best
+    def _measured_ns(self) -> int:
+        """Return how far the time of day is from the steady clock; of some looks, the least interrupted one."""
+        best_ns, best = 1 << 62, 0
+        for _ in range(_TRIES):
+            before_ns = self._steady_ns()
+            now_ns = self._now_ns()
+            took_ns = self._steady_ns() - before_ns
+            if took_ns < best_ns:
+                best_ns, best = took_ns, now_ns - before_ns
+            if took_ns < _QUICK_NS:
+                break
+        return best

@@ -170,6 +170,29 @@ def _lies_elsewhere(capture: Row) -> bool:
     return not capture["frames"] and any(source["frames"] for source in capture["sources"])
 
 
+_NO_FRAMES = (
+    "Was the right interface recorded, and is its link up?",
+    "Was there a capture filter that lets nothing pass? Record once without one.",
+    "Was the file copied before the recording was stopped?",
+)
+_NOTHING_CAME = {
+    "interface": (
+        "Is it the right interface, and is its link up?",
+        "Does the capture filter let nothing pass? -f '' lets everything in.",
+        "Does the switch send this port what others say to each other? It needs a mirror port, or a tap.",
+    ),
+    "udp": (
+        "Do telegrams go to this port, and to everybody, to a group that was joined, or to this machine?",
+        "Does a firewall of this machine drop them? An interface, -i NAME, shows what comes before it.",
+    ),
+    "stream": (
+        "Does its writer pass on each packet at once? tcpdump does with -U.",
+        "Does it capture on the right interface, and with a filter that lets something pass?",
+    ),
+}
+"""What to check where a live source of a format brought nothing."""
+
+
 def advice(report: Report) -> tuple[str, ...]:
     """Return what to check where a capture shows no list at all; nothing where it shows one, or is not all shown."""
     capture = report["capture"]
@@ -178,11 +201,8 @@ def advice(report: Report) -> tuple[str, ...]:
     if _lies_elsewhere(capture):
         return ("Without --from-time and --to-time, the report says when the capture begins and ends.",)
     if not capture["frames"]:
-        return (
-            "Was the right interface recorded, and is its link up?",
-            "Was there a capture filter that lets nothing pass? Record once without one.",
-            "Was the file copied before the recording was stopped?",
-        )
+        formats = [source["format"] for source in capture["sources"]]
+        return next((told for form, told in _NOTHING_CAME.items() if form in formats), _NO_FRAMES)
     if capture["telegrams"]:
         return (
             "Telegrams of the Parameter Manager (services 1 to 4, 20 to 28, 100) belong to no list: "
