@@ -169,14 +169,25 @@ def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: Port
         ),
     )  # fmt: skip
     drop_privileges()
+    _tell_what_is_heard(words)
+    return source
+
+
+def _tell_what_is_heard(words: Sequence[str]) -> None:
+    """Say of each source what it cannot see, and what it may do to others."""
     for word in words:
+        if word.startswith("can:"):
+            from nvscope.capture.live.can.drivers import remark_on
+            from nvscope.view.escape import visible
+
+            if remark := remark_on(word):
+                echo(f"nvscope: {visible(word)}: {remark}.", err=True)
         if word.startswith("udp:"):
             echo(
                 f"nvscope: {word}: a plain socket gets broadcasts, the groups it joined, and what is sent to this "
                 "machine; what nodes answer to each other is not to be seen, and not judged.",
                 err=True,
             )
-    return source
 
 
 def _autostop(live: LiveOptions) -> Any:
