@@ -32,7 +32,31 @@ _INTERFACE = re.compile(r"[\w@:-]{1,15}", re.ASCII)
 InterfaceOption = Annotated[
     list[str] | None,
     typer.Option(
-        "-i", "--interface", metavar="NAME", help="Capture on an interface; also several.", show_default=False
+        "-i",
+        "--interface",
+        metavar="NAME",
+        help="Capture on an interface, by its name or its number of -D; also several.",
+        show_default=False,
+    ),
+]
+
+
+def _list_interfaces(wanted: bool) -> None:
+    if wanted:
+        from nvscope.cli.interface_list import print_interfaces
+
+        print_interfaces()
+        raise typer.Exit
+
+
+ListOption = Annotated[
+    bool,
+    typer.Option(
+        "-D",
+        "--list-interfaces",
+        callback=_list_interfaces,
+        is_eager=True,
+        help="List interfaces, and the CAN channels that drivers find, and do nothing else.",
     ),
 ]
 ForOption = Annotated[
@@ -101,6 +125,7 @@ def with_live_options(verb: Callable[..., None]) -> Callable[..., None]:
         bpf: BpfOption = None,
         buffer_mib: BufferOption = None,
         not_promiscuous: PromiscuousOption = False,
+        list_interfaces: ListOption = False,
         **others: Any,
     ) -> None:
         live = LiveOptions(interface or (), duration, autostop or (), bpf, buffer_mib, not_promiscuous)
@@ -134,7 +159,7 @@ def captured(
     """
     from nvscope.capture.live.open import is_live
 
-    words = [*live.interfaces, *(path for path in paths if is_live(path))]
+    words = [*map(_named, live.interfaces), *(path for path in paths if is_live(path))]
     files = [path for path in paths if not is_live(path)]
     for path in files:
         _look_for(path)
@@ -151,6 +176,15 @@ def captured(
             next_step="read one after the other",
         )
     return _opened(words, live, plant, ports)
+
+
+def _named(interface: str) -> str:
+    """Return the source that -i means, which may be a number of -D."""
+    from nvscope.capture.live.device import names
+    from nvscope.capture.live.listing import word_of
+
+    is_number = interface.isdecimal() and interface.isascii() and len(interface) < 6
+    return word_of(int(interface)) if is_number and interface not in names() else interface
 
 
 def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: PortRules | None) -> Source:

@@ -11,6 +11,7 @@ from dissectors.batch import LinkType
 
 _ETHERNET, _LOOPBACK, _CAN, _NONE = 1, 772, 280, 65534
 _LINKS = {_ETHERNET: LinkType.ETHERNET, _LOOPBACK: LinkType.ETHERNET, _CAN: LinkType.CAN_SOCKETCAN, _NONE: LinkType.RAW}
+_KINDS = {_ETHERNET: "Ethernet", _LOOPBACK: "loopback", _CAN: "CAN", _NONE: "IP"}
 _IFNAME_BYTES = 16
 _SIOCGIFFLAGS, _SIOCGIFHWADDR = 0x8913, 0x8927
 _IFF_UP, _IFF_RUNNING = 0x1, 0x40
@@ -33,6 +34,11 @@ class Device:
     def is_known(self) -> bool:
         """Whether what is captured on it can be read."""
         return self.kind in _LINKS
+
+    @property
+    def kind_name(self) -> str:
+        """What it is, in a word or two."""
+        return _KINDS.get(self.kind, f"kind {self.kind}, cannot be read")
 
     @property
     def is_loopback(self) -> bool:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import logging
 import re
+import threading
+import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from nvscope.capture.live.can.drivers import PASSIVE, Driver, driver_of
 from nvscope.capture.live.can.word import PREFIX, CanWord
-from nvscope.errors import CaptureError
+from nvscope.errors import CaptureError, UsageError
 
-DETECT_S = 3.0
+DETECT_S = 2.0
 """How long drivers may look for channels."""
 
+_LOGGERS = ("can", "seeedbus")
 _MOST_NEAR = 3
 _MOST_CHANNELS = 200
 _MISSING = re.compile(
@@ -33,7 +38,8 @@ class UnknownInterface(Exception):
 
 def _library() -> Any:
     # What drivers complain of would go to stderr; what matters of it is told in words.
-    logging.getLogger("can").addHandler(logging.NullHandler())
+    for name in _LOGGERS:
+        logging.getLogger(name).addHandler(logging.NullHandler())
     import can  # noqa: PLC0415  it takes a tenth of a second
     import can.interfaces  # noqa: PLC0415
 
@@ -120,3 +126,50 @@ def _unknown(where: CanWord, word: str, known: Sequence[str]) -> CaptureError:
     return CaptureError(
         f"python-can has no interface '{where.interface}'", where=word, next_step=f"{perhaps}it has {', '.join(known)}"
     )
+
+
+def channels() -> list[str]:
+    """Return what the drivers that are there find, as words; of those that take longer than ``DETECT_S``, nothing.
+
+    Not asked are the virtual interface, which makes channels up, and socketcand, which waits for other machines.
+    """
+    try:
+        backends = dict(_library().interfaces.BACKENDS)
+    except ImportError:
+        return []
+    found: dict[str, list[str]] = {}
+    threads = [
+        threading.Thread(target=_detect, args=(interface, *where, found), daemon=True)
+        for interface, where in sorted(backends.items())
+        if interface not in ("virtual", "socketcand")
+    ]
+    for thread in threads:
+        thread.start()
+    until_s = time.monotonic() + DETECT_S
+    for thread in threads:
+        thread.join(max(until_s - time.monotonic(), 0))
+    return [word for _, words in sorted(found.items()) for word in words][:_MOST_CHANNELS]
+
+
+def _detect(interface: str, module: str, kind: str, found: dict[str, list[str]]) -> None:
+    # Not by python-can's own function: its threads keep the process from ending where a driver hangs.
+    with suppress(BaseException):
+        told = getattr(importlib.import_module(module), kind)._detect_available_configs()
+        found[interface] = sorted({word for one in told if (word := _word(interface, one))})
+
+
+def _word(interface: str, told: Mapping[str, Any]) -> str:
+    """Return what a bus is called that a driver found, with what else it has to be told; '' where nothing says it."""
+    channel = told.get("channel")
+    if channel is None or isinstance(channel, bytes):
+        return ""
+    word = f"{PREFIX}{interface}:{channel}"
+    others = {key: value for key, value in told.items() if key not in ("interface", "channel")}
+    for chosen in (others, {}):
+        longer = word + "".join(
+            f",{key}={value}" for key, value in chosen.items() if isinstance(value, str | int) and key != "fd"
+        )
+        with suppress(UsageError):
+            if CanWord.of(longer).channel == str(channel):
+                return longer
+    return ""
