@@ -62,7 +62,11 @@ class DeviceState:
 
 
 def names() -> list[str]:
-    """Return the names of the network devices, in the order of the kernel."""
+    """Return the names of the network devices, in the order of the system."""
+    if sys.platform == "win32":  # whose own names say nothing to people
+        from nvscope.capture.live.layer2_devices import devices  # noqa: PLC0415
+
+        return [one.name for one in devices()]
     try:
         return [name for _, name in socket.if_nameindex()]
     except OSError:
@@ -70,8 +74,11 @@ def names() -> list[str]:
 
 
 def device_of(name: str) -> Device | None:
-    """Return a device by its name, None where there is none; on Linux."""
-    if not sys.platform.startswith("linux") or not 0 < len(name.encode(errors="replace")) < _IFNAME_BYTES:
+    """Return a device by its name, None where there is none; elsewhere than on Linux its kind is only guessed."""
+    if not sys.platform.startswith("linux"):
+        known = names()
+        return Device(name, known.index(name), _ETHERNET) if name in known else None
+    if not 0 < len(name.encode(errors="replace")) < _IFNAME_BYTES:
         return None
     try:
         index = socket.if_nametoindex(name)
@@ -82,7 +89,7 @@ def device_of(name: str) -> Device | None:
 
 
 def state_of(name: str) -> DeviceState | None:
-    """Return the state of a device, None where there is none any more."""
+    """Return the state of a device, None where there is none any more; on Linux."""
     try:
         flags = struct.unpack_from("=H", _ask(name, _SIOCGIFFLAGS), _IFNAME_BYTES)[0]
     except (OSError, ValueError):  # also what cannot be a name at all

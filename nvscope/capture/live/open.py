@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -94,6 +95,12 @@ def _inlet(word: str, name: str, settings: LiveSettings) -> Inlet:
             f"an interface of a kind that cannot be read (ARPHRD {device.kind})", where=word,
             next_step="capture with tcpdump -w FILE, and read the file",
         )  # fmt: skip
+    if not sys.platform.startswith("linux"):
+        from nvscope.capture.live.layer2 import Layer2  # noqa: PLC0415
+
+        if settings.buffer_bytes is not None:
+            raise UsageError("-B: only on Linux a buffer can be chosen", next_step="leave it out")
+        return Layer2(word, settings.bpf, sorted(settings.ports), promiscuous=settings.promiscuous)
     from nvscope.capture.live.bpf import compiled, default_program  # noqa: PLC0415
     from nvscope.capture.live.ring import BUFFER_BYTES, KernelRing  # noqa: PLC0415
 

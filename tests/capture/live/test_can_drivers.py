@@ -13,8 +13,8 @@ from can.interfaces import BACKENDS
 
 from dissectors.can.error import error_details
 from dissectors.can.frame import CanBatch
+from nvscope.capture.live import queue
 from nvscope.capture.live.can import bus as can_bus
-from nvscope.capture.live.can import queue
 from nvscope.capture.live.can.bus_clock import BusClock
 from nvscope.capture.live.can.drivers import DRIVERS, Clock, remark_on
 from nvscope.capture.source import SourceInfo
@@ -108,7 +108,7 @@ def test_a_driver_that_does_not_close_is_left_behind(monkeypatch: pytest.MonkeyP
 
 
 def test_what_nobody_takes_in_time_is_dropped_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(queue, "MOST_FRAMES", 10)
+    monkeypatch.setattr(queue, "MOST_PACKETS", 10)
     SCRIPTS["a"] = [message()] * 30
     source = opened("can:playing:a", seconds=1)
     time.sleep(0.3)

@@ -18,13 +18,14 @@ from contextlib import suppress
 from typing import Any
 
 from dissectors.batch import PacketBatch
+from nvscope.capture.can.frame import CanFrame, CanRows, FrameBatches
 from nvscope.capture.can.line_fields import LineFault
 from nvscope.capture.live.can.bus_clock import BusClock
 from nvscope.capture.live.can.drivers import driver_of
 from nvscope.capture.live.can.library import opened, reason
 from nvscope.capture.live.can.message import State, frame_of, state_in
-from nvscope.capture.live.can.queue import FrameQueue
 from nvscope.capture.live.can.word import CanWord
+from nvscope.capture.live.queue import PacketQueue
 from nvscope.capture.source import DropsPart
 from nvscope.errors import CaptureError
 
@@ -63,7 +64,7 @@ class CanBus:
         self.lag_ns = GATHER_NS + 100_000_000
         self._driver = driver_of(where.interface)
         self._clock = BusClock(self._driver.clock)
-        self._queue = FrameQueue()
+        self._queue: PacketQueue[CanFrame] = PacketQueue(_batch_of, GATHER_NS)
         self._unread = 0
         self._kernel_drops: int | None = 0 if self._driver.is_virtual else None
         self._failure = ""
@@ -170,9 +171,7 @@ class CanBus:
         return self._queue.fileno()
 
     def take(self) -> PacketBatch | None:
-        age_ns = self._queue.age_ns
-        if age_ns is not None and age_ns < GATHER_NS and not self._queue.is_half_full:
-            self._closing.wait((GATHER_NS - age_ns) / 1e9)
+        self._queue.gather(self._closing)
         return self._queue.take()
 
     def drain(self) -> Iterator[PacketBatch]:
@@ -209,6 +208,10 @@ class CanBus:
         # One that does not come back is left behind; it ends with the process.
         self._thread.join(CLOSE_S)
         self._queue.close()
+
+
+def _batch_of(frames: Sequence[CanFrame]) -> PacketBatch:
+    return next(FrameBatches(len(frames)).add(CanRows.of(list(frames), [0] * len(frames))))
 
 
 _STATES: Mapping[str, State] = {"PASSIVE": State.PASSIVE, "ERROR": State.OFF}
