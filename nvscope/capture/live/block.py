@@ -82,8 +82,8 @@ def _headers(data: U8, at: I64) -> np.ndarray[tuple[int], np.dtype[np.void]]:
 class BlockReader:
     """Makes columns of the packets of blocks of ``block_bytes``, which lie one after the other in ``data``.
 
-    ``skip_outgoing``: of packets that the interface sends, nothing is wanted: on a loopback each comes twice, and on CAN,
-    where they come back. CAN frames are brought into the order of link type 227.
+    ``skip_outgoing``: of packets that the interface sends, nothing is wanted: on a loopback and on CAN they come back.
+    CAN frames are brought into the order of link type 227.
     The kernel left ``VLAN_BYTES`` free in front of every packet, where tags that it had taken out are put back.
     """
 
