@@ -107,10 +107,13 @@ class LiveOptions:
     @property
     def asked(self) -> list[str]:
         """The options that were given, and mean nothing without a live source."""
-        told = {
-            "--for": self.duration, "-a": self.autostop, "-f": self.bpf is not None, "-B": self.buffer_mib,
-            "-p": self.not_promiscuous,
-        }  # fmt: skip
+        told = {"--for": self.duration, "-a": self.autostop}
+        return [name for name, value in told.items() if value] + self.of_interfaces
+
+    @property
+    def of_interfaces(self) -> list[str]:
+        """The options that were given, and mean nothing without an interface."""
+        told = {"-f": self.bpf is not None, "-B": self.buffer_mib, "-p": self.not_promiscuous}
         return [name for name, value in told.items() if value]
 
 
@@ -192,6 +195,10 @@ def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: Port
     from nvscope.capture.live.open import LiveSettings, open_live
     from nvscope.cli.privileges import drop_privileges
 
+    if live.of_interfaces and all(word.startswith(("can:", "udp:")) for word in words):
+        raise UsageError(
+            f"{', '.join(live.of_interfaces)}: for interfaces, and {words[0][:80]} is none", next_step="leave it out"
+        )
     wanted = {PORT, *plant.ports, *(ports.telegrams if ports else ())}
     wanted |= {key.port for key in plant.definition.by_key() if isinstance(key.port, int)}
     size = None if live.buffer_mib is None else max(int(live.buffer_mib * _MEGABYTE), 1)

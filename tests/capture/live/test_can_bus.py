@@ -24,6 +24,7 @@ from nvscope.cli.definitions import project_of
 from nvscope.errors import UsageError
 from tests.capture.live.buses import SCRIPTS, frames_of, message, opened, sender
 from tests.oracle.builders import telegram
+from tests.program import run_text
 
 _CAPTURES = Path(__file__).parents[3] / "captures" / "can"
 
@@ -175,6 +176,23 @@ def test_a_channel_is_called_as_it_was_asked() -> None:
         bus.send(message())
         frames_of(source, bool)
     assert source.channels == ["press"]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["can:socketcn:can0"], 5, "perhaps can:socketcan:can0"),
+        (["can:virtual"], 2, "for example can:socketcan:can0"),
+        (["can:udp_multicast:10.0.0.1"], 5, "`nvscope -D` lists the channels"),
+        (["can:virtual:a", "can:virtual:a"], 2, "more than once"),
+        (["can:virtual:a", "-f", "udp"], 2, "-f: for interfaces, and can:virtual:a is none"),
+        (["can:gs\x1b[31m:a"], 5, "python-can has no interface 'gs\\x1b[31m'"),
+    ],
+)
+def test_what_cannot_be_opened_is_told_in_words(words: list[str], code: int, said: str) -> None:
+    done = run_text("report", *words)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert said in done.stderr
 
 
 def test_the_program_hears_a_bus_of_another_process() -> None:
