@@ -11,6 +11,7 @@ import logging
 import select
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -27,7 +28,8 @@ GATHER_NS = 100_000_000
 """So long packets are gathered to a batch; libpcap may have them as long before."""
 
 CLOSE_S = 1.0
-_LOOK_S = 0.1
+_LOOK_S = 0.12
+_REST_S = 0.3
 _LOOK_PACKETS = 256
 _WITHOUT = "udp://0.0.0.0:1202 needs neither, and sees broadcasts and what is sent to this machine"
 _WINDOWS = sys.platform == "win32"
@@ -109,7 +111,7 @@ class Layer2:
         header, data = ctypes.POINTER(self._library.pcap_pkthdr)(), ctypes.POINTER(ctypes.c_ubyte)()
         take, place, told = self._library.pcap_next_ex, ctypes.byref(header), ctypes.byref(data)
         descriptor = -1 if _WINDOWS else self._socket.fileno()
-        closing = False
+        until_s = 0.0
         while True:
             for _ in range(_LOOK_PACKETS):
                 answer = take(self._pcap, place, told)
@@ -117,18 +119,20 @@ class Layer2:
                     break
                 one = header.contents
                 ts_ns = (one.ts.tv_sec * 1_000_000 + one.ts.tv_usec) * 1000
-                self._queue.put(_Packet(ts_ns, ctypes.string_at(data, one.caplen), one.len))
+                self._queue.put(_Packet(ts_ns, ctypes.string_at(data, one.caplen), one.len), one.caplen)
             if answer < 0:
                 self._failure = _words(self._error())
                 return
             self._look()
-            if answer == 0:
-                if closing:
-                    return
-                if descriptor >= 0:
-                    select.select([descriptor], [], [], _LOOK_S)
-            # What came before it was to be closed is looked for once more.
-            closing = self._closing.is_set()
+            if until_s and time.monotonic() > until_s:
+                return
+            # libpcap hands out what came up to so long ago.
+            is_empty = answer == 0 and (descriptor < 0 or not select.select([descriptor], [], [], _LOOK_S)[0])
+            if until_s and is_empty:
+                return
+            # What came before it was to be closed is looked for once more; what goes on coming has to end.
+            if self._closing.is_set():
+                until_s = until_s or time.monotonic() + _REST_S
 
     def _look(self) -> None:
         """Note what libpcap says that it lost."""

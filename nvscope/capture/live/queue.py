@@ -15,7 +15,10 @@ from dissectors.batch import PacketBatch
 MOST_PACKETS = 200_000
 """So many wait: half a minute of a CAN bus of 1 Mbit/s that is never idle. What comes then is dropped, and counted."""
 
-_BATCH_PACKETS = 16_384
+MOST_BYTES = 256 << 20
+"""So many bytes may wait, where packets are large."""
+
+_BATCH_PACKETS, _BATCH_BYTES = 16_384, 16 << 20
 
 _Packet = TypeVar("_Packet")
 
@@ -30,7 +33,9 @@ class PacketQueue(Generic[_Packet]):
         self.dropped = 0
         self._batch_of = batch_of
         self._gather_ns = gather_ns
-        self._packets: deque[tuple[int, _Packet]] = deque()
+        self._packets: deque[tuple[int, _Packet, int]] = deque()
+        # Each is counted by one of the threads alone.
+        self._put_bytes = self._taken_bytes = 0
         self._end, self._ender = socket.socketpair()
         self._end.setblocking(False)
         self._ender.setblocking(False)
@@ -39,12 +44,13 @@ class PacketQueue(Generic[_Packet]):
     def fileno(self) -> int:
         return self._end.fileno()
 
-    def put(self, packet: _Packet) -> None:
+    def put(self, packet: _Packet, size_bytes: int = 0) -> None:
         """Put a packet in, or count it where there is no room."""
-        if len(self._packets) >= MOST_PACKETS:
+        if len(self._packets) >= MOST_PACKETS or self._put_bytes - self._taken_bytes >= MOST_BYTES:
             self.dropped += 1
             return
-        self._packets.append((time.monotonic_ns(), packet))
+        self._put_bytes += size_bytes
+        self._packets.append((time.monotonic_ns(), packet, size_bytes))
         if not self._told:
             self._told = True
             self.wake()
@@ -68,7 +74,12 @@ class PacketQueue(Generic[_Packet]):
                 pass
         # In this order: what is put in from here on is told of anew, or taken out below.
         self._told = False
-        packets = [self._packets.popleft()[1] for _ in range(min(len(self._packets), _BATCH_PACKETS))]
+        packets: list[_Packet] = []
+        until_bytes = self._taken_bytes + _BATCH_BYTES
+        while self._packets and len(packets) < _BATCH_PACKETS and self._taken_bytes < until_bytes:
+            _, packet, size = self._packets.popleft()
+            packets.append(packet)
+            self._taken_bytes += size
         if not packets:
             return None
         if self._packets:
