@@ -20,7 +20,7 @@ READ, LIVE, SHOWN, DEFINED, WRITTEN, HELP = (
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
-        LIVE: ("-i", "--for", "-a", "--follow", "-f", "-B", "-p"),
+        LIVE: ("-i", "-D", "--for", "-a", "--follow", "-f", "-B", "-p"),
         DEFINED: ("--gvl", "--project", "-n", "--types", "--a-types", "--b-types"),
         WRITTEN: (
             "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",
@@ -38,6 +38,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
         "report": (
             ("nvscope plant.pcapng", "what is wrong, errors first"),
             ("nvscope report plant.pcapng plc", "with the definitions in the folder plc"),
+            ("nvscope report -D", "what can be named in place of a file: interfaces, CAN channels"),
             ("nvscope report plant.pcapng --from-time 5s --to-time -2s", "a part of the capture"),
             ("nvscope report plant.pcapng -Y 'cause.kind == \"second-sender\"'", "one cause, and what it explains"),
             ("nvscope report plant.pcapng -Y 'list.lost > 0' --json", "lists that lost something, for programs"),

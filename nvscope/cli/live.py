@@ -32,7 +32,31 @@ _INTERFACE = re.compile(r"[\w@:-]{1,15}", re.ASCII)
 InterfaceOption = Annotated[
     list[str] | None,
     typer.Option(
-        "-i", "--interface", metavar="NAME", help="Capture on an interface; also several.", show_default=False
+        "-i",
+        "--interface",
+        metavar="NAME",
+        help="Capture on an interface, by its name or its number of -D; also several.",
+        show_default=False,
+    ),
+]
+
+
+def _list_interfaces(wanted: bool) -> None:
+    if wanted:
+        from nvscope.cli.interface_list import print_interfaces
+
+        print_interfaces()
+        raise typer.Exit
+
+
+ListOption = Annotated[
+    bool,
+    typer.Option(
+        "-D",
+        "--list-interfaces",
+        callback=_list_interfaces,
+        is_eager=True,
+        help="List interfaces, and the CAN channels that drivers find, and do nothing else.",
     ),
 ]
 ForOption = Annotated[
@@ -110,6 +134,7 @@ def with_live_options(verb: Callable[..., None]) -> Callable[..., None]:
         buffer_mib: BufferOption = None,
         not_promiscuous: PromiscuousOption = False,
         follow: FollowOption = False,
+        list_interfaces: ListOption = False,
         **others: Any,
     ) -> None:
         live = LiveOptions(interface or (), duration, autostop or (), bpf, buffer_mib, not_promiscuous, follow)
@@ -145,7 +170,7 @@ def captured(
 
     if live.follow:
         return _followed(paths, live, plant)
-    words = [*live.interfaces, *(path for path in paths if is_live(path))]
+    words = [*map(_named, live.interfaces), *(path for path in paths if is_live(path))]
     files = [path for path in paths if not is_live(path)]
     for path in files:
         _look_for(path)
@@ -198,11 +223,24 @@ def _streamed(path: str, live: LiveOptions, plant: Project) -> Source:
     return open_stream(path, LiveSettings(autostop=_autostop(live), renamed=plant.channels))
 
 
+def _named(interface: str) -> str:
+    """Return the source that -i means, which may be a number of -D."""
+    from nvscope.capture.live.device import names
+    from nvscope.capture.live.listing import word_of
+
+    is_number = interface.isdecimal() and interface.isascii() and len(interface) < 6
+    return word_of(int(interface)) if is_number and interface not in names() else interface
+
+
 def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: PortRules | None) -> Source:
     from dissectors.netvar import PORT
     from nvscope.capture.live.open import LiveSettings, open_live
     from nvscope.cli.privileges import drop_privileges
 
+    if live.of_interfaces and all(word.startswith(("can:", "udp:")) for word in words):
+        raise UsageError(
+            f"{', '.join(live.of_interfaces)}: for interfaces, and {words[0][:80]} is none", next_step="leave it out"
+        )
     wanted = {PORT, *plant.ports, *(ports.telegrams if ports else ())}
     wanted |= {key.port for key in plant.definition.by_key() if isinstance(key.port, int)}
     size = None if live.buffer_mib is None else max(int(live.buffer_mib * _MEGABYTE), 1)
@@ -214,14 +252,25 @@ def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: Port
         ),
     )  # fmt: skip
     drop_privileges()
+    _tell_what_is_heard(words)
+    return source
+
+
+def _tell_what_is_heard(words: Sequence[str]) -> None:
+    """Say of each source what it cannot see, and what it may do to others."""
     for word in words:
+        if word.startswith("can:"):
+            from nvscope.capture.live.can.drivers import remark_on
+            from nvscope.view.escape import visible
+
+            if remark := remark_on(word):
+                echo(f"nvscope: {visible(word)}: {remark}.", err=True)
         if word.startswith("udp:"):
             echo(
                 f"nvscope: {word}: a plain socket gets broadcasts, the groups it joined, and what is sent to this "
                 "machine; what nodes answer to each other is not to be seen, and not judged.",
                 err=True,
             )
-    return source
 
 
 def _autostop(live: LiveOptions) -> Any:

@@ -13,6 +13,7 @@ from nvscope.capture.content import STDIN
 from nvscope.capture.formats import TEXT_HEAD_BYTES, format_of
 from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
+from nvscope.cli.words import LIVE
 from nvscope.errors import UnreadableInput, UsageError
 from nvscope.whole_files import identity_of
 
@@ -89,7 +90,12 @@ def _expanded(sources: Sequence[str]) -> list[str]:
     """
     found: list[str] = []
     for path in sources:
-        if path != STDIN and ("*" in path or "?" in path or "[" in path) and not os.path.lexists(path):
+        if (
+            path != STDIN
+            and not path.startswith(LIVE)
+            and ("*" in path or "?" in path or "[" in path)
+            and not os.path.lexists(path)
+        ):
             from glob import glob
 
             try:

@@ -13,7 +13,9 @@ USUAL_VERB = "report"
 
 _OF_PROGRAM = {"--version", "--help", "-h", "--install-completion", "--show-completion"}
 _HELP = "help"
-_LIVE = ("can:", "udp://")
+LIVE = ("can:", "udp://")
+"""What words of live sources begin with that are no names of interfaces."""
+
 _MOST_NEAR = 3
 
 
@@ -46,7 +48,7 @@ def _help(words: Sequence[str], verbs: set[str]) -> list[str]:
 
 def _is_source(word: str) -> bool:
     """Return whether a word is meant as a source; of one that looks like a path, opening it will say what is wrong."""
-    if word == "-" or word.startswith(_LIVE) or os.path.lexists(word):
+    if word == "-" or word.startswith(LIVE) or os.path.lexists(word):
         return True
     if _is_interface(word):
         return True

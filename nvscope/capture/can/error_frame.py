@@ -22,12 +22,13 @@ _AT_CRC, _AT_ACKNOWLEDGE_DELIMITER = 0x08, 0x1B
 
 
 class ErrorFrame(NamedTuple):
-    """What is known of an error: ``classes`` and, in ``DETAIL``, ``protocol`` and ``location``; counters or None."""
+    """What is known of an error: ``classes``, and of ``DETAIL`` these three; ``counters`` or None."""
 
     classes: int = 0
     protocol: int = 0
     location: int = 0
     counters: tuple[int, int] | None = None
+    controller: int = 0
 
     @property
     def identifier(self) -> int:
@@ -38,7 +39,10 @@ class ErrorFrame(NamedTuple):
     def data(self) -> bytes:
         """The eight bytes of detail."""
         sent, received = self.counters or (0, 0)
-        detail = {"protocol": self.protocol, "location": self.location, "tx_errors": sent, "rx_errors": received}
+        detail = {
+            "controller": self.controller, "protocol": self.protocol, "location": self.location, "tx_errors": sent,
+            "rx_errors": received,
+        }  # fmt: skip
         return bytes(detail.get(field.name, 0) for field in DETAIL)
 
 

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool, Direction, PacketBatch
+from dissectors.batch import I32, I64, U8, Bool, Direction, LinkType, PacketBatch
+from nvscope.capture.can.frame import FD_FRAME, KNOWN_FD_FLAGS
 from nvscope.capture.lockstep import LockstepWalker
 
 STATUS_AT = 8
@@ -33,6 +34,8 @@ VLAN_BYTES = 4
 _MAC_BYTES = 12
 _DOT1Q = 0x8100
 _ALIGNMENT = 4
+_CAN_HEAD_BYTES, _CAN_FLAGS_AT = 8, 5
+_CAN_BYTES, _CAN_FD_BYTES = _CAN_HEAD_BYTES + 8, _CAN_HEAD_BYTES + 64
 
 _HEADER = np.dtype({
     "names": ["seconds", "ns", "captured", "original", "status", "mac", "vlan", "vlan_type", "direction"],
@@ -79,7 +82,8 @@ def _headers(data: U8, at: I64) -> np.ndarray[tuple[int], np.dtype[np.void]]:
 class BlockReader:
     """Makes columns of the packets of blocks of ``block_bytes``, which lie one after the other in ``data``.
 
-    ``skip_outgoing``: of packets that the interface sends, nothing is wanted (on a loopback each comes twice).
+    ``skip_outgoing``: of packets that the interface sends, nothing is wanted: on a loopback and on CAN they come back.
+    CAN frames are brought into the order of link type 227.
     The kernel left ``VLAN_BYTES`` free in front of every packet, where tags that it had taken out are put back.
     """
 
@@ -118,11 +122,26 @@ class BlockReader:
                 offset[tagged] -= VLAN_BYTES
                 captured[tagged] += VLAN_BYTES
                 original[tagged] += VLAN_BYTES
+        if self.link == LinkType.CAN_SOCKETCAN:
+            self._to_network_order(offset, captured)
         ts_ns = np.multiply(headers["seconds"], 1_000_000_000, dtype=np.int64)
         ts_ns += headers["ns"]
         way = np.where(direction == _OUTGOING, Direction.TX, Direction.RX).astype(np.uint8)
         link = PacketBatch.link_column(self.link, len(at))
         return PacketBatch(self.data, offset, captured, original, ts_ns, link, direction=way)
+
+    def _to_network_order(self, offset: I64, captured: I32) -> None:
+        """Make of frames as Linux has them (``struct can_frame``, ``canfd_frame``) those of link type 227, in place.
+
+        Which of both it is tells their size; flags that mean nothing may be anything.
+        """
+        place = offset[captured >= _CAN_HEAD_BYTES][:, None] + np.arange(4)
+        self.data[place] = self.data[place].view(np.uint32).astype(">u4").view(np.uint8)
+        is_fd = captured == _CAN_FD_BYTES
+        flags = offset[is_fd] + _CAN_FLAGS_AT
+        self.data[flags] = self.data[flags] & KNOWN_FD_FLAGS | FD_FRAME
+        self.data[offset[is_fd][:, None] + np.arange(_CAN_FLAGS_AT + 1, _CAN_HEAD_BYTES)] = 0
+        self.data[offset[captured == _CAN_BYTES] + _CAN_FLAGS_AT] = 0
 
     def _put_back(self, rows: I64, headers: np.ndarray[tuple[int], np.dtype[np.void]], offset: I64) -> None:
         """Put VLAN tags between the addresses and the type of frames, where there is room in front of them."""

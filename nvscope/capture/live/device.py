@@ -11,6 +11,7 @@ from dissectors.batch import LinkType
 
 _ETHERNET, _LOOPBACK, _CAN, _NONE = 1, 772, 280, 65534
 _LINKS = {_ETHERNET: LinkType.ETHERNET, _LOOPBACK: LinkType.ETHERNET, _CAN: LinkType.CAN_SOCKETCAN, _NONE: LinkType.RAW}
+_KINDS = {_ETHERNET: "Ethernet", _LOOPBACK: "loopback", _CAN: "CAN", _NONE: "IP"}
 _IFNAME_BYTES = 16
 _SIOCGIFFLAGS, _SIOCGIFHWADDR = 0x8913, 0x8927
 _IFF_UP, _IFF_RUNNING = 0x1, 0x40
@@ -35,6 +36,11 @@ class Device:
         return self.kind in _LINKS
 
     @property
+    def kind_name(self) -> str:
+        """What it is, in a word or two."""
+        return _KINDS.get(self.kind, f"kind {self.kind}, cannot be read")
+
+    @property
     def is_loopback(self) -> bool:
         return self.kind == _LOOPBACK
 
@@ -56,7 +62,11 @@ class DeviceState:
 
 
 def names() -> list[str]:
-    """Return the names of the network devices, in the order of the kernel."""
+    """Return the names of the network devices, in the order of the system."""
+    if sys.platform == "win32":  # whose own names say nothing to people
+        from nvscope.capture.live.layer2_devices import devices  # noqa: PLC0415
+
+        return [one.name for one in devices()]
     try:
         return [name for _, name in socket.if_nameindex()]
     except OSError:
@@ -64,8 +74,11 @@ def names() -> list[str]:
 
 
 def device_of(name: str) -> Device | None:
-    """Return a device by its name, None where there is none; on Linux."""
-    if not sys.platform.startswith("linux") or not 0 < len(name.encode(errors="replace")) < _IFNAME_BYTES:
+    """Return a device by its name, None where there is none; elsewhere than on Linux its kind is only guessed."""
+    if not sys.platform.startswith("linux"):
+        known = names()
+        return Device(name, known.index(name), _ETHERNET) if name in known else None
+    if not 0 < len(name.encode(errors="replace")) < _IFNAME_BYTES:
         return None
     try:
         index = socket.if_nametoindex(name)
@@ -76,7 +89,7 @@ def device_of(name: str) -> Device | None:
 
 
 def state_of(name: str) -> DeviceState | None:
-    """Return the state of a device, None where there is none any more."""
+    """Return the state of a device, None where there is none any more; on Linux."""
     try:
         flags = struct.unpack_from("=H", _ask(name, _SIOCGIFFLAGS), _IFNAME_BYTES)[0]
     except (OSError, ValueError):  # also what cannot be a name at all

@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import stat
 import sys
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from nvscope.capture.content import STDIN
+from nvscope.capture.live.can.word import PREFIX as CAN
+from nvscope.capture.live.can.word import CanWord
 from nvscope.capture.live.device import device_of, names
 from nvscope.capture.live.inlet import Inlet
 from nvscope.capture.live.live_source import Autostop, LiveSource
@@ -18,7 +21,7 @@ from nvscope.capture.source import Source
 from nvscope.capture.timeline import Timeline
 from nvscope.errors import CaptureError, UnreadableInput, UsageError
 
-_UDP, _CAN = "udp://", "can:"
+_UDP = "udp://"
 _MAX_BUFFER_BYTES = 2 << 30
 
 
@@ -40,7 +43,7 @@ class LiveSettings:
 
 def is_live(word: str) -> bool:
     """Return whether a word names a live source; a file of that name goes before an interface."""
-    return word.startswith((_UDP, _CAN)) or (not os.path.lexists(word) and device_of(word) is not None)
+    return word.startswith((_UDP, CAN)) or (not os.path.lexists(word) and device_of(word) is not None)
 
 
 def open_live(words: Sequence[str], settings: LiveSettings) -> Source:
@@ -50,11 +53,12 @@ def open_live(words: Sequence[str], settings: LiveSettings) -> Source:
     """
     if len(set(words)) < len(words):
         raise UsageError("a live source is given more than once", next_step="name each once")
+    called = _channel_names(words)
     wait = Wait()
     inlets: list[Inlet] = []
     try:
         for word in words:
-            inlets.append(_inlet(word, settings))
+            inlets.append(_inlet(word, called.get(word, ""), settings))
     except BaseException:
         for inlet in inlets:
             inlet.close()
@@ -93,13 +97,24 @@ def open_stream(word: str, settings: LiveSettings) -> Source:
     return Timeline([source], renamed=settings.renamed) if settings.renamed else source
 
 
-def _inlet(word: str, settings: LiveSettings) -> Inlet:
+def _channel_names(words: Sequence[str]) -> dict[str, str]:
+    """Return what the buses are called: by their channels, and where two of these have one name, by interface too."""
+    buses = {word: CanWord.of(word) for word in words if word.startswith(CAN)}
+    seen = Counter([*words, *(bus.name for bus in buses.values())])
+    return {
+        word: bus.name if seen[bus.name] == 1 else f"{bus.interface}:{bus.channel}" for word, bus in buses.items()
+    }  # fmt: skip
+
+
+def _inlet(word: str, name: str, settings: LiveSettings) -> Inlet:
     if word.startswith(_UDP):
         from nvscope.capture.live.udp_socket import UdpSocket  # noqa: PLC0415
 
         return UdpSocket(word)
-    if word.startswith(_CAN):
-        raise UsageError("CAN buses cannot be watched live yet", where=word, next_step="read a log of candump")
+    if word.startswith(CAN):
+        from nvscope.capture.live.can.bus import CanBus  # noqa: PLC0415
+
+        return CanBus(word, name)
     device = device_of(word)
     if device is None:
         near = ", ".join(names()) or "none"
@@ -109,6 +124,12 @@ def _inlet(word: str, settings: LiveSettings) -> Inlet:
             f"an interface of a kind that cannot be read (ARPHRD {device.kind})", where=word,
             next_step="capture with tcpdump -w FILE, and read the file",
         )  # fmt: skip
+    if not sys.platform.startswith("linux"):
+        from nvscope.capture.live.layer2 import Layer2  # noqa: PLC0415
+
+        if settings.buffer_bytes is not None:
+            raise UsageError("-B: only on Linux a buffer can be chosen", next_step="leave it out")
+        return Layer2(word, settings.bpf, sorted(settings.ports), promiscuous=settings.promiscuous)
     from nvscope.capture.live.bpf import compiled, default_program  # noqa: PLC0415
     from nvscope.capture.live.ring import BUFFER_BYTES, KernelRing  # noqa: PLC0415
 

@@ -54,7 +54,7 @@ class KernelRing:
         buffer_bytes: int = BUFFER_BYTES,
     ) -> None:  # fmt: skip
         self.path = device.name
-        self.channels: Sequence[str] = ()
+        self.channels: Sequence[str] = [device.name] if device.is_can else ()
         self.lag_ns = RETIRE_NS + 50_000_000
         self._blocks = max(buffer_bytes // BLOCK_BYTES, 4)
         self._dropped = 0
@@ -94,8 +94,9 @@ class KernelRing:
         self._data = np.frombuffer(self._map, np.uint8)
         self._status = self._data.view(np.uint32)[STATUS_AT // 4 :: BLOCK_BYTES // 4]
         self._reader = BlockReader(
-            self._data, BLOCK_BYTES, device.link, skip_outgoing=device.is_loopback, has_tags=device.is_ethernet
-        )
+            self._data, BLOCK_BYTES, device.link, skip_outgoing=device.is_loopback or device.is_can,
+            has_tags=device.is_ethernet,
+        )  # fmt: skip
         tap.bind((device.name, _ALL_PROTOCOLS))
         if promiscuous and not device.is_loopback:
             membership = struct.pack("=iHH8s", device.index, _PROMISCUOUS, 0, b"")

@@ -1,0 +1,1 @@
+"""CAN buses as sources, by the drivers of python-can."""
