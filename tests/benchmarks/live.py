@@ -25,6 +25,7 @@ from typing import Any
 from live_cable import End, cable
 from live_consumers import DUMPCAP, NVSCOPE, NVSCOPE_UDP, OTHERS, Consumer, Received
 from machine import machine
+from measurement import usual_environment
 from run import generate
 from tool import HERE, python
 
@@ -80,7 +81,9 @@ def turn(
     sender, receiver = ends
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as said:
         words = ["taskset", "-c", str(RECEIVING_CORE), *consumer.command(receiver.device)]
-        watching = subprocess.Popen(receiver.words(*words), stdin=subprocess.DEVNULL, stdout=out, stderr=said)
+        watching = subprocess.Popen(
+            receiver.words(*words), stdin=subprocess.DEVNULL, stdout=out, stderr=said, env=usual_environment()
+        )
         try:
             _until_open(receiver, consumer)
             told: dict[str, Any] = {"sent": 0, "seconds": idle_s}

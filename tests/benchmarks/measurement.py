@@ -14,6 +14,11 @@ from pathlib import Path
 SAMPLE_SECONDS = 0.02
 
 
+def usual_environment() -> dict[str, str]:
+    """Return the environment as a person has it: with Python's modules compiled once, whatever is set where this runs."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+
 @dataclass(frozen=True)
 class Run:
     """One process: seconds of wall and processor time, and the peak of its memory in bytes."""
@@ -51,8 +56,7 @@ def measure(command: list[str], core: int, output: Path | None = None) -> Run:
             stdin=subprocess.DEVNULL,
             stdout=out,
             stderr=errors,
-            # As a person has it: with Python's modules compiled once, whatever is set where this runs.
-            env={name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
+            env=usual_environment(),
         )
         os.sched_setaffinity(0, elsewhere)
         sampler = MemorySampler(process.pid)

@@ -22,6 +22,9 @@ from nvscope.capture.time_span import TimeSpan
 TICK_NS = 200_000_000
 """Time passes at least so often."""
 
+_LOOK_NS = 20_000_000
+"""While packets are gathered, it looks so often whether there is room for more."""
+
 _MOST_TIMES = 10_000
 
 
@@ -51,6 +54,7 @@ class LiveSource:
         self._info = SourceInfo(inlet.path, inlet.format, is_live=True, hears_answers=inlet.hears_answers)
         self._stopping = False
         self._begun = False
+        self._taken_ns = 0
         self._carrier: list[tuple[int, int | None]] = []
         wait.add(inlet.fileno())
 
@@ -84,10 +88,12 @@ class LiveSource:
         self._begun = True
         try:
             while not self._is_over():
+                self._gather()
                 batch = self._inlet.take()
                 if batch is None:
                     self._wait.wait(min(TICK_NS, self._left_ns()))
                     batch = self._inlet.take()
+                self._taken_ns = time.monotonic_ns()
                 now_ns = self._clock.look()
                 self._look_at_carrier(now_ns)
                 if batch is None:
@@ -101,6 +107,14 @@ class LiveSource:
             self._tell()
         finally:
             self._close()
+
+    def _gather(self) -> None:
+        """Wait until it pays to take what is there: sources that are read beside each other do so at the same time."""
+        until_ns = self._taken_ns + self._inlet.gather_ns
+        while (left_ns := min(until_ns - time.monotonic_ns(), self._left_ns())) > 0 and not self._stopping:
+            if self._inlet.is_filling():
+                return
+            self._wait.pause(min(left_ns, _LOOK_NS))
 
     def _is_over(self) -> bool:
         limits, info = self._autostop, self._info
