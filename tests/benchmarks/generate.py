@@ -7,7 +7,8 @@ numpy in blocks, so that ten million telegrams take seconds. UDP checksums are a
     python tests/benchmarks/generate.py --telegrams 1000000 --seed 1 --dir DIR
 
 With ``--kind events`` the same lists are sent at random intervals, 10 000 telegrams a second, as where values are sent
-on change: no two intervals are alike. ``many`` has 5 000 lists in place of fifty, ``large`` telegrams of 1 400 bytes.
+on change: no two intervals are alike. ``many`` has 5 000 lists in place of fifty, ``large`` telegrams of 1 400 bytes,
+``steady`` is cyclic without faults.
 
 prints the path of the capture; beside it lies a JSON file with the parameters and what the capture holds. A capture
 that exists with the same parameters, made by the same version of these files, is not written again.

@@ -24,9 +24,11 @@ from typing import Any
 
 from live_cable import End, cable
 from live_consumers import DUMPCAP, NVSCOPE, NVSCOPE_UDP, OTHERS, Consumer, Received
+from live_flood import flood
 from machine import machine
-from measurement import usual_environment
+from measurement import MemorySampler, usual_environment
 from run import generate
+from tables import MIB
 from tool import HERE, python
 
 KINDS = ("cyclic", "events", "many", "large")
@@ -35,6 +37,7 @@ MOST_TELEGRAMS = {"large": 300_000}
 
 SETTLE_S = 0.7
 MOST_S = 120
+MEMORY_RATE, MEMORY_S = 20_000, 40
 SENDING_CORE, RECEIVING_CORE = 0, 1
 
 
@@ -75,17 +78,26 @@ def _until_open(end: End, consumer: Consumer) -> None:
 
 
 def turn(
-    consumer: Consumer, ends: tuple[End, End], file: Path, truth: dict[str, Any], rate: int, *, idle_s: float | None = None
+    consumer: Consumer,
+    ends: tuple[End, End],
+    file: Path,
+    truth: dict[str, Any],
+    rate: int,
+    *,
+    idle_s: float | None = None,
+    samples: list[tuple[float, int]] | None = None,
 ) -> Turn:
-    """Let one program receive all that a sender sends; or nothing at all for a while."""
+    """Let one program receive all that a sender sends; or nothing at all for a while. ``samples`` take its memory."""
     sender, receiver = ends
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as said:
         words = ["taskset", "-c", str(RECEIVING_CORE), *consumer.command(receiver.device)]
         watching = subprocess.Popen(
             receiver.words(*words), stdin=subprocess.DEVNULL, stdout=out, stderr=said, env=usual_environment()
         )
+        sampler = MemorySampler(watching.pid, samples)
         try:
             _until_open(receiver, consumer)
+            sampler.start()
             told: dict[str, Any] = {"sent": 0, "seconds": idle_s}
             if idle_s is None:
                 # Pinned to a core of its own, as on a wire: the kernel copies into rings in the sender's time.
@@ -93,10 +105,13 @@ def turn(
                     "taskset", "-c", str(SENDING_CORE),
                     *python(str(HERE / "live_sender.py"), sender.device, str(file), "--rate", str(rate)),
                 ]  # fmt: skip
-                done = subprocess.run(sender.words(*command), capture_output=True, text=True, check=True, timeout=MOST_S)
+                done = subprocess.run(
+                    sender.words(*command), capture_output=True, text=True, check=True, timeout=MOST_S
+                )
                 told = json.loads(done.stdout)
             else:
                 time.sleep(idle_s)
+            sampler.stop()
             time.sleep(SETTLE_S)
             watching.send_signal(signal.SIGINT)
             _, status, usage = os.wait4(watching.pid, 0)
@@ -139,7 +154,9 @@ def _spread(values: Sequence[float], form: str = ".2f") -> str:
 
 
 def print_rows(rows: list[Row]) -> None:
-    print(f"{'':28}{'k sent/s':>10}{'sent':>10}{'received':>10}{'missing':>9}{'dropped':>9}{'µs cpu each':>19}{'/ dumpcap':>19}{'idle cpu s':>12}")
+    heads = (("k sent/s", 10), ("sent", 11), ("received", 11), ("missing", 9), ("dropped", 9))
+    heads += (("µs cpu each", 19), ("/ dumpcap", 19), ("idle cpu s", 12))
+    print(" " * 28 + "".join(f"{name:>{width}}" for name, width in heads))
     base = next((row for row in rows if row.consumer is DUMPCAP and row.turns), None)
     for row in rows:
         if not row.turns:
@@ -154,8 +171,8 @@ def print_rows(rows: list[Row]) -> None:
         known = [one for one in dropped if one is not None]
         rate = statistics.median(one.sent / one.sending_s for one in turns) / 1000
         print(
-            f"{row.consumer.name:28}{rate:>10.0f}{turns[0].sent:>10,}"
-            f"{statistics.median(one.received.count for one in turns):>10,.0f}{max(missing):>9,}"
+            f"{row.consumer.name:28}{rate:>10.0f}{turns[0].sent:>11,}"
+            f"{statistics.median(one.received.count for one in turns):>11,.0f}{max(missing):>9,}"
             f"{max(known) if known else '–':>9}{_spread([one.us_each for one in turns]):>19}{ratio:>19}"
             f"{statistics.median(row.idle_s) if row.idle_s else 0:>12.2f}"
         )
@@ -164,7 +181,25 @@ def print_rows(rows: list[Row]) -> None:
                 print(f"{'':28}{one.received.notes}")
 
 
+def print_memory(consumer: Consumer, ends: tuple[End, End], file: Path, truth: dict[str, Any], what: str) -> None:
+    samples: list[tuple[float, int]] = []
+    one = turn(consumer, ends, file, truth, MEMORY_RATE, samples=samples)
+    half = samples[len(samples) // 2 :]
+    seconds, mib = [at for at, _ in half], [held / MIB for _, held in half]
+    slope = statistics.linear_regression(seconds, mib).slope * 60
+    print(
+        f"{what:28}{one.received.count:>11,} received, {one.sent - one.received.count:,} missing, "
+        f"{one.sending_s:.0f} s; "
+        f"anon MB {mib[0]:.1f} at half time, {mib[-1]:.1f} at the end, {slope:+.2f} a minute; {one.received.notes}"
+    )
+
+
+def _end(number: int, frame: object) -> None:
+    raise SystemExit(128 + number)  # so that namespaces go
+
+
 def main() -> None:
+    signal.signal(signal.SIGTERM, _end)
     parser = argparse.ArgumentParser(description="Compare nvscope on an interface with other ways to receive.")
     parser.add_argument("--telegrams", type=int, default=2_000_000)
     parser.add_argument("--kind", choices=KINDS, nargs="+", default=list(KINDS))
@@ -173,10 +208,20 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--others", action="store_true", help="tshark and Scapy too")
     parser.add_argument("--udp", action="store_true", help="nvscope's plain socket in place of interfaces")
+    parser.add_argument("--memory", action="store_true", help="how memory grows at 20 000 a second, also under a flood")
     parser.add_argument("--dir", type=Path, default=Path(tempfile.gettempdir()) / "nvscope-benchmarks")
     arguments = parser.parse_args()
     consumers = [NVSCOPE_UDP] if arguments.udp else [DUMPCAP, NVSCOPE, *(OTHERS if arguments.others else ())]
     print(machine())
+    if arguments.memory:
+        with cable() as ends:
+            count = MEMORY_RATE * MEMORY_S
+            for kind in ("steady", *arguments.kind, None):
+                file, truth = (
+                    generate(arguments.dir, count, arguments.seed, kind) if kind else flood(arguments.dir, count)
+                )
+                print_memory(NVSCOPE, ends, file, truth, kind or "100 000 made-up senders")
+        return
     for kind in arguments.kind:
         count = min(arguments.telegrams, MOST_TELEGRAMS.get(kind, arguments.telegrams))
         file, truth = generate(arguments.dir, count, arguments.seed, kind)

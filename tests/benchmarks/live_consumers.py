@@ -72,7 +72,9 @@ def broadcasts(truth: dict[str, Any]) -> int:
     return int(truth["telegrams"] - kinds["acknowledgement"] - kinds["refusal"])
 
 
-def report(name: str, *options: str, source: str = "{}", counts: Callable[[dict[str, Any]], int] = telegrams) -> Consumer:
+def report(
+    name: str, *options: str, source: str = "{}", counts: Callable[[dict[str, Any]], int] = telegrams
+) -> Consumer:
     """Return nvscope as a consumer, with some options."""
     nvscope = nvscope_path()
     return Consumer(

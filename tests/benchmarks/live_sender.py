@@ -2,8 +2,8 @@
 
     python tests/benchmarks/live_sender.py DEVICE FILE --rate 50000 --batch 128
 
-No frame is copied or looked at by Python: the kernel is told where each lies, some at a time. Prints a line of JSON: how
-many were sent, in how many seconds. Needs Linux and the right to open a packet socket.
+No frame is copied or looked at by Python: the kernel is told where each lies, some at a time. Prints a line of JSON:
+how many were sent, in how many seconds. Needs Linux and the right to open a packet socket.
 """
 
 from __future__ import annotations
