@@ -223,6 +223,12 @@ class LockstepWalker:
             landings = np.full(width, -1, np.int64)
             done = position >= targets
             landings[done] = path[counts[done], np.flatnonzero(done)]
+            if done[:-1].all() and np.array_equal(landings[:-1], starts[1:]):
+                # Only the last lane has no end: in front of a record that is no more whole, or of length 0.
+                own = path[:, -1]
+                column = own[: int(np.searchsorted(own, own[-1]))]
+                others = path[:, :-1].T[inside[:, :-1].T]
+                return np.concatenate((others, column, np.array(self._walk_singly(int(own[-1]), stop), np.int64)))
         return self._follow(path, inside, counts, starts, landings, stop)
 
     def _step_lanes(self, starts: I64, steps: int, stop: int) -> I64:

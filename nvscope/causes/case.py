@@ -145,6 +145,7 @@ class Case:
         self.symptoms: Symptoms = symptoms_of(facts, findings, witness.evidence, self._intervals, channels)
         self.owner = np.full(len(self.symptoms.code), NOBODY)
         self.drafts: list[Draft] = []
+        self._pauses: dict[tuple[int, int, int], Sequence[Pause]] = {}
         self.life = Life(witness.presence, facts)
 
     @property
@@ -307,8 +308,14 @@ class Case:
         every = ((node, one) for node, streams in self.streams_of_node.items() for one in streams)
         return {(one.list.number, node, one.stream.subindex): one for node, one in every}
 
-    def pauses(self, number: int, stream: StreamSummary) -> list[Pause]:
+    def pauses(self, number: int, stream: StreamSummary) -> Sequence[Pause]:
         """Return the pauses of a cyclic stream, with the one that goes on at the end; none of others."""
+        place = number, stream.node, stream.subindex
+        if place not in self._pauses:
+            self._pauses[place] = self._pauses_of(number, stream)
+        return self._pauses[place]
+
+    def _pauses_of(self, number: int, stream: StreamSummary) -> Sequence[Pause]:
         nominal_ns = stream.intervals.nominal
         if not nominal_ns:
             return []

@@ -72,20 +72,20 @@ def _clusters(case: Case, node: int, rows: Sequence[int]) -> list[list[int]]:
     """Return restarts by ten seconds from the first of each; of a slow stream, the next telegram belongs, too."""
     time_ns, since_ns = case.symptoms.time_ns, case.symptoms.since_ns
     found: list[list[int]] = []
+    places: set[tuple[int, int]] = set()
     whole = case.counts_as_a_whole(node)
     for row in rows:
+        place = _place(case, row)
         # A stream that begins anew again is of another restart; where one counter is for all, so is each step.
-        if found and not whole and not _same_stream(case, found[-1], row):
+        if found and not whole and place not in places:
             first_ns = _first_ns(case, found[-1])
             if time_ns[row] - first_ns <= _CLUSTER_NS or since_ns[row] < first_ns:
                 found[-1].append(row)
+                places.add(place)
                 continue
         found.append([row])
+        places = {place}
     return found
-
-
-def _same_stream(case: Case, cluster: Sequence[int], row: int) -> bool:
-    return any(_place(case, one) == _place(case, row) for one in cluster)
 
 
 def _place(case: Case, row: int) -> tuple[int, int]:

@@ -133,12 +133,13 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     symptoms, meanwhile = case.symptoms, case.overlapping(pause.since_ns, pause.until_ns)
     own = case.free(*_OF_SILENCE) & (symptoms.node == node) & meanwhile
     own |= case.free(STOPPED) & (symptoms.node == node) & (pause.until_ns is None)
+    # A cycle that is torn alone is no silence.
+    if not (own & ~symptoms.of_kinds(TORN_CYCLE)).any():
+        return case.only([])
     waits = case.free(*_WAITS) & ((symptoms.node == node) | case.waits_for(node)) & meanwhile
     only = [entry.number for entry in case.facts.summary.lists if set(entry.senders) == {node}]
     waits |= case.free(BOOT_UP_UNANSWERED) & np.isin(symptoms.list, only) & meanwhile
-    # A cycle that is torn alone is no silence.
-    paused = bool((own & ~symptoms.of_kinds(TORN_CYCLE)).any())
-    explained: Bool = (own | waits) & paused
+    explained: Bool = own | waits
     return explained
 
 

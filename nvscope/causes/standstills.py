@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dissectors.batch import Bool
+from dissectors.batch import I64
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, NodeStream
 from nvscope.causes.cut_cycles import cycles_cut
 from nvscope.causes.recording import CLOCK, OF_CLOCK
@@ -28,6 +28,7 @@ def judge_standstills(case: Case) -> Iterator[Explained]:
     """Explain what is late in all cyclic streams by the same time, and no longer than the capture holds no frame."""
     symptoms, table = case.symptoms, case.witness.pauses.table
     rows = np.flatnonzero(case.free(LATE, JITTER))
+    paused, paused_ns = _paused(case)
     for since_ns, until_ns in zip(table.since_ns.tolist(), table.time_ns.tolist(), strict=True):
         if not ((symptoms.since_ns[rows] <= since_ns) & (symptoms.time_ns[rows] >= until_ns)).any():
             continue
@@ -51,18 +52,17 @@ def judge_standstills(case: Case) -> Iterator[Explained]:
         )  # fmt: skip
         # A wait that was open then has ended at its deadline, be that behind the pause or in it.
         chosen = case.free(*OF_CLOCK) & (symptoms.since_ns <= since_ns) & (symptoms.time_ns > since_ns)
-        yield draft, (chosen & ~_silent_before(case, since_ns)) | cycles_cut(case, since_ns, until_ns)
+        # Streams that had paused before stood still by themselves.
+        silent_before = case.only(paused[paused_ns < since_ns])
+        yield draft, (chosen & ~silent_before) | cycles_cut(case, since_ns, until_ns)
 
 
-def _silent_before(case: Case, since_ns: int) -> Bool:
-    """Tell which intervals are of streams that had paused before a time: these stood still by themselves."""
-    symptoms = case.symptoms
-    rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER) & (symptoms.since_ns < since_ns))
-    begun_ns = symptoms.since_ns[rows].tolist()
-    return case.only([
-        row for row, begin_ns, one in zip(rows.tolist(), begun_ns, case.streams_at(rows), strict=True)
-        if one is not None and one.nominal_ns and begin_ns < since_ns - _pause_ns(one)
-    ])  # fmt: skip
+def _paused(case: Case) -> tuple[I64, I64]:
+    """Return which symptoms are long intervals of cyclic streams, and from when on each is a pause."""
+    rows = np.flatnonzero(case.symptoms.of_kinds(LATE, JITTER))
+    nominal_ns = case.nominal_ns(rows)
+    rows, nominal_ns = rows[nominal_ns > 0], nominal_ns[nominal_ns > 0]
+    return rows, case.symptoms.since_ns[rows] + nominal_ns * PAUSE_PERCENT // 100
 
 
 def _pause_ns(one: NodeStream) -> int:

@@ -17,6 +17,9 @@ from nvscope.errors import UsageError
 LEAST_BETWEEN_S = 0.1
 """Looks are at least so far apart: what a person sees need not be newer."""
 
+_BETWEEN_PERCENT = 200
+"""Looks that take long are at least so much of their time apart, so that the source is not kept waiting by them."""
+
 Look = TypeVar("Look")
 
 
@@ -25,8 +28,8 @@ class Session(Generic[Look]):
 
     ``look`` makes a frozen value of what the observers know. It is called when the session starts, and then between two
     batches and after the last, so that nobody sees a state that is half changed; it must not change anything. Looks are
-    made when somebody asks, at most ten a second: in that thread, or, while it waits for the source, in that of who
-    asks.
+    made when somebody asks, at most ten a second, and for at most a third of the time: in that thread, or, while it
+    waits for the source, in that of who asks.
 
     A source that has nothing for a while may say so (``PacketBatch.until_ns``), so that waits end.
     """
@@ -41,6 +44,7 @@ class Session(Generic[Look]):
         self._answered = 0
         self._look: Look | None = None
         self._looked_at_s = 0.0
+        self._between_s = LEAST_BETWEEN_S
         # Whether a batch was told since the last look was made, and whether one is being told.
         self._behind = False
         self._telling = False
@@ -67,7 +71,7 @@ class Session(Generic[Look]):
         self._thread.start()
 
     def snapshot(self, patience_s: float | None = None) -> Look:
-        """Return a look that is not older than the call, or a tenth of a second older.
+        """Return a look that is not older than the call, or a tenth of a second older, or twice as old as it took.
 
         Where nothing was told since the last look, that is it. Where a batch takes long to be told, it returns the last
         one after ``patience_s`` (None: waits). Raises what the source or an observer raised, and UsageError before
@@ -144,9 +148,10 @@ class Session(Generic[Look]):
         """Make a look for all who have asked so far; where one is new enough, that one is the answer."""
         asked = self._asked
         now_s = time.monotonic()
-        if not sparingly or now_s - self._looked_at_s >= LEAST_BETWEEN_S:
+        if not sparingly or now_s - self._looked_at_s >= self._between_s:
             look, behind = self._make(), False
             self._looked_at_s = time.monotonic()
+            self._between_s = max(LEAST_BETWEEN_S, (self._looked_at_s - now_s) * _BETWEEN_PERCENT / 100)
         else:
             look, behind = self._told(), True
         with self._changed:

@@ -14,7 +14,7 @@ from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, sessio
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import NvscopeError
 
-LOOK_S = 0.25
+LOOK_S = 0.2
 """A look so often, unless looks themselves take more than a fifth of the time."""
 
 _LEAST_REST = 4

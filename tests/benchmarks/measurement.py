@@ -14,6 +14,11 @@ from pathlib import Path
 SAMPLE_SECONDS = 0.02
 
 
+def usual_environment() -> dict[str, str]:
+    """Return the environment as a person has it: Python's modules are compiled once, whatever is set here."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+
 @dataclass(frozen=True)
 class Run:
     """One process: seconds of wall and processor time, and the peak of its memory in bytes."""
@@ -51,8 +56,7 @@ def measure(command: list[str], core: int, output: Path | None = None) -> Run:
             stdin=subprocess.DEVNULL,
             stdout=out,
             stderr=errors,
-            # As a person has it: with Python's modules compiled once, whatever is set where this runs.
-            env={name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
+            env=usual_environment(),
         )
         os.sched_setaffinity(0, elsewhere)
         sampler = MemorySampler(process.pid)
@@ -69,11 +73,15 @@ def measure(command: list[str], core: int, output: Path | None = None) -> Run:
 
 
 class MemorySampler(threading.Thread):
-    """Watches the anonymous memory of a process, which leaves out the pages of mapped files."""
+    """Watches the anonymous memory of a process, which leaves out the pages of mapped files.
 
-    def __init__(self, pid: int) -> None:
+    ``samples`` take what it held when, in seconds and bytes.
+    """
+
+    def __init__(self, pid: int, samples: list[tuple[float, int]] | None = None) -> None:
         super().__init__(daemon=True)
         self.peak_bytes = 0
+        self._samples = samples
         self._status = f"/proc/{pid}/status"
         self._ended = threading.Event()
 
@@ -85,7 +93,10 @@ class MemorySampler(threading.Thread):
             except OSError:
                 return
             if lines:
-                self.peak_bytes = max(self.peak_bytes, int(lines[0].split()[1]) * 1024)
+                held_bytes = int(lines[0].split()[1]) * 1024
+                self.peak_bytes = max(self.peak_bytes, held_bytes)
+                if self._samples is not None:
+                    self._samples.append((time.monotonic(), held_bytes))
 
     def stop(self) -> None:
         self._ended.set()

@@ -18,8 +18,11 @@ LISTS_PER_NODE = LISTS // NODES
 DATA_BYTES = (4, 8, 16, 24, 40, 60, 90, 128, 180, 640)
 INTERVALS_US = (10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000)
 TELEGRAM_DATA_BYTES = 256
-CYCLIC, EVENTS = "cyclic", "events"
+CYCLIC, EVENTS, MANY, LARGE, STEADY = "cyclic", "events", "many", "large", "steady"
+KINDS = (CYCLIC, EVENTS, MANY, LARGE, STEADY)
 EVENTS_PER_S = 10_000
+MANY_LISTS = 5000
+LARGE_DATA_BYTES = 1400
 ACKNOWLEDGED_LISTS = (9, 23, 38)
 CHECKSUM_LISTS = (4, 15, 26, 42, 48)
 RESTARTING_NODE = NODES - 1
@@ -101,17 +104,19 @@ class Events:
 def plant(rng: np.random.Generator, kind: str = CYCLIC) -> Streams:
     """Lay out the lists; only counters' starts and checksums are random, so that every seed weighs the same."""
     rows = []
-    for number in range(LISTS):
-        remaining = DATA_BYTES[number % len(DATA_BYTES)]
+    lists = MANY_LISTS if kind == MANY else LISTS
+    most = LARGE_DATA_BYTES if kind == LARGE else TELEGRAM_DATA_BYTES
+    for number in range(lists):
+        remaining = LARGE_DATA_BYTES if kind == LARGE else DATA_BYTES[number % len(DATA_BYTES)]
         index = number + 1
         flags = ACKNOWLEDGE_WANTED.mask * (index in ACKNOWLEDGED_LISTS) | CHECKSUM_PRESENT.mask * (
             index in CHECKSUM_LISTS
         )
         subindex = 0
         while remaining:
-            size = min(remaining, TELEGRAM_DATA_BYTES)
+            size = min(remaining, most)
             rows.append(
-                (index, subindex, size, number // LISTS_PER_NODE, flags, INTERVALS_US[number % len(INTERVALS_US)])
+                (index, subindex, size, number * NODES // lists, flags, INTERVALS_US[number % len(INTERVALS_US)])
             )
             remaining -= size
             subindex += 1
@@ -150,7 +155,7 @@ def telegrams(streams: Streams, count: int, rng: np.random.Generator, kind: str 
             jitter = of_list.normal(0, 0.005 * interval, len(cycles))
             time += np.clip(jitter, -0.02 * interval, 0.02 * interval).astype(np.int64)
         counter = streams.first_counter[stream] + cycles
-        if streams.node[stream] == RESTARTING_NODE:
+        if streams.node[stream] == RESTARTING_NODE and kind != STEADY:
             counter = np.where(cycles < len(cycles) // 2, counter, cycles - len(cycles) // 2 + 1)
         sent = Events(
             time,
@@ -158,7 +163,7 @@ def telegrams(streams: Streams, count: int, rng: np.random.Generator, kind: str 
             (counter & 0xFFFF).astype(np.uint16),
             np.full(len(time), DATA, np.uint8),
         )
-        parts += faulty(stream, streams, sent, rng)
+        parts += [sent] if kind == STEADY else faulty(stream, streams, sent, rng)
     everything = Events.joined(parts)
     in_order = np.argsort(everything.time_us, kind="stable")[:count]
     if len(in_order) < count:

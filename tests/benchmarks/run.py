@@ -29,7 +29,7 @@ LUA_DISSECTOR = HERE / "dissector.lua"
 LUA_FIELDS = ("nv.index", "nv.subindex", "nv.counter", "nv.flags")
 SCAPY_FRAMES = 20_000
 START_UP_TELEGRAMS = 495  # and one frame in a hundred of other traffic: 500 frames
-KINDS = ("cyclic", "events")  # as in generate.py, which needs numpy
+KINDS = ("cyclic", "events", "many", "large", "steady")  # as in generate.py, which needs numpy
 
 
 def whole_headers(truth: dict[str, Any]) -> int:

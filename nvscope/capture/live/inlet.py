@@ -13,12 +13,14 @@ class Inlet(Protocol):
 
     ``path`` is what people call it, ``format`` what kind of it reports name. ``channels`` are names of channels by
     number, if its packets have any. ``lag_ns`` is how long a packet may be in the kernel before ``take`` gives it out.
+    ``gather_ns`` is how long packets are left there so that more of them come at once, 0 where it gathers by itself.
     ``hears_answers``: what others say to each other comes in, too, and not only what is for this machine.
     """
 
     path: str
     format: str
     lag_ns: int
+    gather_ns: int
     hears_answers: bool
 
     @property
@@ -30,6 +32,10 @@ class Inlet(Protocol):
 
     def take(self) -> PacketBatch | None:
         """Return the packets that are there, None without any, at once; valid until the next call of any method."""
+        ...
+
+    def is_filling(self) -> bool:
+        """Return whether so much is there that it should be taken soon."""
         ...
 
     def drain(self) -> Iterator[PacketBatch]:

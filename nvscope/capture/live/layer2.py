@@ -57,6 +57,7 @@ class Layer2:
     def __init__(self, name: str, bpf: str | None, ports: Sequence[int] = (), *, promiscuous: bool = True) -> None:
         self.path = name
         self.lag_ns = 2 * GATHER_NS + 50_000_000
+        self.gather_ns = 0
         self._library, self._socket = _opened(name, promiscuous)
         self._pcap = self._socket.pcap_fd.pcap
         datalink = self._socket.pcap_fd.datalink()
@@ -160,6 +161,9 @@ class Layer2:
         self._rested.wait(CLOSE_S)
         while (batch := self._queue.take()) is not None:
             yield batch
+
+    def is_filling(self) -> bool:
+        return True
 
     def drops(self) -> Mapping[str, int] | None:
         if self._lost is None and not self._queue.dropped:

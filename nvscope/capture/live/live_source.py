@@ -22,6 +22,9 @@ from nvscope.capture.time_span import TimeSpan
 TICK_NS = 200_000_000
 """Time passes at least so often."""
 
+_LOOK_NS = 20_000_000
+"""While packets are gathered, it looks so often whether there is room for more."""
+
 _MOST_TIMES = 10_000
 
 
@@ -51,6 +54,7 @@ class LiveSource:
         self._info = SourceInfo(inlet.path, inlet.format, is_live=True, hears_answers=inlet.hears_answers)
         self._stopping = False
         self._begun = False
+        self._taken_ns = 0
         self._carrier: list[tuple[int, int | None]] = []
         self._longest_wait_ns = TICK_NS
         if inlet.fileno() >= 0:
@@ -86,6 +90,7 @@ class LiveSource:
         self._begun = True
         try:
             while not self._is_over():
+                self._gather()
                 batch = self._inlet.take()
                 if batch is None:
                     self._wait.wait(min(self._longest_wait_ns, self._left_ns()))
@@ -93,6 +98,7 @@ class LiveSource:
                 until_ns = self._look()
                 if batch is None:
                     batch = self._inlet.take()
+                self._taken_ns = time.monotonic_ns()
                 if batch is None:
                     self._tell()
                     yield PacketBatch.nothing(until_ns)
@@ -110,6 +116,14 @@ class LiveSource:
         now_ns = self._clock.look()
         self._look_at_carrier(now_ns)
         return now_ns - self._inlet.lag_ns
+
+    def _gather(self) -> None:
+        """Wait until it pays to take what is there: sources that are read beside each other do so at the same time."""
+        until_ns = self._taken_ns + self._inlet.gather_ns
+        while (left_ns := min(until_ns - time.monotonic_ns(), self._left_ns())) > 0 and not self._stopping:
+            if self._inlet.is_filling():
+                return
+            self._wait.pause(min(left_ns, _LOOK_NS))
 
     def _is_over(self) -> bool:
         limits, info = self._autostop, self._info

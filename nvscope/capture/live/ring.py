@@ -24,7 +24,10 @@ from nvscope.capture.live.device import Device, state_of
 from nvscope.capture.source import DropsPart
 from nvscope.errors import CaptureError
 
-RETIRE_NS = 150_000_000
+RETIRE_NS = 100_000_000
+GATHER_NS = 200_000_000
+"""So long blocks are gathered to a batch: what a batch costs beside its packets is as much as 10 000 of them do."""
+
 BLOCK_BYTES = 1 << 20
 BUFFER_BYTES = 64 << 20
 _FRAME_BYTES = 2048
@@ -56,6 +59,7 @@ class KernelRing:
         self.path = device.name
         self.channels: Sequence[str] = [device.name] if device.is_can else ()
         self.lag_ns = RETIRE_NS + 50_000_000
+        self.gather_ns = GATHER_NS
         self._blocks = max(buffer_bytes // BLOCK_BYTES, 4)
         self._dropped = 0
         self._next = 0
@@ -113,6 +117,10 @@ class KernelRing:
     def take(self) -> PacketBatch | None:
         self._give_back()
         return self._read(self._ready())
+
+    def is_filling(self) -> bool:
+        # The kernel fills one after the other: where this one is full, those in front of it are.
+        return bool(self._status[(self._next + self._blocks // 4) % self._blocks] & TO_READ)
 
     def drain(self) -> Iterator[PacketBatch]:
         with suppress(OSError):

@@ -32,6 +32,7 @@ class StreamInlet:
 
     hears_answers = True
     lag_ns = 0
+    gather_ns = 0
 
     def __init__(self, path: str, feed: ByteFeed, *, grows: bool, gather_ns: int = GATHER_NS) -> None:
         self.path = path
@@ -123,6 +124,9 @@ class StreamInlet:
             if not taken:
                 return
             rest -= taken
+
+    def is_filling(self) -> bool:
+        return True
 
     def drops(self) -> Mapping[str, int]:
         return self.progress.drops_by

@@ -30,7 +30,7 @@ GATHER_NS = 100_000_000
 
 _MOST_DATAGRAMS = 16_384
 _PAUSE_MS = 5
-_BUFFER_BYTES = 16 << 20
+_BUFFER_BYTES = 32 << 20
 _DATAGRAM_BYTES = 65_535
 _ANCILLARY_BYTES = 256
 _LINUX = sys.platform.startswith("linux")
@@ -91,6 +91,7 @@ class UdpSocket:
         self.path = word
         self.channels: Sequence[str] = ()
         self.lag_ns = GATHER_NS + 50_000_000
+        self.gather_ns = 0
         self._where = where = UdpAddress.of(word)
         self._link = LinkType.IPV6 if where.is_six else LinkType.IPV4
         self._socket = socket.socket(socket.AF_INET6 if where.is_six else socket.AF_INET, socket.SOCK_DGRAM)
@@ -141,6 +142,9 @@ class UdpSocket:
             time.sleep(_PAUSE_MS / 1000)
             self._receive(packets, times)
         return PacketBatch.of(packets, self._link, np.array(times, np.int64))
+
+    def is_filling(self) -> bool:
+        return False
 
     def drain(self) -> Iterator[PacketBatch]:
         packets: list[bytes] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import select
 import socket
 import sys
+from collections.abc import Collection
 from contextlib import suppress
 
 _HAS_POLL = hasattr(select, "poll")
@@ -39,8 +40,15 @@ class Wait:
 
     def wait(self, timeout_ns: int) -> None:
         """Wait until a descriptor has something to be read, or is broken, at most ``timeout_ns``."""
+        self._wait(timeout_ns, self._descriptors)
+
+    def pause(self, timeout_ns: int) -> None:
+        """Wait ``timeout_ns``, whatever comes in."""
+        self._wait(timeout_ns, ())
+
+    def _wait(self, timeout_ns: int, descriptors: Collection[int]) -> None:
         timeout_ns = max(timeout_ns, 0)
-        everything = [self._end.fileno(), *self._descriptors]
+        everything = [self._end.fileno(), *descriptors]
         if not _HAS_POLL or sys.platform == "win32":
             select.select(everything, [], [], timeout_ns / 1e9)
             return

@@ -52,6 +52,10 @@ class Host:
         """Start nvscope on the host."""
         return self.start(sys.executable, "-m", "nvscope", *words)
 
+    def python_program(self, text: str, *words: str) -> subprocess.Popen[str]:
+        """Start a Python program on the host."""
+        return self.start(sys.executable, "-c", text, *words)
+
     def python(self, text: str, *words: str) -> None:
         """Run a Python program on the host to its end."""
         subprocess.run(

@@ -23,7 +23,7 @@ pytestmark = needs_namespaces
 _BROADCAST = "10.77.0.255"
 
 
-def _wait_for_ring(host: Host, rings: int = 1) -> None:
+def wait_for_ring(host: Host, rings: int = 1) -> None:
     """Wait until so many packet sockets of the host take in packets."""
     for _ in range(500):
         told = subprocess.run(
@@ -62,7 +62,7 @@ def _report(done: subprocess.Popen[str], code: int = 0) -> Any:
 def test_everything_that_was_sent_is_in_the_report() -> None:
     with cable() as (press, engineer):
         watching = engineer.nvscope("report", "--json", engineer.device, "--for", "3s")
-        _wait_for_ring(engineer)
+        wait_for_ring(engineer)
         sending = press.start(*send(_BROADCAST, 600, 3))
         report = _report(watching)
         sending.wait(10)
@@ -78,7 +78,7 @@ def test_everything_that_was_sent_is_in_the_report() -> None:
 def test_a_signal_ends_it_with_all_that_came_until_then(number: int) -> None:
     with cable() as (press, engineer):
         watching = engineer.nvscope("report", "--json", engineer.device)
-        _wait_for_ring(engineer)
+        wait_for_ring(engineer)
         press.start(*send(_BROADCAST, 500, 5, 100_000)).wait(20)
         watching.send_signal(number)
         report = _report(watching)
@@ -91,9 +91,9 @@ def test_the_report_is_that_of_a_capture_of_the_same_packets(tmp_path: Path) -> 
     words = ["tcpdump", "-i", "{}", "--time-stamp-precision=nano", "-U", "-w", str(kept), "udp or arp or icmp"]
     with cable() as (press, engineer):
         recording = engineer.start(*(word.format(engineer.device) for word in words))
-        _wait_for_ring(engineer)
+        wait_for_ring(engineer)
         watching = engineer.nvscope("report", "--json", engineer.device, "-a", "packets:900")
-        _wait_for_ring(engineer, 2)
+        wait_for_ring(engineer, 2)
         press.start(*send(_BROADCAST, 900, 3, 300_000)).wait(20)
         live = _report(watching)
         time.sleep(0.3)
@@ -114,7 +114,7 @@ def test_the_report_is_that_of_a_capture_of_the_same_packets(tmp_path: Path) -> 
 def test_only_what_the_filter_lets_in_is_there() -> None:
     with cable() as (press, engineer):
         watching = engineer.nvscope("packets", engineer.device, "-f", "udp port 9", "--all-frames", "--for", "2s")
-        _wait_for_ring(engineer)
+        wait_for_ring(engineer)
         press.start(*send(_BROADCAST, 50)).wait(10)
         out, said = watching.communicate(timeout=20)
     assert (watching.returncode, out) == (0, "")
@@ -137,7 +137,7 @@ def test_tags_that_the_kernel_took_out_are_put_back() -> None:
             "--for",
             "2s",
         )
-        _wait_for_ring(engineer)
+        wait_for_ring(engineer)
         for kind, number in ((0x8100, 1), (0x88A8, 2)):
             press.python(_SEND_RAW, press.device, _tagged(kind, number).hex())
         press.start(*send(_BROADCAST, 1, 3)).wait(10)
@@ -148,7 +148,7 @@ def test_tags_that_the_kernel_took_out_are_put_back() -> None:
 def test_each_packet_of_a_loopback_comes_once() -> None:
     with cable() as (press, _):
         watching = press.nvscope("report", "--json", "lo", "--for", "2s")
-        _wait_for_ring(press)
+        wait_for_ring(press)
         press.start(*send("127.0.0.1", 20)).wait(10)
         report = _report(watching)
     assert report["capture"]["telegrams"] == 20
@@ -158,7 +158,7 @@ def test_each_packet_of_a_loopback_comes_once() -> None:
 def test_an_interface_that_goes_away_ends_it_with_what_came(change: str, said: str) -> None:
     with cable() as (press, engineer):
         watching = engineer.nvscope("report", "--json", engineer.device)
-        _wait_for_ring(engineer)
+        wait_for_ring(engineer)
         press.start(*send(_BROADCAST, 30)).wait(10)
         time.sleep(0.5)
         if change == "down":
@@ -190,7 +190,7 @@ def test_nothing_at_all_ends_too() -> None:
 def test_several_interfaces_are_one_timeline() -> None:
     with cable() as (press, engineer):
         watching = press.nvscope("report", "--json", "-i", press.device, "-i", "lo", "--for", "3s")
-        _wait_for_ring(press, 2)
+        wait_for_ring(press, 2)
         press.start(*send("127.0.0.1", 20)).wait(10)
         press.start(*send(engineer.address, 30)).wait(10)
         report = _report(watching)
@@ -204,7 +204,7 @@ def test_what_does_not_fit_is_counted_as_the_kernel_does() -> None:
     """A reader that is stopped leaves the kernel's buffer to fill up."""
     with cable() as (press, engineer):
         watching = engineer.nvscope("report", "--json", engineer.device, "-B", "4", "-a", "duration:9")
-        _wait_for_ring(engineer)
+        wait_for_ring(engineer)
         time.sleep(0.3)
         watching.send_signal(signal.SIGSTOP)
         press.start(*send(_BROADCAST, 60_000, 2, 0)).wait(30)

@@ -62,6 +62,7 @@ class CanBus:
         self._where = where = CanWord.of(word)
         self.channels: Sequence[str] = [name or where.name]
         self.lag_ns = GATHER_NS + 100_000_000
+        self.gather_ns = 0
         self._driver = driver_of(where.interface)
         self._clock = BusClock(self._driver.clock)
         self._queue: PacketQueue[CanFrame] = PacketQueue(_batch_of, GATHER_NS)
@@ -179,6 +180,9 @@ class CanBus:
         self._rested.wait(CLOSE_S)
         while (batch := self._queue.take()) is not None:
             yield batch
+
+    def is_filling(self) -> bool:
+        return True
 
     def drops(self) -> Mapping[str, int] | None:
         told = {DropsPart.QUEUE.value: self._queue.dropped, DropsPart.INTERFACE.value: self._unread}

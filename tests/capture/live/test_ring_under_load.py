@@ -1,0 +1,71 @@
+"""The kernel's ring while more comes than is read: nothing torn, nothing twice, nothing lost without being counted.
+
+Frames are numbered, and their number says what is in them and how long they are: tiny ones, jumbo frames, VLAN tags.
+"""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.capture.live.network import cable, needs_namespaces
+from tests.capture.live.test_ring import wait_for_ring
+
+pytestmark = needs_namespaces
+
+_FRAME = """
+import struct
+def frame(number):
+    size = 8900 if number % 50 == 7 else number * 7919 % 1400
+    tag = struct.pack(">HH", 0x88A8 if number % 2 else 0x8100, number & 0xFFF) if number % 3 == 0 else b""
+    body = bytes((number + place) & 0xFF for place in range(64)) * (size // 64 + 1)
+    return b"\\xff" * 6 + b"\\x02\\0\\0\\0\\0\\1" + tag + struct.pack(">HI", 0x88B5, number) + body[: size + 42]
+"""
+
+_SEND = """
+import socket, sys
+out = socket.socket(socket.AF_PACKET, socket.SOCK_RAW)
+out.bind((sys.argv[1], 0))
+for number in range(int(sys.argv[2])):
+    out.send(frame(number))
+"""
+
+_READ = """
+import json, signal, sys, time
+from nvscope.capture.live.open import LiveSettings, open_live
+settings = LiveSettings(bpf="", buffer_bytes=int(sys.argv[2]))
+source, pause_s = open_live([sys.argv[1]], settings), float(sys.argv[3])
+signal.signal(signal.SIGTERM, lambda *_: source.stop())
+numbers, torn = [], 0
+for batch in source:
+    if not numbers:
+        time.sleep(pause_s)  # who reads too slowly
+    for row in range(len(batch)):
+        packet = batch.packet(row)
+        at = 18 if packet[12:14] in (b"\\x81\\0", b"\\x88\\xa8") else 14
+        numbers.append(int.from_bytes(packet[at : at + 4], "big"))
+        torn += int(packet != frame(numbers[-1]) or int(batch.original[row]) != len(packet))
+doubled = sum(after <= before for before, after in zip(numbers, numbers[1:]))
+print(json.dumps({"frames": len(numbers), "torn": torn, "doubled": doubled, "drops": source.infos[0].drops}))
+"""
+
+
+@pytest.mark.parametrize(("buffer_bytes", "pause_s", "loses"), [(64 << 20, 0.0, False), (4 << 20, 1.0, True)])
+def test_each_frame_comes_whole_and_once_or_is_counted_as_dropped(
+    buffer_bytes: int, pause_s: float, loses: bool
+) -> None:
+    sent = 20_000
+    with cable() as (press, engineer):
+        for host in (press, engineer):
+            host.ip("link", "set", host.device, "mtu", "9000")
+        reading = engineer.python_program(_FRAME + _READ, engineer.device, str(buffer_bytes), str(pause_s))
+        wait_for_ring(engineer)
+        press.python(_FRAME + _SEND, press.device, str(sent))
+        reading.terminate()
+        out, said = reading.communicate(timeout=30)
+    assert reading.returncode == 0, said
+    told = json.loads(out)
+    assert (told["torn"], told["doubled"]) == (0, 0)
+    assert told["frames"] + told["drops"] == sent
+    assert (told["drops"] > 0) == loses
