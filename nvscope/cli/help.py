@@ -70,7 +70,8 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
         ),
         "doctor": (
             ("nvscope doctor", "listen everywhere for some seconds, and tell what keeps telegrams away"),
-            ("nvscope doctor eth0 --gvl plc", "one interface, with the ports and addresses of the definitions"),
+            ("nvscope doctor --gvl plc", "with the ports, lists and addresses of the definitions"),
+            ("nvscope doctor udp://0.0.0.0:1300,239.0.0.1 --for 1s", "what keeps a port and a group silent"),
             ("nvscope doctor plant.pcapng", "what of it a capture shows"),
         ),
         "keys": (("nvscope keys --gvl plc", "all fields, those of the variables too"),),

@@ -29,9 +29,7 @@ def judge_addresses(case: Case) -> Iterator[Result]:
         f"{entry.name} {own} (broadcast {own.network.broadcast_address})"
         for entry in case.interfaces for own in entry.addresses
     ]  # fmt: skip
-    told = (
-        f"of this machine: {named(own)}" if own else "no interface has one, and none is needed to capture"
-    )
+    told = f"of this machine: {named(own)}" if own else "no interface has one, and none is needed to capture"
     yield Result(NAME, State.OK, told)
 
 

@@ -378,8 +378,10 @@ def test_a_list_is_sent_to_another_station_alone(tmp_path: Path, pair: tuple[Hos
 
 def test_a_sender_asks_for_an_address_that_nobody_has(pair: tuple[Host, Host]) -> None:
     sender, reader = pair
-    with sending(sender, "10.77.0.9"), sending(sender):
-        found = asked(reader, heard_for="3500ms")
+    me, wanted = (ip_address(text).packed.hex() for text in (sender.address, "10.77.0.9"))
+    request = f"ffffffffffff020000000001080600010800060400010200000000{'01'}{me}000000000000{wanted}"
+    with running(sender.start(sys.executable, "-c", _SEND_FRAMES, sender.device, request)), sending(sender):
+        found = asked(reader)
     assert "arp" in of_state(found, "note")
     assert "nobody answers" in seen(found, "arp")
 

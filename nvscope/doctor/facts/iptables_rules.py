@@ -29,8 +29,8 @@ def chains_of_iptables(text: str) -> Chains:
         elif words.startswith(":") and table in _TABLES:
             name, policy, *_ = words[1:].split()
             policies[f"{table} {name}"] = _VERDICTS.get(policy) if name == _TABLES[table] else None
-        elif words.startswith("-A ") and table in _TABLES:
-            chain, *rest = shlex.split(words[3:])
+        elif words.partition(" ")[0] == "-A" and table in _TABLES:
+            _, chain, *rest = shlex.split(words)
             rules.setdefault(f"{table} {chain}", []).append(_IptablesRule(tuple(rest), table))
     return {name: Chain(rules.get(name, []), policy) for name, policy in policies.items()}
 
