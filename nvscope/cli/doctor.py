@@ -107,7 +107,7 @@ def _heard(live: Sequence[str], plant: Project, wanted_ns: int, *, quiet: bool) 
     lasted_ns = listening.lasted_ns
     # A carrier may have come meanwhile: the kernel tells of it up to a second late.
     machine = replace(machine, interfaces=interfaces_now())
-    return Case(expected, traffic, tuple(listening.places), machine, lasted_ns, names)
+    return Case(expected, traffic, tuple(listening.places), machine, lasted_ns, names, asks_sockets=bool(sockets))
 
 
 def _parted(live: Sequence[str]) -> tuple[Sequence[UdpAddress], Sequence[str]]:

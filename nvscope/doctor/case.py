@@ -10,12 +10,14 @@ from ipaddress import AddressValueError, IPv4Address, IPv4Interface
 from nvscope.doctor.expected import EVERYBODY, Expected
 from nvscope.doctor.facts.machine import Interface, Machine
 from nvscope.doctor.facts.traffic import Flow, ListenedTo, Stranger, Traffic
+from nvscope.doctor.result import State
 
 
 @dataclass(frozen=True)
 class Case:
     """``machine`` is None where files were read. ``listened_ns`` is how long it was listened, None of files.
 
+    ``asks_sockets``: somebody named a plain socket, and what it gets is the question.
     Telegrams are counted where all is seen that passes; what plain sockets got says what reaches programs.
     """
 
@@ -25,6 +27,7 @@ class Case:
     machine: Machine | None = None
     listened_ns: int | None = None
     asked_interfaces: Sequence[str] = ()
+    asks_sockets: bool = False
 
     @cached_property
     def sees_all(self) -> bool:
@@ -73,6 +76,17 @@ class Case:
             (flow, times) for flow, times in self.foreign
             if flow.is_list and not flow.is_ascii and flow.port in self.expected.ports
         ]  # fmt: skip
+
+    @cached_property
+    def reached(self) -> int:
+        """How many telegrams plain sockets got, which is what programs of this machine get."""
+        return sum(times for flow, times in self.traffic.flows.items() if not self.places[flow.place].sees_all)
+
+    @property
+    def keeps_from_programs(self) -> State:
+        """How bad it is what keeps telegrams from programs: a capture sees them all the same."""
+        is_seen = bool(self.reached) if self.asks_sockets else self.sees_all or bool(self.heard)
+        return State.NOTE if is_seen else State.PROBLEM
 
     @property
     def frames(self) -> int:

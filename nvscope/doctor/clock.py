@@ -29,6 +29,6 @@ def judge_clock(case: Case) -> Iterator[Result]:
         yield Result(NAME, State.OK, f"the clock follows a server, {duration(state.most_error_ns)} off at most")
     else:
         yield Result(
-            NAME, State.NOTE, "the clock of this machine follows no server (NTP, PTP)",
-            "nothing is missing by that; but times of two machines cannot be compared to the millisecond",
+            NAME, State.NOTE, "the clock of this machine follows no server (NTP, PTP); nothing is missing by that",
+            "let it follow one before you compare times of two machines",
         )  # fmt: skip

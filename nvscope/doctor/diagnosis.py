@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from nvscope.doctor.case import Case
 from nvscope.doctor.checks import CHECKS, Where
 from nvscope.doctor.result import Result, State
 from nvscope.doctor.telegrams import TELEGRAMS, told_of
-from nvscope.units import count_of, duration
+from nvscope.units import duration
 from nvscope.version import head
 
 SCHEMA = "nvscope.doctor/1"
+_FIRST = "set right what stands above, and ask once more"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,17 +39,24 @@ def diagnose(case: Case) -> Diagnosis:
     """Judge a case by all checks; of a file, by those that look at traffic."""
     applying = [check for check in CHECKS if case.machine is not None or check.where is Where.TRAFFIC]
     results = [result for check in applying for result in check.judge(case)]
+    if any(one.state is State.PROBLEM and one.check != TELEGRAMS for one in results):
+        results = [replace(one, next_step=_FIRST) if _is_silence(one) else one for one in results]
     state = State.PROBLEM if any(one.state is State.PROBLEM for one in results) else State.OK
     names = {check.name for check in applying}
     not_told = [check.name for check in CHECKS if check.name not in names]
     return Diagnosis(_verdict(case, results), state, results, not_told, case)
 
 
+def _is_silence(one: Result) -> bool:
+    return one.check == TELEGRAMS and one.state is State.PROBLEM
+
+
 def _verdict(case: Case, results: Sequence[Result]) -> str:
     while_told = f" in {duration(case.listened_ns)}" if case.listened_ns else ""
+    comma = "," if while_told else ""
     reasons = [one.brief for one in results if one.state is State.PROBLEM and one.check != TELEGRAMS and one.brief]
     if case.heard:
-        told = f"{told_of(case, case.heard)}{while_told}"
+        told = f"{told_of(case, case.heard)}{comma}{while_told}"
         return f"Telegrams come: {told}" + (f"; but {reasons[0]}" if reasons else "")
     what = f"No telegram on {case.expected.told_ports}{while_told}"
     if reasons:
@@ -94,12 +102,3 @@ def document(found: Diagnosis) -> dict[str, Any]:
         ],
         "not_told": list(found.not_told),
     }
-
-
-def told_failures(case: Case) -> Sequence[str]:
-    """Return, a sentence each, where it was not listened to the end, and why."""
-    told = [f"{place.name}: {place.failure}" for place in case.places if place.failure and place.sees_all]
-    told += [
-        f"{place.name}: {count_of(place.dropped, 'frame')} dropped" for place in case.places if place.dropped
-    ]  # fmt: skip
-    return told

@@ -21,10 +21,10 @@ def judge_firewall(case: Case) -> Iterator[Result]:
     if case.machine is None:
         return
     lost = sum(times for flow, times in case.foreign if _should_reach_a_socket(case, flow))
-    got = sum(times for flow, times in case.traffic.flows.items() if not case.places[flow.place].sees_all)
+    got = case.reached
     is_lost = lost >= _ENOUGH and not got
     what = case.machine.firewall
-    state = State.NOTE if case.heard else State.PROBLEM
+    state = case.keeps_from_programs
     dropped = sorted({port for _, port, fate in what.fates if fate is Fate.DROPPED})
     depends = sorted({port for _, port, fate in what.fates if fate is Fate.DEPENDS} - set(dropped))
     if dropped:

@@ -28,8 +28,8 @@ def judge_interfaces(case: Case) -> Iterator[Result]:
     for one in found:
         if one.is_usable or (one.is_loopback and one.is_up):
             continue
-        # What nobody uses, and no hardware stands behind, is down on most machines.
-        if not asked and usable and not one.is_physical:
+        # On most machines something is down that nobody uses.
+        if not asked and usable and (case.heard or not one.is_physical):
             continue
         yield _down(one, is_note=bool(usable) and not asked)
     bare = [one for one in usable if not one.addresses]

@@ -46,7 +46,8 @@ def judge_vlan(case: Case) -> Iterator[Result]:
         f"{count_of(sum(tags.values()), 'telegram')} of {named(_tagged(case, tags))} have the VLAN tag {told}: "
         "programs without an interface of that VLAN do not get them",
         f"{where}let the switch take the tag away at this port (untagged, access). A capture sees them; "
-        f"a capture filter needs `vlan {first} and …`", told, f"the telegrams have the VLAN tag {told}",
+        f"a capture filter needs `vlan {first} and …`", told,
+        f"they have the VLAN tag {told}, and programs do not get them",
     )  # fmt: skip
 
 
@@ -123,9 +124,10 @@ def judge_conversations(case: Case) -> Iterator[Result]:
         yield Result(CONVERSATIONS, State.UNKNOWN, "what others say to each other can only be seen by a capture")
         return
     seen = {flow.target for flow, _ in case.foreign if _is_between_others(case, flow)}
+    targets = {flow.target for flow, _ in case.foreign}
     unseen = [
         one for one in case.expected.targets
-        if case.is_for_one(one.address) and str(one.address) not in seen and one.address not in _own(case)
+        if case.is_for_one(one.address) and str(one.address) not in targets and one.address not in _own(case)
     ]  # fmt: skip
     for one in unseen:
         yield Result(

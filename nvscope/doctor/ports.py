@@ -35,7 +35,7 @@ def _held(case: Case, port: int, holders: Sequence[BoundPort]) -> Result:
     shared = next((one.is_shared for one in holders if one.is_for_all), None)
     if shared is False:
         return Result(
-            NAME, State.NOTE if case.heard else State.PROBLEM,
+            NAME, case.keeps_from_programs,
             f"UDP {port} is bound by {told}, which does not share it: no other program gets it",
             f"end that program, or capture on the interface, which shares with all: -i NAME{hint}", str(port),
             f"{told} has UDP {port} for itself",

@@ -71,7 +71,11 @@ def judge_other_ports(case: Case) -> Iterator[Result]:
             "run it with sudo, or capture on the interface (-i NAME)",
         )  # fmt: skip
         return
-    other = [(flow, times) for flow, times in case.foreign if flow.is_list and flow.port not in case.ports]
+    # Answers go to whatever port somebody has sent from.
+    other = [
+        (flow, times) for flow, times in case.foreign
+        if flow.is_list and not flow.is_answer and flow.port not in case.ports
+    ]  # fmt: skip
     if not other:
         yield Result(OTHER_PORTS, State.OK, "no telegram on another port")
         return
@@ -142,8 +146,7 @@ def judge_lists(case: Case) -> Iterator[Result]:
     if seen and not came:
         yield Result(
             LISTS, State.PROBLEM,
-            f"not one of the {count_of(len(known), 'defined list')} came ({named(missing)}); what comes is list "
-            f"{named(unknown)}",
+            f"not one of the defined lists came ({named(missing)}); what comes is list {named(unknown)}",
             "compare identifier and port in the list's properties with the definitions that were named; perhaps these "
             "are of another project", brief="the lists that come are not the defined ones",
         )  # fmt: skip

@@ -37,12 +37,12 @@ def _lines(document: Document, everything: bool, width: int) -> Iterator[Line]:
         [Cell(f"{_MARKS[state]} ", _TONES[state]), Cell(f"{document['verdict']}.", Tone.STRONG)], width, 0, 2
     )
     results = sorted(document["results"], key=lambda one: _ORDER.index(State(one["state"])))
-    shown = [one for one in results if everything or one["state"] != State.OK]
+    shown = [one for one in results if everything or one["state"] in (State.PROBLEM, State.NOTE)]
     if shown:
         yield []
     for one in shown:
         yield from _result(one, width)
-    yield from _rest(document, [one["check"] for one in results if one not in shown], width)
+    yield from _rest(document, [] if everything else results, width)
 
 
 def _result(one: Document, width: int) -> Iterator[Line]:
@@ -57,13 +57,16 @@ def _result(one: Document, width: int) -> Iterator[Line]:
         yield from wrap([Cell("Next  ", Tone.STRONG), Cell(f"{_capital(one['next'])}.")], width, hanging, hanging + 6)
 
 
-def _rest(document: Document, well: Sequence[str], width: int) -> Iterator[Line]:
+def _rest(document: Document, folded: Sequence[Document], width: int) -> Iterator[Line]:
     """Yield what is well in a line, what a file cannot tell in another, and where it was listened."""
     parts: list[list[Cell]] = []
-    troubled = {one["check"] for one in document["results"] if one["state"] != State.OK}
-    good = [_TITLES.get(name, name) for name in dict.fromkeys(well) if name not in troubled]
-    if good:
-        parts.append([Cell("✓ ", Tone.GOOD), Cell(f"{', '.join(good)} (--all shows them)", Tone.FAINT)])
+    worst: dict[str, State] = {}
+    for one in folded:  # the worst first
+        worst.setdefault(one["check"], State(one["state"]))
+    for state, told in ((State.OK, "{} (--all shows them)"), (State.UNKNOWN, "Unknown here: {} (--all says why)")):
+        names = ", ".join(_TITLES[check.name] for check in CHECKS if worst.get(check.name) is state)
+        if names:
+            parts.append([Cell(f"{_MARKS[state]} ", _TONES[state]), Cell(told.format(names), Tone.FAINT)])
     if document["not_told"]:
         names = ", ".join(_TITLES.get(name, name) for name in document["not_told"])
         parts.append([Cell("· ", Tone.NOTE), Cell(f"A file cannot tell: {names}.", Tone.FAINT)])
@@ -73,7 +76,7 @@ def _rest(document: Document, well: Sequence[str], width: int) -> Iterator[Line]
         what = "Listened on" if document["live"] else "Read"
         parts.append([Cell("· ", Tone.NOTE), Cell(f"{what} {names}.", Tone.FAINT)])
     parts += [
-        [Cell("· ", Tone.NOTE), Cell(f"Not listened to its end: {place['name']}: {place['failure']}.", Tone.FAINT)]
+        [Cell("· ", Tone.NOTE), Cell(f"{place['name']}: {place['failure']}.", Tone.FAINT)]
         for place in document["places"] if place["failure"]
     ]  # fmt: skip
     if parts:
