@@ -112,9 +112,12 @@ def _heard(live: Sequence[str], plant: Project, wanted_ns: int, *, quiet: bool) 
 
 def _parted(live: Sequence[str]) -> tuple[Sequence[UdpAddress], Sequence[str]]:
     """Return the plain sockets and the interfaces of what was named."""
+    from nvscope.capture.live.device import device_of
     from nvscope.capture.live.udp_socket import PREFIX, UdpAddress
 
-    if on_can := [word for word in live if word.startswith("can:")]:
+    if on_can := [
+        word for word in live if word.startswith("can:") or ((device := device_of(word)) is not None and device.is_can)
+    ]:  # fmt: skip
         raise UsageError(
             "the doctor looks at networks, not at CAN buses", where=on_can[0],
             next_step="`ip -details link show` tells of the interfaces of CAN, and candump shows what comes",

@@ -8,6 +8,7 @@ from typing import Any
 from nvscope.doctor.checks import CHECKS
 from nvscope.doctor.result import State
 from nvscope.report.ansi import paint
+from nvscope.units import count_of
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import NO_BREAK, Cell, Line, Tone, wrap
 
@@ -79,6 +80,14 @@ def _rest(document: Document, folded: Sequence[Document], width: int) -> Iterato
         [Cell("· ", Tone.NOTE), Cell(f"{place['name']}: {place['failure']}.", Tone.FAINT)]
         for place in document["places"] if place["failure"]
     ]  # fmt: skip
+    lost = [place for place in document["places"] if place["drops"]]
+    parts += [
+        [Cell("! ", Tone.WARNING), Cell(f"{place['name']}: {count_of(place['drops'], 'frame')} dropped meanwhile.")]
+        for place in lost
+    ]  # fmt: skip
+    if document["left_out"]:
+        told = f"{count_of(document['left_out'], 'telegram')} of further kinds were not told apart."
+        parts.append([Cell("! ", Tone.WARNING), Cell(told)])
     if parts:
         yield []
     for cells in parts:

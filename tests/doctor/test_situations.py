@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from ipaddress import ip_address
 from pathlib import Path
 from shutil import which
@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from nvscope.doctor.checks import CHECKS
-from tests.capture.live.network import Host, cable, needs_namespaces
+from tests.capture.live.network import Host, cable, needs_namespaces, send
 from tests.oracle.builders import internet_packet, link_frame, telegram, udp
 from tests.oracle.frame import PROTOCOL_UDP
 
@@ -31,20 +31,24 @@ target, port, payload = sys.argv[1], int(sys.argv[2]), bytes.fromhex(sys.argv[3]
 out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 out.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
 out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 4)
-for _ in range(400):
+for number in range(10_000):
     try:
         out.sendto(payload, (target, port))
     except OSError:
         pass
-    time.sleep(0.02)
+    if not number:
+        print("sent", flush=True)
+    time.sleep(0.005)
 """
 _SEND_FRAMES = """
 import socket, sys, time
 out = socket.socket(socket.AF_PACKET, socket.SOCK_RAW)
 out.bind((sys.argv[1], 0))
-for _ in range(400):
+for number in range(10_000):
     out.send(bytes.fromhex(sys.argv[2]))
-    time.sleep(0.02)
+    if not number:
+        print("sent", flush=True)
+    time.sleep(0.005)
 """
 _HOLD = """
 import socket, sys, time
@@ -56,7 +60,7 @@ if len(sys.argv) > 3:
     group = socket.inet_aton(sys.argv[3]) + socket.inet_aton(sys.argv[4])
     held.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
 print("held", flush=True)
-time.sleep(20)
+time.sleep(60)
 """
 NOBODY = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--bounding-set=-all", "--inh-caps=-all")
 
@@ -73,8 +77,11 @@ needs_nobody = pytest.mark.skipif(
 
 
 @contextmanager
-def running(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
+def running(process: subprocess.Popen[str], begun: str) -> Iterator[subprocess.Popen[str]]:
+    """Have a program run meanwhile, from when it says that it has begun."""
     try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == f"{begun}\n"
         yield process
     finally:
         process.kill()
@@ -84,15 +91,13 @@ def running(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
 def sending(host: Host, target: str = _SUBNET, *, port: int = 1202, payload: bytes = b"") -> Any:
     """Let a host send telegrams of list 7 for some seconds."""
     words = (sys.executable, "-c", _SEND, target, str(port), (payload or telegram(list_id=7)).hex())
-    return running(host.start(*words))
+    return running(host.start(*words), "sent")
 
 
 @contextmanager
 def holding(host: Host, *words: str) -> Iterator[None]:
     """Let a program of a host have a UDP port, and be a member of a group."""
-    with running(host.start(sys.executable, "-c", _HOLD, *words)) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "held\n"
+    with running(host.start(sys.executable, "-c", _HOLD, *words), "held"):
         yield
 
 
@@ -153,7 +158,7 @@ def test_nothing_is_wrong_where_telegrams_come(pair: tuple[Host, Host]) -> None:
     assert set(of_state(found, "note")) <= {"clock"}
     assert found["verdict"].startswith("Telegrams come: ")
     assert "of 1 list on UDP 1202 from 10.77.0.1" in found["verdict"]
-    assert found["telegrams"] > 5
+    assert found["telegrams"] > 0
 
 
 def test_a_network_in_which_nobody_sends(pair: tuple[Host, Host]) -> None:
@@ -202,10 +207,19 @@ def test_an_interface_has_no_cable() -> None:
     assert found["verdict"].endswith(f": {reader.device} has no carrier")
 
 
-def test_a_netmask_does_not_fit_what_is_sent() -> None:
-    with settled() as (sender, reader), sending(sender):
-        reader.ip("addr", "flush", "dev", reader.device)
-        reader.ip("addr", "add", "10.77.0.2/16", "dev", reader.device)
+@contextmanager
+def renumbered(host: Host, address: str) -> Iterator[None]:
+    """Give a host another address meanwhile."""
+    for one in (address, None):
+        host.ip("addr", "flush", "dev", host.device)
+        host.ip("addr", "add", one or f"{host.address}/24", "broadcast", "+", "dev", host.device)
+        if one:
+            yield
+
+
+def test_a_netmask_does_not_fit_what_is_sent(pair: tuple[Host, Host]) -> None:
+    sender, reader = pair
+    with renumbered(reader, "10.77.0.2/16"), sending(sender):
         found = asked(reader)
     assert of_state(found, "problem") == ["addresses"]
     assert f"the netmask of {reader.device} (/16) does not fit {_SUBNET}" in found["verdict"]
@@ -213,11 +227,10 @@ def test_a_netmask_does_not_fit_what_is_sent() -> None:
 
 
 @needs_nobody
-def test_a_definition_names_a_broadcast_address_of_another_netmask() -> None:
+def test_a_definition_names_a_broadcast_address_of_another_netmask(pair: tuple[Host, Host]) -> None:
     """Also without a telegram, and for who may not capture."""
-    with TemporaryDirectory() as folder, settled() as (_, reader):
-        reader.ip("addr", "flush", "dev", reader.device)
-        reader.ip("addr", "add", "10.77.0.2/16", "dev", reader.device)
+    _, reader = pair
+    with TemporaryDirectory() as folder, renumbered(reader, "10.77.0.2/16"):
         found = asked(reader, _definition(Path(folder), _SUBNET), user=NOBODY)
     assert "addresses" in of_state(found, "problem")
     assert "axis (udp/1202/7) is sent to 10.77.0.255" in seen(found, "addresses")
@@ -268,22 +281,29 @@ def test_a_port_is_bound_by_the_program_of_another_user(pair: tuple[Host, Host])
     assert "a process of user root" in seen(found, "ports")
 
 
+_COUNT = """
+import socket, struct
+held = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+held.bind(("", 1202))
+held.settimeout(10)
+print("held", flush=True)
+seen = []
+while not seen or seen[-1] < 299:
+    seen.append(struct.unpack("<I", held.recv(100)[20:])[0])
+print(len(seen), flush=True)
+"""
+
+
 def test_who_has_the_port_loses_nothing_while_it_is_asked(pair: tuple[Host, Host]) -> None:
+    """What is sent to one station comes to one program only, even where the port is shared."""
     sender, reader = pair
-    with sending(sender, "10.77.0.2"):
-        count = (
-            "import socket, sys, time\n"
-            "held = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)\n"
-            "held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)\n"
-            "held.bind(('', 1202)); held.settimeout(0.5); print('held', flush=True)\n"
-            "for _ in range(60): held.recv(100)\n"
-            "print('all', flush=True)\n"
-        )
-        with running(reader.start(sys.executable, "-c", count)) as holder:
-            assert holder.stdout is not None
-            assert holder.stdout.readline() == "held\n"
-            asked(reader)
-            assert holder.stdout.readline() == "all\n"
+    with running(reader.start(sys.executable, "-c", _COUNT), "held") as holder:
+        sent = sender.start(*send(reader.address, 300, 1, 5_000_000))
+        asked(reader)
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "300\n"
+        sent.communicate(timeout=10)
 
 
 @needs_nobody
@@ -295,7 +315,7 @@ def test_a_user_who_may_not_capture(pair: tuple[Host, Host]) -> None:
     assert of_state(silent, "problem") == ["permissions", "telegrams"]
     assert {"other-ports", "vlan", "conversations", "firewall"} <= set(of_state(silent, "unknown"))
     assert of_state(heard, "problem") == []
-    assert heard["telegrams"] > 5
+    assert heard["telegrams"] > 0
 
 
 def test_telegrams_come_on_another_port(tmp_path: Path, pair: tuple[Host, Host]) -> None:
@@ -337,7 +357,7 @@ def _tagged(vlan: int) -> str:
 def test_telegrams_have_vlan_tags(vlan: int) -> None:
     """Number 0 is a priority alone: programs get the frame."""
     with settled() as (sender, reader), running(
-        sender.start(sys.executable, "-c", _SEND_FRAMES, sender.device, _tagged(vlan))
+        sender.start(sys.executable, "-c", _SEND_FRAMES, sender.device, _tagged(vlan)), "sent"
     ):  # fmt: skip
         found = asked(reader)
         assert of_state(found, "problem") == (["vlan"] if vlan else [])
@@ -403,36 +423,38 @@ def test_a_sender_asks_for_an_address_that_nobody_has(pair: tuple[Host, Host]) -
     sender, reader = pair
     me, wanted = (ip_address(text).packed.hex() for text in (sender.address, "10.77.0.9"))
     request = f"ffffffffffff020000000001080600010800060400010200000000{'01'}{me}000000000000{wanted}"
-    with running(sender.start(sys.executable, "-c", _SEND_FRAMES, sender.device, request)), sending(sender):
+    with running(sender.start(sys.executable, "-c", _SEND_FRAMES, sender.device, request), "sent"), sending(sender):
         found = asked(reader)
     assert "arp" in of_state(found, "note")
     assert "nobody answers" in seen(found, "arp")
 
 
-def test_a_multicast_group_is_not_joined(tmp_path: Path) -> None:
+def test_a_multicast_group_is_not_joined(tmp_path: Path, pair: tuple[Host, Host]) -> None:
     group = "239.10.10.11"
     path = _definition(tmp_path, group)
-    with settled() as (sender, reader):
-        silent = asked(reader, path)
-        sender.ip("route", "add", "224.0.0.0/4", "dev", sender.device)
-        with sending(sender, group):
-            heard = asked(reader, path)
-            with holding(reader, "1300", "shared", group, reader.address):
-                joined = asked(reader, path)
+    sender, reader = pair
+    silent = asked(reader, path)
+    sender.ip("route", "replace", "224.0.0.0/4", "dev", sender.device)
+    with sending(sender, group):
+        heard = asked(reader, path)
+        with holding(reader, "1300", "shared", group, reader.address):
+            joined = asked(reader, path)
     assert of_state(silent, "problem") == ["multicast", "telegrams"]
     assert "multicast" in of_state(heard, "note")
     assert "multicast" in of_state(joined, "ok")
 
 
 @pytest.mark.skipif(which("nft") is None, reason="needs nft (nftables)")
-def test_the_firewall_drops_what_comes() -> None:
+def test_the_firewall_drops_what_comes(pair: tuple[Host, Host]) -> None:
     rules = (
         "table inet filter { chain input { type filter hook input priority 0; policy drop; "
         'iifname "lo" accept; ct state established,related accept; tcp dport 22 accept; PLACE;\n}\n}\n'
     )
-    with settled() as (sender, reader), sending(sender):
+    sender, reader = pair
+    words = ("ip", "netns", "exec", reader.namespace, "nft")
+    with sending(sender), ExitStack() as behind:
+        behind.callback(subprocess.run, [*words, "flush", "ruleset"], check=True, timeout=10)
         for place in ("udp dport { 1000-1300, 2000 } accept", "counter"):
-            words = ("ip", "netns", "exec", reader.namespace, "nft")
             subprocess.run([*words, "flush", "ruleset"], check=True, timeout=10)
             subprocess.run([*words, "-f", "-"], input=rules.replace("PLACE", place), text=True, check=True, timeout=10)
             found = asked(reader)
@@ -478,7 +500,7 @@ def test_ctrl_c_ends_the_listening_and_it_is_told_what_came(pair: tuple[Host, Ho
         process.send_signal(signal.SIGINT)
         out, said = process.communicate(timeout=10)
     assert process.returncode == 0, said
-    assert json.loads(out)["telegrams"] > 5
+    assert json.loads(out)["telegrams"] > 0
 
 
 def test_an_interface_that_is_not_there(pair: tuple[Host, Host]) -> None:

@@ -55,6 +55,10 @@ class Listening:
         if machine.may_capture:
             for name in wanted[:_MOST_INTERFACES]:
                 made._add_ring(name)
+        else:
+            for name in interfaces:
+                why = "capturing is not known on this system" if machine.may_capture is None else "no permission"
+                made._add_failure(ListenedTo(name, True, failure=why))
         for port in expected.ports[:_MOST_SOCKETS]:
             made._add_socket(port)
         return made
@@ -72,26 +76,27 @@ class Listening:
         try:
             self._add(ListenedTo(name, True), KernelRing(device, None, buffer_bytes=_RING_BYTES))
         except CaptureError as error:
-            self.places.append(ListenedTo(name, True, failure=error.what))
-            self._inlets.append(None)
+            self._add_failure(ListenedTo(name, True, failure=error.what))
 
     def _add_socket(self, port: int) -> None:
         word = f"udp://0.0.0.0:{port}"
         if any(entry.port == port for entry in self.machine.bound or ()):
             # It would get what is addressed to this machine in place of the one who waits for it.
-            self.places.append(ListenedTo(word, False, failure="somebody has the port"))
-            self._inlets.append(None)
+            self._add_failure(ListenedTo(word, False, failure="somebody has the port"))
             return
         try:
             self._add(ListenedTo(word, False), UdpSocket(word))
         except CaptureError as error:
-            self.places.append(ListenedTo(word, False, failure=error.what))
-            self._inlets.append(None)
+            self._add_failure(ListenedTo(word, False, failure=error.what))
 
     def _add(self, place: ListenedTo, inlet: Inlet) -> None:
         self.places.append(place)
         self._inlets.append(inlet)
         self.wait.add(inlet.fileno())
+
+    def _add_failure(self, place: ListenedTo) -> None:
+        self.places.append(place)
+        self._inlets.append(None)
 
     @property
     def infos(self) -> Sequence[SourceInfo]:
