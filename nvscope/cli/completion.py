@@ -73,6 +73,13 @@ def lists(incomplete: str) -> list[str]:
     return _beginning((entry.name for entry in entries if entry.key), incomplete)
 
 
+def interfaces(incomplete: str) -> list[str]:
+    """Return the interfaces of this machine that begin like this."""
+    from nvscope.capture.live.device import names
+
+    return _beginning(names(), incomplete)
+
+
 def _fields() -> Vocabulary:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.definitions import project_of

@@ -69,6 +69,12 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope explain NV301", "a finding: what it means and what to do"),
             ("nvscope explain jitter", "a figure: what it tells, and where"),
         ),
+        "doctor": (
+            ("nvscope doctor", "listen everywhere for some seconds, and tell what keeps telegrams away"),
+            ("nvscope doctor --gvl plc", "with the ports, lists and addresses of the definitions"),
+            ("nvscope doctor udp://0.0.0.0:1300,239.0.0.1 --for 1s", "what keeps a port and a group silent"),
+            ("nvscope doctor plant.pcapng", "what of it a capture shows"),
+        ),
         "keys": (("nvscope keys --gvl plc", "all fields, those of the variables too"),),
         "schema": (
             ("nvscope schema", "all documents for programs, and what writes them"),

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Annotated, Any, Self, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self, get_type_hints
 
 import typer
 
@@ -20,7 +20,7 @@ from nvscope.errors import UnreadableInput, UsageError
 
 if TYPE_CHECKING:
     from dissectors.netvar import PortRules
-    from nvscope.capture.source import Source
+    from nvscope.capture.source import Source, SourceInfo
     from nvscope.definition.project import Project
 
 _KILOBYTE = 1000
@@ -310,13 +310,22 @@ def _look_for(path: str) -> None:
     raise UnreadableInput("no file and no interface has this name", where=path, next_step=interfaces + files)
 
 
+class Running(Protocol):
+    """What is being listened to, and can be ended: a source, or another thing that listens."""
+
+    @property
+    def infos(self) -> Sequence[SourceInfo]: ...
+
+    def stop(self) -> None: ...
+
+
 class LiveRun:
     """While a live source is read: Ctrl-C, SIGTERM and SIGHUP end it in order, and a terminal sees that it goes on.
 
     A second Ctrl-C ends the program.
     """
 
-    def __init__(self, source: Source, *, quiet: bool = False) -> None:
+    def __init__(self, source: Running, *, quiet: bool = False) -> None:
         self._source = source
         self._shows = not quiet and sys.stderr.isatty()
         self._begun_s = self._shown_s = time.monotonic()

@@ -19,6 +19,7 @@ VERBS = {
     "gvl": "nvscope.cli.gvl:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",
+    "doctor": "nvscope.cli.doctor:doctor",
     "keys": "nvscope.cli.keys:keys",
     "schema": "nvscope.cli.schema:schema",
 }

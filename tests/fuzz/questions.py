@@ -45,6 +45,7 @@ def ask(plant: Plant, folder: Path, rng: random.Random) -> Answered:
         if variables is not None:
             ask_exports(asked, variables)
         _ask_notebook(asked, report.document(), variables)
+        _ask_doctor(asked, plain.document())
     return asked.answered
 
 
@@ -55,6 +56,16 @@ def _compare_reports(plain: Any, defined: Any) -> None:
     ours = {entry["key"]: (entry["diag"], entry["counters"]["lost"]) for entry in plain["lists"]}
     theirs = {entry["key"]: (entry["diag"], entry["counters"]["lost"]) for entry in defined["lists"]}
     assert ours.items() <= theirs.items()
+
+
+def _ask_doctor(asked: Asked, report: Any) -> None:
+    """It sees the frames that a report sees, and no more telegrams than there are."""
+    ran = asked.on_capture("doctor", "--json", defined=False)
+    assert ran.code in READ | {ExitCode.ASSERTION_FAILED}, ran
+    told = ran.document()
+    assert told["places"][0]["frames"] == report["capture"]["frames"]
+    assert told["telegrams"] <= report["capture"]["telegrams"]
+    asked.on_capture("doctor", "--all")
 
 
 def _ask_inference(asked: Asked) -> None:

@@ -8,6 +8,8 @@ from nvscope.causes.catalogue import BY_NAME
 from nvscope.definition.byte_map import Relation
 from nvscope.definition.difference import SETTINGS
 from nvscope.definition.lint import RULES, Severity
+from nvscope.doctor.checks import CHECKS
+from nvscope.doctor.result import State
 from nvscope.expression.typed_columns import FieldType
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.report.explain_column import MEANINGS
@@ -190,6 +192,44 @@ def explain() -> Schema:
             "causes": several(record(cause), "in the order in which they are judged"),
             "findings": several(record(finding)), "figures": several(record(figure)),
             "columns": several(record({"title": word(MEANINGS), "meaning": text()}), "of reports, that hold no figure"),
+        },
+    )  # fmt: skip
+
+
+def doctor() -> Schema:
+    """Return the schema of ``doctor --json``."""
+    checks = [check.name for check in CHECKS]
+    place = {
+        "name": text("an interface, udp://ADDRESS:PORT, or a file"),
+        "sees_all": truth("also what is not for this machine"),
+        "frames": whole(),
+        "drops": whole("lost while listening"),
+        "failure": maybe(text("why it was not listened to, or not to the end")),
+    }
+    result = {
+        "check": word(checks),
+        "state": word(state.value for state in State),
+        "about": maybe(text("the interface, port, address or number that it is about, null for all")),
+        "seen": text(),
+        "next": maybe(text("what to do; null where there is nothing to do")),
+    }
+    expected = {
+        "ports": several(whole("UDP", 1, 65_535)), "lists": several(text("key, such as udp/1202/7")),
+        "groups": several(text("multicast groups")),
+    }  # fmt: skip
+    return document(
+        "doctor", "`nvscope doctor --json`: why nothing is seen, on this machine or in a capture",
+        {
+            "verdict": text("the answer in a sentence, without its full stop"),
+            "state": word((State.PROBLEM.value, State.OK.value), "whether anything is a problem"),
+            "live": truth("false where files were read"),
+            "listened_ns": maybe(duration()),
+            "expected": record(expected),
+            "places": several(record(place)),
+            "telegrams": whole("of lists, on expected ports, of others"),
+            "left_out": whole("telegrams of more kinds than are told apart"),
+            "results": several(record(result), "in the order of the checks"),
+            "not_told": several(word(checks), "checks of which a file tells nothing"),
         },
     )  # fmt: skip
 

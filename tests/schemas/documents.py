@@ -8,7 +8,7 @@ from pathlib import Path
 
 import nvscope.schemas
 from nvscope.tracker.figures import FIGURES
-from tests.schemas.definitions import difference, explain, fields, layout, lint
+from tests.schemas.definitions import difference, doctor, explain, fields, layout, lint
 from tests.schemas.paths import Told, paths_of
 from tests.schemas.report import report
 from tests.schemas.shapes import Schema
@@ -29,6 +29,7 @@ SCHEMAS: Mapping[str, Callable[[], Schema]] = {
     "diff": difference,
     "fields": fields,
     "explain": explain,
+    "doctor": doctor,
     "truth": simulated_truth,
     "watch": watch,
 }

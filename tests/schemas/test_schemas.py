@@ -114,6 +114,7 @@ UNSEEN = {
     "report/evidence_left_out integer": "what has hundreds of thousands of events",
     "report/findings[].parts[].extent number": "many identifiers of one channel that are irregular",
     "report/findings[].parts[].subindex null": "many lists of one channel with incomplete cycles",
+    "doctor/places[].failure string": "where nobody may listen",
     "diff/only_a[].id null": "a list of many whose file does not tell it",
     "diff/only_b[].id null": "the same",
     "report/lists[].diag.tLastReceive null": "a list of which nothing was received but that it could not be delivered",

@@ -163,7 +163,7 @@ class Layer2:
             yield batch
 
     def is_filling(self) -> bool:
-        return True
+        return False
 
     def drops(self) -> Mapping[str, int] | None:
         if self._lost is None and not self._queue.dropped:

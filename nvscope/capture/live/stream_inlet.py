@@ -126,7 +126,7 @@ class StreamInlet:
             rest -= taken
 
     def is_filling(self) -> bool:
-        return True
+        return False
 
     def drops(self) -> Mapping[str, int]:
         return self.progress.drops_by

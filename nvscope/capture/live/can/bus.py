@@ -182,7 +182,7 @@ class CanBus:
             yield batch
 
     def is_filling(self) -> bool:
-        return True
+        return False
 
     def drops(self) -> Mapping[str, int] | None:
         told = {DropsPart.QUEUE.value: self._queue.dropped, DropsPart.INTERFACE.value: self._unread}

@@ -1,0 +1,1 @@
+"""Why nothing is seen: each situation made for real, and healthy ones."""
