@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from textual.app import App, ComposeResult
 from textual.containers import Vertical
+from textual.theme import BUILTIN_THEMES
 from textual.widgets import ContentSwitcher
 
 from nvscope.analysis.watching import Scene
@@ -34,7 +35,8 @@ _DRAW_S = 0.1
 
 _FILE_STEPS = 40
 _LIVE_STEP_NS = 5_000_000_000
-_THEMES = {"dark": "textual-dark", "light": "textual-light", "ansi": "textual-ansi", "mono": "textual-ansi"}
+_ANSI = "ansi-dark" if "ansi-dark" in BUILTIN_THEMES else "textual-ansi"  # its name before Textual 8.1
+_THEMES = {"dark": "textual-dark", "light": "textual-light", "ansi": _ANSI, "mono": _ANSI}
 _HELP = "help"
 
 

@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from textual.timer import Timer
 
 from nvscope import units
-from nvscope.list_key import Transport
+from nvscope.list_key import ListKey, Transport
 from nvscope.tui.bars import Bar
 from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Look
@@ -57,7 +57,7 @@ class VariablesView(View):
         self._only: str | None = None
         self._notch = Notch()
         self._silences = Silences(None)
-        self._names: Mapping[str, str] = {}
+        self._names: Mapping[ListKey, str] = {}
         self._below = ""
         self._timer: Timer | None = None
 
@@ -78,8 +78,10 @@ class VariablesView(View):
             look.scene.variables, self._lists(look), self._order, backwards=self._backwards, before=self._rows
         )
         rows = self._rows
-        keys = dict.fromkeys(str(group.key.list) for group in rows.groups)
-        self._names = units.short_list_keys(keys)
+        lists = dict.fromkeys(group.key.list for group in rows.groups)
+        if lists.keys() != self._names.keys():
+            short = units.short_list_keys(str(key) for key in lists)
+            self._names = {key: short[str(key)] for key in lists}
         self.set_class(not len(rows), "-undefined")
         if not len(rows):
             defined = look.scene.inquiry.layouts is not None
@@ -87,7 +89,7 @@ class VariablesView(View):
         self._table.show(
             Table(COLUMNS, len(rows), self._cells, lambda number: rows.row(number).key, find=rows.find)
         )  # fmt: skip
-        self._tell_heading(len(keys))
+        self._tell_heading(len(lists))
         self._tell_below()
 
     def _lists(self, look: Look) -> Collection[str] | None:
@@ -111,13 +113,14 @@ class VariablesView(View):
 
     def _called(self, row: VariableRow) -> str:
         """Return what a list is called: its identifier, and its name."""
-        return f"{visible(self._names[str(row.group.key.list)])} {visible(row.known.layout.list.name)}".strip()
+        return f"{visible(self._names[row.group.key.list])} {visible(row.known.layout.list.name)}".strip()
 
     def _sender(self, key: StreamKey) -> str:
         if key.list.transport is Transport.CAN or self._look is None:
             return NOTHING  # nobody knows who sends on a bus
-        shown = visible(key.sender)
-        return self._look.nodes.get(shown, shown)
+        scene = self._look.scene
+        names = scene.inquiry.project.node_names if scene.node_names is None else scene.node_names
+        return visible(names.get(key.sender) or key.sender)
 
     def _tell_heading(self, lists: int) -> None:
         rows = self._rows

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -118,7 +118,8 @@ class VariableRows:
         self, streams: Sequence[VariableStream], lists: Collection[str] | None = None, order: Order = Order.DEFINITION,
         *, backwards: bool = False, before: VariableRows | None = None,
     ) -> None:  # fmt: skip
-        self.groups = list(_groups(streams, lists))
+        self._shapes: dict[int, tuple[int, int]] = {}
+        self.groups = list(self._groups(streams, lists, {} if before is None else before._shapes))
         self._starts = np.concatenate([[0], np.cumsum([len(one.known.layout.elements) for one in self.groups])])
         self._first = self._starts.tolist()
         self._by_key = {group.key: number for number, group in enumerate(self.groups)}
@@ -126,6 +127,19 @@ class VariableRows:
         if before is not None and self._layouts == before._layouts:
             self._by_name = before._by_name
         self._order = self._ordered(order, backwards)
+
+    def _groups(
+        self, streams: Sequence[VariableStream], lists: Collection[str] | None, shapes: Mapping[int, tuple[int, int]]
+    ) -> Iterator[Group]:  # fmt: skip
+        for stream in streams:
+            if lists is not None and str(stream.list) not in lists:
+                continue
+            # What a layout of before gave stands behind what that of now gives.
+            for known in reversed(stream.sequence):
+                of = id(known.layout)
+                shape = self._shapes[of] = shapes.get(of) or known.layout.shape
+                key = StreamKey(stream.list, stream.subindex, stream.sender, shape)
+                yield Group(key, known, known is not stream.sequence[-1])
 
     def __len__(self) -> int:
         return int(self._first[-1])
@@ -165,16 +179,6 @@ class VariableRows:
             names = [_natural(element.name) for group in self.groups for element in group.known.layout.elements]
             self._by_name = np.array(sorted(range(len(names)), key=names.__getitem__), np.int64)
         return self._by_name
-
-
-def _groups(streams: Sequence[VariableStream], lists: Collection[str] | None) -> Iterator[Group]:
-    for stream in streams:
-        if lists is not None and str(stream.list) not in lists:
-            continue
-        # What a layout of before gave stands behind what that of now gives.
-        for known in reversed(stream.sequence):
-            key = StreamKey(stream.list, stream.subindex, stream.sender, known.layout.shape)
-            yield Group(key, known, known is not stream.sequence[-1])
 
 
 _DIGITS = re.compile(r"(\d+)")
