@@ -21,7 +21,7 @@ from nvscope.definition.variables import Elementary
 from nvscope.engine.ring import Recent
 from nvscope.engine.run import run
 from nvscope.engine.told import Told
-from nvscope.list_key import ListKey
+from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 from nvscope.tracker.variables.values import Block
 
@@ -31,7 +31,8 @@ SILENT_PERCENT = 250
 """A stream is silent from so much of its nominal interval on: two of its telegrams are late then."""
 
 _LOST_PERCENT = 150
-"""Between two telegrams of a stream that are no further apart, none of its own was lost."""
+"""Between two telegrams of a stream that are no further apart, none of its own was lost. On CAN nothing counts frames:
+between those that are further apart, one was."""
 
 _BUCKET = 4
 
@@ -175,7 +176,9 @@ class Tracing:
         now_ns = time_ns[row]
         before_ns = np.append(now_ns[0] if self._last_ns is None else self._last_ns, now_ns[:-1])
         parted = np.append(left_out[row[0]] > 0 or self._last_ns is None, np.diff(left_out[row]) > 0)
-        parted |= _gaps(before_ns, now_ns, nominal_ns, lost_ns)
+        parted |= _gaps(
+            before_ns, now_ns, nominal_ns, lost_ns, on_can=self.traced.list.transport is Transport.CAN
+        )  # fmt: skip
         self._time_ns = np.concatenate([self._time_ns, now_ns])
         self._frame = np.concatenate([self._frame, frame[row]])
         self._value = np.concatenate([self._value, value[row]])
@@ -216,7 +219,7 @@ def _is_of(stream: Stream, traced: Traced) -> bool:
     return (stream.list, stream.subindex, stream.sender) == (traced.list, traced.subindex, traced.sender)
 
 
-def _gaps(before_ns: I64, now_ns: I64, nominal_ns: int | None, lost_ns: I64) -> Bool:
+def _gaps(before_ns: I64, now_ns: I64, nominal_ns: int | None, lost_ns: I64, *, on_can: bool) -> Bool:
     """Return which telegrams do not go on where the ones before them ended."""
     between_ns = now_ns - before_ns
     place = np.searchsorted(lost_ns, before_ns, "right")
@@ -224,7 +227,7 @@ def _gaps(before_ns: I64, now_ns: I64, nominal_ns: int | None, lost_ns: I64) -> 
     if nominal_ns:
         # Of a list of several SubIndexes it is known when it lost some, and not of which.
         lost &= between_ns * 100 > nominal_ns * _LOST_PERCENT
-        lost |= between_ns * 100 > nominal_ns * SILENT_PERCENT
+        lost |= between_ns * 100 > nominal_ns * (_LOST_PERCENT if on_can else SILENT_PERCENT)
     gaps: Bool = lost | (between_ns < 0)
     return gaps
 

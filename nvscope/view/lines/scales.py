@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from math import ceil, floor, isfinite, log10
 from typing import NamedTuple
 
@@ -18,7 +19,8 @@ _TIME_STEPS = (
     *(step * _HOUR_NS for step in (1, 2, 3, 6, 12)),
     *(step * _DAY_NS for step in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000, 5_000)),
 )
-_STEPS = (1, 2, 5, 10)
+_STEPS = (1, 2, 5)
+_MOST_STEPS = 30
 _FIXED_FROM, _FIXED_TO = 1e-5, 1e9
 _MOST_DIGITS = 9
 _GAP = 3
@@ -41,19 +43,23 @@ def nice_ticks(
     apart = high / most - low / most
     if not (isfinite(apart) and apart > 0):
         return []
+    for step in _number_steps(apart, whole=whole):
+        first, last = ceil(low / step), floor(high / step)
+        if last - first < most:
+            values = [one for number in range(first, last + 1) if low <= (one := number * step) <= high]
+            greatest = max(abs(low), abs(high))
+            return [Tick(one, text(one) if text else _number(one, step, greatest)) for one in values]
+    return []
+
+
+def _number_steps(apart: float, *, whole: bool) -> Iterator[float]:
+    """Yield round steps, from about as far apart on as asked for; none at the ends of what numbers there are."""
     power = floor(log10(apart))
-    try:
-        size = 10.0**power
-        step = next(one * size for one in _STEPS if one * size >= apart * (1 - 1e-9))
-        if whole:
-            step = max(step, 1.0)
-        first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
-    except (OverflowError, ZeroDivisionError, StopIteration):
-        return []  # at the ends of what numbers there are
-    values = [one for number in range(first, min(last, first + most) + 1) if low <= (one := number * step) <= high]
-    if len(values) > most:
-        values = values[:: ceil(len(values) / most)]
-    return [Tick(one, text(one) if text else _number(one, step, max(abs(low), abs(high)))) for one in values]
+    for one in range(_MOST_STEPS):
+        with suppress(OverflowError, ZeroDivisionError):
+            step = _STEPS[one % len(_STEPS)] * 10.0 ** (power + one // len(_STEPS))
+            if isfinite(step) and step >= apart * (1 - 1e-9) and (not whole or step >= 1):
+                yield step
 
 
 def _number(value: float, step: float, greatest: float) -> str:
