@@ -12,7 +12,7 @@ from textual.message import Message
 from textual.worker import get_current_worker
 
 from nvscope import units
-from nvscope.analysis.tracing import Trace, Traced, Tracing
+from nvscope.analysis.tracing import SILENT_PERCENT, Trace, Traced, Tracing
 from nvscope.analysis.watching import Scene
 from nvscope.definition.variables import type_text
 from nvscope.tui.drawn_view import DrawnView
@@ -22,11 +22,14 @@ from nvscope.view.escape import visible
 from nvscope.view.lines.plot import Axes, Curve, plot
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
 from nvscope.view.lines.value_axes import axes_of
-from nvscope.view.lines.variable_cells import cut
+from nvscope.view.lines.variable_cells import age, cut
 from nvscope.view.lines.variable_rows import RowKey, VariableRow
 
 _SHOWN_S = 0.2
 """What was read is shown so often while more is read."""
+
+_MANY_FRAMES = 20_000
+"""To read so many takes a moment: it is said how far that is."""
 
 
 class PlotPane(Vertical):
@@ -148,12 +151,19 @@ class PlotPane(Vertical):
         return [Cell(text, Tone.STRONG), Cell(when, Tone.PLAIN if self._cursor_ns is not None else Tone.FAINT)]
 
     def _told(self, trace: Trace, look: Look) -> list[Cell]:
+        """Return what else is to be said of what is drawn."""
+        told = []
         recent = look.scene.recent
-        if trace.stop_frame < recent.stop_frame and self._reading:
-            read = trace.stop_frame - recent.first_frame
-            if recent.stop_frame - trace.stop_frame > len(recent) // 50:
-                return [Cell(f"   {units.percent(read, len(recent))} read …", Tone.FAINT)]
-        return [Cell("   thinned: extremes stay", Tone.FAINT)] if trace.thinned else []
+        if self._cursor_ns is None and self._nominal_ns and len(trace.time_ns):
+            passed_ns = look.now_ns - int(trace.time_ns[-1])
+            if trace.stop_frame == recent.stop_frame and passed_ns * 100 > self._nominal_ns * SILENT_PERCENT:
+                told.append(Cell(f"   silent {age(passed_ns)}", Tone.WARNING))
+        if recent.stop_frame - trace.stop_frame > _MANY_FRAMES:
+            read = max(trace.stop_frame - recent.first_frame, 0)
+            told.append(Cell(f"   {units.percent(read, len(recent))} read …", Tone.FAINT))
+        elif trace.thinned:
+            told.append(Cell("   thinned: extremes stay", Tone.FAINT))
+        return told
 
     # What keys do.
 

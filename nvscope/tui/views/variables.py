@@ -85,7 +85,7 @@ class VariablesView(View):
         self.set_class(not len(rows), "-undefined")
         if not len(rows):
             defined = look.scene.inquiry.layouts is not None
-            self._undefined.show(no_values(look.report, self._only, defined, max(self.size.width - 1, 40)))
+            self._undefined.show(no_values(look.report, self._only, defined, max(self.size.width - 1, 18)))
         self._table.show(
             Table(COLUMNS, len(rows), self._cells, lambda number: rows.row(number).key, find=rows.find)
         )  # fmt: skip
@@ -152,7 +152,7 @@ class VariablesView(View):
         elif self._below == _DETAILS:
             told = details(
                 row, self._sender(row.group.key), self._silences.nominal_ns(row.group.key), look.clock.moment,
-                max(self.size.width - 2, 40),
+                max(self.size.width - 1, 18),
             )  # fmt: skip
             self._details.show(told)
 

@@ -11,7 +11,7 @@ from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
 from nvscope.view.lines.variable_rows import VariableRow
 
-_INDENT = 14
+_INDENT = 10
 _MOST_BYTES = 16
 
 
