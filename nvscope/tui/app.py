@@ -35,7 +35,7 @@ _DRAW_S = 0.1
 
 _FILE_STEPS = 40
 _LIVE_STEP_NS = 5_000_000_000
-_ANSI = "ansi-dark" if "ansi-dark" in BUILTIN_THEMES else "textual-ansi"  # its name before Textual 8.1
+_ANSI = "ansi-dark" if "ansi-dark" in BUILTIN_THEMES else "textual-ansi"  # Textual has renamed it
 _THEMES = {"dark": "textual-dark", "light": "textual-light", "ansi": _ANSI, "mono": _ANSI}
 _HELP = "help"
 
