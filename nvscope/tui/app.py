@@ -13,6 +13,7 @@ from typing import Any
 
 from textual.app import App, ComposeResult
 from textual.containers import Vertical
+from textual.theme import BUILTIN_THEMES
 from textual.widgets import ContentSwitcher
 
 from nvscope import units
@@ -29,6 +30,7 @@ from nvscope.tui.prompt import Prompt
 from nvscope.tui.recording import Recorder
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
+from nvscope.tui.views.variables import VariablesView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Tone
@@ -38,7 +40,8 @@ _DRAW_S = 0.1
 
 _FILE_STEPS = 40
 _LIVE_STEP_NS = 5_000_000_000
-_THEMES = {"dark": "textual-dark", "light": "textual-light", "ansi": "textual-ansi", "mono": "textual-ansi"}
+_ANSI = "ansi-dark" if "ansi-dark" in BUILTIN_THEMES else "textual-ansi"  # Textual has renamed it
+_THEMES = {"dark": "textual-dark", "light": "textual-light", "ansi": _ANSI, "mono": _ANSI}
 _HELP = "help"
 
 
@@ -518,4 +521,4 @@ class WatchApp(App[None], inherit_bindings=False):
 
 def make_views() -> list[View]:
     """Return the views, in the order of their numbers."""
-    return [ListsView(), CausesView()]
+    return [ListsView(), CausesView(), VariablesView()]

@@ -23,8 +23,9 @@ _MAY_GO = 3
 class Table:
     """What a table shows: its columns, how many rows, and the cells of a row when they are asked for.
 
-    ``key`` tells what a row is about, so that the cursor stays on it where rows move. ``stretches`` is the place of a
-    column that takes what room is left, whose cells ``strip`` makes of a row and a width; ``title`` is made likewise.
+    ``key`` tells what a row is about, so that the cursor stays on it where rows move; ``find`` knows where it is then,
+    None where all are looked at. ``stretches`` is the place of a column that takes what room is left, whose cells
+    ``strip`` makes of a row and a width; ``title`` is made likewise.
     """
 
     columns: Sequence[Column]
@@ -34,6 +35,7 @@ class Table:
     stretches: int | None = None
     strip: Callable[[int, int], Cell] | None = None
     title: Callable[[int], str] | None = None
+    find: Callable[[Hashable], int | None] | None = None
 
 
 _NO_TABLE = Table((), 0, lambda _: (), lambda row: row)
@@ -86,7 +88,8 @@ class TableView(ScrollView):
         elif self.follows or self.row < 0:
             self.row = table.count - 1 if self.follows else 0
         elif self.row >= table.count or table.key(self.row) != self._key:
-            found = next((row for row in range(table.count) if table.key(row) == self._key), None)
+            find = table.find or (lambda key: next((row for row in range(table.count) if table.key(row) == key), None))
+            found = find(self._key)
             self.row = min(self.row, table.count - 1) if found is None else found
         if self.row >= 0:
             self._key = table.key(self.row)
