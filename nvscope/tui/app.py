@@ -24,6 +24,7 @@ from nvscope.tui.painting import PALETTES
 from nvscope.tui.prompt import Prompt
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
+from nvscope.tui.views.nodes import NodesView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Tone
@@ -435,4 +436,4 @@ class WatchApp(App[None]):
 
 def make_views() -> list[View]:
     """Return the views, in the order of their numbers."""
-    return [ListsView(), CausesView()]
+    return [ListsView(), CausesView(), NodesView()]
