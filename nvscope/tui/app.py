@@ -22,6 +22,7 @@ from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Choice, Look
 from nvscope.tui.painting import PALETTES
 from nvscope.tui.prompt import Prompt
+from nvscope.tui.views.can import CanView
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
 from nvscope.tui.views.nodes import NodesView
@@ -436,4 +437,4 @@ class WatchApp(App[None]):
 
 def make_views() -> list[View]:
     """Return the views, in the order of their numbers."""
-    return [ListsView(), CausesView(), NodesView()]
+    return [ListsView(), CausesView(), NodesView(), CanView()]

@@ -209,6 +209,8 @@ def _matrix(look: Look) -> Matrix:
 def _without_lists(look: Look, width: int) -> list[Line]:
     """Return what is told where there is no list on UDP: of CAN, its CANopen nodes."""
     known: Sequence[Mapping[str, Any]] = look.report.get("buses", ())
+    if look.scene.at_ns is None:
+        return [[Cell("Nothing was read yet.", Tone.FAINT)]]
     if not known:
         return list(wrap([Cell("No list was seen on UDP: nobody sends to anybody.", Tone.FAINT)], width))
     lines: list[Line] = [*wrap([Cell(_ON_CAN, Tone.FAINT)], width)]
