@@ -26,6 +26,7 @@ from nvscope.tui.views.can import CanView
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
 from nvscope.tui.views.nodes import NodesView
+from nvscope.tui.views.source import SourceView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Tone
@@ -72,6 +73,8 @@ class WatchApp(App[None]):
         self._waiting_for = ""  # an action that takes the next key
         self._ended = False
         self._drawn_s = 0.0
+        self.draws = 0
+        """How often the screen was drawn so far."""
         self._draw_due = False
         self.error: BaseException | None = None
         self.views: Sequence[View] = make_views()
@@ -140,6 +143,7 @@ class WatchApp(App[None]):
 
     def _show(self, scene: Scene) -> None:
         self._drawn_s = time.monotonic()
+        self.draws += 1
         self._look = Look.of(
             scene, utc=self._utc, choice=self._choice, live=self.feed.is_live, at_ns=self._at_ns, frozen=self._frozen
         )
@@ -437,4 +441,4 @@ class WatchApp(App[None]):
 
 def make_views() -> list[View]:
     """Return the views, in the order of their numbers."""
-    return [ListsView(), CausesView(), NodesView(), CanView()]
+    return [ListsView(), CausesView(), NodesView(), CanView(), SourceView()]

@@ -14,7 +14,7 @@ from nvscope.tui.look import Look
 from nvscope.tui.views.view import View
 from nvscope.view.lines.plant import buses
 from nvscope.view.lines.plant.matrix import Facts, Matrix
-from nvscope.view.lines.plant.matrix_details import list_lines, node_lines
+from nvscope.view.lines.plant.matrix_details import left_out_words, list_lines, node_lines
 from nvscope.view.lines.plant.tables import Measure, cells
 from nvscope.view.lines.table import Cell, Line, Tone, align, wrap
 
@@ -98,9 +98,7 @@ class NodesView(View):
         if not all(info.hears_answers for info in look.scene.snapshot.infos):
             told = "What nodes answer to each other is not heard here: only who sends, and who is sent something."
             lines += wrap([Cell(told, Tone.WARNING)], width)
-        if matrix.facts.contacts.left_out:
-            lines += wrap([Cell(f"{matrix.facts.contacts.left_out} events had no room: marks may lack some",
-                                Tone.WARNING)], width)  # fmt: skip
+        lines += [one for told in left_out_words(matrix) for one in wrap([Cell(told, Tone.WARNING)], width)]
         if look.report.get("buses"):
             lines += wrap([Cell(f"{_ON_CAN}View 6 shows identifiers and CANopen nodes.", Tone.FAINT)], width)
         self._told.display = not self._alone

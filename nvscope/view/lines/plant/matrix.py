@@ -33,6 +33,9 @@ _LEAST_COLUMN = 3
 _MOST_NAME, _MOST_TO = 22, 11
 _STALE_PERCENT = 250
 
+MOST_LISTS, MOST_NODES = 2_000, 1_000
+"""So many lists and nodes are shown: those that causes concern, then the first ones. Nobody looks through more."""
+
 
 class Mark(Enum):
     """What a node is to a list: the sign for it, one of plain ASCII, its tone, and what it says.
@@ -128,18 +131,37 @@ class Matrix:
 
     @cached_property
     def lists(self) -> Sequence[ListSummary]:
-        """The lists on UDP."""
-        shown = self.shown
-        return [one for one in self.facts.summary.lists if shown is None or str(one.key) in shown]
+        """The lists on UDP that are shown."""
+        known, concerned = self._chosen, self._by_list
+        if len(known) <= MOST_LISTS:
+            return known
+        first = sorted(range(len(known)), key=lambda place: known[place].key not in concerned)[:MOST_LISTS]
+        return [known[place] for place in sorted(first)]
+
+    @cached_property
+    def _chosen(self) -> Sequence[ListSummary]:
+        lists = self.facts.summary.lists
+        return lists if self.shown is None else [one for one in lists if str(one.key) in self.shown]
 
     @cached_property
     def nodes(self) -> Sequence[int]:
-        """The nodes that send lists, read them, or are sent them, by address."""
+        """The nodes that are shown, by address: they send lists, read them, or are sent them."""
+        order, known, concerned = self.facts.summary.address_order, self._every_node, self._by_node
+        if len(known) > MOST_NODES:
+            known = frozenset(sorted(known, key=lambda node: (node not in concerned, order[node]))[:MOST_NODES])
+        return sorted(known, key=lambda node: order[node])
+
+    @cached_property
+    def _every_node(self) -> frozenset[int]:
         found: set[int] = set()
-        for entry in self.lists:
-            found.update(entry.senders, entry.readers, self.facts.contacts.destinations.get(entry.number, ((),))[0])
-        order = self.facts.summary.address_order
-        return sorted(found, key=lambda node: order[node])
+        for place in range(len(self.lists)):
+            found |= self.roles(place)
+        return frozenset(found)
+
+    @property
+    def left_out(self) -> tuple[int, int]:
+        """How many more lists and nodes there are."""
+        return len(self._chosen) - len(self.lists), len(self._every_node) - len(self.nodes)
 
     @cached_property
     def groups(self) -> Sequence[Group]:
@@ -195,8 +217,9 @@ class Matrix:
 
     def marks(self) -> Iterator[Mark]:
         """Yield all marks of all cells."""
+        shown = frozenset(self.nodes)
         for place in range(len(self.lists)):
-            for node in self.roles(place):
+            for node in self.roles(place) & shown:
                 if (mark := self.mark(place, node)) is not None:
                     yield mark
 
@@ -232,7 +255,7 @@ class Matrix:
                 found[key].append(cause)
         return found
 
-    def roles(self, place: int) -> Collection[int]:
+    def roles(self, place: int) -> frozenset[int]:
         """Return the nodes that are something to a list."""
         if place in self._roles:
             return self._roles[place]
@@ -362,9 +385,13 @@ class Matrix:
             found.append((" " * before, " " * (max(_LEAST_COLUMN, title) - before)))
         return found
 
+    @cached_property
+    def _widths(self) -> Sequence[int]:
+        return [len(before) + 1 + len(after) for before, after in self._gaps]
+
     def span(self, width: int, first: int) -> Span:
         """Return which nodes are shown in so many columns from the first one on: one at least."""
-        widths = [len(before) + 1 + len(after) for before, after in self._gaps]
+        widths = self._widths
         first = min(max(first, 0), max(len(widths) - 1, 0))
         room, stop = width - self.margin - 2, first
         while stop < len(widths) and (widths[stop] <= room or stop == first):

@@ -111,6 +111,18 @@ def node_lines(matrix: Matrix, node: int, clock: Clock, now_ns: int, width: int)
     ]  # fmt: skip
 
 
+def left_out_words(matrix: Matrix) -> list[str]:
+    """Return what is said of what has no room in a matrix, nothing where all has."""
+    (lists, nodes), told = matrix.left_out, []
+    if lists:
+        told.append(f"{units.count_of(lists, 'more list')} of which no cause tells: a filter (/) chooses some")
+    if nodes:
+        told.append(f"{units.count_of(nodes, 'more node')} of which no cause tells")
+    if events := matrix.facts.contacts.left_out:
+        told.append(f"{units.count_of(events, 'event')} had no room: marks may lack some")
+    return told
+
+
 def _places(matrix: Matrix, node: int, *, sends: bool) -> list[int]:
     """Return the lists that a node sends, or those of others that it reads or is sent."""
     found = []
