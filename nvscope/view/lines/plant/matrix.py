@@ -203,7 +203,7 @@ class Matrix:
         """Return to whom a list is sent: to everybody (broadcast or multicast), to one node, or to so many."""
         nodes, everybody = self.facts.contacts.destinations.get(self.lists[place].number, (frozenset(), False))
         one = next(iter(nodes), None)
-        told = "" if one is None else f"to {self.titles[one]}" if len(nodes) == 1 else f"{len(nodes)} nodes"
+        told = "" if one is None else self.titles[one] if len(nodes) == 1 else f"{len(nodes)} nodes"
         if everybody:
             return f"all, {told}" if told else "all"
         return told or NOTHING

@@ -11,6 +11,7 @@ from nvscope.engine.keys import FrameKind
 from nvscope.findings.kind import Severity
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.view.escape import visible
+from nvscope.view.lines.plant.bus_load import age
 from nvscope.view.lines.plant.content import Clock
 from nvscope.view.lines.plant.happenings import symbol
 from nvscope.view.lines.plant.matrix import Mark, Matrix
@@ -41,9 +42,7 @@ def list_lines(matrix: Matrix, place: int, clock: Clock, width: int) -> list[Lin
         told += f", the last at {clock.moment(entry.diagnosis.tLastSend)}"
     lines = list(wrap([Cell(f"List {matrix.names[place]}", Tone.STRONG), Cell(told)], width, hanging=2))
     lines += _causes(matrix.causes_of_list(place), width)
-    if len(entry.readers) or matrix.roles(place):
-        lines += _readers(matrix, place, clock, width)
-    return lines
+    return [*lines, *_readers(matrix, place, clock, width)]
 
 
 def _readers(matrix: Matrix, place: int, clock: Clock, width: int) -> list[Line]:
@@ -73,7 +72,9 @@ def _readers(matrix: Matrix, place: int, clock: Clock, width: int) -> list[Line]
             ]
         )  # fmt: skip
     if not rows:
-        return [[Cell("  nobody was seen to read it: readers of a broadcast say nothing", Tone.FAINT)]]
+        _, everybody = contacts.destinations.get(entry.number, (frozenset(), False))
+        why = ": who reads a broadcast says nothing" if everybody else ""
+        return [[Cell(f"  nobody was seen to read it{why}", Tone.FAINT)]]
     return align(_COLUMNS, rows, None, 2) if _fits(rows, width) else _fitted(rows, width)
 
 
@@ -103,7 +104,7 @@ def node_lines(matrix: Matrix, node: int, clock: Clock, now_ns: int, width: int)
         facts.append(f"hardware {', '.join(visible(device_in_words(one)) for one in hardware[:_MOST_NAMES])}")
     last_ns = matrix.facts.contacts.last_of_node.get(node)
     if last_ns is not None:
-        facts.append(f"last heard at {clock.moment(last_ns)}, {units.duration(max(now_ns - last_ns, 0))} ago")
+        facts.append(f"last heard at {clock.moment(last_ns)}, {age(now_ns - last_ns).text} ago")
     else:
         facts.append("never heard")
     return [
@@ -115,9 +116,9 @@ def left_out_words(matrix: Matrix) -> list[str]:
     """Return what is said of what has no room in a matrix, nothing where all has."""
     (lists, nodes), told = matrix.left_out, []
     if lists:
-        told.append(f"{units.count_of(lists, 'more list')} of which no cause tells: a filter (/) chooses some")
+        told.append(f"{units.count_of(lists, 'more list')}: a filter (/) chooses some")
     if nodes:
-        told.append(f"{units.count_of(nodes, 'more node')} of which no cause tells")
+        told.append(f"{units.count_of(nodes, 'more node')}")
     if events := matrix.facts.contacts.left_out:
         told.append(f"{units.count_of(events, 'event')} had no room: marks may lack some")
     return told

@@ -166,7 +166,7 @@ def limits_block(summary: Summary, most: int, left_out: int) -> Block:
     lists = len(summary.lists) + len(summary.can.lists)
     rows = [
         Row("streams", [Cell(f"{units.count(streams)} of {units.count(most)}"),
-                        Cell(f" at most (--max-streams), in {units.count_of(lists, 'list')}", Tone.FAINT)])
+                        Cell(f" at most (limits.max_streams), in {units.count_of(lists, 'list')}", Tone.FAINT)])
     ]  # fmt: skip
     if left_out:
         told = f"! {units.count_of(left_out, 'frame')} of further streams: figures lack them (NV906)"
