@@ -17,6 +17,7 @@ from nvscope.view.lines.plant.source_blocks import (
     limits_block,
     lines_of,
     own_block,
+    recording_block,
     ring_block,
     source_block,
 )
@@ -60,9 +61,19 @@ class SourceView(View):
         known = scene.snapshot
         left_out = sum(finding.count for finding in known.findings if finding.kind is LIMIT_REACHED)
         old_ns = time.monotonic_ns() - scene.made_ns if look.at_ns is None else None
+        recording = self.app.recording  # type: ignore[attr-defined]
         most = scene.inquiry.reading().max_streams
         return [
             *(source_block(info, look.clock, scene.at_ns) for info in known.infos),
+            *(
+                []
+                if recording is None
+                else [
+                    recording_block(
+                        recording.path, recording.frames, recording.bytes, recording.failure, is_on=recording.is_on
+                    )
+                ]
+            ),
             ring_block(scene.recent, look.clock, scene.at_ns),
             limits_block(known.summary, most, left_out),
             own_block(self._load, scene.took_ns, old_ns),

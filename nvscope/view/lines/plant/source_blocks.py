@@ -137,6 +137,15 @@ def _without_carrier(info: SourceInfo, clock: Clock) -> list[Cell]:
     return [Cell(f"✗ {text}" if now else f"! {text}", Tone.ERROR if now else Tone.WARNING)]
 
 
+def recording_block(path: str, frames: int, size_bytes: int, failure: str, *, is_on: bool) -> Block:
+    """Return what is known of a recording."""
+    rows = [Row("frames", [Cell(f"{units.count_of(frames, 'frame')}, {units.data_size(size_bytes)}")])]
+    if failure:
+        rows.append(Row("ended", [Cell(f"✗ {visible(failure)}", Tone.ERROR)]))
+    how = "on" if is_on else "ended"
+    return Block([Cell("Recording", Tone.STRONG), Cell(f"   {visible(path)}, {how}", Tone.FAINT)], rows)
+
+
 def ring_block(recent: Recent, clock: Clock, at_ns: int | None) -> Block:
     """Return what is kept of the last frames, and how many came over the last seconds."""
     size = f"{units.data_size(recent.bytes)} of {units.data_size(recent.most_bytes)}"
