@@ -13,8 +13,9 @@ from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Look
 from nvscope.tui.views.view import View
 from nvscope.view.lines.plant import buses
-from nvscope.view.lines.plant.matrix import Facts, Matrix
+from nvscope.view.lines.plant.matrix import Matrix
 from nvscope.view.lines.plant.matrix_details import left_out_words, list_lines, node_lines
+from nvscope.view.lines.plant.roles import Facts
 from nvscope.view.lines.plant.tables import Measure, cells
 from nvscope.view.lines.table import Cell, Line, Tone, align, wrap
 

@@ -14,7 +14,8 @@ from nvscope.view.escape import visible
 from nvscope.view.lines.plant.bus_load import age
 from nvscope.view.lines.plant.content import Clock
 from nvscope.view.lines.plant.happenings import symbol
-from nvscope.view.lines.plant.matrix import Mark, Matrix
+from nvscope.view.lines.plant.matrix import Matrix
+from nvscope.view.lines.plant.roles import Mark
 from nvscope.view.lines.table import NOTHING, Cell, Column, Line, Tone, align, wrap
 
 _MOST_CAUSES = 3
@@ -41,7 +42,7 @@ def list_lines(matrix: Matrix, place: int, clock: Clock, width: int) -> list[Lin
     if entry.diagnosis.tLastSend is not None:
         told += f", the last at {clock.moment(entry.diagnosis.tLastSend)}"
     lines = list(wrap([Cell(f"List {matrix.names[place]}", Tone.STRONG), Cell(told)], width, hanging=2))
-    lines += _causes(matrix.causes_of_list(place), width)
+    lines += _causes(matrix.known.causes_of_list.get(entry.key, ()), width)
     return [*lines, *_readers(matrix, place, clock, width)]
 
 
@@ -51,7 +52,7 @@ def _readers(matrix: Matrix, place: int, clock: Clock, width: int) -> list[Line]
     others = [node for node in matrix.roles(place) if node in entry.readers or node not in entry.senders]
     rows = []
     for node in sorted(others, key=lambda one: order[one]):
-        spoken, refused = contacts.spoken.get((entry.number, node), {}), matrix.refused(entry, node)
+        spoken, refused = contacts.spoken.get((entry.number, node), {}), matrix.known.refused(entry, node)
         answers, timed = spoken.get(FrameKind.ACKNOWLEDGEMENT), contacts.answered.get((entry.number, node))
         asked = spoken.get(FrameKind.BOOT_UP_REQUEST)
         missing = refused.get(EventKind.NO_ACKNOWLEDGEMENT)
@@ -107,9 +108,8 @@ def node_lines(matrix: Matrix, node: int, clock: Clock, now_ns: int, width: int)
         facts.append(f"last heard at {clock.moment(last_ns)}, {age(now_ns - last_ns).text} ago")
     else:
         facts.append("never heard")
-    return [
-        *wrap([*head, Cell("  " + "; ".join(facts))], width, hanging=2), *_causes(matrix.causes_of_node(node), width),
-    ]  # fmt: skip
+    lines = list(wrap([*head, Cell("  " + "; ".join(facts))], width, hanging=2))
+    return [*lines, *_causes(matrix.known.causes_of_node.get(node, ()), width)]
 
 
 def left_out_words(matrix: Matrix) -> list[str]:

@@ -11,8 +11,9 @@ from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, scene_at
 from nvscope.definition.project_file import read_project
 from nvscope.view.lines.plant.content import Clock
-from nvscope.view.lines.plant.matrix import BAD, Facts, Mark, Matrix
+from nvscope.view.lines.plant.matrix import Matrix
 from nvscope.view.lines.plant.matrix_details import list_lines, node_lines
+from nvscope.view.lines.plant.roles import BAD, Facts, Mark
 from nvscope.view.lines.table import Line
 from tests.simulate.simulation import simulated
 
@@ -138,7 +139,7 @@ def test_a_healthy_plant_shows_calm_marks(name: str, at_s: float | None, tmp_pat
     marks = [*matrix.marks()]
     assert Mark.ANSWERS in marks
     assert not {*marks} & BAD
-    assert {matrix.light_of(node) for node in matrix.nodes} == {None}
+    assert {matrix.known.light_of_node(node) for node in matrix.nodes} == {None}
 
 
 def test_what_the_project_says_of_nodes(tmp_path: Path) -> None:
