@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +16,7 @@ from nvscope.engine.ring import RING_BYTES, FrameRing, Recent, RecentSource
 from nvscope.engine.run import Observer
 from nvscope.engine.session import Session
 from nvscope.tracker.counted import Counted
+from nvscope.tracker.evidence.contacts import Contacts, contacts_of
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.pace import Pace, PaceSeen
 from nvscope.tracker.state import TrackerState
@@ -30,17 +32,21 @@ if TYPE_CHECKING:
 class Scene:
     """What is known at a moment: figures and causes, how fast lists come, the last frames, the values of variables.
 
-    ``variables`` are empty without definitions. ``node_names`` are those that causes tell nodes by. ``at_ns`` of the
-    snapshot is the time up to which the source was watched.
+    ``contacts`` are who sends to whom. ``variables`` are empty without definitions. ``node_names`` are those that
+    causes tell nodes by. ``at_ns`` of the snapshot is the time up to which the source was watched. ``took_ns``
+    is how long the look took that made it, which was done at ``made_ns`` of ``time.monotonic_ns``.
     """
 
     snapshot: Snapshot
     pace: PaceSeen
     recent: Recent
     inquiry: Inquiry
+    contacts: Contacts
     channels: Sequence[str] = ()
     variables: Sequence[VariableStream] = ()
     node_names: Mapping[str, str] | None = None
+    took_ns: int = 0
+    made_ns: int = 0
 
     @property
     def at_ns(self) -> int | None:
@@ -107,7 +113,7 @@ class Watched:
 
     def look(self) -> Scene:
         """Return what is known at this moment; nothing that is observed changes by it."""
-        inquiry = self.inquiry
+        inquiry, began_ns = self.inquiry, time.monotonic_ns()
         found = snapshot(
             self._state, self.source, inquiry.project, inquiry.pdos, overdue=self._overdue,
             protocols=inquiry.protocols, witness=self._witness, node_names=self._names, clock=self._clock,
@@ -117,9 +123,12 @@ class Watched:
             self._reset, self._base = False, found.figures
         if self._base is not None:
             found = _since(found, self._base, inquiry)
+        contacts = contacts_of(self._state, self._witness)
+        pace, recent, variables = self._pace.seen(), self._ring.recent(), _kept_variables(self._state)
+        made_ns = time.monotonic_ns()
         return Scene(
-            found, self._pace.seen(), self._ring.recent(), inquiry, tuple(self.source.channels),
-            _kept_variables(self._state), self._names,
+            found, pace, recent, inquiry, contacts, tuple(self.source.channels), variables, self._names,
+            made_ns - began_ns, made_ns,
         )  # fmt: skip
 
 

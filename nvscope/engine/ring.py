@@ -55,13 +55,14 @@ class Recent:
     """The frames that a ring held at a moment; a value that stays as it is.
 
     Frames are told by their numbers in the capture, from 1. ``start_ns`` is the time of the capture's first frame,
-    ``bytes`` what the frames take, ``passed`` how many frames the ring has let go.
+    ``bytes`` what the frames take of ``most_bytes``, ``passed`` how many frames the ring has let go.
     """
 
     chunks: Sequence[Chunk] = ()
     start_ns: int = 0
     bytes: int = 0
     passed: int = 0
+    most_bytes: int = RING_BYTES
 
     @property
     def first_frame(self) -> int:
@@ -155,7 +156,7 @@ class FrameRing:
 
     def recent(self) -> Recent:
         """Return what is kept at this moment."""
-        return Recent(tuple(self._chunks), self._start_ns, self._bytes, self._passed)
+        return Recent(tuple(self._chunks), self._start_ns, self._bytes, self._passed, self.most_bytes)
 
     def _append(self, chunk: Chunk) -> None:
         self._chunks.append(chunk)

@@ -16,7 +16,7 @@ from dissectors.keys import KeyTable
 from nvscope.engine.dealing import Share
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.buckets import bucket_of
-from nvscope.tracker.histograms import known_extreme, percentiles_of_streams
+from nvscope.tracker.histograms import StreamPercentiles, known_extreme, percentiles_of_streams
 
 _STREAM_BIT = 32
 _BUCKET_OFFSET = 1 << 20
@@ -97,6 +97,14 @@ class Latencies:
         word = self.keys.high.view(np.int64)
         bucket = (word & ((1 << _STREAM_BIT) - 1)) - _BUCKET_OFFSET
         return word >> _STREAM_BIT, bucket, self.buckets.column("count")
+
+    def percentiles(self, percents: tuple[int, ...]) -> StreamPercentiles:
+        """Return percentiles of all streams that have acknowledgements, as columns."""
+        stream, bucket, count = self._counts()
+        order = np.lexsort((bucket, stream))
+        order = order[count[order] > 0]
+        extremes = (column[stream[order]] for column in (self.columns.least_ns, self.columns.most_ns))
+        return percentiles_of_streams(percents, stream[order], bucket[order], count[order], *extremes)
 
     def figures(self, group_of: I64) -> dict[int, LatencyFigures]:
         """Return the figures of streams taken together, by group; ``group_of`` has the group of each stream.

@@ -27,9 +27,12 @@ from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Choice, Look
 from nvscope.tui.painting import PALETTES
 from nvscope.tui.prompt import Prompt
-from nvscope.tui.recording import Recorder
+from nvscope.tui.recording import Recorder, Recording
+from nvscope.tui.views.can import CanView
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
+from nvscope.tui.views.nodes import NodesView
+from nvscope.tui.views.source import SourceView
 from nvscope.tui.views.variables import VariablesView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
@@ -80,6 +83,8 @@ class WatchApp(App[None], inherit_bindings=False):
         self._waiting_for = ""  # an action that takes the next key
         self._ended = False
         self._drawn_s = 0.0
+        self.draws = 0
+        """How often the screen was drawn so far."""
         self._draw_due = False
         self.error: BaseException | None = None
         self.ended_by = 0
@@ -165,6 +170,7 @@ class WatchApp(App[None], inherit_bindings=False):
 
     def _show(self, scene: Scene) -> None:
         self._drawn_s = time.monotonic()
+        self.draws += 1
         self._look = Look.of(
             scene, utc=self._utc, choice=self._choice, live=self.feed.is_live, at_ns=self._at_ns, frozen=self._frozen
         )
@@ -201,6 +207,11 @@ class WatchApp(App[None], inherit_bindings=False):
             parts.append(recording)
         parts.append(self._state or ("live" if self.feed.is_live else "end of capture"))
         return "   ".join(parts)
+
+    @property
+    def recording(self) -> Recording | None:
+        """What is recorded, or was; None where nothing was."""
+        return self._recorder.state
 
     @property
     def look(self) -> Look | None:
@@ -521,4 +532,4 @@ class WatchApp(App[None], inherit_bindings=False):
 
 def make_views() -> list[View]:
     """Return the views, in the order of their numbers."""
-    return [ListsView(), CausesView(), VariablesView()]
+    return [ListsView(), CausesView(), VariablesView(), NodesView(), CanView(), SourceView()]

@@ -180,4 +180,4 @@ class SessionFeed:
 def _rows(scene: Scene) -> int:
     summary = scene.snapshot.summary
     lists = sum(len(entry.streams) for entry in summary.lists)
-    return lists + sum(len(entry.streams) for entry in summary.can.lists) + 20
+    return lists + sum(len(entry.streams) for entry in summary.can.lists) + scene.contacts.rows // 16 + 20

@@ -14,6 +14,7 @@ from nvscope.tracker.evidence.pauses import Pauses
 from nvscope.tracker.evidence.presence import Presence
 from nvscope.tracker.evidence.shared_addresses import SharedAddresses
 from nvscope.tracker.evidence.throughput import Throughput
+from nvscope.tracker.evidence.unanswered import Unanswered
 
 
 class Witness:
@@ -30,6 +31,7 @@ class Witness:
         self.shared_addresses = SharedAddresses()
         self.pauses = Pauses()
         self.throughput = Throughput()
+        self.unanswered = Unanswered()
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -59,3 +61,4 @@ class Witness:
         """Take events of any kind."""
         self.evidence.hear(events)
         self.long_pauses.hear(events)
+        self.unanswered.hear(events)

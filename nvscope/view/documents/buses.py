@@ -97,15 +97,20 @@ def _bit_rate(rate: BitRate | None, measured: Measured) -> dict[str, Any] | None
 def _load(load: BusLoad | None, measured: Measured) -> dict[str, Any] | None:
     if load is None:
         return None
-    columns = load.second_ns, load.second, load.second_worst
-    seconds = zip(*(column[:MOST_SECONDS].tolist() for column in columns), strict=True)
+    # Hours of a bus are many seconds: who shows a screen asks for none of them.
+    seconds = range(min(len(load.second_ns), MOST_SECONDS))
     return {
         **_LOADS.read(measured),
         "peak_ns": time_text(load.peak_ns),
         **_WORST_LOAD.read(measured),
         "partial": load.partial,
-        "by_second": [[str(began_ns), rounded(part), rounded(worst)] for began_ns, part, worst in seconds],
+        "by_second": Drawn(seconds, lambda place: _second(load, place)),
     }
+
+
+def _second(load: BusLoad, place: int) -> list[Any]:
+    columns = load.second, load.second_worst
+    return [str(int(load.second_ns[place])), *(rounded(float(column[place])) for column in columns)]
 
 
 def _errors(errors: BusErrors | None, measured: Measured) -> dict[str, Any] | None:
