@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from nvscope.capture.source import Source
 from nvscope.engine.ring import RING_BYTES, FrameRing, Recent, RecentSource
 from nvscope.engine.run import Observer
 from nvscope.engine.session import Session
+from nvscope.tracker.can.canopen_since import CanOpenSeen
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.pace import Pace, PaceSeen
 from nvscope.tracker.state import TrackerState
@@ -30,7 +31,7 @@ class Scene:
     """What is known at a moment: figures and causes, how fast lists come, the last frames, the values of variables.
 
     ``variables`` are empty without definitions. ``node_names`` are those that causes tell nodes by. ``at_ns`` of the
-    snapshot is the time up to which the source was watched.
+    snapshot is the time up to which the source was watched. ``canopen`` tells which CAN frames are CANopen's.
     """
 
     snapshot: Snapshot
@@ -40,6 +41,7 @@ class Scene:
     channels: Sequence[str] = ()
     variables: Sequence[VariableStream] = ()
     node_names: Mapping[str, str] | None = None
+    canopen: CanOpenSeen = field(default_factory=CanOpenSeen)
 
     @property
     def at_ns(self) -> int | None:
@@ -105,6 +107,7 @@ class Watched:
         return Scene(
             found, self._pace.seen(), self._ring.recent(), inquiry, tuple(self.source.channels),
             _kept_variables(self._state), self._names,
+            CanOpenSeen.of(self._state.buses.canopen, inquiry.pdos.cob_ids if inquiry.pdos else ()),
         )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from nvscope.view.lines.table import Cell, Line, Tone
 
-_PER_LINE = 16
+PER_LINE = 16
 _CHARACTERS = bytes(code if 0x20 <= code < 0x7F else ord(".") for code in range(256))
 
 TonedSpan = tuple[int, Tone]
@@ -18,9 +18,9 @@ def dump(data: bytes, parts: Sequence[TonedSpan] = (), indent: int = 0, first: i
 
     ``parts`` lie one behind the other; what is behind the last of them is plain.
     """
-    spare = " " * (3 * _PER_LINE)
-    for at in range(0, len(data), _PER_LINE):
-        piece = data[at : at + _PER_LINE]
+    spare = " " * (3 * PER_LINE)
+    for at in range(0, len(data), PER_LINE):
+        piece = data[at : at + PER_LINE]
         digits = piece.hex(" ")
         characters = piece.translate(_CHARACTERS).decode("ascii")
         line = [Cell(f"{'':{indent}}{first + at:04x}  ", Tone.FAINT)]

@@ -15,7 +15,7 @@ from nvscope.view.rows.frames import FrameRows
 if TYPE_CHECKING:  # without definitions, nothing of them is imported
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
-    from nvscope.tracker.can.canopen_since import CanOpenSince
+    from nvscope.tracker.can.canopen_since import CanOpenSeen, CanOpenSince
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Wording:
     names: Mapping[str, str] = field(default_factory=dict)
     layouts: Layouts | None = None
     pdos: Pdos | None = None
-    canopen: CanOpenSince | None = None
+    canopen: CanOpenSince | CanOpenSeen | None = None
 
 
 NO_WORDING = Wording()
