@@ -50,10 +50,12 @@ class Recogniser:
         self._memory = StreamMemory()
         self._watch = Watch()
         self._frames = 0
+        self._has_begun = False
         self._start_ns = self._last_ns = 0
 
     def go_on_behind(self, before: Before) -> None:
         """Take what is told next for frames that follow these, whatever was told so far."""
+        self._has_begun = True
         self._frames, self._start_ns, self._last_ns = before.frames, before.start_ns, before.last_ns
 
     def tell(self, packets: PacketBatch) -> Iterator[Told]:
@@ -75,7 +77,8 @@ class Recogniser:
             self._memory.resume(one.streams)
         if not (len(packets) or unheard or until_ns is not None):
             return
-        if not self._frames and len(packets):
+        if not self._has_begun and len(packets):
+            self._has_begun = True
             self._start_ns = self._last_ns = int(packets.ts_ns[0])
         batch = self._sorter.sort(packets)
         laid = None if self._keys is None else self._lay_out(batch, self._keys)

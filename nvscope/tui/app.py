@@ -12,6 +12,7 @@ from textual.app import App, ComposeResult
 from textual.containers import Vertical
 from textual.widgets import ContentSwitcher
 
+from nvscope.analysis.recent_frames import FoundFrames, Wanted
 from nvscope.analysis.watching import Scene
 from nvscope.errors import NvscopeError
 from nvscope.tui.actions import BY_NAME, Keymap, matching
@@ -22,8 +23,10 @@ from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Choice, Look
 from nvscope.tui.painting import PALETTES
 from nvscope.tui.prompt import Prompt
+from nvscope.tui.scanner import Scanner
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
+from nvscope.tui.views.packets import PacketsView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Tone
@@ -73,6 +76,15 @@ class WatchApp(App[None]):
         self._draw_due = False
         self.error: BaseException | None = None
         self.views: Sequence[View] = make_views()
+        self._found: FoundFrames | None = None
+        self._scanner = Scanner(
+            lambda found: self.call_from_thread(self._take_found, found),
+            lambda wanted, error: self.call_from_thread(self._refuse, wanted, error),
+            lambda failure: self.call_from_thread(self._end, failure),
+        )
+
+    def on_unmount(self) -> None:
+        self._scanner.stop()
 
     def compose(self) -> ComposeResult:
         yield Bar(id="head")
@@ -139,12 +151,43 @@ class WatchApp(App[None]):
     def _show(self, scene: Scene) -> None:
         self._drawn_s = time.monotonic()
         self._look = Look.of(
-            scene, utc=self._utc, choice=self._choice, live=self.feed.is_live, at_ns=self._at_ns, frozen=self._frozen
-        )
+            scene, utc=self._utc, choice=self._choice, live=self.feed.is_live, at_ns=self._at_ns, frozen=self._frozen,
+            found=self._found,
+        )  # fmt: skip
+        self._scan()
         front = self.front
         if front is not None:
             front.show(self._look)
         self._tell_bars()
+
+    def _scan(self) -> None:
+        """Have the frames of what is shown looked at, where somebody wants to know."""
+        look, front = self._look, self.front
+        shows_frames = front is not None and front.shows_frames
+        if look is not None and (self._choice is not None or shows_frames):
+            expression = self._choice.expression if self._choice else None
+            wanted = Wanted(expression, front.list_key if front is not None and shows_frames else None)
+            self._scanner.look_at(look.scene, wanted, sparingly=not self._ended)
+
+    def _take_found(self, found: FoundFrames) -> None:
+        """Take which frames are to be shown."""
+        self._found = found
+        if self._choice is not None and found.is_whole and found.wanted.expression == self._choice.expression:
+            self._choice = replace(self._choice, lists=found.lists)
+        if self._look is not None:
+            self._look = replace(self._look, found=found, choice=self._choice)
+            if self.front is not None:
+                self.front.show(self._look)
+
+    def _refuse(self, wanted: Wanted, error: NvscopeError) -> None:
+        """Take that a filter cannot be used."""
+        self.notify(visible(error.what), severity="warning")
+        if self._choice is not None and self._choice.expression == wanted.expression:
+            self._choice = None
+            self._again()
+
+    def on_view_changed(self) -> None:
+        self._again()
 
     def _tell_bars(self) -> None:
         top, bottom = self.query_one("#head", Bar), self.query_one("#foot", Bar)
@@ -221,6 +264,7 @@ class WatchApp(App[None]):
         self.query_one(Tabs).front(self.views.index(view))
         if told:
             view.restrict(told)
+        self._scan()
         if self._look is not None:
             view.show(self._look)
 
@@ -288,6 +332,8 @@ class WatchApp(App[None]):
 
     def _do_time_follow(self, _: str) -> None:
         self._frozen, self._at_ns = False, None
+        if self.front is not None:
+            self.front.act("time.follow")
         self._draw()
 
     def _do_time_back(self, _: str) -> None:
@@ -435,4 +481,4 @@ class WatchApp(App[None]):
 
 def make_views() -> list[View]:
     """Return the views, in the order of their numbers."""
-    return [ListsView(), CausesView()]
+    return [ListsView(), CausesView(), PacketsView()]

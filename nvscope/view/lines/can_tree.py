@@ -19,6 +19,7 @@ from nvscope.view.lines.shown import Spans, Wording
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.tree_lines import (
     INDENT,
+    VARIABLES,
     Entry,
     Place,
     bit_entries,
@@ -102,7 +103,7 @@ class CanTree:
                     f"  {visible(fitting.list.name)} {pdo.subindex}, packed as assumed: "
                     "nothing documents the rule on CAN"
                 )
-                yield title_entry("Variables", [Cell(title)], Place(at, at + len(data)))
+                yield title_entry(VARIABLES, [Cell(title)], Place(at, at + len(data)))
                 yield from variable_entries(fitting.layout, data, at)
                 return
             told = units.count_of(pdo.layout.layout.size_bytes, "byte")
@@ -112,7 +113,7 @@ class CanTree:
             elif fitting is None:
                 why = f"not of the {told} that its definition has ({DLC_MISMATCH.code})"
             told_why = Cell(f"  {visible(pdo.list.name)}: {why}", Tone.WARNING)
-            yield title_entry("Variables", [told_why], Place(at, at + len(data)))
+            yield title_entry(VARIABLES, [told_why], Place(at, at + len(data)))
         missing = length - len(data) if frame.fault[0] in (Fault.NONE, Fault.TRUNCATED, Fault.TOO_LONG) else 0
         facts = [Cell(size)]
         if missing > 0:

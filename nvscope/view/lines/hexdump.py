@@ -13,14 +13,16 @@ TonedSpan = tuple[int, Tone]
 """Up to which offset bytes have a tone."""
 
 
-def dump(data: bytes, parts: Sequence[TonedSpan] = (), indent: int = 0, first: int = 0) -> Iterator[Line]:
+def dump(
+    data: bytes, parts: Sequence[TonedSpan] = (), indent: int = 0, first: int = 0, per_line: int = PER_LINE
+) -> Iterator[Line]:  # fmt: skip
     """Yield the lines of a dump of ``data``, whose first byte is at offset ``first``.
 
     ``parts`` lie one behind the other; what is behind the last of them is plain.
     """
-    spare = " " * (3 * PER_LINE)
-    for at in range(0, len(data), PER_LINE):
-        piece = data[at : at + PER_LINE]
+    spare = " " * (3 * per_line)
+    for at in range(0, len(data), per_line):
+        piece = data[at : at + per_line]
         digits = piece.hex(" ")
         characters = piece.translate(_CHARACTERS).decode("ascii")
         line = [Cell(f"{'':{indent}}{first + at:04x}  ", Tone.FAINT)]

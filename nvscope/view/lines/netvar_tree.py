@@ -16,6 +16,7 @@ from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.transport_tree import TransportTree
 from nvscope.view.lines.tree_lines import (
     INDENT,
+    VARIABLES,
     Entry,
     Place,
     bit_entries,
@@ -95,7 +96,7 @@ class TelegramTree(TransportTree):
         known = layout.list if layout else known
         if layout and shape != layout.shape:
             layout = None
-        title, place = "Variables", Place(data_at, data_at + len(data))
+        title, place = VARIABLES, Place(data_at, data_at + len(data))
         if layout is None or len(data) < layout.layout.size_bytes:
             why = "cut short by the capture"
             if not layout:

@@ -39,7 +39,7 @@ from nvscope.view.lines.tree_lines import (
 from nvscope.view.rows.frames import FrameRows
 
 _FRAME_LABEL_WIDTH = 38
-_MARGIN = Cell(" " * INDENT)
+_MARGIN, _MARGIN_OF_BITS = Cell(" " * INDENT), Cell(" " * 2 * INDENT)
 
 _JOINED = {
     ("eth", "group"): ("destination_rest", "Destination"),
@@ -76,11 +76,13 @@ _ADDRESSES = {("ip", "source"), ("ip", "destination")}
 
 
 class PlacedLine(NamedTuple):
-    """A line of a tree, the bytes that it is about, and what the lines that follow it are part of, as an ``Entry``."""
+    """A line of a tree, and what its ``Entry`` knows; ``is_carrier``: it is about what carries the message."""
 
     line: Line
     place: Place | None
     title: str
+    tells_place: bool
+    is_carrier: bool
 
 
 class Trees:
@@ -122,22 +124,24 @@ class Trees:
         ``beside_bytes``: these are seen beside it, so that places and bytes are left out of the lines.
         """
         width = self._width
-        for entry in self._entries(row, LABEL_WIDTH if beside_bytes else _FRAME_LABEL_WIDTH):
+        for entry, is_carrier in self._entries(row, LABEL_WIDTH if beside_bytes else _FRAME_LABEL_WIDTH):
             line, explanation = entry.cells, f"  {entry.help}"
-            if beside_bytes and entry.tells_place:
-                line = [_MARGIN, *line[1:]]
+            tells = entry.tells_place and not beside_bytes
+            if beside_bytes and (entry.tells_place or len(line[0].text) - len(line[0].text.lstrip()) > INDENT):
+                line = [_MARGIN if entry.tells_place else _MARGIN_OF_BITS, *line[1:]]
             # Half of an explanation explains nothing.
             if entry.help and (width is None or sum(len(cell.text) for cell in line) + len(explanation) <= width):
                 line = [*line, Cell(explanation, Tone.FAINT)]
-            yield PlacedLine(line if width is None else cut(line, width), entry.place, entry.title)
+            yield PlacedLine(line if width is None else cut(line, width), entry.place, entry.title, tells, is_carrier)
 
-    def _entries(self, row: int, label_width: int) -> Iterator[Entry]:
+    def _entries(self, row: int, label_width: int) -> Iterator[tuple[Entry, bool]]:
+        """Yield the entries of a frame, each with whether it is about what carries the message."""
         packets, at, name = self._rows.packets, int(self._rows.row[row]), self._rows.name_of(row)
         packet, tree, place = packets.packet(at), self._trees[name], int(self._places[name][row])
-        yield from self._frame(row, len(packet), label_width)
+        yield from ((entry, True) for entry in self._frame(row, len(packet), label_width))
         for layer in tree.layers(place, packet, int(packets.link[at])):
-            yield from self._layer(row, packet, layer)
-        yield from tree.entries(place, packet)
+            yield from ((entry, True) for entry in self._layer(row, packet, layer))
+        yield from ((entry, False) for entry in tree.entries(place, packet))
 
     def _frame(self, row: int, size_bytes: int, label_width: int) -> Iterator[Entry]:
         yield title_entry("Frame", (), Place(0, size_bytes), f"Frame {self._texts['frame.number'][row]}")

@@ -15,8 +15,16 @@ if TYPE_CHECKING:
     from nvscope.definition.packing import TelegramLayout
 
 INDENT = 2
-_HEX_BYTES = 6
-_HEX_WIDTH = 3 * _HEX_BYTES - 1
+SHOWN_BYTES = 6
+"""So many bytes a line tells; of more of them, one less."""
+
+BYTES_AT = INDENT + 4 + 2
+"""The column in which they begin."""
+
+VARIABLES = "Variables"
+"""The title above those of a list."""
+
+_DIGITS_WIDTH = 3 * SHOWN_BYTES - 1
 LABEL_WIDTH = 22
 
 
@@ -56,9 +64,9 @@ def field_entry(at: int, content: bytes, label: str, told: Sequence[Cell], help_
 def place_cell(at: int, content: bytes) -> Cell:
     """Return where a field is and its bytes, the first of them where it is long."""
     digits = content.hex(" ")
-    if len(content) > _HEX_BYTES:
-        digits = f"{content[: _HEX_BYTES - 1].hex(' ')} …"
-    return Cell(f"{'':{INDENT}}{at:04x}  {digits:<{_HEX_WIDTH}}  ", Tone.FAINT)
+    if len(content) > SHOWN_BYTES:
+        digits = f"{content[: SHOWN_BYTES - 1].hex(' ')} …"
+    return Cell(f"{'':{INDENT}}{at:04x}  {digits:<{_DIGITS_WIDTH}}  ", Tone.FAINT)
 
 
 def label_cell(label: str) -> Cell:

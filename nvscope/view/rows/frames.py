@@ -240,6 +240,10 @@ class FrameRows:
         """Return the same frames, each with its number in the capture, and the time of the frame before it there."""
         return replace(self, number=number, before_ns=before_ns)
 
+    def shown_after(self, since_ns: I64) -> FrameRows:
+        """Return the same frames, each shown so long after the one that is shown before it."""
+        return replace(self, since_ns=since_ns)
+
     def looked_at_with(self, finding: I64, cause: I64) -> FrameRows:
         """Return the same frames, each looked at with a finding and a cause, by number; -1 for none."""
         return replace(self, finding=finding, cause=cause)
