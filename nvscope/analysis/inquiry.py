@@ -248,6 +248,12 @@ class Inquiry:
             )
         return self._judged(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
 
+    def check_filter(self, expression: str) -> None:
+        """Raise UsageError as ``filter`` does where an expression cannot be understood; nothing is read."""
+        from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
+
+        DisplayFilter(expression, self.fields)
+
     def filter_by(self, expression: str, found: Analysis) -> DisplayFilter:
         """Return a display filter that goes by what an analysis found; nothing is read. UsageError as ``filter``."""
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415

@@ -29,6 +29,7 @@ from nvscope.tui.views.lists import ListsView
 from nvscope.tui.views.packets import PacketsView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
+from nvscope.view.fields.completion import completions
 from nvscope.view.lines.table import Cell, Tone
 
 _DRAW_S = 0.1
@@ -427,26 +428,24 @@ class WatchApp(App[None]):
             self._choice = None
         else:
             problem = self.problem_with(expression)
-            if problem:
-                self.notify(problem, severity="warning")
+            if problem is not None:
+                self.notify(visible(problem.what), severity="warning")
                 return
             self._choice = Choice(expression)
         self._again()
 
-    def problem_with(self, expression: str) -> str:
-        """Return what is wrong with a filter in a sentence, "" where nothing is."""
-        scene = self._scene
-        if scene is None:
-            return ""
-        try:
-            scene.filter(expression)
-        except NvscopeError as error:
-            return error.what
-        return ""
+    def problem_with(self, expression: str) -> NvscopeError | None:
+        """Return what is wrong with a filter, None where nothing is."""
+        if self._scene is not None:
+            try:
+                self._scene.inquiry.check_filter(expression)
+            except NvscopeError as error:
+                return error
+        return None
 
-    def field_names(self) -> Sequence[str]:
-        """Return what filters may name."""
-        return [] if self._scene is None else list(self._scene.inquiry.fields)
+    def completed(self, expression: str) -> Sequence[str]:
+        """Return what a filter could go on to."""
+        return [] if self._scene is None else completions(expression, self._scene.inquiry.fields)
 
     def on_prompt_answered(self, message: Prompt.Answered) -> None:
         if message.mark == "/":
