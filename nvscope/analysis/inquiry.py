@@ -246,20 +246,13 @@ class Inquiry:
                 f"{', '.join(chosen.judged)}: known when the whole capture was read, and {once} cannot be read twice",
                 next_step="name a file instead of -",
             )
-        return self._judged(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
+        return self.filter_by(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
 
     def check_filter(self, expression: str) -> None:
         """Raise UsageError as ``filter`` does where an expression cannot be understood; nothing is read."""
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
 
         DisplayFilter(expression, self.fields)
-
-    def filter_by(self, expression: str, found: Analysis) -> DisplayFilter:
-        """Return a display filter that goes by what an analysis found; nothing is read. UsageError as ``filter``."""
-        from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
-
-        chosen = DisplayFilter(expression, self.fields)
-        return self._judged(expression, found) if chosen.judged else chosen
 
     def analyze(
         self, expression: str | None = None, *, values: bool = False, compare: bool = False, causes: bool = True,
@@ -394,7 +387,8 @@ class Inquiry:
         further = [kind for one in self.protocols for kind in one.findings()]
         return vocabulary(self.layouts, self.names, verdicts, fields_of(self.protocols), further)
 
-    def _judged(self, expression: str, found: Analysis) -> DisplayFilter:
+    def filter_by(self, expression: str, found: Analysis) -> DisplayFilter:
+        """Return a display filter that goes by what an analysis found; nothing is read. UsageError as ``filter``."""
         from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
         from nvscope.view.fields.verdicts import Verdicts  # noqa: PLC0415
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -56,14 +56,15 @@ class Snapshot:
 def snapshot(
     state: TrackerState, source: Source, project: Project, pdos: Pdos | None = None, *, overdue: bool = False,
     protocols: Sequence[Protocol] = PROTOCOLS, figures: bool = False, witness: Witness | None = None,
-    node_names: Mapping[str, str] | None = None,
+    node_names: Mapping[str, str] | None = None, clock: Callable[[int], str] | None = None,
 ) -> Snapshot:  # fmt: skip
     """Look at a state; nothing in it changes.
 
     ``pdos`` are those of the project, where they are known already. ``overdue``: what nobody answered in time counts,
     frame or not, as it does of live sources. ``protocols`` are those that are judged. ``figures``: what was counted is
     wanted too, so that it can be compared with that of other moments. ``witness`` has observed what the state did, and
-    listened to it, where causes are wanted; these tell nodes by ``node_names``, else by those of the project.
+    listened to it, where causes are wanted; these tell nodes by ``node_names``, else by those of the project, and
+    moments by the ``clock``, else since the beginning.
     """
     definition = project.definition
     pdos = pdos or pdos_of(definition)
@@ -84,16 +85,17 @@ def snapshot(
         witness.settle()
         facts = Facts(state, summary, infos, at_ns or 0, project.limits, definition, overdue)
         names = project.node_names if node_names is None else node_names
-        happened = _happenings(facts, findings, witness, source.channels, names)
+        happened = _happenings(facts, findings, witness, source.channels, names, clock)
     return Snapshot(summary, tuple(findings), infos, at_ns, Counted.of(state) if figures else None, happened)
 
 
 def _happenings(
-    facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str], names: Mapping[str, str]
+    facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str], names: Mapping[str, str],
+    clock: Callable[[int], str] | None,
 ) -> Happenings:  # fmt: skip
     # Who asks for findings alone need not import what judges causes.
     from nvscope.causes.chronicle import chronicle_of  # noqa: PLC0415
     from nvscope.causes.judge import judged  # noqa: PLC0415
 
-    case = judged(facts, findings, witness, channels, names)
+    case = judged(facts, findings, witness, channels, names, clock)
     return Happenings(case.causes(), chronicle_of(case), witness.left_out)

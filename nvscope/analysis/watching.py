@@ -72,12 +72,14 @@ class Scene:
 class Watching:
     """How a source is watched: ``ring_bytes`` are kept of the last frames, ``others`` observe too.
 
-    ``node_names`` are those that are shown, None for those of the project.
+    ``node_names`` are those that are shown, None for those of the project. ``clock`` tells the moments of causes, None
+    for the time since the beginning.
     """
 
     ring_bytes: int = RING_BYTES
     node_names: Mapping[str, str] | None = None
     others: Sequence[Observer] = ()
+    clock: Callable[[int], str] | None = None
 
 
 USUAL = Watching()
@@ -92,6 +94,7 @@ class Watched:
     def __init__(self, inquiry: Inquiry, source: Source, how: Watching = USUAL, *, overdue: bool = True) -> None:
         self.source = source
         self._inquiry, self._overdue, self._names = inquiry, overdue, how.node_names
+        self._clock = how.clock
         self._witness = Witness()
         self._state = inquiry.state(values=True, listeners=(self._witness,))
         self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
@@ -102,7 +105,7 @@ class Watched:
         inquiry = self._inquiry
         found = snapshot(
             self._state, self.source, inquiry.project, inquiry.pdos, overdue=self._overdue,
-            protocols=inquiry.protocols, witness=self._witness, node_names=self._names,
+            protocols=inquiry.protocols, witness=self._witness, node_names=self._names, clock=self._clock,
         )  # fmt: skip
         return Scene(
             found, self._pace.seen(), self._ring.recent(), inquiry, tuple(self.source.channels),

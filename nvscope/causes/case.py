@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -127,14 +127,16 @@ def moments(times_ns: I64) -> int:
 class Case:
     """Everything that was seen, what of it breaks rules, and which cause explains each of the events behind that.
 
-    ``owner`` has the number of the draft that explains each symptom, ``NOBODY`` before.
+    ``owner`` has the number of the draft that explains each symptom, ``NOBODY`` before. ``clock`` tells moments,
+    None for the time since the beginning.
     """
 
     def __init__(
         self, facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str],
-        names: Mapping[str, str],
+        names: Mapping[str, str], clock: Callable[[int], str] | None = None,
     ) -> None:  # fmt: skip
         self._names = names
+        self.clock = clock
         self.facts = facts
         self.findings = findings
         self.witness = witness

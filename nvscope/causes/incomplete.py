@@ -30,8 +30,8 @@ CAPTURE_INCOMPLETE = CauseKind(
     "capture-incomplete",
     "not captured",
     "The capture lacks telegrams that were on the network: loss that it shows is its own.",
-    "Drops that the capturing program tells, several senders that lose at the same moments, or all lists that lose the "
-    "same share.",
+    "Drops that the capturing program tells, an interface without a cable, several senders that lose at the same "
+    "moments, or all lists that lose the same share.",
     "Capture with more room: a faster mirror port, one direction only, a capture filter, a larger buffer.",
     measured="{lost} not captured",
 )

@@ -38,6 +38,7 @@ from nvscope.causes.senders import judge_second_senders
 from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
 from nvscope.causes.snapped import judge_cut_frames, judge_drops
 from nvscope.causes.standstills import judge_standstills
+from nvscope.causes.unplugged import judge_without_carrier
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.tracker.evidence.witness import Witness
@@ -45,6 +46,7 @@ from nvscope.tracker.evidence.witness import Witness
 Judge = Callable[[Case], Iterator[Explained]]
 
 JUDGES: tuple[Judge, ...] = (
+    judge_without_carrier,
     judge_incomplete_captures,
     judge_drops,
     judge_cut_frames,
@@ -85,13 +87,14 @@ JUDGES: tuple[Judge, ...] = (
 
 def judged(
     facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = (),
-    names: Mapping[str, str] = MappingProxyType({}),
+    names: Mapping[str, str] = MappingProxyType({}), clock: Callable[[int], str] | None = None,
 ) -> Case:  # fmt: skip
     """Return the case of some findings, with everything explained.
 
-    ``channels`` are those of CAN by number; ``names`` are those of nodes, by the text of their address.
+    ``channels`` are those of CAN by number; ``names`` are those of nodes, by the text of their address; ``clock`` is
+    as for ``Case``.
     """
-    case = Case(facts, findings, witness, channels, names)
+    case = Case(facts, findings, witness, channels, names, clock)
     for judge in JUDGES:
         # What a judge finds next hangs on what was explained before.
         for draft, chosen in judge(case):

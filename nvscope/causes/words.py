@@ -16,7 +16,12 @@ _MS_NS = 1_000_000
 
 
 def moment(case: Case, time_ns: int) -> str:
-    """Return a time since the beginning of the capture: ``7.5 s``, ``12 min 03 s``, ``1 h 02 min 03 s``."""
+    """Return a time since the beginning of the capture: ``7.5 s``, ``12 min 03 s``, ``1 h 02 min 03 s``.
+
+    Where the case has a clock, it is told by that.
+    """
+    if case.clock is not None:
+        return case.clock(time_ns)
     tenths = (time_ns - case.start_ns + 50 * _MS_NS) // (100 * _MS_NS)
     if tenths < _MINUTES_FROM:
         return f"{tenths // 10}.{tenths % 10} s"

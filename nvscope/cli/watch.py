@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -40,6 +42,7 @@ _EVERY_NS = 10_000_000_000
 _LOOK_S = 1.0
 _PATIENCE_S = 5.0
 _MEBIBYTE = 1 << 20
+_SIGNALLED = 128
 
 
 @with_live_options
@@ -100,23 +103,38 @@ def watch(
     captures = captured(paths, live, plant, ports)
     inquiry = Inquiry(captures, plant, ports, asked=asked)
     screen = not (plain or as_json) and sys.stdin.isatty() and sys.stdout.isatty()
-    how = Watching(ring * _MEBIBYTE, {} if no_names else None)
+    how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if captures is not paths else None)
     if screen:
+        from nvscope.record.recorder import Recorder
         from nvscope.tui.run import run_screen
 
+        recorder = Recorder(lambda: () if isinstance(captures, Sequence) else captures.channels)
+        if captures is not paths or "-" in paths:
+            how = replace(how, others=[recorder])
         with flaws_told_first(plant.definition):
-            infos = run_screen(inquiry, how, expression=wanted, theme=theme, utc=utc, colour=colour)
-        if code := tell_of_losses(infos):
+            left = run_screen(inquiry, how, recorder, expression=wanted, theme=theme, utc=utc, colour=colour)
+        if left.signal == getattr(signal, "SIGHUP", None):
+            raise typer.Exit(_SIGNALLED + left.signal)  # nobody is there any more to be told anything
+        if code := tell_of_losses(left.infos):
             raise typer.Exit(code)
         return
     if wanted is not None:
-        raise UsageError("-Y chooses what the screen shows", next_step="leave it out, or use `nvscope report -Y`")
+        raise UsageError("-Y chooses what the screen shows", next_step="leave it out; a report shows what it chooses")
     with flaws_told_first(plant.definition):
+        # Programs get the words of reports.
+        how = replace(how, clock=None) if as_json else how
         last = _printed(inquiry, as_json, every_ns, how, quiet=quiet, colour=colour_wanted(colour), utc=utc)
     if plant.files:
         tell_of_lists(inquiry)
     if code := tell_of_losses(last.snapshot.infos):
         raise typer.Exit(code)
+
+
+def _clock(utc: bool) -> Callable[[int], str]:
+    """Return what tells moments by the clock on the wall: whoever watches was there."""
+    from nvscope.units import clock_time
+
+    return lambda time_ns: clock_time(time_ns, utc=utc, digits=0)
 
 
 def _printed(

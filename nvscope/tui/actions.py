@@ -86,7 +86,8 @@ ACTIONS: Sequence[Action] = (
     Action("program.command", (":",), Group.PROGRAM, "a command line: every action by its name"),
     Action("program.help", ("?",), Group.PROGRAM, "all keys"),
     Action("program.back", ("q", "escape"), Group.PROGRAM, "back; on the first view: end"),
-    Action("program.quit", ("ctrl-q",), Group.PROGRAM, "end, from anywhere"),
+    Action("program.suspend", ("ctrl-z",), Group.PROGRAM, "stop this program, as a shell does; fg goes on"),
+    Action("program.quit", ("ctrl-q", "ctrl-c"), Group.PROGRAM, "end, from anywhere"),
 )
 BY_NAME: Mapping[str, Action] = {action.name: action for action in ACTIONS}
 

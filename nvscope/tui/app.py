@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import signal
 import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 from textual.app import App, ComposeResult
 from textual.containers import Vertical
+from textual.theme import BUILTIN_THEMES
 from textual.widgets import ContentSwitcher
 
+from nvscope import units
 from nvscope.analysis.recent_frames import FoundFrames, Wanted
 from nvscope.analysis.watching import Scene
 from nvscope.errors import NvscopeError
@@ -23,6 +28,7 @@ from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Choice, Look
 from nvscope.tui.painting import PALETTES
 from nvscope.tui.prompt import Prompt
+from nvscope.tui.recording import Recorder
 from nvscope.tui.scanner import Scanner
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
@@ -37,18 +43,18 @@ _DRAW_S = 0.1
 
 _FILE_STEPS = 40
 _LIVE_STEP_NS = 5_000_000_000
-_THEMES = {"dark": "textual-dark", "light": "textual-light", "ansi": "textual-ansi", "mono": "textual-ansi"}
+_ANSI = "ansi-dark" if "ansi-dark" in BUILTIN_THEMES else "textual-ansi"  # its name before Textual 8.1
+_THEMES = {"dark": "textual-dark", "light": "textual-light", "ansi": _ANSI, "mono": _ANSI}
 _HELP = "help"
 
 
-class WatchApp(App[None]):
+class WatchApp(App[None], inherit_bindings=False):
     """Shows the scenes of a feed, and does what keys and the command line ask for.
 
-    ``keymap`` says which key does what; ``expression`` is a filter to begin with.
+    ``keymap`` says which key does what; ``expression`` is a filter to begin with; ``recorder`` writes what comes.
     """
 
     ENABLE_COMMAND_PALETTE = False
-    BINDINGS: ClassVar = []
     CSS = """
     Screen { layout: vertical; }
     #views { height: 1fr; }
@@ -57,10 +63,13 @@ class WatchApp(App[None]):
     """
 
     def __init__(
-        self, feed: Feed, keymap: Keymap, *, expression: str | None = None, theme: str = "dark", utc: bool = False
-    ) -> None:
+        self, feed: Feed, keymap: Keymap, *, recorder: Recorder, expression: str | None = None,
+        theme: str = "dark", utc: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(ansi_color=theme in ("ansi", "mono"))
         self.feed, self.keymap = feed, keymap
+        self._recorder = recorder
+        self._recorded: str = ""  # of which failure was told
         self._utc = utc
         self._first_theme = theme
         self._palette = theme
@@ -76,6 +85,8 @@ class WatchApp(App[None]):
         self._drawn_s = 0.0
         self._draw_due = False
         self.error: BaseException | None = None
+        self.ended_by = 0
+        """The signal that ended it, 0 for none."""
         self.views: Sequence[View] = make_views()
         self._found: FoundFrames | None = None
         self._scanner = Scanner(
@@ -105,6 +116,21 @@ class WatchApp(App[None]):
             lambda scene: self.call_from_thread(self._take, scene),
             lambda error: self.call_from_thread(self._end, error),
         )
+
+        self._end_in_order()
+
+    def _end_in_order(self) -> None:
+        """End as a person ends it where the system asks for that, so that the terminal and files are whole."""
+        loop = asyncio.get_running_loop()
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
+                    loop.add_signal_handler(number, self._end_by, int(number))
+
+    def _end_by(self, number: int) -> None:
+        self.ended_by = number
+        self.exit()
 
     # What comes from the feed.
 
@@ -214,6 +240,8 @@ class WatchApp(App[None]):
         if self._choice is not None:
             off = " (off)" if self._choice.suspended else ""
             parts.append(f"/{visible(self._choice.expression)}{off}")
+        if recording := self._look_at_recording():
+            parts.append(recording)
         parts.append(self._state or ("live" if self.feed.is_live else "end of capture"))
         return "   ".join(parts)
 
@@ -282,6 +310,9 @@ class WatchApp(App[None]):
 
     def _do_program_quit(self, _: str) -> None:
         self.exit()
+
+    def _do_program_suspend(self, _: str) -> None:
+        self.action_suspend_process()
 
     def _do_program_help(self, _: str) -> None:
         lines = list(key_lines(self.keymap, max(self.size.width - 2, 40)))
@@ -399,6 +430,53 @@ class WatchApp(App[None]):
         self._frozen = False
         self._at_ns = max(time_ns, span.start_ns)
         self.feed.at(self._at_ns, self._past_came)
+
+    def _do_record_toggle(self, told: str) -> None:
+        recorder = self._recorder
+        if not self.feed.is_live:
+            self.notify("A capture is a recording already", timeout=3)
+            return
+        state = recorder.state
+        try:
+            if state is not None and state.is_on:
+                state = recorder.stop()
+                assert state is not None
+                self.notify(f"{units.count_of(state.frames, 'frame')} in {visible(state.path)}", timeout=6)
+            else:
+                path = told or time.strftime("nvscope-%Y%m%d-%H%M%S.pcapng")
+                recorder.start(path)
+                self.notify(f"Recording to {visible(path)}", timeout=4)
+        except NvscopeError as error:
+            self._complain(error)
+
+    def _do_record_save(self, told: str) -> None:
+        scene = self._look.scene if self._look else None
+        if not told:
+            self.query_one(Prompt).open(":", "record.save ")
+        elif scene is not None:
+            try:
+                frames = self._recorder.save(told, scene.frames(), scene.channels)
+            except NvscopeError as error:
+                self._complain(error)
+                return
+            self.notify(f"{units.count_of(frames, 'frame')} in {visible(told)}", timeout=6)
+
+    def _complain(self, error: NvscopeError) -> None:
+        where = f"{error.where}: " if error.where else ""
+        self.notify(visible(f"{where}{error.what}. {error.next_step}"), severity="error", timeout=10)
+
+    def _look_at_recording(self) -> str:
+        """Return what is said of a recording; its failure is told once, and stays."""
+        state = self._recorder.state
+        if state is None:
+            return ""
+        if state.failure and self._recorded != state.path:
+            self._recorded = state.path
+            told = f"{state.path}: {state.failure}. It ends with frame {units.count(state.frames)}."
+            self.notify(visible(told), severity="error", timeout=60)
+        if state.is_on:
+            return f"R {units.data_size(state.bytes)}"
+        return "R failed" if state.failure else ""
 
     def _wait_for(self, action: str) -> None:
         self._waiting_for = action

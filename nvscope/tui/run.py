@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Watching
@@ -16,17 +16,28 @@ from nvscope.tui.actions import Keymap
 if TYPE_CHECKING:
     from typing import Literal
 
+    from nvscope.tui.recording import Recorder
+
+
+class Left(NamedTuple):
+    """What is known when the screen has ended: of the sources, and by which signal, 0 for none."""
+
+    infos: Sequence[SourceInfo]
+    signal: int
+
+
 THEMES = ("dark", "light", "ansi", "mono")
 
 
 def run_screen(
-    inquiry: Inquiry, how: Watching, *, expression: str | None = None, theme: str | None = None, utc: bool = False,
-    colour: Literal["auto", "always", "never"] = "auto",
-) -> Sequence[SourceInfo]:  # fmt: skip
-    """Show the screen until somebody ends it; return what is known of the sources then.
+    inquiry: Inquiry, how: Watching, recorder: Recorder, *, expression: str | None = None, theme: str | None = None,
+    utc: bool = False, colour: Literal["auto", "always", "never"] = "auto",
+) -> Left:  # fmt: skip
+    """Show the screen until somebody ends it; return what is known then.
 
-    Raises ConfigurationError for keys of the project that cannot be, UsageError for a theme that there is not and a
-    filter that cannot be understood, and what reading the source raises.
+    ``recorder`` is one of the observers of ``how``, where the source is live. Raises ConfigurationError for keys of the
+    project that cannot be, UsageError for a theme that there is not and a filter that cannot be understood, and what
+    reading the source raises.
     """
     project = inquiry.project
     if expression is not None:
@@ -38,7 +49,9 @@ def run_screen(
     from nvscope.tui.feed import SessionFeed  # noqa: PLC0415
 
     feed = SessionFeed(inquiry, how)
-    app = WatchApp(feed, keymap, expression=expression, theme=theme or _theme(colour), utc=utc)
+    app = WatchApp(
+        feed, keymap, recorder=recorder, expression=expression, theme=theme or _theme(colour), utc=utc
+    )  # fmt: skip
     # Textual draws on stderr, which may go to a file; that stdout is a terminal was looked at.
     errors, sys.__stderr__ = sys.__stderr__, sys.__stdout__  # type: ignore[misc]
     try:
@@ -46,9 +59,10 @@ def run_screen(
     finally:
         sys.__stderr__ = errors  # type: ignore[misc]
         infos = feed.stop()
+        recorder.stop()
     if app.error is not None:
         raise app.error
-    return infos
+    return Left(infos, app.ended_by)
 
 
 def _theme(colour: str) -> str:

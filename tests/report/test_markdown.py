@@ -31,7 +31,8 @@ def blocks(text: str) -> list[str]:
 def test_no_text_changes_the_structure_or_brings_links_and_tags(poison: str) -> None:
     harmless = markdown.render(poisoned(TROUBLED, "x"), utc=True, everything=True)
     text = markdown.render(poisoned(TROUBLED, poison), utc=True, everything=True)
-    if visible(poison).strip(" ") not in {"", "-"}:  # a column without a value is left out
+    # A column without a value is left out; keys of lists end with their number.
+    if visible(poison).strip(" ").rpartition("/")[2].strip(" ") not in {"", "-"}:
         assert blocks(text) == blocks(harmless)
     for token in MARKDOWN.parse(text):
         kinds = {child.type for child in token.children or []}

@@ -116,6 +116,17 @@ ODD_COMMANDS = (
 """Commands on the files of ``make_odd_plant``."""
 
 
+WATCHED = (f"watch {_PLANT}", f"watch {_PRESS}", "watch captures/telegrams.pcap")
+
+
+def watched(command: str) -> list[dict[str, Any]]:
+    """Return the lines that a command prints, each of which is a document."""
+    verb, *words = shlex.split(command)
+    done = run(verb, *words, "--json", cwd=ROOT)
+    assert done.returncode in _READ, done.stderr.decode()
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
 def asked(command: str, folder: Path = ROOT) -> dict[str, Any]:
     """Return what a command prints as JSON."""
     verb, *words = shlex.split(command)

@@ -14,6 +14,7 @@ from tests.schemas.report import report
 from tests.schemas.shapes import Schema
 from tests.schemas.simulated import simulated_truth
 from tests.schemas.variables import at, history, inference, last_values
+from tests.schemas.watch import watch
 
 FOLDER = Path(nvscope.schemas.__file__).parent
 
@@ -29,6 +30,7 @@ SCHEMAS: Mapping[str, Callable[[], Schema]] = {
     "fields": fields,
     "explain": explain,
     "truth": simulated_truth,
+    "watch": watch,
 }
 
 

@@ -87,7 +87,7 @@ def report() -> Schema:
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
-        "value": VALUE_OF_LIST, "cause": _cause(), "finding": _finding(), "bus": _bus(), "hop": _hop(),
+        "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": _bus(), "hop": _hop(),
         "canopen_node": _canopen_node(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
@@ -227,7 +227,7 @@ def _can_stream() -> Schema:
     )
 
 
-def _cause() -> Schema:
+def cause() -> Schema:
     explained = {
         "code": word([kind.code for kind in _JUDGED]),
         "list": maybe(LIST_KEY),

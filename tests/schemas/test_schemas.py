@@ -13,7 +13,17 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from tests.report_laws import broken_laws
-from tests.schemas.corpus import COMMANDS, ODD_COMMANDS, SCENARIOS, asked, odd_plant, of_nothing, of_scenario
+from tests.schemas.corpus import (
+    COMMANDS,
+    ODD_COMMANDS,
+    SCENARIOS,
+    WATCHED,
+    asked,
+    odd_plant,
+    of_nothing,
+    of_scenario,
+    watched,
+)
 from tests.schemas.documents import (
     FOLDER,
     PROMISED,
@@ -58,6 +68,13 @@ def test_what_commands_print_about_an_odd_plant_is_valid(command: str) -> None:
     assert mistakes_in(asked(command, odd_plant())) == []
 
 
+@pytest.mark.parametrize("command", WATCHED)
+def test_each_line_of_what_is_watched_is_valid(command: str) -> None:
+    lines = watched(command)
+    assert len(lines) > 1
+    assert [mistake for line in lines for mistake in mistakes_in(line)] == []
+
+
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command.startswith("report ")])
 def test_what_reports_tell_agrees_with_itself(command: str) -> None:
     assert broken_laws(asked(command)) == []
@@ -80,7 +97,8 @@ def corpus() -> tuple[dict[str, Any], ...]:
     """Return all documents; whoever changes one changes a copy."""
     printed = (asked(command) for command in COMMANDS)
     odd = (asked(command, odd_plant()) for command in ODD_COMMANDS)
-    return (*printed, *odd, of_nothing(), *(document for path in SCENARIOS for document in of_scenario(path)))
+    lines = (line for command in WATCHED for line in watched(command))
+    return (*printed, *odd, *lines, of_nothing(), *(document for path in SCENARIOS for document in of_scenario(path)))
 
 
 def name_of(document: Mapping[str, Any]) -> str:
@@ -101,6 +119,12 @@ UNSEEN = {
     "report/lists[].diag.tLastReceive null": "a list of which nothing was received but that it could not be delivered",
     "truth/lists[].diag.tLastReceive null": "the same",
     "truth/lists[].diag.tLastSend null": "a list of which only an answer is seen",
+    "watch/at_ns null": "what is watched live before anything came",
+    "watch/drops null": "what is captured where nobody counts drops",
+    "watch/until_ns null": "a capture of less than a second",
+    "watch/causes_new[].since_ns null": "a cause without a beginning, as of a list that never came",
+    "watch/causes_ended[].since_ns null": "the same",
+    "watch/causes_ended[].until_ns null": "a cause that what followed has shown to be none",
     **{
         f"truth/buses[].designed.errors.{name} integer": "scenarios do not have all errors of the table"
         for name in ("lost-arbitration", "no-acknowledgement", "protocol", "transceiver", "tx-timeout")

@@ -14,11 +14,11 @@ from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Look
 from nvscope.tui.table_view import Table, TableView
 from nvscope.tui.views.view import View
-from nvscope.view.lines.plant import causes
-from nvscope.view.lines.plant.happenings import severity_of, symbol
+from nvscope.view.lines.plant import causes, content
+from nvscope.view.lines.plant.happenings import headline, severity_of, symbol
 from nvscope.view.lines.plant.strips import MARKS, scale
 from nvscope.view.lines.plant.tables import OVERVIEW, looked_at
-from nvscope.view.lines.table import NOTHING, Cell, Column, Line, Tone
+from nvscope.view.lines.table import NOTHING, Cell, Column, Line, Tone, wrap
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _SPARK_SECONDS = 20
@@ -39,6 +39,7 @@ COLUMNS: Sequence[Column] = (
     Column("", shortest=8, importance=2),
 )
 _NO_NUMBER = -1.0
+_NARROWEST = 40
 
 
 class ListsView(View):
@@ -113,11 +114,15 @@ class ListsView(View):
         """Show the causes below: those of the list under the cursor in front."""
         look = self._look
         assert look is not None
+        if not look.entries:
+            self._happened.display = True
+            self._happened.show(_nothing_yet(look, max(self.size.width - 1, _NARROWEST)))
+            return
         told: Sequence[Mapping[str, Any]] = [one for one in look.report["causes"] if severity_of(one) > Severity.NOTE]
         key = self._table.key
         own = [one for one in told if key in one["lists"]] if self._table.row > 0 else []
         others = [one for one in told if one not in own]
-        lines = list(causes.lines([*own, *others], max(self.size.width - 1, 40)))[1:] if told else []
+        lines = list(causes.lines([*own, *others], max(self.size.width - 1, _NARROWEST)))[1:] if told else []
         self._happened.display = bool(lines) and not self._alone
         self.set_class(not self._happened.display, "-well")
         self._happened.show(lines)
@@ -192,6 +197,24 @@ def _cells(look: Look, row: Mapping[str, Any], number: int, key: str) -> Iterato
     yield Cell("0", Tone.FAINT) if lost.text == NOTHING else lost
     yield _age(look, pace.last_of(number))
     yield Cell(concern.words, symbol(concern.severity).tone) if concern else Cell("")
+
+
+def _nothing_yet(look: Look, width: int) -> list[Line]:
+    """Return what is said as long as there is no list, and what to check."""
+    mark, told = headline(look.report)
+    if look.live and not look.report["capture"]["telegrams"]:
+        told = "No telegram of network variables came yet"
+    lines = wrap([Cell(f"{mark.text} ", mark.tone), Cell(told, Tone.STRONG)], width, hanging=2)
+    for step in content.advice(look.report) if not look.live else _LIVE_ADVICE:
+        lines += [[], *wrap([Cell(f"- {step}")], width, 2, 4)]
+    return lines
+
+
+_LIVE_ADVICE = (
+    "Does a sender run? A list sent on change says nothing while nothing changes.",
+    "Can its telegrams get here? Broadcasts stay within their VLAN; what goes to one node, only a mirror port shows.",
+    "`nvscope doctor` looks for what is in the way: addresses, ports, permissions, firewalls.",
+)
 
 
 def _name(row: Mapping[str, Any]) -> str:

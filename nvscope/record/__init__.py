@@ -1,0 +1,1 @@
+"""Recorders: what is told goes to a file, too."""
