@@ -76,7 +76,9 @@ class ProjectFile:
         table_of(Limits), "from where on something is worth a finding", default=_USUAL
     )
     keys: tuple[tuple[str, str], ...] = key(
-        ValueKind("table of text", _keys), "key bindings of the live screen to come: kept, not yet used", default=()
+        ValueKind("table of text", _keys),
+        "keys of the screen by action, several with blanks in between; `nvscope keys` lists them",
+        default=(),
     )
 
 

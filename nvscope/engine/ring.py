@@ -13,6 +13,7 @@ import numpy as np
 from dissectors.batch import PacketBatch
 from nvscope.capture.packed import packed
 from nvscope.capture.source import Attachment, Source, SourceInfo
+from nvscope.capture.spans import stretches
 from nvscope.capture.time_span import TimeSpan
 from nvscope.engine.told import Told
 
@@ -20,6 +21,9 @@ RING_BYTES = 256 << 20
 """So much is kept unless somebody says otherwise: minutes of a busy plant."""
 
 _CHUNK_PACKETS = 65_536
+_LEAST_CHUNKS = 8
+"""What has to go when more comes is at most such a part of all."""
+
 _COLUMNS_BYTES = 40
 """What a frame takes beside its bytes."""
 
@@ -127,11 +131,20 @@ class FrameRing:
         if not len(told):
             return
         self._start_ns = told.start_ns
-        self._append(Chunk(packed([told.packets]), told.first_frame, told.before_ns))
+        most = self.most_bytes // _LEAST_CHUNKS
+        frames = max(min(most // (2 * _COLUMNS_BYTES), _CHUNK_PACKETS), 1)
+        for rows in stretches(told.packets.captured, frames, most // 2):
+            before_ns = int(told.packets.ts_ns[rows.start - 1]) if rows.start else told.before_ns
+            self._take(Chunk(packed([told.packets[rows]]), told.first_frame + rows.start, before_ns))
+
+    def _take(self, chunk: Chunk) -> None:
+        self._append(chunk)
         chunks = self._chunks
         # As sizes double towards the oldest, a frame is copied once for each doubling.
         while len(chunks) > 1 and len(chunks[-2].packets) < 2 * len(chunks[-1].packets):
             if len(chunks[-2].packets) + len(chunks[-1].packets) > _CHUNK_PACKETS:
+                break
+            if chunks[-2].bytes + chunks[-1].bytes > self.most_bytes // _LEAST_CHUNKS:
                 break
             last, before = self._pop(), self._pop()
             self._append(Chunk(packed([before.packets, last.packets]), before.first_frame, before.before_ns))

@@ -83,7 +83,9 @@ class Pace:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         if len(told):
-            self._move(int(told.packets.ts_ns[0]), int(told.packets.ts_ns.max()))
+            first = self._begun_anew(told)
+            ts_ns = told.packets.ts_ns[first:]
+            self._move(int(ts_ns[0]), int(ts_ns.max()))
             lists = min(len(told.keys.lists), MOST_LISTS)
             if lists > self._counts.shape[1]:
                 more = lists - self._counts.shape[1]
@@ -91,17 +93,25 @@ class Pace:
                 self._last_ns = np.pad(self._last_ns, (0, more))
             for rows in (told.laid.data, told.laid.pdos):
                 if len(rows):
-                    self._count(rows, told)
+                    self._count(rows, told, first)
         if told.until_ns is not None:
             self._move(told.until_ns, told.until_ns)
 
-    def _count(self, rows: DataRows, told: Told) -> None:
+    def _begun_anew(self, told: Told) -> int:
+        """Return from which packet on a batch counts: the first one behind a clock that went far back."""
+        if told.clock.steady:
+            return 0
+        back = np.flatnonzero(told.clock.step_ns < -PACE_SECONDS * _S_NS)
+        return int(back[-1]) + 1 if len(back) else 0
+
+    def _count(self, rows: DataRows, told: Told, first: int) -> None:
+        """Count the telegrams that lie in packets from ``first`` on."""
         keys = told.keys
         own = keys.list_of_place(keys.place_of(rows.run_stream))
         np.maximum.at(self._last_ns, own[own < MOST_LISTS], rows.time_ns[rows.stop - 1][own < MOST_LISTS])
         lists = np.repeat(own, rows.stop - rows.start)
         second = rows.time_ns // _S_NS
-        kept = (lists < MOST_LISTS) & (second > self._last_s - PACE_SECONDS)
+        kept = (lists < MOST_LISTS) & (second > self._last_s - PACE_SECONDS) & (rows.packet >= first)
         if not kept.all():
             lists, second = lists[kept], second[kept]
         wide = self._counts.shape[1]

@@ -1,0 +1,57 @@
+"""Which causes are new from one look to the next, and which are over."""
+
+from __future__ import annotations
+
+from nvscope.analysis.news import News
+from nvscope.causes.cause import Cause
+from nvscope.causes.losses import LOSS_OF_LIST
+from nvscope.causes.silences import NODE_SILENT
+from nvscope.findings.kind import Severity
+
+
+def silent(node: int, since_ns: int, until_ns: int | None = None, title: str = "silent") -> Cause:
+    return Cause(NODE_SILENT, Severity.ERROR, title, "go", nodes=(node,), since_ns=since_ns, until_ns=until_ns)
+
+
+def test_a_cause_is_new_once_and_ends_once() -> None:
+    news = News()
+    open_, over = silent(1, 5), silent(1, 5, 9)
+    assert news.of([open_]).new == (open_,)
+    assert not news.of([open_])
+    told = news.of([over])
+    assert (told.new, told.ended) == ((), (over,))
+    assert not news.of([over])
+
+
+def test_other_words_and_figures_make_no_other_cause() -> None:
+    news = News()
+    news.of([silent(1, 5)])
+    assert not news.of([silent(1, 5, title="silent for longer")])
+
+
+def test_one_that_is_over_at_once_is_told_as_both() -> None:
+    over = silent(1, 5, 9)
+    told = News().of([over])
+    assert (told.new, told.ended) == ((over,), (over,))
+
+
+def test_one_that_goes_on_again_is_new_again() -> None:
+    news = News()
+    news.of([silent(1, 5, 9)])
+    again = silent(1, 5)
+    assert news.of([again]).new == (again,)
+
+
+def test_one_that_is_told_no_more_is_over() -> None:
+    news = News()
+    first = silent(1, 5)
+    news.of([first])
+    other = Cause(LOSS_OF_LIST, Severity.ERROR, "lost", "look", nodes=(1,), since_ns=5)
+    told = news.of([other])
+    assert (told.new, told.ended) == ((other,), (first,))
+
+
+def test_two_nodes_are_two_causes() -> None:
+    news = News()
+    both = [silent(1, 5), silent(2, 5)]
+    assert news.of(both).new == tuple(both)
