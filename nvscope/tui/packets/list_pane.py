@@ -114,7 +114,11 @@ class PacketList(ScrollView):
 
     def _bring_into_view(self) -> None:
         height, top, row = max(self.size.height, 1), self.scroll_offset.y, self.row
-        if row >= 0 and not top <= row < top + height:
+        if row < 0 or top <= row < top + height:
+            return
+        if not self.follows and not top - height <= row < top + 2 * height:
+            self._scroll(row - height // 2)  # what is far away is seen with what is around it
+        else:
             self._scroll(row - height + 1 if row >= top + height else row)
 
     def _scroll(self, top: int) -> None:

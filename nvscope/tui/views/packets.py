@@ -32,6 +32,7 @@ _BESIDE = 100
 """From so many columns on, fields and bytes stand beside each other."""
 
 _WIDE = 120
+_LEAST_WITH_BYTES = 64
 _LEAST_HEIGHT = 12
 """Of less lines, one pane has all."""
 
@@ -207,6 +208,8 @@ class PacketsView(View):
         width = self.size.width - 1 - SIGN_WIDTH
         if beside:
             width -= width_of(PER_LINE if self.size.width >= _WIDE else PER_LINE // 2) + 1
+        # Where there is no room for both, what a field says goes before its bytes.
+        beside = beside or self.size.width < _LEAST_WITH_BYTES
         made_for = (frame, look.scene.recent.start_ns, width, beside, self._made_for)
         if made_for != self._frame_for:
             self._frame_for = made_for

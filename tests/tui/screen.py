@@ -1,0 +1,64 @@
+"""The screen as text: what a person sees of an app in a terminal that Textual's Pilot stands for."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.analysis.watching import Watching
+from nvscope.tui.actions import Keymap
+from nvscope.tui.app import WatchApp
+from nvscope.tui.feed import SessionFeed
+
+_PATIENCE_S = 30
+
+
+class Screen:
+    """An app that runs, its keys, and the lines that it shows."""
+
+    def __init__(self, app: WatchApp, pilot: Any) -> None:
+        self.app, self._pilot = app, pilot
+
+    @property
+    def lines(self) -> list[str]:
+        """What is shown, from top to bottom, without spaces at the ends."""
+        strips = self.app.screen._compositor.render_strips()
+        return ["".join(segment.text for segment in strip).rstrip() for strip in strips]
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    async def press(self, *keys: str) -> None:
+        """Press keys, one after the other."""
+        await self._pilot.press(*keys)
+        await self._pilot.pause()
+
+    async def until(self, shows: Callable[[], object]) -> None:
+        """Wait until something is so."""
+        end_s = time.monotonic() + _PATIENCE_S
+        while not shows():
+            assert time.monotonic() < end_s, self.text
+            await self._pilot.pause(0.02)
+
+
+def on_screen(
+    inquiry: Inquiry, look: Callable[[Screen], Awaitable[None]], *, size: tuple[int, int] = (80, 24), **how: Any
+) -> None:  # fmt: skip
+    """Watch captures to their end on a screen of a size, and look at it then."""
+
+    async def watch() -> None:
+        feed = SessionFeed(inquiry, Watching())
+        app = WatchApp(feed, Keymap(), utc=True, **how)
+        try:
+            async with app.run_test(size=size) as pilot:
+                screen = Screen(app, pilot)
+                await screen.until(lambda: app._ended and app.look is not None)
+                await look(screen)
+        finally:
+            feed.stop()
+
+    asyncio.run(watch())
