@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from nvscope.capture.source import Source
 from nvscope.engine.ring import RING_BYTES, FrameRing, Recent, RecentSource
 from nvscope.engine.run import Observer
 from nvscope.engine.session import Session
+from nvscope.tracker.can.canopen_since import CanOpenSeen
 from nvscope.tracker.counted import Counted
 from nvscope.tracker.evidence.contacts import Contacts, contacts_of
 from nvscope.tracker.evidence.witness import Witness
@@ -34,7 +35,8 @@ class Scene:
 
     ``contacts`` are who sends to whom. ``variables`` are empty without definitions. ``node_names`` are those that
     causes tell nodes by. ``at_ns`` of the snapshot is the time up to which the source was watched. ``took_ns``
-    is how long the look took that made it, which was done at ``made_ns`` of ``time.monotonic_ns``.
+    is how long the look took that made it, which was done at ``made_ns`` of ``time.monotonic_ns``. ``canopen``
+    tells which CAN frames are CANopen's.
     """
 
     snapshot: Snapshot
@@ -47,6 +49,7 @@ class Scene:
     node_names: Mapping[str, str] | None = None
     took_ns: int = 0
     made_ns: int = 0
+    canopen: CanOpenSeen = field(default_factory=CanOpenSeen)
 
     @property
     def at_ns(self) -> int | None:
@@ -129,6 +132,7 @@ class Watched:
         return Scene(
             found, pace, recent, inquiry, contacts, tuple(self.source.channels), variables, self._names,
             made_ns - began_ns, made_ns,
+            CanOpenSeen.of(self._state.buses.canopen, inquiry.pdos.cob_ids if inquiry.pdos else ()),
         )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,18 @@ from nvscope.engine.told import Laid, Told
 from nvscope.engine.watch import Watch
 
 MAX_BATCH = 1 << 17
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """What lies before frames that are read from the middle of a capture.
+
+    ``frames`` is how many there are, ``start_ns`` the time of the first of them, ``last_ns`` that of the last.
+    """
+
+    frames: int
+    start_ns: int
+    last_ns: int
 
 
 class Recogniser:
@@ -38,7 +50,13 @@ class Recogniser:
         self._memory = StreamMemory()
         self._watch = Watch()
         self._frames = 0
+        self._has_begun = False
         self._start_ns = self._last_ns = 0
+
+    def go_on_behind(self, before: Before) -> None:
+        """Take what is told next for frames that follow these, whatever was told so far."""
+        self._has_begun = True
+        self._frames, self._start_ns, self._last_ns = before.frames, before.start_ns, before.last_ns
 
     def tell(self, packets: PacketBatch) -> Iterator[Told]:
         """Yield what is to be told of the packets that follow those before, a limited number of them at a time.
@@ -59,7 +77,8 @@ class Recogniser:
             self._memory.resume(one.streams)
         if not (len(packets) or unheard or until_ns is not None):
             return
-        if not self._frames and len(packets):
+        if not self._has_begun and len(packets):
+            self._has_begun = True
             self._start_ns = self._last_ns = int(packets.ts_ns[0])
         batch = self._sorter.sort(packets)
         laid = None if self._keys is None else self._lay_out(batch, self._keys)

@@ -17,6 +17,7 @@ from textual.theme import BUILTIN_THEMES
 from textual.widgets import ContentSwitcher
 
 from nvscope import units
+from nvscope.analysis.recent_frames import FoundFrames, Wanted
 from nvscope.analysis.watching import Scene
 from nvscope.errors import NvscopeError
 from nvscope.tui.actions import BY_NAME, Keymap, matching
@@ -28,14 +29,17 @@ from nvscope.tui.look import Choice, Look
 from nvscope.tui.painting import PALETTES
 from nvscope.tui.prompt import Prompt
 from nvscope.tui.recording import Recorder, Recording
+from nvscope.tui.scanner import Scanner
 from nvscope.tui.views.can import CanView
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
 from nvscope.tui.views.nodes import NodesView
+from nvscope.tui.views.packets import PacketsView
 from nvscope.tui.views.source import SourceView
 from nvscope.tui.views.variables import VariablesView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
+from nvscope.view.fields.completion import completions
 from nvscope.view.lines.table import Cell, Tone
 
 _DRAW_S = 0.1
@@ -90,6 +94,15 @@ class WatchApp(App[None], inherit_bindings=False):
         self.ended_by = 0
         """The signal that ended it, 0 for none."""
         self.views: Sequence[View] = make_views()
+        self._found: FoundFrames | None = None
+        self._scanner = Scanner(
+            lambda found: self.call_from_thread(self._take_found, found),
+            lambda wanted, error: self.call_from_thread(self._refuse, wanted, error),
+            lambda failure: self.call_from_thread(self._end, failure),
+        )
+
+    def on_unmount(self) -> None:
+        self._scanner.stop()
 
     def compose(self) -> ComposeResult:
         yield Bar(id="head")
@@ -172,12 +185,43 @@ class WatchApp(App[None], inherit_bindings=False):
         self._drawn_s = time.monotonic()
         self.draws += 1
         self._look = Look.of(
-            scene, utc=self._utc, choice=self._choice, live=self.feed.is_live, at_ns=self._at_ns, frozen=self._frozen
-        )
+            scene, utc=self._utc, choice=self._choice, live=self.feed.is_live, at_ns=self._at_ns, frozen=self._frozen,
+            found=self._found,
+        )  # fmt: skip
+        self._scan()
         front = self.front
         if front is not None:
             front.show(self._look)
         self._tell_bars()
+
+    def _scan(self) -> None:
+        """Have the frames of what is shown looked at, where somebody wants to know."""
+        look, front = self._look, self.front
+        shows_frames = front is not None and front.shows_frames
+        if look is not None and (self._choice is not None or shows_frames):
+            expression = self._choice.expression if self._choice else None
+            wanted = Wanted(expression, front.list_key if front is not None and shows_frames else None)
+            self._scanner.look_at(look.scene, wanted, sparingly=not self._ended)
+
+    def _take_found(self, found: FoundFrames) -> None:
+        """Take which frames are to be shown."""
+        self._found = found
+        if self._choice is not None and found.is_whole and found.wanted.expression == self._choice.expression:
+            self._choice = replace(self._choice, lists=found.lists)
+        if self._look is not None:
+            self._look = replace(self._look, found=found, choice=self._choice)
+            if self.front is not None:
+                self.front.show(self._look)
+
+    def _refuse(self, wanted: Wanted, error: NvscopeError) -> None:
+        """Take that a filter cannot be used."""
+        self.notify(visible(error.what), severity="warning")
+        if self._choice is not None and self._choice.expression == wanted.expression:
+            self._choice = None
+            self._again()
+
+    def on_view_changed(self) -> None:
+        self._again()
 
     def _tell_bars(self) -> None:
         top, bottom = self.query_one("#head", Bar), self.query_one("#foot", Bar)
@@ -261,6 +305,7 @@ class WatchApp(App[None], inherit_bindings=False):
         self.query_one(Tabs).front(self.views.index(view))
         if told:
             view.restrict(told)
+        self._scan()
         if self._look is not None:
             view.show(self._look)
 
@@ -338,6 +383,8 @@ class WatchApp(App[None], inherit_bindings=False):
 
     def _do_time_follow(self, _: str) -> None:
         self._frozen, self._at_ns = False, None
+        if self.front is not None:
+            self.front.act("time.follow")
         self._draw()
 
     def _do_time_back(self, _: str) -> None:
@@ -478,26 +525,24 @@ class WatchApp(App[None], inherit_bindings=False):
             self._choice = None
         else:
             problem = self.problem_with(expression)
-            if problem:
-                self.notify(problem, severity="warning")
+            if problem is not None:
+                self.notify(visible(problem.what), severity="warning")
                 return
             self._choice = Choice(expression)
         self._again()
 
-    def problem_with(self, expression: str) -> str:
-        """Return what is wrong with a filter in a sentence, "" where nothing is."""
-        scene = self._scene
-        if scene is None:
-            return ""
-        try:
-            scene.filter(expression)
-        except NvscopeError as error:
-            return error.what
-        return ""
+    def problem_with(self, expression: str) -> NvscopeError | None:
+        """Return what is wrong with a filter, None where nothing is."""
+        if self._scene is not None:
+            try:
+                self._scene.inquiry.check_filter(expression)
+            except NvscopeError as error:
+                return error
+        return None
 
-    def field_names(self) -> Sequence[str]:
-        """Return what filters may name."""
-        return [] if self._scene is None else list(self._scene.inquiry.fields)
+    def completed(self, expression: str) -> Sequence[str]:
+        """Return what a filter could go on to."""
+        return [] if self._scene is None else completions(expression, self._scene.inquiry.fields)
 
     def on_prompt_answered(self, message: Prompt.Answered) -> None:
         if message.mark == "/":
@@ -532,4 +577,6 @@ class WatchApp(App[None], inherit_bindings=False):
 
 def make_views() -> list[View]:
     """Return the views, in the order of their numbers."""
-    return [ListsView(), CausesView(), VariablesView(), NodesView(), CanView(), SourceView()]
+    return [
+        ListsView(), CausesView(), VariablesView(), PacketsView(), NodesView(), CanView(), SourceView(),
+    ]  # fmt: skip

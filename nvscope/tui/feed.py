@@ -6,12 +6,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, session_of
 from nvscope.capture.source import SourceInfo
+from nvscope.engine.ring import Recent
 from nvscope.errors import NvscopeError
 
 LOOK_S = 0.2
@@ -71,7 +72,8 @@ class Feed(Protocol):
 class SessionFeed:
     """Looks at a session while it runs: live sources, streams, and files while they are read.
 
-    One scene a second is kept for a while; of files any moment can be read again (``past``).
+    One scene a second is kept for a while, and told with the frames that are there now; of files any moment can be read
+    again (``past``).
     """
 
     def __init__(self, inquiry: Inquiry, how: Watching) -> None:
@@ -124,7 +126,8 @@ class SessionFeed:
             return
         if self._kept and at_ns - (self._kept[-1].at_ns or 0) < _KEPT_APART_NS:
             return
-        self._kept.append(scene)
+        # Frames are kept by the ring: many rings would be more than memory has.
+        self._kept.append(replace(scene, recent=Recent()))
         self._kept_rows += _rows(scene)
         while len(self._kept) > 1 and (self._kept_rows > _MOST_KEPT_ROWS or len(self._kept) > _MOST_KEPT):
             self._kept_rows -= _rows(self._kept.popleft())
@@ -141,8 +144,8 @@ class SessionFeed:
     def at(self, time_ns: int, on_scene: OnScene) -> None:
         if self.is_live:
             kept = [scene for scene in tuple(self._kept) if (scene.at_ns or 0) <= time_ns]
-            if kept or self._kept:
-                on_scene(kept[-1] if kept else self._kept[0])
+            if (kept or self._kept) and self._last is not None:
+                on_scene(replace(kept[-1] if kept else self._kept[0], recent=self._last.recent))
             return
         with self._wanted:
             self._wanted_ns = time_ns

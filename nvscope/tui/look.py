@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from nvscope.analysis.recent_frames import FoundFrames
 from nvscope.analysis.watching import Scene
 from nvscope.causes.cause import Cause
 from nvscope.causes.chronicle import Chronicle
@@ -37,7 +38,7 @@ class Look:
     """A scene, and how it is shown: ``utc`` times, a filter, ``live`` where time goes on by itself.
 
     ``at_ns`` is the moment that a person went to, None for what is now. ``frozen`` is what is shown while time goes on.
-    ``palette_name`` is the theme.
+    ``found`` are the frames to be shown, as far as the ring was looked at; None where nobody has looked yet.
     """
 
     scene: Scene
@@ -46,6 +47,7 @@ class Look:
     live: bool = True
     at_ns: int | None = None
     frozen: bool = False
+    found: FoundFrames | None = None
     report: Mapping[str, Any] = field(default_factory=dict)
 
     @staticmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
 from rich.segment import Segment
@@ -54,6 +54,18 @@ PALETTES: Mapping[str, Palette] = {"dark": DARK, "light": LIGHT, "ansi": ANSI, "
 """The styles of tones, by theme; ``ansi`` are the sixteen colours of the terminal, ``mono`` none."""
 
 CURSOR = Style(reverse=True)
+CHANGED = Style(underline=True)
+
+
+def marked(strip: Strip, spans: Iterable[tuple[int, int]], style: Style) -> Strip:
+    """Return a strip with a style over some stretches of its columns, which rise."""
+    parts, at, width = [], 0, strip.cell_length
+    for start, stop in spans:
+        if start >= width:
+            break
+        parts += [strip.crop(at, start), strip.crop(start, min(stop, width)).apply_style(style)]
+        at = stop
+    return Strip.join([*parts, strip.crop(at, width)]) if at < width else Strip.join(parts)
 
 
 def strip_of(line: Line, width: int, palette: Palette, over: Style | None = None) -> Strip:

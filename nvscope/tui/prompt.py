@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from textual.app import ComposeResult
@@ -11,12 +11,14 @@ from textual.message import Message
 from textual.suggester import Suggester
 from textual.widgets import Input
 
+from nvscope.errors import NvscopeError
 from nvscope.tui.actions import ACTIONS
 from nvscope.tui.bars import Bar
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Tone
 
 _MOST_KEPT = 100
+_TEXT_AND_CARETS = 2
 
 
 class Prompt(Vertical):
@@ -48,6 +50,8 @@ class Prompt(Vertical):
         yield Bar(id="prompt-told")
         self._input = Input(id="prompt-input", select_on_focus=False, disabled=True)
         yield self._input
+        self._carets = Bar(id="prompt-carets")
+        yield self._carets
 
     @property
     def is_open(self) -> bool:
@@ -58,7 +62,7 @@ class Prompt(Vertical):
         self.mark = mark
         self._place = len(self._before[mark])
         self._input.disabled = False
-        self._input.suggester = _Suggester(self._known())
+        self._input.suggester = _Suggester(self._completed)
         self._input.value = text
         self.display = True
         self._input.focus()
@@ -72,11 +76,12 @@ class Prompt(Vertical):
         self.display = False
         self.screen.set_focus(None)
 
-    def _known(self) -> Sequence[str]:
+    def _completed(self, text: str) -> Sequence[str]:
+        """Return what a line could go on to."""
         if self.mark == ":":
-            return [action.name for action in ACTIONS]
-        names: Sequence[str] = self.app.field_names()  # type: ignore[attr-defined]
-        return names
+            return [action.name for action in ACTIONS if text and action.name.startswith(text)]
+        found: Sequence[str] = self.app.completed(text)  # type: ignore[attr-defined]
+        return found
 
     def on_input_changed(self) -> None:
         self._tell()
@@ -108,12 +113,17 @@ class Prompt(Vertical):
         """Tell what is wrong with the line so far, or what it would do."""
         bar, text = self.query_one("#prompt-told", Bar), self._input.value
         if self.mark == "/":
-            problem = self.app.problem_with(text) if text.strip() else ""  # type: ignore[attr-defined]
-            told = Cell(f" ✗ {visible(problem)}", Tone.ERROR) if problem else Cell(" ✓ a filter", Tone.GOOD)
+            problem: NvscopeError | None = self.app.problem_with(text) if text.strip() else None  # type: ignore[attr-defined]
             if not text.strip():
-                told = Cell(" a filter such as nv.index == 7, as for -Y; an empty one is none", Tone.FAINT)
-            bar.tell([told])
+                bar.tell([Cell(" a filter such as nv.index == 7, as for -Y; an empty one is none", Tone.FAINT)])
+            elif problem is None:
+                bar.tell([Cell(" ✓ a filter", Tone.GOOD)])
+            else:
+                hint = f"; {visible(problem.next_step)}" if problem.next_step else ""
+                bar.tell([Cell(f" ✗ {visible(problem.what)}", Tone.ERROR), Cell(hint, Tone.FAINT)])
+            self._mark(problem, text)
             return
+        self._mark(None, text)
         word = text.split(" ", 1)[0]
         found = [action for action in ACTIONS if action.name.startswith(word)] if word else []
         if len(found) == 1:
@@ -122,17 +132,25 @@ class Prompt(Vertical):
             names = "  ".join(action.name for action in found) or "any action by its name; ? shows all"
             bar.tell([Cell(f" {names}", Tone.FAINT)])
 
+    def _mark(self, problem: NvscopeError | None, text: str) -> None:
+        """Show carets beneath what is wrong with the line, where all of it is seen."""
+        shown = problem.excerpt if problem is not None else ()
+        fits = len(shown) == _TEXT_AND_CARETS and shown[0] == text and len(text) < self.size.width
+        self._carets.display = fits
+        if fits:
+            self._carets.tell([Cell(shown[1], Tone.ERROR)])
+
 
 class _Suggester(Suggester):
-    """Completes the last word of a line."""
+    """Completes a line, by what is ``completed`` of it."""
 
-    def __init__(self, known: Sequence[str]) -> None:
+    def __init__(self, completed: Callable[[str], Sequence[str]]) -> None:
         super().__init__(use_cache=False, case_sensitive=True)
-        self._known = sorted(known)
+        self._completed = completed
 
     async def get_suggestion(self, value: str) -> str | None:
-        word = value[max(value.rfind(sign) for sign in " (!") + 1 :]
-        if not word:
-            return None
-        found = next((name for name in self._known if name.startswith(word) and name != word), None)
-        return None if found is None else value[: len(value) - len(word)] + found
+        if not value or value[-1] in " (!":
+            found = [text for text in self._completed(value) if text.endswith('"')]  # the texts of a field
+        else:
+            found = [text for text in self._completed(value) if text != value]
+        return min((text for text in found if text.startswith(value)), default=None)

@@ -36,9 +36,12 @@ def run_screen(
     """Show the screen until somebody ends it; return what is known then.
 
     ``recorder`` is one of the observers of ``how``, where the source is live. Raises ConfigurationError for keys of the
-    project that cannot be, UsageError for a theme that there is not, and what reading the source raises.
+    project that cannot be, UsageError for a theme that there is not and a filter that cannot be understood, and what
+    reading the source raises.
     """
     project = inquiry.project
+    if expression is not None:
+        inquiry.check_filter(expression)
     keymap = Keymap(project.keys, str(project.path or ""))
     if theme is not None and theme not in THEMES:
         raise UsageError(f"--theme {theme[:40]}: there is no such theme", next_step=f"there are {', '.join(THEMES)}")

@@ -21,6 +21,12 @@ class View(Vertical):
 
     title: ClassVar[str]
     action: ClassVar[str]
+    shows_frames: ClassVar[bool] = False
+    """It shows the frames of the ring, which are looked at for it alone."""
+
+    list_key: str | None = None
+    """The list whose frames it shows alone, None for all."""
+
     DEFAULT_CSS = """
     View { height: 1fr; layout: vertical; }
     """
@@ -31,6 +37,9 @@ class View(Vertical):
         def __init__(self, action: str, told: str = "") -> None:
             super().__init__()
             self.action, self.told = action, told
+
+    class Changed(Message):
+        """A view shows something else now: it wants to be shown the same look once more."""
 
     def show(self, look: Look) -> None:
         """Show a look."""

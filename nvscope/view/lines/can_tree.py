@@ -19,12 +19,14 @@ from nvscope.view.lines.shown import Spans, Wording
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.tree_lines import (
     INDENT,
+    VARIABLES,
     Entry,
+    Place,
     bit_entries,
     bytes_entries,
-    label_cell,
+    field_entry,
     number_text,
-    place_cell,
+    title_entry,
     variable_entries,
 )
 from nvscope.view.rows.frames import CAN, FrameRows
@@ -67,7 +69,7 @@ class CanTree:
         way = DIRECTION_NAMES[int(frame.direction[0])]
         kind += f", {way}" if way else ""
         told = f"  {identifier} on {channel}{kind}" + (f", {bits} bits on the wire" if bits else "")
-        yield Entry([Cell("CAN", Tone.STRONG), Cell(told)])
+        yield title_entry("CAN", [Cell(told)], Place(at, at + FRAME.size_bytes))
         meaning = self._meanings.of(name, frame, 0, int(self._number[place]))
         if meaning.text:
             sign = {Tone.ERROR: "✗ ", Tone.WARNING: "! "}.get(meaning.tone, "")
@@ -77,13 +79,13 @@ class CanTree:
             content = packet[begin : begin + entry.size_bytes]
             if len(content) < entry.size_bytes:
                 missing = Cell("not captured", Tone.WARNING)
-                yield Entry([place_cell(begin, content), label_cell(entry.label), missing])
+                yield field_entry(begin, content, entry.label, [missing])
                 continue
             number = _word(frame, content) if entry.name == "identifier" else int.from_bytes(content, "big")
             value = Cell(number_text(entry, number))
-            yield Entry([place_cell(begin, content), label_cell(entry.label), value], entry.help)
+            yield field_entry(begin, content, entry.label, [value], entry.help)
             if _has_bits(entry, frame):
-                yield from bit_entries(entry, number)
+                yield from bit_entries(entry, number, begin)
         yield from self._data(frame, place, at + FRAME.size_bytes)
 
     def _data(self, frame: CanBatch, place: int, at: int) -> Iterator[Entry]:
@@ -101,7 +103,7 @@ class CanTree:
                     f"  {visible(fitting.list.name)} {pdo.subindex}, packed as assumed: "
                     "nothing documents the rule on CAN"
                 )
-                yield Entry([Cell("Variables", Tone.STRONG), Cell(title)])
+                yield title_entry(VARIABLES, [Cell(title)], Place(at, at + len(data)))
                 yield from variable_entries(fitting.layout, data, at)
                 return
             told = units.count_of(pdo.layout.layout.size_bytes, "byte")
@@ -110,7 +112,8 @@ class CanTree:
                 why = "not even of the shape that the known part of its definition has"
             elif fitting is None:
                 why = f"not of the {told} that its definition has ({DLC_MISMATCH.code})"
-            yield Entry([Cell("Variables", Tone.STRONG), Cell(f"  {visible(pdo.list.name)}: {why}", Tone.WARNING)])
+            told_why = Cell(f"  {visible(pdo.list.name)}: {why}", Tone.WARNING)
+            yield title_entry(VARIABLES, [told_why], Place(at, at + len(data)))
         missing = length - len(data) if frame.fault[0] in (Fault.NONE, Fault.TRUNCATED, Fault.TOO_LONG) else 0
         facts = [Cell(size)]
         if missing > 0:

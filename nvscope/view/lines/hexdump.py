@@ -6,21 +6,23 @@ from collections.abc import Iterator, Sequence
 
 from nvscope.view.lines.table import Cell, Line, Tone
 
-_PER_LINE = 16
+PER_LINE = 16
 _CHARACTERS = bytes(code if 0x20 <= code < 0x7F else ord(".") for code in range(256))
 
 TonedSpan = tuple[int, Tone]
 """Up to which offset bytes have a tone."""
 
 
-def dump(data: bytes, parts: Sequence[TonedSpan] = (), indent: int = 0, first: int = 0) -> Iterator[Line]:
+def dump(
+    data: bytes, parts: Sequence[TonedSpan] = (), indent: int = 0, first: int = 0, per_line: int = PER_LINE
+) -> Iterator[Line]:  # fmt: skip
     """Yield the lines of a dump of ``data``, whose first byte is at offset ``first``.
 
     ``parts`` lie one behind the other; what is behind the last of them is plain.
     """
-    spare = " " * (3 * _PER_LINE)
-    for at in range(0, len(data), _PER_LINE):
-        piece = data[at : at + _PER_LINE]
+    spare = " " * (3 * per_line)
+    for at in range(0, len(data), per_line):
+        piece = data[at : at + per_line]
         digits = piece.hex(" ")
         characters = piece.translate(_CHARACTERS).decode("ascii")
         line = [Cell(f"{'':{indent}}{first + at:04x}  ", Tone.FAINT)]

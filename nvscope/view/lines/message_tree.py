@@ -11,11 +11,12 @@ from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.transport_tree import TransportTree
 from nvscope.view.lines.tree_lines import (
     Entry,
+    Place,
     bit_entries,
     bytes_entries,
-    label_cell,
+    field_entry,
     number_text,
-    place_cell,
+    title_entry,
     trailer_entries,
 )
 from nvscope.view.rows.frames import FrameRows
@@ -34,7 +35,7 @@ class MessageTree(TransportTree):
 
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
         start, data, stop = self.spans(place)
-        yield Entry([Cell(self._layout.title, Tone.STRONG)])
+        yield title_entry(self._layout.title, (), Place(start, data))
         yield from table_entries(self._layout, packet, start, stop)
         if data < stop:
             facts = [Cell(f"  {units.count_of(stop - data, 'byte')}")]
@@ -53,16 +54,15 @@ def table_entries(
     for entry in layout:
         begin = start + layout.offset_of(entry.name)
         content = packet[begin : max(begin, min(begin + entry.size_bytes, stop))]
-        head = [place_cell(begin, content), label_cell(entry.label)]
         if len(content) < entry.size_bytes:
-            yield Entry([*head, Cell("missing, or not captured", Tone.WARNING)])
+            yield field_entry(begin, content, entry.label, [Cell("missing, or not captured", Tone.WARNING)])
             continue
         if entry.dtype.startswith("V"):
-            yield Entry([*head, Cell(content.hex(":"))], entry.help)
+            yield field_entry(begin, content, entry.label, [Cell(content.hex(":"))], entry.help)
             continue
         number = int.from_bytes(content, "big" if entry.dtype.startswith(">") else "little")
         named = f"  {entry.values[number]}" if number in entry.values else ""
         text = tell[entry.name](number) if entry.name in tell else number_text(entry, number)
-        yield Entry([*head, Cell(f"{text}{named}")], "" if named else entry.help)
+        yield field_entry(begin, content, entry.label, [Cell(f"{text}{named}")], "" if named else entry.help)
         if entry.bits:
-            yield from bit_entries(entry, number)
+            yield from bit_entries(entry, number, begin)

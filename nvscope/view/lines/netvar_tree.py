@@ -16,12 +16,14 @@ from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.transport_tree import TransportTree
 from nvscope.view.lines.tree_lines import (
     INDENT,
+    VARIABLES,
     Entry,
+    Place,
     bit_entries,
     bytes_entries,
-    label_cell,
+    field_entry,
     number_text,
-    place_cell,
+    title_entry,
     trailer_entries,
     variable_entries,
 )
@@ -57,23 +59,27 @@ class TelegramTree(TransportTree):
         found, code = self._telegrams.header[row], self._codes[row]
         belongs = "Parameter Manager, Index" if code in words.PARAMETER_CODES else "list"
         title = f"  {words.WORD_OF_CODE[code].word}, {belongs} {found['index']}, SubIndex {found['subindex']}"
-        yield Entry([Cell(HEADER.title, Tone.STRONG), Cell(title)])
+        yield title_entry(
+            HEADER.title, [Cell(title)], Place(payload_at, payload_at + min(len(payload), HEADER.size_bytes))
+        )
         if remark := self._remarks.get(row):
             sign = "✗" if remark[1] is Tone.ERROR else "!"
             yield Entry([Cell(f"{'':{INDENT}}{sign} {remark[0]}", remark[1])])
         for entry in HEADER:
             begin = HEADER.offset_of(entry.name)
             end = begin + entry.size_bytes
-            head = [place_cell(payload_at + begin, payload[begin:end]), label_cell(entry.label)]
+            at, content = payload_at + begin, payload[begin:end]
             if end > len(payload):
-                yield Entry([*head, Cell("missing" if end > payload_bytes else "not captured", Tone.WARNING)])
+                missing = Cell("missing" if end > payload_bytes else "not captured", Tone.WARNING)
+                yield field_entry(at, content, entry.label, [missing])
                 continue
             number = int(found[entry.name])
             verdict = _verdict(entry, number, payload_bytes)
             checked = any(cell.tone is not Tone.GOOD for cell in verdict)
-            yield Entry([*head, Cell(number_text(entry, number)), *verdict], "" if checked else entry.help)
+            told = [Cell(number_text(entry, number)), *verdict]
+            yield field_entry(at, content, entry.label, told, "" if checked else entry.help)
             if entry.bits:
-                yield from bit_entries(entry, number, RESERVED_FLAGS)
+                yield from bit_entries(entry, number, at, RESERVED_FLAGS)
 
     def _variables(self, row: int, data: bytes, data_at: int) -> list[Entry]:
         """Return the variables of a data telegram of a defined list; none where there is no definition that fits."""
@@ -90,7 +96,7 @@ class TelegramTree(TransportTree):
         known = layout.list if layout else known
         if layout and shape != layout.shape:
             layout = None
-        title = Cell("Variables", Tone.STRONG)
+        title, place = VARIABLES, Place(data_at, data_at + len(data))
         if layout is None or len(data) < layout.layout.size_bytes:
             why = "cut short by the capture"
             if not layout:
@@ -101,12 +107,13 @@ class TelegramTree(TransportTree):
                     else f"not of the shape that its definition has ({DEFINITION_MISMATCH.code})"
                 )
             return [
-                Entry([title, Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)]),
+                title_entry(title, [Cell(f"  {visible(known.name)}: {why}", Tone.WARNING)], place),
                 *bytes_entries(
                     "Data", [Cell(f"  {units.count_of(len(data), 'byte')}")], data, data_at, dumps=self._dumps
                 ),
             ]
-        return [Entry([title, Cell(f"  {visible(known.name)}")]), *variable_entries(layout, data, data_at)]
+        head = title_entry(title, [Cell(f"  {visible(known.name)}")], place)
+        return [head, *variable_entries(layout, data, data_at)]
 
 
 def _verdict(entry: Field, number: int, payload_bytes: int) -> list[Cell]:

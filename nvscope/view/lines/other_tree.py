@@ -17,7 +17,7 @@ from nvscope.view.lines.message_tree import table_entries
 from nvscope.view.lines.other_words import words_of
 from nvscope.view.lines.shown import Spans, Wording
 from nvscope.view.lines.table import Cell, Tone
-from nvscope.view.lines.tree_lines import Entry, bytes_entries, trailer_entries
+from nvscope.view.lines.tree_lines import Entry, Place, bytes_entries, title_entry, trailer_entries
 from nvscope.view.rows.frames import OTHER, FrameRows
 
 _OFFSET_AT = TCP.offset_of("offset")
@@ -62,7 +62,7 @@ class OtherTree:
         start, stop = int(self._start[place]), int(self._stop[place])
         kind, words = self._kind(place), self._words[place]
         tone = words.tone if words.tone is not Tone.PLAIN else Tone.FAINT
-        yield Entry([Cell(words.protocol, Tone.STRONG), Cell(f"  {words.info}", tone)])
+        yield title_entry(words.protocol, [Cell(f"  {words.info}", tone)], Place(start, stop))
         layout = _LAYOUTS.get(kind)
         if layout is ARP and not _is_usual(packet[start:stop]):
             layout = None

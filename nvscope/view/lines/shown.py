@@ -15,7 +15,14 @@ from nvscope.view.rows.frames import FrameRows
 if TYPE_CHECKING:  # without definitions, nothing of them is imported
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
-    from nvscope.tracker.can.canopen_since import CanOpenSince
+
+
+class KnowsCanOpen(Protocol):
+    """Knows which CAN frames are CANopen's."""
+
+    def of_frame(self, channel: int, cob_id: int, frame_number: int) -> bool:
+        """Tell it of a frame by what came up to it, with itself."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +35,7 @@ class Wording:
     names: Mapping[str, str] = field(default_factory=dict)
     layouts: Layouts | None = None
     pdos: Pdos | None = None
-    canopen: CanOpenSince | None = None
+    canopen: KnowsCanOpen | None = None
 
 
 NO_WORDING = Wording()

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from ipaddress import IPv4Address
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,10 +26,20 @@ from nvscope.view.lines.fit import cut
 from nvscope.view.lines.layers import Layer, values
 from nvscope.view.lines.shown import MakeTree, Spans, Wording
 from nvscope.view.lines.table import Cell, Line, Tone
-from nvscope.view.lines.tree_lines import INDENT, Entry, bytes_entries, label_cell, number_text, place_cell
+from nvscope.view.lines.tree_lines import (
+    INDENT,
+    LABEL_WIDTH,
+    Entry,
+    Place,
+    bytes_entries,
+    field_entry,
+    number_text,
+    title_entry,
+)
 from nvscope.view.rows.frames import FrameRows
 
 _FRAME_LABEL_WIDTH = 38
+_MARGIN, _MARGIN_OF_BITS = Cell(" " * INDENT), Cell(" " * 2 * INDENT)
 
 _JOINED = {
     ("eth", "group"): ("destination_rest", "Destination"),
@@ -65,6 +75,16 @@ _FRAME_FIELDS = tuple(name for name in FIELDS if name.startswith("frame."))
 _ADDRESSES = {("ip", "source"), ("ip", "destination")}
 
 
+class PlacedLine(NamedTuple):
+    """A line of a tree, and what its ``Entry`` knows; ``is_carrier``: it is about what carries the message."""
+
+    line: Line
+    place: Place | None
+    title: str
+    tells_place: bool
+    is_carrier: bool
+
+
 class Trees:
     """The trees of a piece of frames, in lines not wider than ``width`` (None: as wide as it takes).
 
@@ -96,28 +116,39 @@ class Trees:
 
     def lines(self, row: int) -> Iterator[Line]:
         """Yield the tree of one frame."""
+        return (placed.line for placed in self.placed_lines(row))
+
+    def placed_lines(self, row: int, *, beside_bytes: bool = False) -> Iterator[PlacedLine]:
+        """Yield the tree of one frame with the bytes that its lines are about.
+
+        ``beside_bytes``: these are seen beside it, so that places and bytes are left out of the lines.
+        """
         width = self._width
-        for entry in self._entries(row):
+        for entry, is_carrier in self._entries(row, LABEL_WIDTH if beside_bytes else _FRAME_LABEL_WIDTH):
             line, explanation = entry.cells, f"  {entry.help}"
+            tells = entry.tells_place and not beside_bytes
+            if beside_bytes and (entry.tells_place or len(line[0].text) - len(line[0].text.lstrip()) > INDENT):
+                line = [_MARGIN if entry.tells_place else _MARGIN_OF_BITS, *line[1:]]
             # Half of an explanation explains nothing.
             if entry.help and (width is None or sum(len(cell.text) for cell in line) + len(explanation) <= width):
                 line = [*line, Cell(explanation, Tone.FAINT)]
-            yield line if width is None else cut(line, width)
+            yield PlacedLine(line if width is None else cut(line, width), entry.place, entry.title, tells, is_carrier)
 
-    def _entries(self, row: int) -> Iterator[Entry]:
+    def _entries(self, row: int, label_width: int) -> Iterator[tuple[Entry, bool]]:
+        """Yield the entries of a frame, each with whether it is about what carries the message."""
         packets, at, name = self._rows.packets, int(self._rows.row[row]), self._rows.name_of(row)
         packet, tree, place = packets.packet(at), self._trees[name], int(self._places[name][row])
-        yield from self._frame(row)
+        yield from ((entry, True) for entry in self._frame(row, len(packet), label_width))
         for layer in tree.layers(place, packet, int(packets.link[at])):
-            yield from self._layer(row, packet, layer)
-        yield from tree.entries(place, packet)
+            yield from ((entry, True) for entry in self._layer(row, packet, layer))
+        yield from ((entry, False) for entry in tree.entries(place, packet))
 
-    def _frame(self, row: int) -> Iterator[Entry]:
-        yield Entry([Cell(f"Frame {self._texts['frame.number'][row]}", Tone.STRONG)])
+    def _frame(self, row: int, size_bytes: int, label_width: int) -> Iterator[Entry]:
+        yield title_entry("Frame", (), Place(0, size_bytes), f"Frame {self._texts['frame.number'][row]}")
         for name in _FRAME_FIELDS[1:]:
             field = FIELDS[name]
             unit = " s" if field.type is FieldType.DURATION else ""
-            line = [Cell(f"{'':{INDENT}}{field.label:<{_FRAME_LABEL_WIDTH}}  {self._texts[name][row]}{unit}")]
+            line = [Cell(f"{'':{INDENT}}{field.label:<{label_width}}  {self._texts[name][row]}{unit}")]
             yield Entry(line, f"{self._local[row]} local time" if field.calendar else "")
 
     def _layer(self, row: int, packet: bytes, layer: Layer) -> Iterator[Entry]:
@@ -129,7 +160,7 @@ class Trees:
             return
         ends = _ENDS.get(layout.name)
         title = f"  {' → '.join(self._texts[name][row] for name in ends)}" if ends else ""
-        yield Entry([Cell(layout.title, Tone.STRONG), Cell(title)])
+        yield title_entry(layout.title, [Cell(title)], Place(layer.start, layer.stop))
         found = values(packet, layer)
         entries = iter(layout)
         for entry in entries:
@@ -137,16 +168,12 @@ class Trees:
             joined = _JOINED.get((layout.name, entry.name))
             if joined:
                 content = packet[at : at + entry.size_bytes + next(entries).size_bytes]
-                yield Entry([place_cell(at, content), label_cell(joined[1]), Cell(_joined_text(content))])
+                yield field_entry(at, content, joined[1], [Cell(_joined_text(content))])
             else:
                 content = packet[at : at + entry.size_bytes]
                 value, meaning = _value(layout, entry, found[entry.name])
-                line = [
-                    place_cell(at, content),
-                    label_cell(entry.label),
-                    Cell(f"{value}  {meaning}" if meaning else value),
-                ]
-                yield Entry(line, "" if meaning else entry.help)
+                told = [Cell(f"{value}  {meaning}" if meaning else value)]
+                yield field_entry(at, content, entry.label, told, "" if meaning else entry.help)
 
 
 def _places(rows: FrameRows, name: str) -> I64:

@@ -73,7 +73,8 @@ class FrameRows:
     first frame, ``frame_before_ns`` of the last frame before the batch, ``shown_before_ns`` of the last frame shown
     before the first one here (None: there is none), ``since_ns`` since the frame shown before where that is not the row
     above. ``finding`` and ``cause`` are the numbers of those with which a frame is looked at, -1 for none; a frame that
-    shows several is there as often (``nvscope.view.fields.shown``).
+    shows several is there as often (``nvscope.view.fields.shown``). ``number`` and ``before_ns``, the time of the frame
+    before, are there where the frames of the batch do not follow each other in the capture.
     """
 
     packets: PacketBatch
@@ -90,6 +91,8 @@ class FrameRows:
     finding: I64 | None = None
     cause: I64 | None = None
     since_ns: I64 | None = None
+    number: I64 | None = None
+    before_ns: I64 | None = None
 
     @staticmethod
     def of(told: Told, packet: I64) -> FrameRows:
@@ -145,7 +148,7 @@ class FrameRows:
     @property
     def frame_number(self) -> I64:
         """Frame numbers from 1 across the capture, int64 of shape (n,)."""
-        return self.row + (self.frames_before + 1)
+        return self.row + (self.frames_before + 1) if self.number is None else self.number
 
     @property
     def since_start_ns(self) -> I64:
@@ -155,6 +158,8 @@ class FrameRows:
     @property
     def since_frame_ns(self) -> I64:
         """Time since the frame before, whatever that is; of the first frame 0."""
+        if self.before_ns is not None:
+            return self.ts_ns - self.before_ns
         before = np.where(self.row > 0, self.packets.ts_ns[self.row - 1], self.frame_before_ns)
         return self.ts_ns - before
 
@@ -223,11 +228,21 @@ class FrameRows:
             parts={name: found for name, found in taken.items() if found is not None},
             finding=None if self.finding is None else self.finding[which],
             cause=None if self.cause is None else self.cause[which], since_ns=None,
+            number=None if self.number is None else self.number[which],
+            before_ns=None if self.before_ns is None else self.before_ns[which],
         )  # fmt: skip
 
     def part(self, rows: I64 | Bool) -> FrameRows:
         """Return some of the frames, to be shown with the others: each still follows the one before it."""
         return replace(self.take(rows), since_ns=self.since_shown_ns[rows])
+
+    def placed(self, number: I64, before_ns: I64) -> FrameRows:
+        """Return the same frames, each with its number in the capture, and the time of the frame before it there."""
+        return replace(self, number=number, before_ns=before_ns)
+
+    def shown_after(self, since_ns: I64) -> FrameRows:
+        """Return the same frames, each shown so long after the one that is shown before it."""
+        return replace(self, since_ns=since_ns)
 
     def looked_at_with(self, finding: I64, cause: I64) -> FrameRows:
         """Return the same frames, each looked at with a finding and a cause, by number; -1 for none."""
