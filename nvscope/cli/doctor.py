@@ -104,7 +104,7 @@ def _heard(live: Sequence[str], plant: Project, wanted_ns: int, *, quiet: bool) 
     drop_privileges()
     with LiveRun(listening, quiet=quiet) as progress:
         traffic = listening.hear(wanted_ns, progress)
-    lasted_ns = listening.lasted_ns
+    lasted_ns = listening.lasted_ns if listening.infos else None
     # A carrier may have come meanwhile: the kernel tells of it up to a second late.
     machine = replace(machine, interfaces=interfaces_now())
     return Case(expected, traffic, tuple(listening.places), machine, lasted_ns, names, asks_sockets=bool(sockets))

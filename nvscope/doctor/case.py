@@ -15,7 +15,8 @@ from nvscope.doctor.result import State
 
 @dataclass(frozen=True)
 class Case:
-    """``machine`` is None where files were read. ``listened_ns`` is how long it was listened, None of files.
+    """``machine`` is None where files were read. ``listened_ns`` is how long it was
+    listened, None of files, and where nobody could.
 
     ``asks_sockets``: somebody named a plain socket, and what it gets is the question.
     Telegrams are counted where all is seen that passes; what plain sockets got says what reaches programs.

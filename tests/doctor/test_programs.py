@@ -61,6 +61,8 @@ def test_a_port_is_bound_by_the_program_of_another_user(pair: tuple[Host, Host])
     with holding(reader, "1202", "alone"):
         found = asked(reader, user=NOBODY)
     assert of_state(found, "problem") == ["ports", "permissions", "telegrams"]
+    assert found["listened_ns"] is None
+    assert "nothing could be listened to" in seen(found, "telegrams")
     # Of others' programs, only whose they are can be seen.
     assert "a process of user root" in seen(found, "ports")
 
