@@ -60,7 +60,7 @@ def interfaces(incomplete: str) -> list[str]:
     """Return the interfaces of this machine that begin like this."""
     from nvscope.capture.live.device import names
 
-    return _beginning(names(), incomplete)
+    return beginning(names(), incomplete)
 
 
 def _fields() -> Vocabulary:
