@@ -9,6 +9,7 @@ from typing import Any
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Watching
+from nvscope.record.recorder import Recorder
 from nvscope.tui.actions import Keymap
 from nvscope.tui.app import WatchApp
 from nvscope.tui.feed import SessionFeed
@@ -52,7 +53,7 @@ def on_screen(
 
     async def watch() -> None:
         feed = SessionFeed(inquiry, Watching())
-        app = WatchApp(feed, Keymap(), utc=True, **how)
+        app = WatchApp(feed, Keymap(), recorder=Recorder(), utc=True, **how)
         try:
             async with app.run_test(size=size) as pilot:
                 screen = Screen(app, pilot)

@@ -35,7 +35,7 @@ def inquiry_of(path: str, definitions: tuple[str, ...] = ()) -> Inquiry:
 
 def lines_of_program(path: str, definitions: tuple[str, ...], *options: str) -> list[list[str]]:
     given = [word for one in definitions for word in ("--gvl", one)] if definitions else []
-    text = run_text("packets", path, "-q", *(given if options or "can" in path else []), *options)
+    text = run_text("packets", path, "-q", *(given if options or "can" in path else []), *options).stdout
     return [line.split() for line in text.splitlines()]
 
 

@@ -11,6 +11,7 @@ from nvscope.errors import NvscopeError
 from nvscope.tui.look import Choice
 from nvscope.tui.prompt import Prompt
 from nvscope.tui.scanner import Scanner
+from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.escape import visible
 from nvscope.view.fields.completion import completions
 
@@ -99,7 +100,7 @@ class FindCommands:
         """Return what is wrong with a filter, None where nothing is."""
         if self._app.scene is not None:
             try:
-                self._app.scene.inquiry.check_filter(expression)
+                DisplayFilter(expression, self._app.scene.inquiry.fields)
             except NvscopeError as error:
                 return error
         return None
