@@ -39,6 +39,8 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope plant.pcapng", "what is wrong, errors first"),
             ("nvscope report plant.pcapng plc", "with the definitions in the folder plc"),
             ("nvscope report plant.pcapng --from-time 5s --to-time -2s", "a part of the capture"),
+            ("nvscope report plant.pcapng --follow --for 60s", "a capture that is still written, for a minute"),
+            ("ssh SWITCH tcpdump -U -w - | nvscope report - --for 60s", "a capture on another machine"),
             ("nvscope report plant.pcapng -Y 'cause.kind == \"second-sender\"'", "one cause, and what it explains"),
             ("nvscope report plant.pcapng -Y 'list.lost > 0' --json", "lists that lost something, for programs"),
         ),
