@@ -47,15 +47,16 @@ class Screen:
 
 
 def on_screen(
-    inquiry: Inquiry, look: Callable[[Screen], Awaitable[None]], *, size: tuple[int, int] = (80, 24), **how: Any
+    inquiry: Inquiry, look: Callable[[Screen], Awaitable[None]], *, size: tuple[int, int] = (80, 24),
+    notes: bool = False, **how: Any,
 ) -> None:  # fmt: skip
-    """Watch captures to their end on a screen of a size, and look at it then."""
+    """Watch captures to their end on a screen of a size, and look at it then; ``notes`` lie over it where wanted."""
 
     async def watch() -> None:
         feed = SessionFeed(inquiry, Watching())
         app = WatchApp(feed, Keymap(), recorder=Recorder(), utc=True, **how)
         try:
-            async with app.run_test(size=size) as pilot:
+            async with app.run_test(size=size, notifications=notes) as pilot:
                 screen = Screen(app, pilot)
                 await screen.until(lambda: app._ended and app.look is not None)
                 await look(screen)
