@@ -40,7 +40,7 @@ FILLED_IN = {
 }
 """What is filled into commands, by a program or by the people who read them."""
 
-OF_TOOLS = {"-s": ("dumpcap", "tcpdump"), "-B": ("dumpcap", "tcpdump"), "-P": ("pipx", "python")}
+OF_TOOLS = {"-s": ("dumpcap", "tcpdump"), "-B": ("dumpcap", "tcpdump"), "-P": ("pipx", "python"), "-U": ("tcpdump",)}
 """Options of other programs, which are named where the option is."""
 
 TOOLS = {"editcap", "mergecap", "reordercap", "dumpcap", "tcpdump"}

@@ -248,12 +248,6 @@ class Inquiry:
             )
         return self.filter_by(expression, self._read(_Wanted(causes=chosen.causes, names=names)))
 
-    def check_filter(self, expression: str) -> None:
-        """Raise UsageError as ``filter`` does where an expression cannot be understood; nothing is read."""
-        from nvscope.view.display_filter import DisplayFilter  # noqa: PLC0415
-
-        DisplayFilter(expression, self.fields)
-
     def analyze(
         self, expression: str | None = None, *, values: bool = False, compare: bool = False, causes: bool = True,
         names: bool = True, others: Sequence[Observer] = (),

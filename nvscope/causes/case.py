@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,9 +15,9 @@ from dissectors.can.pdo import channel_name
 from nvscope.causes.cause import Cause
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
-from nvscope.causes.spans import touching
+from nvscope.causes.spans import moments, touching
 from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
-from nvscope.engine.runs import distinct, rows_by, runs_of
+from nvscope.engine.runs import distinct, rows_by
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.definition import SILENT_LIST
 from nvscope.findings.facts import AnyList, Facts
@@ -37,9 +36,6 @@ _STEADY_INTERVALS = 30
 
 NOBODY = -1
 """The owner of a symptom that nothing has explained yet."""
-
-MOMENT_NS = 100_000_000
-"""What comes so near to another thing comes at the same moment."""
 
 PAUSE_PERCENT = 250
 """An interval that is longer than so much of the nominal one is a pause (diagnosis.md, section 5)."""
@@ -108,20 +104,6 @@ def longest_ns(lists: Sequence[AnyList]) -> int:
 def slack_ns(lists: Sequence[AnyList]) -> int:
     """Return two and a half of the longest nominal interval of lists: what is no longer is no pause."""
     return longest_ns(lists) * PAUSE_PERCENT // 100
-
-
-def moments(times_ns: I64) -> int:
-    """Return how many moments of a tenth of a second sorted times are of, each from the first one in it."""
-    start, stop = runs_of(np.cumsum(np.append(0, np.diff(times_ns) > MOMENT_NS))[: len(times_ns)])
-    long = times_ns[stop - 1] - times_ns[start] > MOMENT_NS
-    count = len(start) - int(long.sum())
-    # Only where one follows the other is there something to walk.
-    for begin, end in zip(start[long].tolist(), stop[long].tolist(), strict=True):
-        times, at = times_ns[begin:end].tolist(), 0
-        while at < len(times):
-            count += 1
-            at = bisect_right(times, times[at] + MOMENT_NS, at)
-    return count
 
 
 class Case:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import MOMENT_NS, Case
+from nvscope.causes.case import Case
+from nvscope.causes.spans import MOMENT_NS
 from nvscope.engine.runs import rows_by
 from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.findings.timing import JITTER, LATE

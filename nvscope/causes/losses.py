@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import MOMENT_NS, Case, Draft, Explained, longest_ns, slack_ns
+from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.gaps import IN_A_ROW, Losses, clusters, end_of_losses, lacking, losses_in, since_of
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lost_answers import answers_lost
-from nvscope.causes.spans import touching
+from nvscope.causes.spans import MOMENT_NS, touching
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.causes.case import MOMENT_NS, Case
+from nvscope.causes.case import Case
 from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.gaps import Losses
+from nvscope.causes.spans import MOMENT_NS
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import MOMENT_NS
 from nvscope.causes.gaps import Losses
+from nvscope.causes.spans import MOMENT_NS
 from nvscope.engine.runs import runs_of, spans
 
 PAIR = 2

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from nvscope.engine.runs import runs_of
+
+MOMENT_NS = 100_000_000
+"""What is so near to each other is of one moment."""
 
 
 def touching(since_ns: I64, until_ns: I64, others_since_ns: I64, others_until_ns: I64) -> Bool:
@@ -17,3 +23,17 @@ def touching(since_ns: I64, until_ns: I64, others_since_ns: I64, others_until_ns
     ended = np.searchsorted(np.sort(others_until_ns), since_ns, "left")
     touches: Bool = begun > ended
     return touches
+
+
+def moments(times_ns: I64) -> int:
+    """Return how many moments of a tenth of a second sorted times are of, each from the first one in it."""
+    start, stop = runs_of(np.cumsum(np.append(0, np.diff(times_ns) > MOMENT_NS))[: len(times_ns)])
+    long = times_ns[stop - 1] - times_ns[start] > MOMENT_NS
+    count = len(start) - int(long.sum())
+    # Only where one follows the other is there something to walk.
+    for begin, end in zip(start[long].tolist(), stop[long].tolist(), strict=True):
+        times, at = times_ns[begin:end].tolist(), 0
+        while at < len(times):
+            count += 1
+            at = bisect_right(times, times[at] + MOMENT_NS, at)
+    return count

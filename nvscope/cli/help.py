@@ -40,6 +40,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope report plant.pcapng plc", "with the definitions in the folder plc"),
             ("nvscope report -D", "what can be named in place of a file: interfaces, CAN channels"),
             ("nvscope report plant.pcapng --from-time 5s --to-time -2s", "a part of the capture"),
+            ("nvscope report plant.pcapng --follow --for 1s", "a capture that is still written; - is one from stdin"),
             ("nvscope report plant.pcapng -Y 'cause.kind == \"second-sender\"'", "one cause, and what it explains"),
             ("nvscope report plant.pcapng -Y 'list.lost > 0' --json", "lists that lost something, for programs"),
         ),

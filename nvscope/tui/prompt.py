@@ -80,7 +80,7 @@ class Prompt(Vertical):
         """Return what a line could go on to."""
         if self.mark == ":":
             return [action.name for action in ACTIONS if text and action.name.startswith(text)]
-        found: Sequence[str] = self.app.completed(text)  # type: ignore[attr-defined]
+        found: Sequence[str] = self.app.find.completed(text)  # type: ignore[attr-defined]
         return found
 
     def on_input_changed(self) -> None:
@@ -113,7 +113,7 @@ class Prompt(Vertical):
         """Tell what is wrong with the line so far, or what it would do."""
         bar, text = self.query_one("#prompt-told", Bar), self._input.value
         if self.mark == "/":
-            problem: NvscopeError | None = self.app.problem_with(text) if text.strip() else None  # type: ignore[attr-defined]
+            problem: NvscopeError | None = self.app.find.problem_with(text) if text.strip() else None  # type: ignore[attr-defined]
             if not text.strip():
                 bar.tell([Cell(" a filter such as nv.index == 7, as for -Y; an empty one is none", Tone.FAINT)])
             elif problem is None:

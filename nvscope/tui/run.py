@@ -12,6 +12,7 @@ from nvscope.analysis.watching import Watching
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import UsageError
 from nvscope.tui.actions import Keymap
+from nvscope.view.display_filter import DisplayFilter
 
 if TYPE_CHECKING:
     from typing import Literal
@@ -41,7 +42,7 @@ def run_screen(
     """
     project = inquiry.project
     if expression is not None:
-        inquiry.check_filter(expression)
+        DisplayFilter(expression, inquiry.fields)
     keymap = Keymap(project.keys, str(project.path or ""))
     if theme is not None and theme not in THEMES:
         raise UsageError(f"--theme {theme[:40]}: there is no such theme", next_step=f"there are {', '.join(THEMES)}")

@@ -62,6 +62,9 @@ def send(device: str, path: str, rate: int, batch: int, limit: int | None) -> di
     sendmmsg = ctypes.CDLL(None, use_errno=True).sendmmsg
     sendmmsg.argtypes = [ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int]
     descriptor, place, count = out.fileno(), messages.ctypes.data, len(starts)
+    if rate:
+        # Bursts of half a millisecond: what comes evenly is not to look uneven.
+        batch = max(min(batch, rate // 2000), 1)
     sent, failures = 0, 0
     begin = time.monotonic()
     while sent < count:
@@ -84,7 +87,7 @@ def main() -> None:
     parser.add_argument("device")
     parser.add_argument("file")
     parser.add_argument("--rate", type=int, default=0, help="frames a second; 0: as fast as possible")
-    parser.add_argument("--batch", type=int, default=128, help="frames in one call of sendmmsg")
+    parser.add_argument("--batch", type=int, default=128, help="frames in one call of sendmmsg, at most")
     parser.add_argument("--limit", type=int, help="only the first frames of the file")
     arguments = parser.parse_args()
     told = send(arguments.device, arguments.file, arguments.rate, arguments.batch, arguments.limit)

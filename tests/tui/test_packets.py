@@ -39,8 +39,8 @@ def inquiry_of(path: str, definitions: tuple[str, ...] = ()) -> Inquiry:
 
 def lines_of_program(path: str, definitions: tuple[str, ...], *options: str) -> list[list[str]]:
     given = [word for one in definitions for word in ("--gvl", one)] if definitions else []
-    text = run_text("packets", path, "-q", *(given if options or "can" in path else []), *options)
-    return [line.split() for line in text.stdout.splitlines()]
+    text = run_text("packets", path, "-q", *(given if options or "can" in path else []), *options).stdout
+    return [line.split() for line in text.splitlines()]
 
 
 async def to_packets(screen: Screen) -> tuple[PacketList, FieldsPane, BytesPane]:
@@ -201,7 +201,7 @@ def test_the_cursor_goes_to_the_moment_that_is_shown() -> None:
     async def look(screen: Screen) -> None:
         shown, _, _ = await to_packets(screen)
         screen.app.act("time.go", "25s")
-        await screen.until(lambda: shown.frame == 967)  # the last one before 25 s, as the list has it
+        await screen.until(lambda: shown.frame == 967)  # the last one up to 25 s
         assert "past" in screen.text
 
     rows = lines_of_program(PLANT, ())
@@ -214,7 +214,7 @@ def test_marks_and_copies() -> None:
 
     async def look(screen: Screen) -> None:
         shown, fields, _ = await to_packets(screen)
-        screen.app.copy_to_clipboard = copied.append  # type: ignore[method-assign]
+        screen.app.copy_to_clipboard = copied.append  # type: ignore[method-assign, assignment]
         await screen.press("j", "j", "m", "a", "G", "apostrophe", "a")
         assert shown.frame == int(lines_of_program(PLANT, ())[2][0])
         await screen.press("y", "tab", "y")

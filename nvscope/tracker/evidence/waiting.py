@@ -18,8 +18,8 @@ from dissectors.netvar import LIST_SERVICES
 from dissectors.varieties import Varieties
 from nvscope.engine.told import Told
 
-MOST_PACKETS = 1 << 20
-"""Of so many packets, all are taken: they wait with 16 bytes each."""
+MOST_PACKETS = 1 << 18
+"""Of so many packets, all are taken: they wait with 16 bytes each. Four times as many would save nothing."""
 
 MOST_LOOKED_AT = 1 << 16
 """The same of those whose headers are kept."""

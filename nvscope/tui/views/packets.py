@@ -13,18 +13,17 @@ from dissectors.batch import I64
 from nvscope import units
 from nvscope.analysis.recent_frames import FoundFrames
 from nvscope.analysis.recent_rows import RecentRows
-from nvscope.analysis.watching import Scene
 from nvscope.tui.bars import Bar
 from nvscope.tui.look import Choice, Look
 from nvscope.tui.packets.bytes_pane import BytesPane, width_of
+from nvscope.tui.packets.facts import byte_facts, field_facts, in_ring, list_facts, title
 from nvscope.tui.packets.fields_pane import SIGN_WIDTH, FieldsPane
 from nvscope.tui.packets.list_pane import MARGIN, PacketList
 from nvscope.tui.packets.text import PacketText, ShownFrame
 from nvscope.tui.views.view import View
-from nvscope.view.escape import visible
 from nvscope.view.lines.hexdump import PER_LINE, TonedSpan
 from nvscope.view.lines.moments import Moment
-from nvscope.view.lines.table import Cell, Line, Tone
+from nvscope.view.lines.table import Line, Tone
 from nvscope.view.lines.tree_lines import VARIABLES
 
 _LIST, _FIELDS, _BYTES = "list", "fields", "bytes"
@@ -97,7 +96,7 @@ class PacketsView(View):
         self._prepare(look)
         scene, found = look.scene, self._found(look)
         choice = look.choice
-        numbers = _NO_NUMBERS if found is None else _in_ring(self._chosen(found, choice), scene)
+        numbers = _NO_NUMBERS if found is None else in_ring(self._chosen(found, choice), scene)
         matches = found.matches if found is not None and choice is not None and choice.suspended else None
         if look.at_ns is None:
             self._gone_to = None
@@ -241,50 +240,13 @@ class PacketsView(View):
         self._fields.refresh()
 
     def _tell_bars(self) -> None:
-        self._list_bar.tell(self._titled(_LIST, "Packets", self._list_facts()))
-        self._fields_bar.tell(self._titled(_FIELDS, "Fields", self._field_facts()))
-        self._bytes_bar.tell(self._titled(_BYTES, "Bytes", self._byte_facts()))
-
-    def _titled(self, pane: str, title: str, facts: Iterator[str]) -> Line:
-        has_keys = pane == self._pane
-        told = "   ".join(facts)
-        return [
-            Cell(f"▸ {title}" if has_keys else f"  {title}", Tone.STRONG if has_keys else Tone.FAINT),
-            Cell(f"   {told}" if told else "", Tone.FAINT),
-        ]
-
-    def _list_facts(self) -> Iterator[str]:
-        look = self._look
-        if look is None:
-            return
-        found, recent = self._found(look), look.scene.recent
-        if found is None:
-            yield "looking at the frames …"
-            return
-        shown, every = len(self._list.numbers), len(_in_ring(found.frames, look.scene))
-        yield f"{units.count(shown)} of {units.count(every)}" if shown != every else units.count(shown)
-        if look.choice is not None and look.choice.suspended:
-            yield units.count_of(len(_in_ring(found.matches, look.scene)), "match", "matches")
-        if self.list_key:
-            yield f"list {visible(units.list_key(self.list_key))} alone"
-        if recent.first_frame > 1:
-            yield f"kept from frame {units.count(recent.first_frame)}"
-        if behind := found.behind(recent):
-            yield f"{units.count(behind)} not looked at yet"
-        if self._list.follows and look.live:
-            yield "following"
-
-    def _field_facts(self) -> Iterator[str]:
-        if self._frame is not None:
-            yield f"frame {units.count(self._frame.number)}"
-
-    def _byte_facts(self) -> Iterator[str]:
-        shown = self._frame
-        if shown is None:
-            return
-        yield units.count(len(shown.packet))
-        if shown.changed is not None and shown.before is not None:
-            yield f"{units.count(int(shown.changed.sum()))} others than in {units.count(shown.before)}"
+        of_list: Iterator[str] = iter(())
+        if self._look is not None:
+            found, shown = self._found(self._look), len(self._list.numbers)
+            of_list = list_facts(self._look, found, shown, self.list_key, follows=self._list.follows)
+        self._list_bar.tell(title("Packets", of_list, has_keys=self._pane == _LIST))
+        self._fields_bar.tell(title("Fields", field_facts(self._frame), has_keys=self._pane == _FIELDS))
+        self._bytes_bar.tell(title("Bytes", byte_facts(self._frame), has_keys=self._pane == _BYTES))
 
     def on_packet_list_moved(self) -> None:
         self._tell()
@@ -354,7 +316,7 @@ class PacketsView(View):
         frame = self._list.frame
         if found is None or frame is None:
             return
-        matches = _in_ring(found.matches, look.scene)
+        matches = in_ring(found.matches, look.scene)
         at = int(np.searchsorted(matches, frame, "right" if direction > 0 else "left")) - (direction < 0)
         if not 0 <= at < len(matches):
             self.app.notify("No match " + ("behind it" if direction > 0 else "before it"), timeout=2)
@@ -428,12 +390,6 @@ class PacketsView(View):
         elif key != self.list_key:
             self.list_key = key
             self.post_message(self.Changed())
-
-
-def _in_ring(numbers: I64, scene: Scene) -> I64:
-    """Return the numbers of the frames that a scene has, of some that rise."""
-    recent = scene.recent
-    return numbers[np.searchsorted(numbers, recent.first_frame) : np.searchsorted(numbers, recent.stop_frame)]
 
 
 def _parts(shown: ShownFrame) -> Sequence[TonedSpan]:

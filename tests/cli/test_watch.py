@@ -1,0 +1,95 @@
+"""``nvscope watch`` without a screen: what it prints while something happens, and that it is what a report says."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from pathlib import Path
+from shutil import which
+from typing import Any
+
+import pytest
+
+from tests.capture.live.network import cable, needs_namespaces, send
+from tests.program import run_text
+
+ROOT = Path(__file__).parents[2]
+PLANT = str(ROOT / "captures" / "plant.pcapng.gz")
+
+
+def lines_of(text: str) -> list[Any]:
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def test_what_begins_and_ends_is_told_when_it_does() -> None:
+    done = run_text("watch", PLANT, "--utc")
+    assert (done.returncode, done.stderr) == (0, "")
+    told = [line.strip() for line in done.stdout.splitlines() if line[:9].startswith("00:00:") and line[8:9] == " "]
+    titles = [line.partition(" ")[2] for line in told]
+    silent = next(place for place, title in enumerate(titles) if "192.168.1.12 is silent since 23.9 s" in title)
+    second = next(place for place, title in enumerate(titles) if "A further node sends list 7" in title)
+    assert silent < second
+    assert any(title.startswith("● Node 192.168.1.20 did not answer") and title.endswith(": over") for title in titles)
+    assert done.stdout.count("4 lists") == 4  # a table every ten seconds, and at the end
+
+
+def test_a_line_a_second_adds_up_to_the_report() -> None:
+    lines = lines_of(run_text("watch", PLANT, "--json").stdout)
+    report = json.loads(run_text("report", PLANT, "--json").stdout)
+    last = lines[-1]
+    assert [(one["key"], one["status"], one["telegrams"], one["lost"]) for one in last["lists"]] == [
+        (one["key"], one["status"], one["diag"]["nSendCount"], one["counters"]["lost"]) for one in report["lists"]
+    ]
+    begun = [cause["kind"] for line in lines for cause in line["causes_new"]]
+    ended = [cause["kind"] for line in lines for cause in line["causes_ended"]]
+    for kind in {one["kind"] for one in report["causes"]}:
+        still = sum(one["kind"] == kind and one["until_ns"] is None for one in report["causes"])
+        assert begun.count(kind) - ended.count(kind) == still, kind
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (["--plain", "--json"], "exclude each other"),
+        (["-Y", "nv.index == 7"], "-Y chooses what the screen shows"),
+        (["--every", "soon"], "--every"),
+    ],
+)
+def test_what_cannot_be_is_told(words: list[str], what: str) -> None:
+    done = run_text("watch", PLANT, *words)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert what in done.stderr
+
+
+@needs_namespaces
+@pytest.mark.skipif(which("tcpdump") is None, reason="needs tcpdump")
+def test_what_is_watched_is_what_a_capture_of_the_same_time_tells(tmp_path: Path) -> None:
+    capture = tmp_path / "same.pcap"
+    with cable() as (press, engineer):
+        dump = engineer.start("tcpdump", "-i", engineer.device, "-U", "--immediate-mode", "-w", str(capture), "udp")
+        watching = engineer.nvscope("watch", "--json", engineer.device, "--for", "5s")
+        for _ in range(200):
+            packets = subprocess.run(
+                ["ip", "netns", "exec", engineer.namespace, "cat", "/proc/net/packet"], capture_output=True, text=True,
+                check=True,
+            )  # fmt: skip
+            if len(packets.stdout.splitlines()) >= 3:
+                break
+            time.sleep(0.05)
+        time.sleep(0.2)
+        sending = press.start(*send("10.77.0.255", 400, 2, 5_000_000))
+        out, said = watching.communicate(timeout=40)
+        sending.wait(10)
+        dump.terminate()
+        dump.communicate(timeout=10)
+    assert watching.returncode == 0, said
+    lines = lines_of(out)
+    assert 4 <= len(lines) <= 8
+    report = json.loads(run_text("report", str(capture), "--json").stdout)
+    assert [(one["key"], one["telegrams"], one["lost"]) for one in lines[-1]["lists"]] == [
+        (one["key"], one["diag"]["nSendCount"], one["counters"]["lost"]) for one in report["lists"]
+    ]
+    assert lines[-1]["drops"] == 0
+    # The sender has ended, as everybody who goes on watching can see.
+    assert "node-silent" in {cause["kind"] for line in lines for cause in line["causes_new"]}
