@@ -144,10 +144,9 @@ class KernelRing:
         return ready
 
     def _read(self, blocks: list[int]) -> PacketBatch | None:
-        parts = [part for block in blocks if len(part := self._reader.read(block))]
-        if not parts:
+        batch = self._reader.read(blocks)
+        if not len(batch):
             return None
-        batch = parts[0] if len(parts) == 1 else _joined(parts)
         if int(batch.offset[-1]) + int(batch.captured[-1]) + 2 * PAD_BYTES > len(self._data):
             first = int(batch.offset[0])
             data = np.zeros(len(self._data) - first + 2 * PAD_BYTES, np.uint8)
@@ -210,17 +209,3 @@ def no_permission(name: str) -> CaptureError:
 def _attach(tap: socket.socket, program: Sequence[Instruction]) -> None:
     code = ctypes.create_string_buffer(packed(program))
     tap.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, struct.pack("@HP", len(program), ctypes.addressof(code)))
-
-
-def _joined(parts: Sequence[PacketBatch]) -> PacketBatch:
-    """Return batches over one buffer as one."""
-    offset = np.concatenate([part.offset for part in parts])
-    return PacketBatch(
-        parts[0].data,
-        offset,
-        np.concatenate([part.captured for part in parts]),
-        np.concatenate([part.original for part in parts]),
-        np.concatenate([part.ts_ns for part in parts]),
-        PacketBatch.link_column(int(parts[0].link[0]), len(offset)),
-        direction=np.concatenate([part.directions for part in parts]),
-    )
