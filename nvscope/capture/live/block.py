@@ -25,7 +25,10 @@ STATUS_AT = 8
 
 TO_READ = 1
 
-_COUNT_AT, _FIRST_AT, _LENGTH_AT = 12, 16, 20
+COUNT_AT = 12
+"""Where a block tells how many packets it has."""
+
+_FIRST_AT, _LENGTH_AT = 16, 20
 _HEADER_BYTES = 48
 _ADDRESS_BYTES = 20
 _PACKET_TYPE_AT = _HEADER_BYTES + 10
@@ -123,7 +126,7 @@ class BlockReader:
         """Return where the headers of the packets of some blocks are."""
         begin = np.array(blocks, np.int64) * self.block_bytes
         words = self.data.view(np.uint32)
-        count, first, length = (words[(begin + at) // 4].astype(np.int64) for at in (_COUNT_AT, _FIRST_AT, _LENGTH_AT))
+        count, first, length = (words[(begin + at) // 4].astype(np.int64) for at in (COUNT_AT, _FIRST_AT, _LENGTH_AT))
         full = np.flatnonzero(count)
         begin, count, first = begin[full], count[full], first[full]
         if not len(full):

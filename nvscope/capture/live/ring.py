@@ -18,7 +18,7 @@ from contextlib import suppress
 import numpy as np
 
 from dissectors.batch import PAD_BYTES, PacketBatch
-from nvscope.capture.live.block import STATUS_AT, TO_READ, VLAN_BYTES, BlockReader
+from nvscope.capture.live.block import COUNT_AT, STATUS_AT, TO_READ, VLAN_BYTES, BlockReader
 from nvscope.capture.live.bpf import NOTHING, Instruction, packed
 from nvscope.capture.live.device import Device, state_of
 from nvscope.capture.source import DropsPart
@@ -93,7 +93,8 @@ class KernelRing:
         tap.setsockopt(_SOL_PACKET, _RX_RING, request)
         self._map = mmap.mmap(tap.fileno(), BLOCK_BYTES * self._blocks)
         self._data = np.frombuffer(self._map, np.uint8)
-        self._status = self._data.view(np.uint32)[STATUS_AT // 4 :: BLOCK_BYTES // 4]
+        words = self._data.view(np.uint32)
+        self._status, self._count = (words[at // 4 :: BLOCK_BYTES // 4] for at in (STATUS_AT, COUNT_AT))
         self._reader = BlockReader(
             self._data, BLOCK_BYTES, device.link, skip_outgoing=device.is_loopback, has_tags=device.is_ethernet
         )
@@ -159,6 +160,8 @@ class KernelRing:
 
     def _give_back(self) -> None:
         for block in self._taken:
+            # A block that the kernel has not begun anew when it ends, because it had no room, holds nothing.
+            self._count[block] = 0
             self._status[block] = 0
         self._taken = []
 
