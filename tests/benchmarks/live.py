@@ -32,7 +32,7 @@ from tables import MIB
 from tool import HERE, python
 
 KINDS = ("cyclic", "events", "many", "large")
-MOST_TELEGRAMS = {"large": 300_000}
+MOST_TELEGRAMS = {"large": 1_000_000}
 """1 400 bytes each: a file that fits into the page cache beside the others."""
 
 SETTLE_S = 0.7

@@ -11,7 +11,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,7 +26,10 @@ STATUS_AT = 8
 
 TO_READ = 1
 
-_COUNT_AT, _FIRST_AT, _LENGTH_AT = 12, 16, 20
+COUNT_AT = 12
+"""Where a block tells how many packets it has."""
+
+_FIRST_AT, _LENGTH_AT = 16, 20
 _HEADER_BYTES = 48
 _ADDRESS_BYTES = 20
 _PACKET_TYPE_AT = _HEADER_BYTES + 10
@@ -36,6 +41,7 @@ _DOT1Q = 0x8100
 _ALIGNMENT = 4
 _CAN_HEAD_BYTES, _CAN_FLAGS_AT = 8, 5
 _CAN_BYTES, _CAN_FD_BYTES = _CAN_HEAD_BYTES + 8, _CAN_HEAD_BYTES + 64
+_FEW_BLOCKS, _FEW_PACKETS = 4, 2048
 
 _HEADER = np.dtype({
     "names": ["seconds", "ns", "captured", "original", "status", "mac", "vlan", "vlan_type", "direction"],
@@ -93,19 +99,11 @@ class BlockReader:
     skip_outgoing: bool = False
     has_tags: bool = True
 
-    def read(self, block: int) -> PacketBatch:
-        """Return the packets of a block, which is the program's, over ``data``; tags are put back in there."""
-        begin = block * self.block_bytes
-        head = self.data[begin : begin + _LENGTH_AT + 4].view(np.uint32)
-        count, first, length = (int(head[at // 4]) for at in (_COUNT_AT, _FIRST_AT, _LENGTH_AT))
-        if not count:
+    def read(self, blocks: Sequence[int]) -> PacketBatch:
+        """Return the packets of blocks that are the program's, over ``data``; tags are put back in there."""
+        at = self._packets(blocks)
+        if not len(at):
             return PacketBatch.nothing()
-        length = min(length, self.block_bytes)
-        walker = LockstepWalker(
-            self.data[: begin + self.block_bytes], begin + length, _Framing(self.block_bytes),
-            record_bytes=(length - first) / count,
-        )  # fmt: skip
-        at = walker.walk(begin + first, begin + length)[:count]
         headers = _headers(self.data, at)
         direction = headers["direction"]
         if self.skip_outgoing:
@@ -142,6 +140,39 @@ class BlockReader:
         self.data[flags] = self.data[flags] & KNOWN_FD_FLAGS | FD_FRAME
         self.data[offset[is_fd][:, None] + np.arange(_CAN_FLAGS_AT + 1, _CAN_HEAD_BYTES)] = 0
         self.data[offset[captured == _CAN_BYTES] + _CAN_FLAGS_AT] = 0
+
+    def _packets(self, blocks: Sequence[int]) -> I64:
+        """Return where the headers of the packets of some blocks are."""
+        begin = np.array(blocks, np.int64) * self.block_bytes
+        words = self.data.view(np.uint32)
+        count, first, length = (words[(begin + at) // 4].astype(np.int64) for at in (COUNT_AT, _FIRST_AT, _LENGTH_AT))
+        full = np.flatnonzero(count)
+        begin, count, first = begin[full], count[full], first[full]
+        if not len(full):
+            return begin
+        if len(full) >= _FEW_BLOCKS and int(count.max()) <= _FEW_PACKETS:
+            return self._side_by_side(begin + first, count)
+        ends = np.minimum(length[full], self.block_bytes)
+        return np.concatenate([self._walk(*one) for one in np.stack((begin, count, first, ends), 1).tolist()])
+
+    def _walk(self, begin: int, count: int, first: int, length: int) -> I64:
+        walker = LockstepWalker(
+            self.data[: begin + self.block_bytes], begin + length, _Framing(self.block_bytes),
+            record_bytes=(length - first) / count,
+        )  # fmt: skip
+        return walker.walk(begin + first, begin + length)[:count]
+
+    def _side_by_side(self, start: I64, count: I64) -> I64:
+        """Walk blocks of few packets, one step in all of them at a time: their beginnings are known."""
+        steps = int(count.max())
+        path = np.empty((steps, len(start)), np.int64)
+        path[0] = start
+        following = np.ndarray((len(self.data) - 3,), np.uint32, self.data, 0, (1,))
+        rows = list(path)
+        # The last packet of a block tells 0: there, a lane stays.
+        for here, there in pairwise(rows):
+            np.add(here, following[here], there)
+        return path.T[np.arange(steps) < count[:, None]]
 
     def _put_back(self, rows: I64, headers: np.ndarray[tuple[int], np.dtype[np.void]], offset: I64) -> None:
         """Put VLAN tags between the addresses and the type of frames, where there is room in front of them."""

@@ -18,7 +18,7 @@ from contextlib import suppress
 import numpy as np
 
 from dissectors.batch import PAD_BYTES, PacketBatch
-from nvscope.capture.live.block import STATUS_AT, TO_READ, VLAN_BYTES, BlockReader
+from nvscope.capture.live.block import COUNT_AT, STATUS_AT, TO_READ, VLAN_BYTES, BlockReader
 from nvscope.capture.live.bpf import NOTHING, Instruction, packed
 from nvscope.capture.live.device import Device, state_of
 from nvscope.capture.source import DropsPart
@@ -96,7 +96,8 @@ class KernelRing:
         tap.setsockopt(_SOL_PACKET, _RX_RING, request)
         self._map = mmap.mmap(tap.fileno(), BLOCK_BYTES * self._blocks)
         self._data = np.frombuffer(self._map, np.uint8)
-        self._status = self._data.view(np.uint32)[STATUS_AT // 4 :: BLOCK_BYTES // 4]
+        words = self._data.view(np.uint32)
+        self._status, self._count = (words[at // 4 :: BLOCK_BYTES // 4] for at in (STATUS_AT, COUNT_AT))
         self._reader = BlockReader(
             self._data, BLOCK_BYTES, device.link, skip_outgoing=device.is_loopback or device.is_can,
             has_tags=device.is_ethernet,
@@ -148,10 +149,9 @@ class KernelRing:
         return ready
 
     def _read(self, blocks: list[int]) -> PacketBatch | None:
-        parts = [part for block in blocks if len(part := self._reader.read(block))]
-        if not parts:
+        batch = self._reader.read(blocks)
+        if not len(batch):
             return None
-        batch = parts[0] if len(parts) == 1 else _joined(parts)
         if int(batch.offset[-1]) + int(batch.captured[-1]) + 2 * PAD_BYTES > len(self._data):
             first = int(batch.offset[0])
             data = np.zeros(len(self._data) - first + 2 * PAD_BYTES, np.uint8)
@@ -164,6 +164,8 @@ class KernelRing:
 
     def _give_back(self) -> None:
         for block in self._taken:
+            # A block that the kernel has not begun anew when it ends, because it had no room, holds nothing.
+            self._count[block] = 0
             self._status[block] = 0
         self._taken = []
 
@@ -216,17 +218,3 @@ def no_permission(name: str) -> CaptureError:
 def _attach(tap: socket.socket, program: Sequence[Instruction]) -> None:
     code = ctypes.create_string_buffer(packed(program))
     tap.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, struct.pack("@HP", len(program), ctypes.addressof(code)))
-
-
-def _joined(parts: Sequence[PacketBatch]) -> PacketBatch:
-    """Return batches over one buffer as one."""
-    offset = np.concatenate([part.offset for part in parts])
-    return PacketBatch(
-        parts[0].data,
-        offset,
-        np.concatenate([part.captured for part in parts]),
-        np.concatenate([part.original for part in parts]),
-        np.concatenate([part.ts_ns for part in parts]),
-        PacketBatch.link_column(int(parts[0].link[0]), len(offset)),
-        direction=np.concatenate([part.directions for part in parts]),
-    )

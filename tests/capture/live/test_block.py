@@ -47,7 +47,7 @@ def test_frames_of_a_can_interface_are_those_of_link_type_227() -> None:
         ]
     )
     reader = BlockReader(block, len(block) - 2 * PAD_BYTES, LinkType.CAN_SOCKETCAN, skip_outgoing=True, has_tags=False)
-    frames = dissect_can(reader.read(0))
+    frames = dissect_can(reader.read([0]))
     assert not frames.fault.any()
     assert frames.identifier.tolist() == [0x123, 0x124, 0x1ABCDE0, 0x55, 0x40]
     assert frames.extended.tolist() == [False, False, True, True, False]
