@@ -50,7 +50,7 @@ def test_a_file_is_reported_whatever_it_is_called(tmp_path: Path) -> None:
     assert run("monday", cwd=tmp_path).stdout == run("report", "monday", cwd=tmp_path).stdout
     # A verb is a verb, also where a file has its name.
     shutil.copy(PEERS / "peers.pcap", tmp_path / "keys")
-    assert run_text("keys", cwd=tmp_path).stdout.startswith("field")
+    assert run_text("keys", cwd=tmp_path).stdout.startswith("Views")
 
 
 @pytest.mark.parametrize(
