@@ -35,7 +35,6 @@ UNSEEN = {
     "NV405", "NV406", "NV407",  # need a definition
     "NV601", "NV605",  # of definitions and of buses
     "NV901", "NV903", "NV904",  # of capture files, see tests/cli
-    "NV907",  # of interfaces, see tests/findings/test_live_sources.py
     "NV906",  # of more streams than anybody writes down, see tests/engine/test_limit.py
 }  # fmt: skip
 
