@@ -18,7 +18,7 @@ def keys(
         list[str] | None,
         typer.Argument(metavar="[DEFINITION...]", help="Definitions, as by --gvl.", show_default=False),
     ] = None,
-    fields: Annotated[bool, typer.Option("--fields", help="The fields that -Y and -e may name.")] = False,
+    fields: Annotated[bool, typer.Option("--fields", help="The fields, of filters and of outputs.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The fields for programs.")] = False,
     gvl: GvlOption = None,
     project: ProjectOption = None,

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.causes.spans import MOMENT_NS
 from nvscope.causes.gaps import Losses
 from nvscope.causes.moments import together
+from nvscope.causes.spans import MOMENT_NS
 from tests.laws import examples
 
 

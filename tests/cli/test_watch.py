@@ -23,7 +23,7 @@ def lines_of(text: str) -> list[Any]:
 
 
 def test_what_begins_and_ends_is_told_when_it_does() -> None:
-    done = run_text("watch", PLANT, "--utc")
+    done = run_text("watch", PLANT, "--utc", environment={"COLUMNS": "120"})
     assert (done.returncode, done.stderr) == (0, "")
     told = [line.strip() for line in done.stdout.splitlines() if line[:9].startswith("00:00:") and line[8:9] == " "]
     titles = [line.partition(" ")[2] for line in told]

@@ -29,7 +29,7 @@ _LONGEST = 600
 
 NOTHING_YET = "Nothing was read yet."
 NO_CAN = (
-    "No CAN here. A channel joins as one more source: `nvscope watch eth0 can:socketcan:can0`, or a log of one "
+    "No CAN here. A channel joins as one more source: can:socketcan:can0, or a log of one "
     "(candump, .asc, .blf, .trc, .mf4, .csv)."
 )
 

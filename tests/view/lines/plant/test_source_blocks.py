@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
+from nvscope import units
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Watching, scene_at
 from nvscope.capture.source import SourceInfo, Truncation
@@ -74,7 +75,7 @@ def test_what_is_kept_and_what_was_let_go() -> None:
     assert small is not None
     assert len(small.recent) + small.recent.passed == 1219
     text = told(ring_block(small.recent, CLOCK, small.at_ns))
-    assert (f"  let go    {small.recent.passed} frame" in text) is bool(small.recent.passed)
+    assert (f"  let go    {units.count(small.recent.passed)} frame" in text) is bool(small.recent.passed)
 
 
 def test_limits() -> None:
