@@ -61,9 +61,6 @@ class PaceSeen:
         return seen
 
 
-NOTHING_SEEN = PaceSeen(np.zeros((PACE_SECONDS, 0), np.int32), np.zeros(0, np.int64))
-
-
 class Pace:
     """Counts telegrams by second and list, for the last ``PACE_SECONDS``; an observer.
 

@@ -7,7 +7,7 @@ import contextlib
 import signal
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -72,7 +72,17 @@ class WatchApp(App[None], inherit_bindings=False):
         self.feed, self.keymap = feed, keymap
         self._time, self._marks, self._records = TimeCommands(self), MarkCommands(self), RecordCommands(self, recorder)
         self.find = FindCommands(self, expression)
-        self._does = {**self._time.does, **self._marks.does, **self._records.does, **self.find.does}
+        self._does: Mapping[str, Callable[[str], None]] = {
+            **self._time.does, **self._marks.does, **self._records.does, **self.find.does,
+            "program.back": self._go_back,
+            "program.quit": self._leave,
+            "program.reset": self._count_anew,
+            "program.suspend": self._rest,
+            "program.help": self._show_help,
+            "program.command": self._ask_command,
+            "show.theme": self._change_theme,
+            "show.copy": self._copy_row,
+        }  # fmt: skip
         self.utc = utc
         self._first_theme = theme
         self._palette = theme
@@ -254,10 +264,8 @@ class WatchApp(App[None], inherit_bindings=False):
         front = self.front
         if name.startswith("view.") and any(view.action == name for view in self.views):
             self._to_front(next(view for view in self.views if view.action == name), told)
-        elif (group := self._does.get(name)) is not None:
-            group(told)
-        elif (own := getattr(self, f"_do_{name.replace('.', '_').replace('-', '_')}", None)) is not None:
-            own(told)
+        elif (does := self._does.get(name)) is not None:
+            does(told)
         elif front is None:
             self.query_one("#help-lines", LinesView).move(name)
         elif not front.act(name, told):
@@ -273,7 +281,7 @@ class WatchApp(App[None], inherit_bindings=False):
         if self._look is not None:
             view.show(self._look)
 
-    def _do_program_back(self, _: str) -> None:
+    def _go_back(self, _: str) -> None:
         front = self.front
         if front is None:
             self._to_front(self.views[0])
@@ -284,36 +292,36 @@ class WatchApp(App[None], inherit_bindings=False):
         else:
             self.exit()
 
-    def _do_program_quit(self, _: str) -> None:
+    def _leave(self, _: str) -> None:
         self.exit()
 
-    def _do_program_reset(self, _: str) -> None:
+    def _count_anew(self, _: str) -> None:
         if not self.feed.is_live:
             self.notify("A capture is counted from its beginning; --from-time cuts it", timeout=3)
             return
         self.feed.reset()
         self.notify("Counted from now on", timeout=2)
 
-    def _do_program_suspend(self, _: str) -> None:
+    def _rest(self, _: str) -> None:
         self.action_suspend_process()
 
-    def _do_program_help(self, _: str) -> None:
+    def _show_help(self, _: str) -> None:
         lines = list(key_lines(self.keymap, max(self.size.width - 2, 40)))
         self.query_one("#help-lines", LinesView).show(lines)
         self.query_one("#views", ContentSwitcher).current = _HELP
         self.query_one(Tabs).front(-1)
 
-    def _do_program_command(self, _: str) -> None:
+    def _ask_command(self, _: str) -> None:
         self.query_one(Prompt).open(":", "")
 
-    def _do_show_theme(self, told: str) -> None:
+    def _change_theme(self, told: str) -> None:
         names = list(PALETTES)
         if told and told not in names:
             self.notify(f"There are: {', '.join(names)}", severity="warning")
             return
         self._paint(told or names[(names.index(self._palette) + 1) % len(names)])
 
-    def _do_show_copy(self, _: str) -> None:
+    def _copy_row(self, _: str) -> None:
         front = self.front
         text = front.copied() if front is not None else ""
         if text:

@@ -112,11 +112,9 @@ class Tabs(Bar):
     def __init__(self, titles: Sequence[str]) -> None:
         super().__init__(id="tabs")
         self._titles = titles
-        self._front = 0
 
     def front(self, place: int) -> None:
         """Show which view is in front."""
-        self._front = place
         line: list[Cell] = [Cell(" ")]
         for number, title in enumerate(self._titles, 1):
             told = f"{number} {title}"

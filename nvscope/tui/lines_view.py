@@ -9,6 +9,7 @@ from textual.geometry import Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from nvscope.tui.moving import step_of
 from nvscope.tui.painting import CURSOR, DARK, Palette, strip_of
 from nvscope.view.lines.table import Line
 
@@ -40,20 +41,14 @@ class LinesView(ScrollView):
 
     def move(self, action: str) -> bool:
         """Move as an action says, from entry to entry where there are any; False where that is none of moving."""
-        page = max(self.size.height - 1, 1)
-        steps = {
-            "move.page-down": page, "move.page-up": -page, "move.half-page-down": max(page // 2, 1),
-            "move.half-page-up": -max(page // 2, 1), "move.first": -len(self.lines), "move.last": len(self.lines),
-            "move.down": 1, "move.up": -1,
-        }  # fmt: skip
-        if action not in steps:
+        step = step_of(action, self.size.height - 1, len(self.lines))
+        if step is None:
             return False
         if self.starts and action in ("move.down", "move.up", "move.first", "move.last"):
-            step = steps[action] if abs(steps[action]) == 1 else steps[action] * len(self.starts)
             self.entry = min(max(self.entry + step, 0), len(self.starts) - 1)
             self._bring_into_view()
         else:
-            self.scroll_to(0, self.scroll_offset.y + steps[action], animate=False, force=True)
+            self.scroll_to(0, self.scroll_offset.y + step, animate=False, force=True)
         self.refresh()
         return True
 

@@ -27,9 +27,6 @@ class Left(NamedTuple):
     signal: int
 
 
-THEMES = ("dark", "light", "ansi", "mono")
-
-
 def run_screen(
     inquiry: Inquiry, how: Watching, recorder: Recorder, *, expression: str | None = None, theme: str | None = None,
     utc: bool = False, colour: Literal["auto", "always", "never"] = "auto",
@@ -44,8 +41,12 @@ def run_screen(
     if expression is not None:
         DisplayFilter(expression, inquiry.fields)
     keymap = Keymap(project.keys, str(project.path or ""))
-    if theme is not None and theme not in THEMES:
-        raise UsageError(f"--theme {theme[:40]}: there is no such theme", next_step=f"there are {', '.join(THEMES)}")
+    if theme is not None:
+        from nvscope.tui.painting import PALETTES  # noqa: PLC0415  not for a wrong key
+
+        if theme not in PALETTES:
+            known = ", ".join(PALETTES)
+            raise UsageError(f"--theme {theme[:40]}: there is no such theme", next_step=f"there are {known}")
     from nvscope.tui.app import WatchApp  # noqa: PLC0415  not for a wrong key
     from nvscope.tui.feed import SessionFeed  # noqa: PLC0415
 

@@ -11,6 +11,7 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from nvscope.tui.moving import step_of
 from nvscope.tui.painting import CURSOR, DARK, Palette, strip_of
 from nvscope.view.lines.table import GAP, Cell, Column, Fitting, Line, fitting, heading, table_line
 
@@ -112,15 +113,10 @@ class TableView(ScrollView):
 
     def move(self, action: str) -> bool:
         """Move the cursor as an action says; False where that is none of moving."""
-        page = max(self.size.height - 1, 1)
-        steps = {
-            "move.down": 1, "move.up": -1, "move.page-down": page, "move.page-up": -page,
-            "move.half-page-down": max(page // 2, 1), "move.half-page-up": -max(page // 2, 1),
-            "move.first": -self.table.count, "move.last": self.table.count,
-        }  # fmt: skip
-        if action not in steps:
+        step = step_of(action, self.size.height - 1, self.table.count)
+        if step is None:
             return False
-        self.go_to(self.row + steps[action])
+        self.go_to(self.row + step)
         return True
 
     def go_to(self, row: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 from nvscope.analysis.inquiry import Inquiry
@@ -48,9 +48,12 @@ class Screen:
 
 def on_screen(
     inquiry: Inquiry, look: Callable[[Screen], Awaitable[None]], *, size: tuple[int, int] = (80, 24),
-    notes: bool = False, **how: Any,
+    keys: Sequence[str] = (), notes: bool = False, **how: Any,
 ) -> None:  # fmt: skip
-    """Watch captures to their end on a screen of a size, and look at it then; ``notes`` lie over it where wanted."""
+    """Watch captures to their end on a screen of a size, and press keys, and look at it then.
+
+    ``notes`` lie over it where wanted.
+    """
 
     async def watch() -> None:
         feed = SessionFeed(inquiry, Watching())
@@ -59,6 +62,7 @@ def on_screen(
             async with app.run_test(size=size, notifications=notes) as pilot:
                 screen = Screen(app, pilot)
                 await screen.until(lambda: app._ended and app.look is not None)
+                await screen.press(*keys)
                 await look(screen)
         finally:
             feed.stop()

@@ -8,7 +8,7 @@ from nvscope.analysis.inquiry import Inquiry
 from nvscope.tui.own_load import OwnLoadMeter
 from nvscope.view.lines.plant.bus_load import NO_CAN
 from tests.simulate.simulation import simulated
-from tests.tui.shown import Shown, on_screen
+from tests.tui.screen import Screen, on_screen
 
 ROOT = Path(__file__).parents[2]
 PLANT = str(ROOT / "captures" / "plant.pcapng.gz")
@@ -17,8 +17,8 @@ SCENARIOS = ROOT / "tests" / "scenarios"
 
 
 def test_the_matrix_of_a_capture() -> None:
-    async def look_at(shown: Shown) -> None:
-        assert shown.lines()[2:11] == [
+    async def look_at(shown: Screen) -> None:
+        assert shown.lines[2:11] == [
             "   list  to  […10]…11 …12 …20 …99",
             "               ✗   !   ✗   !   ✗",
             "192.168.1.10",
@@ -29,16 +29,16 @@ def test_the_matrix_of_a_capture() -> None:
             "192.168.1.12",
             "✗  12    all   ·   ·   △   ·   ·",
         ]
-        assert "✗" not in "".join(shown.lines()[12:])
+        assert "✗" not in "".join(shown.lines[12:])
         await shown.press("l", "l", "l", "enter")
         # What is told of a reader is what the report counts.
-        assert "List 3  sent by 192.168.1.10 to …20, 60 telegrams" in shown.text()
-        assert "  !  192.168.1.20       54" in shown.text()
-        assert "Node 192.168.1.20  reads 3; hardware" in shown.text()
+        assert "List 3  sent by 192.168.1.10 to …20, 60 telegrams" in shown.text
+        assert "  !  192.168.1.20       54" in shown.text
+        assert "Node 192.168.1.20  reads 3; hardware" in shown.text
         await shown.press("j")
-        assert "List 7  sent by 192.168.1.10, 192.168.1.99 to all, 700 telegrams" in shown.text()
+        assert "List 7  sent by 192.168.1.10, 192.168.1.99 to all, 700 telegrams" in shown.text
         await shown.press("q")
-        assert "List 7" not in shown.text()
+        assert "List 7" not in shown.text
         assert shown.app.front is not None
         assert shown.app.front.title == "Nodes"
         assert shown.app.front.copied().splitlines()[0] == "List 7 to all"
@@ -49,64 +49,64 @@ def test_the_matrix_of_a_capture() -> None:
 
 
 def test_the_matrix_at_a_moment_of_the_past(tmp_path: Path) -> None:
-    async def look_at(shown: Shown) -> None:
-        assert "✗  6     …20" not in shown.text()
+    async def look_at(shown: Screen) -> None:
+        assert "✗  6     …20" not in shown.text
         shown.app.act("time.go", "18s")
         await shown.until(lambda: shown.app.look is not None and shown.app.look.at_ns is not None)
-        assert "✗  6     …20  ▲   ·   ·    ✗" in shown.text()
+        assert "✗  6     …20  ▲   ·   ·    ✗" in shown.text
         await shown.press("F")
         # What is now is drawn a tenth of a second behind the last drawing.
-        await shown.until(lambda: "!  6     …20  ▲   ·   ·    !" in shown.text())
+        await shown.until(lambda: "!  6     …20  ▲   ·   ·    !" in shown.text)
 
     on_screen(simulated(SCENARIOS / "causes/reader-silent.toml").inquiry(tmp_path), look_at, keys=["5", "j"])
 
 
 def test_on_can_nobody_knows_senders() -> None:
-    async def look_at(shown: Shown) -> None:
-        assert shown.lines()[2].startswith("On CAN nobody knows who sends to whom")
-        assert "  node 5   operational  00:00:00.000" in shown.text()
+    async def look_at(shown: Screen) -> None:
+        assert shown.lines[2].startswith("On CAN nobody knows who sends to whom")
+        assert "  node 5   operational  00:00:00.000" in shown.text
 
     on_screen(Inquiry([PRESS]), look_at, keys=["5"])
 
 
 def test_a_bus() -> None:
-    async def look_at(shown: Shown) -> None:
-        lines = shown.lines()
+    async def look_at(shown: Screen) -> None:
+        lines = shown.lines
         assert lines[3].split()[:6] == ["▸", "can0", "250", "kbit/s", "found", "4.1"]
         assert lines[5] == "load, the last 9 seconds, █ 5 %"
         assert lines[6].strip() == "▇▇▆▆▆▆▆▆▆"
         assert [line.split()[0] for line in lines[9:15]] == ["0x080", "0x110", "0x111", "0x112", "0x120", "0x705"]
         await shown.press("s", "s")
-        assert [line.split()[0] for line in shown.lines()[9:11]] == ["0x080", "0x110"]
+        assert [line.split()[0] for line in shown.lines[9:11]] == ["0x080", "0x110"]
         shown.app.act("show.sort", "jitter")
         await shown.press("S", "S")
-        assert shown.lines()[9].split()[0] == "0x111"
+        assert shown.lines[9].split()[0] == "0x111"
 
     on_screen(Inquiry([PRESS]), look_at, keys=["6"])
 
 
 def test_several_buses(tmp_path: Path) -> None:
-    async def look_at(shown: Shown) -> None:
-        assert [line.split()[0] for line in shown.lines()[3:5]] == ["▸", "can1"]
+    async def look_at(shown: Screen) -> None:
+        assert [line.split()[0] for line in shown.lines[3:5]] == ["▸", "can1"]
         await shown.press("tab")
-        assert [line.split()[0] for line in shown.lines()[3:5]] == ["can0", "▸"]
+        assert [line.split()[0] for line in shown.lines[3:5]] == ["can0", "▸"]
         await shown.press("z")
-        assert shown.lines()[2].startswith("identifier")
+        assert shown.lines[2].startswith("identifier")
 
-    on_screen(simulated(SCENARIOS / "can-two-channels.toml").inquiry(tmp_path), look_at, (160, 50), ["6"])
+    on_screen(simulated(SCENARIOS / "can-two-channels.toml").inquiry(tmp_path), look_at, size=(160, 50), keys=["6"])
 
 
 def test_without_can_it_says_how_to_add_one() -> None:
-    async def look_at(shown: Shown) -> None:
-        assert " ".join(line.strip() for line in shown.lines()[2:5]).strip() == NO_CAN
+    async def look_at(shown: Screen) -> None:
+        assert " ".join(line.strip() for line in shown.lines[2:5]).strip() == NO_CAN
 
     on_screen(Inquiry([PLANT]), look_at, keys=["6"])
 
 
 def test_the_source() -> None:
-    async def look_at(shown: Shown) -> None:
-        await shown.until(lambda: "of a processor" in shown.text())
-        lines = shown.lines()
+    async def look_at(shown: Screen) -> None:
+        await shown.until(lambda: "of a processor" in shown.text)
+        lines = shown.lines
         assert lines[2] == f"{PLANT}   pcapng, file"
         assert "  frames    1 212 frames" in lines[4]
         assert lines[5] == "  dropped   none"
@@ -116,7 +116,7 @@ def test_the_source() -> None:
         assert any(line.startswith(f"  streams   {streams} of 200 000 at most") for line in lines)
         assert any(line.startswith("  last look took ") for line in lines)
 
-    on_screen(Inquiry([PLANT]), look_at, (120, 40), ["7"])
+    on_screen(Inquiry([PLANT]), look_at, size=(120, 40), keys=["7"])
 
 
 def test_what_the_program_takes() -> None:

@@ -12,7 +12,7 @@ import select
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -20,14 +20,13 @@ import numpy as np
 
 from dissectors.batch import LinkType, PacketBatch
 from nvscope.capture.live.bpf import Instruction, compiled, default_program
-from nvscope.capture.live.queue import PacketQueue
+from nvscope.capture.live.queued_inlet import CLOSE_S, QueuedInlet
 from nvscope.capture.source import DropsPart
 from nvscope.errors import CaptureError
 
 GATHER_NS = 100_000_000
 """So long packets are gathered to a batch; libpcap may have them as long before."""
 
-CLOSE_S = 1.0
 _LOOK_S = 0.12
 _REST_S = 0.3
 _LOOK_PACKETS = 256
@@ -44,7 +43,7 @@ class _Packet(NamedTuple):
     original: int
 
 
-class Layer2:
+class Layer2(QueuedInlet[_Packet]):
     """The packets of an interface by libpcap; an ``Inlet``.
 
     ``bpf`` is a filter of tcpdump's language, '' for everything, None for the default one with these ``ports``. Raises
@@ -57,7 +56,6 @@ class Layer2:
     def __init__(self, name: str, bpf: str | None, ports: Sequence[int] = (), *, promiscuous: bool = True) -> None:
         self.path = name
         self.lag_ns = 2 * GATHER_NS + 50_000_000
-        self.gather_ns = 0
         self._library, self._socket = _opened(name, promiscuous)
         self._pcap = self._socket.pcap_fd.pcap
         datalink = self._socket.pcap_fd.datalink()
@@ -74,10 +72,9 @@ class Layer2:
             raise
         self.channels: Sequence[str] = [name] if link == LinkType.CAN_SOCKETCAN else ()
         self._link = link
-        self._queue: PacketQueue[_Packet] = PacketQueue(self._batch_of, GATHER_NS)
+        super().__init__(self._batch_of, GATHER_NS)
         self._lost: Mapping[str, int] | None = None
         self._failure = ""
-        self._closing, self._rested = threading.Event(), threading.Event()
         if not _WINDOWS:
             self._socket.pcap_fd.setnonblock(True)
         self._thread = threading.Thread(target=self._live, name=name, daemon=True)
@@ -149,22 +146,6 @@ class Layer2:
         batch.original[:] = [one.original for one in packets]
         return batch
 
-    def fileno(self) -> int:
-        return self._queue.fileno()
-
-    def take(self) -> PacketBatch | None:
-        self._queue.gather(self._closing)
-        return self._queue.take()
-
-    def drain(self) -> Iterator[PacketBatch]:
-        self._closing.set()
-        self._rested.wait(CLOSE_S)
-        while (batch := self._queue.take()) is not None:
-            yield batch
-
-    def is_filling(self) -> bool:
-        return False
-
     def drops(self) -> Mapping[str, int] | None:
         if self._lost is None and not self._queue.dropped:
             return None
@@ -172,9 +153,6 @@ class Layer2:
 
     def failure(self) -> str:
         return self._failure
-
-    def has_carrier(self) -> bool:
-        return True
 
     def close(self) -> None:
         self._closing.set()

@@ -12,6 +12,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from dissectors.batch import I64
+from nvscope.tui.moving import step_of
 from nvscope.tui.painting import CURSOR, DARK, Palette, strip_of
 from nvscope.view.lines.table import Cell, Line, Tone
 
@@ -82,15 +83,10 @@ class PacketList(ScrollView):
 
     def move(self, action: str) -> bool:
         """Move the cursor as an action says; False where that is none of moving."""
-        page = max(self.size.height, 1)
-        steps = {
-            "move.down": 1, "move.up": -1, "move.page-down": page, "move.page-up": -page,
-            "move.half-page-down": max(page // 2, 1), "move.half-page-up": -max(page // 2, 1),
-            "move.first": -len(self.numbers), "move.last": len(self.numbers),
-        }  # fmt: skip
-        if action not in steps:
+        step = step_of(action, self.size.height, len(self.numbers))
+        if step is None:
             return False
-        self.go_to(self.row + steps[action])
+        self.go_to(self.row + step)
         return True
 
     def go_to(self, row: int) -> None:

@@ -279,8 +279,3 @@ _SORTS: Mapping[str, Callable[[Look, int], Any]] = {
     "lost": _lost,
     "age": _last,
 }
-
-
-def legend() -> Line:
-    """Return what the marks in strips say."""
-    return [Cell(", ".join(f"{sign} {what}" for sign, what in MARKS.values() if sign != " "), Tone.FAINT)]

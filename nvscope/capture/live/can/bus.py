@@ -13,7 +13,7 @@ import struct
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -25,14 +25,14 @@ from nvscope.capture.live.can.drivers import driver_of
 from nvscope.capture.live.can.library import opened, reason
 from nvscope.capture.live.can.message import State, frame_of, state_in
 from nvscope.capture.live.can.word import CanWord
-from nvscope.capture.live.queue import PacketQueue
+from nvscope.capture.live.queued_inlet import CLOSE_S, QueuedInlet
 from nvscope.capture.source import DropsPart
 from nvscope.errors import CaptureError
 
 GATHER_NS = 100_000_000
 """So long frames are gathered to a batch."""
 
-OPEN_S, CLOSE_S, HANG_S = 20.0, 1.0, 10.0
+OPEN_S, HANG_S = 20.0, 10.0
 """How long a driver may take: to open a bus, to close it, and for what should be done in ``_LOOK_S``."""
 
 _LOOK_S = 0.1
@@ -47,7 +47,7 @@ _GONE = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO)
 _SO_MEMINFO, _MEMINFO_DROPS, _MEMINFO_COUNT = 55, 8, 9
 
 
-class CanBus:
+class CanBus(QueuedInlet[CanFrame]):
     """The frames of a CAN bus; an ``Inlet``. ``name`` is what its channel is called, that of the word if it is ''.
 
     What the driver cannot read, and what is no frame, counts as lost in the interface. Raises UsageError for a word
@@ -58,14 +58,13 @@ class CanBus:
     hears_answers = True
 
     def __init__(self, word: str, name: str = "") -> None:
+        super().__init__(_batch_of, GATHER_NS)
         self.path = word
         self._where = where = CanWord.of(word)
         self.channels: Sequence[str] = [name or where.name]
         self.lag_ns = GATHER_NS + 100_000_000
-        self.gather_ns = 0
         self._driver = driver_of(where.interface)
         self._clock = BusClock(self._driver.clock)
-        self._queue: PacketQueue[CanFrame] = PacketQueue(_batch_of, GATHER_NS)
         self._unread = 0
         self._kernel_drops: int | None = 0 if self._driver.is_virtual else None
         self._failure = ""
@@ -73,7 +72,7 @@ class CanBus:
         self._complained_s = -_COMPLAINS_S
         self._rounds = self._rounds_seen = self._looks = 0
         self._moved_s = time.monotonic()
-        self._opened, self._closing, self._rested = threading.Event(), threading.Event(), threading.Event()
+        self._opened = threading.Event()
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._live, name=word, daemon=True)
         self._thread.start()
@@ -168,22 +167,6 @@ class CanBus:
 
     # In the thread of who looks at the frames.
 
-    def fileno(self) -> int:
-        return self._queue.fileno()
-
-    def take(self) -> PacketBatch | None:
-        self._queue.gather(self._closing)
-        return self._queue.take()
-
-    def drain(self) -> Iterator[PacketBatch]:
-        self._closing.set()
-        self._rested.wait(CLOSE_S)
-        while (batch := self._queue.take()) is not None:
-            yield batch
-
-    def is_filling(self) -> bool:
-        return False
-
     def drops(self) -> Mapping[str, int] | None:
         told = {DropsPart.QUEUE.value: self._queue.dropped, DropsPart.INTERFACE.value: self._unread}
         if self._kernel_drops is None:
@@ -203,9 +186,6 @@ class CanBus:
         self._looks += 1
         if self._looks > _MOST_LOOKS and time.monotonic() - self._moved_s > HANG_S:
             self._failure = f"its driver has not answered for {HANG_S:.0f} s"
-
-    def has_carrier(self) -> bool:
-        return True
 
     def close(self) -> None:
         self._closing.set()

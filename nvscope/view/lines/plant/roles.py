@@ -7,10 +7,10 @@ itself: what the capture lacks, a reader may have answered.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import Enum
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from nvscope.causes.cause import Cause
 from nvscope.engine.keys import FrameKind
@@ -22,6 +22,7 @@ from nvscope.tracker.summary import ListSummary, Summary
 from nvscope.view.lines.table import Tone
 
 _STALE_PERCENT = 250
+_Place = TypeVar("_Place", int, ListKey)
 
 
 class Mark(Enum):
@@ -115,20 +116,12 @@ class Roles:
     @cached_property
     def causes_of_node(self) -> Mapping[int, Sequence[Cause]]:
         """The causes that concern nodes."""
-        found: dict[int, list[Cause]] = defaultdict(list)
-        for cause in self.facts.causes:
-            for node in cause.nodes:
-                found[node].append(cause)
-        return found
+        return _by_place((node, cause) for cause in self.facts.causes for node in cause.nodes)
 
     @cached_property
     def causes_of_list(self) -> Mapping[ListKey, Sequence[Cause]]:
         """The causes that concern lists."""
-        found: dict[ListKey, list[Cause]] = defaultdict(list)
-        for cause in self.facts.causes:
-            for key in cause.lists:
-                found[key].append(cause)
-        return found
+        return _by_place((key, cause) for cause in self.facts.causes for key in cause.lists)
 
     def of_list(self, entry: ListSummary) -> frozenset[int]:
         """Return the nodes that are something to a list."""
@@ -241,6 +234,14 @@ _WORDS_OF: Mapping[EventKind, Mark] = {
     EventKind.NEGATIVE_ACKNOWLEDGEMENT: Mark.REJECTS,
     EventKind.NO_ACKNOWLEDGEMENT: Mark.ANSWERS_NOT,
 }
+
+
+def _by_place(pairs: Iterable[tuple[_Place, Cause]]) -> Mapping[_Place, Sequence[Cause]]:
+    """Return causes by what they concern."""
+    found: dict[_Place, list[Cause]] = defaultdict(list)
+    for place, cause in pairs:
+        found[place].append(cause)
+    return found
 
 
 def _light(causes: Sequence[Cause]) -> Severity | None:
