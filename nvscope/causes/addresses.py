@@ -15,7 +15,7 @@ from nvscope.causes.kind import CauseKind
 from nvscope.causes.ways import device_in_words
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.kind import Severity
-from nvscope.tracker.evidence.presence import HARDWARE_BITS
+from nvscope.tracker.evidence.presence import HARDWARE_BITS, Presence
 from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS
 from nvscope.units import count_of
 
@@ -47,30 +47,51 @@ class _Device(NamedTuple):
     alternations: int
 
 
+class _Pairs:
+    """Which addresses came from which hardware, looked up once for all: a flood makes very many of them."""
+
+    def __init__(self, presence: Presence) -> None:
+        high, low, device, _ = presence.pairs.words
+        self._hardware = (device & HARDWARE_BITS).tolist()
+        self._rows: dict[tuple[int, int], list[int]] = defaultdict(list)
+        addresses: dict[int, set[tuple[int, int]]] = defaultdict(set)
+        for row, place in enumerate(zip(high.tolist(), low.tolist(), strict=True)):
+            self._rows[place].append(row)
+            addresses[self._hardware[row]].add(place)
+        self._routers = {hardware for hardware, several in addresses.items() if len(several) > _MOST_IPS}
+
+    def of(self, high: int, low: int) -> dict[int, list[int]]:
+        """Return the rows of an address by hardware address, routers left out."""
+        rows: dict[int, list[int]] = defaultdict(list)
+        for row in self._rows[high, low]:
+            if self._hardware[row] not in self._routers:
+                rows[self._hardware[row]].append(row)
+        return rows
+
+
 def judge_duplicate_addresses(case: Case) -> Iterator[Explained]:
     """Explain everything of addresses that two devices have, one cause an address."""
-    for node in range(len(case.facts.state.keys.nodes)):
-        for number in case.life.numbers_of_ip(node).tolist():
-            if not case.witness.presence.columns.shared[number]:
-                continue
-            devices = _devices(case, number)
-            if len(devices) < 2 or sum(one.alternations for one in devices) < _LEAST_ALTERNATIONS:
-                continue
-            if told := _told_by(case, number, devices):
-                yield _draft(case, node, devices, told)
+    presence = case.witness.presence
+    if not presence.columns.shared.any():
+        return
+    pairs = _Pairs(presence)
+    for node, number in case.life.ip_numbers:
+        if not presence.columns.shared[number]:
+            continue
+        devices = _devices(case, number, pairs)
+        if len(devices) < 2 or sum(one.alternations for one in devices) < _LEAST_ALTERNATIONS:
+            continue
+        if told := _told_by(case, number, devices):
+            yield _draft(case, node, devices, told)
 
 
-def _devices(case: Case, number: int) -> list[_Device]:
+def _devices(case: Case, number: int, pairs: _Pairs) -> list[_Device]:
     """Return the devices that have an address, by their first frames: no routers, and none that only repeat."""
     presence = case.witness.presence
-    (_, high, low), pairs = (words[number] for words in presence.addresses.words), presence.pairs.words
-    hardware = pairs[2] & HARDWARE_BITS
-    rows: dict[int, list[int]] = defaultdict(list)
-    for row in np.flatnonzero((pairs[0] == high) & (pairs[1] == low)).tolist():
-        rows[int(hardware[row])].append(row)
+    _, high, low = (int(words[number]) for words in presence.addresses.words)
     found = []
-    for own, of_pairs in rows.items():
-        if _is_router(case, own) or _repeats(case, int(high), int(low), own):
+    for own, of_pairs in pairs.of(high, low).items():
+        if _repeats(case, high, low, own):
             continue
         columns = presence.pair_columns
         first = min(of_pairs, key=lambda row: int(columns.first_frame[row]))
@@ -82,12 +103,6 @@ def _devices(case: Case, number: int) -> list[_Device]:
             )
         )  # fmt: skip
     return sorted(found, key=lambda one: one.first_frame)
-
-
-def _is_router(case: Case, hardware: int) -> bool:
-    pairs = case.witness.presence.pairs.words
-    own = pairs[2] & HARDWARE_BITS == np.uint64(hardware)
-    return len(set(zip(pairs[0][own].tolist(), pairs[1][own].tolist(), strict=True))) > _MOST_IPS
 
 
 def _repeats(case: Case, high: int, low: int, hardware: int) -> bool:

@@ -162,14 +162,11 @@ def _several_senders(case: Case) -> I64:
     for finding in case.findings:
         if finding.kind is not SEVERAL_SENDERS or finding.list_number is None:
             continue
-        streams = case.lists[finding.list_number].streams
-        nodes = {stream.node for stream in streams}
-        spans = [
-            (min(one.first_ns for one in streams if one.node == node),
-             max(one.last_ns for one in streams if one.node == node))
-            for node in nodes
-        ]  # fmt: skip
-        spans.sort()
+        of_node: dict[int | None, _Span] = {}
+        for stream in case.lists[finding.list_number].streams:
+            first_ns, last_ns = of_node.get(stream.node, (stream.first_ns, stream.last_ns))
+            of_node[stream.node] = min(first_ns, stream.first_ns), max(last_ns, stream.last_ns)
+        spans = sorted(of_node.values())
         until_ns = spans[0][1]
         for since_ns, last_ns in spans[1:]:
             if since_ns < until_ns:

@@ -44,6 +44,12 @@ class Life:
         numbers = self._numbers(node)
         return bool(len(numbers)) and bool(self._presence.columns.others[numbers].any())
 
+    @property
+    def ip_numbers(self) -> list[tuple[int, int]]:
+        """The nodes whose IP addresses were seen, rising, with the numbers of these."""
+        found = self._presence.addresses.find(np.full(len(self._nodes), IP, np.uint64), *self._nodes.words)
+        return [(node, number) for node, number in enumerate(found.tolist()) if number >= 0]
+
     def numbers_of_ip(self, node: int) -> I64:
         """Return the number of a node's IP address among those that were seen; none where it was not."""
         return self._find(node, ())
@@ -54,6 +60,13 @@ class Life:
         own = np.flatnonzero(self._is_of(node, words[0], words[1]))
         order = own[np.argsort(self._presence.pair_columns.column("first_frame")[own], kind="stable")]
         return list(dict.fromkeys((words[2][order] & HARDWARE_BITS).tolist()))
+
+    def hardware_of_all(self, nodes: Sequence[int]) -> list[int]:
+        """Return the hardware addresses that the IP packets of some nodes came from, each once, rising."""
+        words, own = self._presence.pairs.words, np.array(nodes)[np.array(nodes) < len(self._nodes)]
+        sought = {*zip(self._nodes.high[own].tolist(), self._nodes.low[own].tolist(), strict=True)}
+        of = np.fromiter((one in sought for one in zip(words[0].tolist(), words[1].tolist(), strict=True)), np.bool_)
+        return sorted({*(words[2][of] & HARDWARE_BITS).tolist()})
 
     def _is_of(self, node: int, high: U64, low: U64) -> Bool:
         own: Bool = (high == self._nodes.high[node]) & (low == self._nodes.low[node])

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from dissectors.batch import I64, Bool
 from dissectors.vendors import vendor_of
-from nvscope.causes.case import Case, Draft, Explained, longest_ns
+from nvscope.causes.case import Case, Draft, Explained, NodeStream, longest_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.symptoms import Symptoms
+from nvscope.causes.ways import device_in_words, hardware_in_words
 from nvscope.causes.words import joined, lists_in_words, moment
 from nvscope.engine.keys import FrameKind
+from nvscope.engine.runs import rows_by
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS, SHAPE_CHANGED
 from nvscope.findings.definition import DEFINITION_MISMATCH
+from nvscope.findings.facts import AnyList
 from nvscope.findings.loss import (
     COUNTER_ERRATIC,
     COUNTER_SCOPE,
@@ -26,7 +32,7 @@ from nvscope.findings.loss import (
 )
 from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.tracker.summary import ListSummary
-from nvscope.units import count_of
+from nvscope.units import count, count_of
 
 SECOND_SENDER = CauseKind(
     "second-sender",
@@ -44,6 +50,12 @@ _OF_SENDER = (
 )  # fmt: skip
 
 
+_EACH = 16
+"""So many further senders of a list are causes of their own; of more, only those that send far more than others."""
+
+_NAMED = 2
+
+
 class _Further(NamedTuple):
     """A node that sends a list which another one had sent first, and since when."""
 
@@ -53,101 +65,226 @@ class _Further(NamedTuple):
     frame: int
 
 
+class _Group(NamedTuple):
+    """Further senders that are one cause, by list and time, and with whom they share these lists."""
+
+    senders: Sequence[_Further]
+    others: Sequence[int]
+
+    @property
+    def since_ns(self) -> int:
+        return min(one.since_ns for one in self.senders)
+
+    @property
+    def nodes(self) -> list[int]:
+        """The nodes, each once, in the order of their first telegrams."""
+        ordered = sorted(self.senders, key=lambda one: one.frame)
+        return list(dict.fromkeys(one.node for one in ordered))
+
+    @property
+    def lists(self) -> list[ListSummary]:
+        """The lists, each once."""
+        return list({one.list.number: one.list for one in self.senders}.values())
+
+
 def judge_second_senders(case: Case) -> Iterator[Explained]:
-    """Explain lists with several senders: one cause a further sender, and lists that it begins within a second."""
+    """Explain lists with several senders: one cause a further sender, and lists that it begins within a second.
+
+    Where a list has very many, those that stand out are told one by one, and the others together.
+    """
     told = [finding.list_number for finding in case.findings if finding.kind is SEVERAL_SENDERS]
-    together = case.facts.state.lists.several_senders.together(case.facts.state.lists.flows) if told else {}
-    found = [
-        one for number in told if number is not None for one in _further(case, number, together[number].nodes)
-    ]  # fmt: skip
-    found.sort(key=lambda one: (one.node, one.since_ns, one.list.key))
-    groups: list[list[_Further]] = []
-    for one in found:
-        if groups and groups[-1][-1].node == one.node and one.since_ns - groups[-1][-1].since_ns <= _TOGETHER_NS:
-            groups[-1].append(one)
-        else:
-            groups.append([one])
-    groups.sort(key=lambda group: group[0].since_ns)
-    places = {(one.list.number, one.node) for one in found}
+    flows = case.facts.state.lists.flows
+    together = case.facts.state.lists.several_senders.together(flows) if told else {}
+    if not together:
+        return
+    kind, lists = flows.column("kind"), flows.column("list")
+    rows = np.flatnonzero(np.isin(kind, (FrameKind.DATA, FrameKind.MALFORMED_DATA)))
+    rows_of = {place[0]: rows[own] for place, own in rows_by((lists[rows],))}
+    found: list[_Further] = []
+    crowds: list[Sequence[_Further]] = []
+    shown: dict[int, list[int]] = {}
+    for number in told:
+        if number is None:
+            continue
+        first, *further = _senders(case, number, together[number].nodes, rows_of[number])
+        each, crowd = _by_telegrams(case.lists[number], further)
+        found += each
+        crowds += [crowd] if crowd else []
+        senders = dict.fromkeys(stream.node for stream in first.list.streams)
+        hidden = {one.node for one in crowd}
+        shown[number] = [node for node in senders if node not in hidden]
+    groups = [*_groups(found, shown), *_crowds(crowds, shown)]
+    places = _places([one for group in groups for one in group.senders], case.symptoms)
     for group in groups:
         yield _draft(case, group, places)
 
 
-def _further(case: Case, number: int, nodes: Collection[int]) -> Iterator[_Further]:
+def _senders(case: Case, number: int, nodes: Collection[int], row: I64) -> list[_Further]:
+    """Return who sends a list together: the one whose list it is first, the others as they began.
+
+    ``row`` are the flows of its data.
+    """
     entry = case.lists[number]
     assert isinstance(entry, ListSummary)
-    flows = case.facts.state.lists.flows
-    kind, lists, source = (flows.column(name) for name in ("kind", "list", "source"))
-    row = np.flatnonzero((lists == number) & np.isin(kind, (FrameKind.DATA, FrameKind.MALFORMED_DATA)))
-    frames, times_ns = flows.column("first_frame")[row], flows.column("first_ns")[row]
+    columns = (case.facts.state.lists.flows.column(name) for name in ("first_frame", "first_ns", "source"))
     # Frames tell who was first, not times: the clock may have stepped back in between.
-    began = sorted(zip(frames.tolist(), times_ns.tolist(), source[row].tolist(), strict=True))
+    began = sorted(zip(*(column[row].tolist() for column in columns), strict=True))
     first: dict[int, _Further] = {}
     compared = {stream.node for stream in entry.streams} & {*nodes}
     for frame, time_ns, node in began:
         if node in compared:
             first.setdefault(node, _Further(node, entry, time_ns, frame))
-    ordered = sorted(first.values(), key=lambda one: _is_odd_from_the_start(case, one))
+    odd = _odd_from_the_start(case, entry)
+    early_ns = case.start_ns + 2 * longest_ns([entry])
     # What is so from the beginning may have been so before: the one by the definition is the first then.
-    yield from ordered[1:]
+    return sorted(first.values(), key=lambda one: one.since_ns <= early_ns and one.node in odd)
 
 
-def _is_odd_from_the_start(case: Case, sender: _Further) -> bool:
-    """Tell whether a node was there from the beginning of the capture on, with telegrams that fit no definition."""
+def _odd_from_the_start(case: Case, entry: ListSummary) -> Collection[int]:
+    """Return the nodes that send a list in a way that fits no definition."""
     symptoms = case.symptoms
-    if sender.since_ns - case.start_ns > 2 * longest_ns([sender.list]):
-        return False
-    misfits = symptoms.of_kinds(DEFINITION_MISMATCH) & (symptoms.list == sender.list.number)
-    return bool((misfits & (symptoms.node == sender.node)).any())
+    misfits = symptoms.of_kinds(DEFINITION_MISMATCH) & (symptoms.list == entry.number)
+    return {*symptoms.node[misfits].tolist()}
 
 
-def _draft(case: Case, group: Sequence[_Further], places: Collection[tuple[int, int]]) -> Explained:
-    """Return the cause of a further sender; ``places`` are the lists and nodes of all further ones."""
-    node, since_ns = group[0].node, group[0].since_ns
-    lists, symptoms = [one.list for one in group], case.symptoms
+def _by_telegrams(entry: AnyList, further: Sequence[_Further]) -> tuple[Sequence[_Further], Sequence[_Further]]:
+    """Return the further senders that are told one by one, and the others, both as they began."""
+    if len(further) <= _EACH:
+        return further, ()
+    telegrams: Counter[int] = Counter()
+    for stream in entry.streams:
+        telegrams[stream.node or 0] += stream.telegrams
+    # By the power of two: who stands out must not change with each telegram.
+    size = {one.node: telegrams[one.node].bit_length() for one in further}
+    usual = sorted(size.values())[-_EACH - 1]
+    told = {node for node, own in size.items() if own > usual}
+    return [one for one in further if one.node in told], [one for one in further if one.node not in told]
+
+
+def _groups(found: Sequence[_Further], shown: Mapping[int, Sequence[int]]) -> list[_Group]:
+    """Return further senders by node and by lists that one begins within a second, as they began."""
+    groups: list[list[_Further]] = []
+    for one in sorted(found, key=lambda one: (one.node, one.since_ns, one.list.key)):
+        if groups and groups[-1][-1].node == one.node and one.since_ns - groups[-1][-1].since_ns <= _TOGETHER_NS:
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    groups.sort(key=lambda group: group[0].since_ns)
+    return [_Group(group, _others(shown[group[0].list.number], group[0].node)) for group in groups]
+
+
+def _others(nodes: Sequence[int], node: int) -> list[int]:
+    return [one for one in nodes if one != node]
+
+
+def _crowds(crowds: Sequence[Sequence[_Further]], shown: Mapping[int, Sequence[int]]) -> list[_Group]:
+    """Return very many further senders of lists together, where they begin within a second."""
+    groups: list[list[_Further]] = []
+    since_ns = 0
+    for crowd in sorted(crowds, key=lambda crowd: crowd[0].since_ns):
+        if groups and crowd[0].since_ns - since_ns <= _TOGETHER_NS:
+            groups[-1] += crowd
+        else:
+            groups.append([*crowd])
+        since_ns = crowd[0].since_ns
+    return [_Group(group, shown[group[0].list.number]) for group in groups]
+
+
+def _places(senders: Sequence[_Further], symptoms: Symptoms) -> Bool:
+    """Tell which symptoms are of a further sender in a list that it is one of."""
+    places = np.array([(one.list.number, one.node) for one in senders], np.int64).reshape(-1, 2)
+    own: Bool = np.isin(_pairs(symptoms.list, symptoms.node), _pairs(places[:, 0], places[:, 1]))
+    return own
+
+
+def _pairs(lists: I64, nodes: I64) -> I64:
+    return (lists << 32) | (nodes & 0xFFFFFFFF)
+
+
+def _draft(case: Case, group: _Group, places: Bool) -> Explained:
+    """Return the cause of further senders; ``places`` are the symptoms of all of them in their lists."""
+    nodes, lists, symptoms = group.nodes, group.lists, case.symptoms
     numbers = [entry.number for entry in lists]
-    of_lists = np.isin(symptoms.list, numbers)
-    since_frame = min(one.frame for one in group)
-    chosen = case.free(*_OF_LIST) & of_lists & ((symptoms.frame >= since_frame) | (symptoms.node == node))
-    for number, other in places:
-        if other != node:
-            chosen &= (symptoms.list != number) | (symptoms.node != other)  # what a third one changes is its own
-    chosen |= case.free(*_OF_SENDER) & of_lists & (symptoms.node == node)
-    own = [one for one in case.streams_of_node[node] if one.list.number in numbers]
-    last_ns = max(one.stream.last_ns for one in own)
-    usual_ns = max(one.nominal_ns or (one.stream.intervals.p99 or 0) for one in own)
-    until_ns = None if case.end_ns - last_ns <= usual_ns * 5 // 2 else last_ns
-    which, name = lists_in_words(case, lists), case.address(node)
+    of_lists, own = np.isin(symptoms.list, numbers), np.isin(symptoms.node, nodes)
+    since_frame = min(one.frame for one in group.senders)
+    chosen = case.free(*_OF_LIST) & of_lists & ((symptoms.frame >= since_frame) | own)
+    chosen &= ~places | own  # what a third one changes is its own
+    chosen |= case.free(*_OF_SENDER) & of_lists & own
+    streams = [one for node in nodes for one in case.streams_of_node[node] if one.list.number in numbers]
+    until_ns = _until_ns(case, streams)
+    many = len(nodes) > 1
+    who = _in_words(case, nodes)
+    which, since = lists_in_words(case, lists), moment(case, group.since_ns)
+    what = f"{count(len(nodes))} further nodes" if many else "A further node"
     if until_ns is None:
-        title = f"A further node sends {which} since {moment(case, since_ns)}: {name}"
+        title = f"{what} {'send' if many else 'sends'} {which} since {since}: {who}"
     else:
-        title = f"A further node sent {which} from {moment(case, since_ns)} to {moment(case, until_ns)}: {name}"
-    checked, others = _compared(case, group[0])
-    step = (
-        f"Stop {name}, or give its list another identifier: readers take turns between both." if len(others) < 2
-        else f"Stop {name}, or give its list another identifier: readers take turns between all of them."
-    )  # fmt: skip
+        title = f"{what} sent {which} from {since} to {moment(case, until_ns)}: {who}"
+    checked, step = _of_many(case, nodes, streams) if many else _of_one_sender(case, group)
     draft = Draft(
-        SECOND_SENDER, title, step, checked, lists, [node, *others], since_ns=since_ns, until_ns=until_ns,
+        SECOND_SENDER, title, step, checked, lists, [*nodes[:_EACH], *group.others],
+        since_ns=group.since_ns, until_ns=until_ns,
         severity=SEVERAL_SENDERS.severity,  # each further one is an event of that finding, which is listed once
     )  # fmt: skip
     return draft, chosen
 
 
-def _compared(case: Case, further: _Further) -> tuple[list[str], list[int]]:
-    """Return in what a further sender differs from the others of a list, and who these are."""
-    entry = further.list
-    others = list(dict.fromkeys(stream.node for stream in entry.streams if stream.node != further.node))
-    pair = others[0], further.node
+def _until_ns(case: Case, streams: Sequence[NodeStream]) -> int | None:
+    """Return when further senders sent last; None where they may go on."""
+    last_ns = max(one.stream.last_ns for one in streams)
+    usual_ns = max(one.nominal_ns or (one.stream.intervals.p99 or 0) for one in streams)
+    if len({one.stream.node for one in streams}) > 1:
+        # Each of very many may send once: they go on as long as one follows another.
+        return case.end_of(np.array([one.stream.last_ns for one in streams]), max(usual_ns, _TOGETHER_NS))
+    return None if case.end_ns - last_ns <= usual_ns * 5 // 2 else last_ns
+
+
+def _in_words(case: Case, nodes: Sequence[int]) -> str:
+    if len(nodes) <= _NAMED + 1:
+        return joined([case.address(node) for node in nodes])
+    named = ", ".join(case.address(node) for node in nodes[:_NAMED])
+    return f"{named} and {count(len(nodes) - _NAMED)} others"
+
+
+def _of_one_sender(case: Case, group: _Group) -> tuple[list[str], str]:
+    """Return what was checked of a further sender, and what to do."""
+    name = case.address(group.nodes[0])
+    turns = "both" if len(group.others) < 2 else "all of them"
+    step = f"Stop {name}, or give its list another identifier: readers take turns between {turns}."
+    return _compared(case, group.nodes[0], group.lists[0], group.others), step
+
+
+def _of_many(case: Case, nodes: Sequence[int], streams: Sequence[NodeStream]) -> tuple[list[str], str]:
+    """Return what very many further senders have in common, and what to do."""
+    telegrams: Counter[int] = Counter()
+    for one in streams:
+        telegrams[one.stream.node] += one.stream.telegrams
+    most = max(telegrams.values())
+    each = "one each" if most == 1 else f"at most {count(most)} each"
+    sent = f"they sent {count_of(telegrams.total(), 'telegram')}, {each}"
+    hardware = case.life.hardware_of_all(nodes)
+    if len(hardware) == 1:
+        device = device_in_words(hardware[0])
+        checked = [f"all from one hardware address, {device}: one device, or a router in between", sent]
+        return checked, f"Find {hardware_in_words(hardware[0])}: the address table of the switch tells its port."
+    checked = [f"they have {count(len(hardware))} hardware addresses"] if hardware else []
+    step = "Stop them, or give their lists other identifiers: readers take turns between all of them."
+    return [*checked, sent], step
+
+
+def _compared(case: Case, node: int, entry: ListSummary, others: Sequence[int]) -> list[str]:
+    """Return in what a further sender differs from the one of a list whose streams were there first."""
+    known = {*others}
+    pair = next(stream.node for stream in entry.streams if stream.node in known), node
     subindexes = sorted({stream.subindex for stream in entry.streams if stream.node in pair})
-    looks = [[_look(entry, node, subindex) for node in pair] for subindex in subindexes]
+    looks = [[_look(entry, one, subindex) for one in pair] for subindex in subindexes]
     # Where shapes differ, that tells more than a checksum.
     different = sorted((one for one in looks if one[0] != one[1]), key=lambda one: _shape(one[0]) == _shape(one[1]))
     if different:
-        checked = [f"{case.address(node)}: {look}" for node, look in zip(pair, different[0], strict=True)]
+        checked = [f"{case.address(one)}: {look}" for one, look in zip(pair, different[0], strict=True)]
     else:
         checked = [f"both send {looks[0][0]}: the same definition"]
-    hardware = [case.life.hardware_of(node) for node in pair]
+    hardware = [case.life.hardware_of(one) for one in pair]
     if all(hardware):
         same = hardware[0][0] == hardware[1][0]
         vendors = [vendor_of(own[0]) for own in hardware]
@@ -156,7 +293,7 @@ def _compared(case: Case, further: _Further) -> tuple[list[str], list[int]]:
             "one hardware address with two IP addresses: one device, or a router in between" if same
             else f"different hardware addresses{made_by}: two devices, not one address twice"
         )  # fmt: skip
-    return checked, others
+    return checked
 
 
 def _look(entry: ListSummary, node: int, subindex: int) -> str:

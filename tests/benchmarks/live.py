@@ -59,10 +59,13 @@ class Turn:
 
 @dataclass
 class Row:
-    """What came of one program; ``idle_s`` is the processor time it takes where nothing is sent."""
+    """What came of one program, by number of the turn; ``idle_s`` is the time it takes where nothing is sent.
+
+    A turn that somebody broke off is left out; ``note`` says why.
+    """
 
     consumer: Consumer
-    turns: list[Turn] = field(default_factory=list)
+    turns: dict[int, Turn] = field(default_factory=dict)
     idle_s: list[float] = field(default_factory=list)
     note: str = ""
 
@@ -133,17 +136,17 @@ def compare(
     rows = [Row(one, note=one.missing or "") for one in consumers]
     for number in range(runs + 1):
         for row in rows:
-            if not row.note:
+            if not row.consumer.missing:
                 try:
                     one = turn(row.consumer, ends, file, truth, rate)
                 except (OSError, ValueError, TimeoutError, subprocess.SubprocessError) as error:
-                    row.note = f"left out: {error}"
+                    row.note = f"a turn is left out: {error}"[:200]
                     continue
                 if number:  # the first is to warm up
-                    row.turns.append(one)
+                    row.turns[number] = one
     for row in rows:
         if row.turns:
-            idle_s = statistics.median(one.sending_s for one in row.turns)
+            idle_s = statistics.median(one.sending_s for one in row.turns.values())
             row.idle_s = [turn(row.consumer, ends, file, truth, rate, idle_s=idle_s).cpu_s for _ in range(min(runs, 3))]
     return rows
 
@@ -162,10 +165,12 @@ def print_rows(rows: list[Row]) -> None:
         if not row.turns:
             print(f"{row.consumer.name:28}{row.note}")
             continue
-        turns = row.turns
+        turns = list(row.turns.values())
         ratio = "–"
         if base is not None:
-            ratio = _spread([own.us_each / other.us_each for own, other in zip(turns, base.turns, strict=False)])
+            ratio = _spread(
+                [row.turns[at].us_each / base.turns[at].us_each for at in row.turns.keys() & base.turns.keys()] or [0.0]
+            )
         missing = [one.sent - one.received.count for one in turns]
         dropped = [one.received.dropped for one in turns]
         known = [one for one in dropped if one is not None]
@@ -176,9 +181,9 @@ def print_rows(rows: list[Row]) -> None:
             f"{max(known) if known else '–':>9}{_spread([one.us_each for one in turns]):>19}{ratio:>19}"
             f"{statistics.median(row.idle_s) if row.idle_s else 0:>12.2f}"
         )
-        for one in turns[-1:]:
-            if one.received.notes:
-                print(f"{'':28}{one.received.notes}")
+        for note in (turns[-1].received.notes, row.note):
+            if note:
+                print(f"{'':28}{note}")
 
 
 def print_memory(consumer: Consumer, ends: tuple[End, End], file: Path, truth: dict[str, Any], what: str) -> None:
