@@ -87,10 +87,10 @@ class _Wanted:
     names: bool = True
 
 
-def _witness() -> Witness:
+def _witness(source: Source) -> Witness:
     from nvscope.tracker.evidence.witness import Witness  # noqa: PLC0415
 
-    return Witness()
+    return Witness(live=any(info.is_live for info in source.infos))
 
 
 @dataclass(frozen=True)
@@ -330,8 +330,9 @@ class Inquiry:
     def _read(
         self, wanted: _Wanted, chosen: DisplayFilter | None = None, *, others: Sequence[Observer] = ()
     ) -> Analysis:  # fmt: skip
-        witness = _witness() if wanted.causes else None
-        source, state = self.open(), self.state(values=wanted.values, listeners=() if witness is None else (witness,))
+        source = self.open()
+        witness = _witness(source) if wanted.causes else None
+        state = self.state(values=wanted.values, listeners=() if witness is None else (witness,))
         observers: list[Observer] = [state, *others]
         if witness is not None:
             observers.append(witness)
@@ -364,8 +365,9 @@ class Inquiry:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
         from nvscope.engine.session import Session  # noqa: PLC0415
 
-        witness = _witness()
-        source, reading, state = self.open(), self.reading(), self.state(listeners=(witness,))
+        source, reading = self.open(), self.reading()
+        witness = _witness(source)
+        state = self.state(listeners=(witness,))
 
         def look() -> Snapshot:
             return snapshot(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
@@ -22,9 +23,10 @@ class Told:
 class News:
     """Compares the causes of each look with those of the one before.
 
-    A cause is the same as long as kind, place and beginning are, whatever its figures. One that is over when it is seen
-    first is told as both. A cause that is told no more is over: what followed has shown that it was none, or another
-    one; then it has no ``until_ns``.
+    A cause is the same as long as kind, place and beginning are, whatever its figures; one that goes on also where it
+    is seen to begin at another time, as when what it began with was long ago, and is not kept. One that is over when it
+    is seen first is told as both. A cause that is told no more is over: what followed has shown that it was none, or
+    another one; then it has no ``until_ns``.
     """
 
     def __init__(self) -> None:
@@ -35,20 +37,30 @@ class News:
         now: dict[Hashable, Cause] = {}
         for cause in causes:
             now.setdefault(_identity(cause), cause)
+        gone: dict[Hashable, list[Cause]] = defaultdict(list)
+        for identity, cause in self._known.items():
+            if identity not in now and cause.until_ns is None:
+                gone[_place(cause)].append(cause)
         new, ended = [], []
         for identity, cause in now.items():
             before = self._known.get(identity)
             is_over = cause.until_ns is not None
+            if before is None and not is_over and gone[_place(cause)]:
+                before = gone[_place(cause)].pop(0)
             if before is None or (before.until_ns is not None and not is_over):
                 new.append(cause)
             if is_over and (before is None or before.until_ns is None):
                 ended.append(cause)
-        ended += [cause for identity, cause in self._known.items() if identity not in now and cause.until_ns is None]
+        ended += [cause for causes in gone.values() for cause in causes]
         self._known = now
         return Told(tuple(new), tuple(ended))
 
 
+def _place(cause: Cause) -> Hashable:
+    """Return what a cause is and where: where it has nodes, lists may join it."""
+    return cause.kind.name, cause.nodes or cause.lists or cause.channel
+
+
 def _identity(cause: Cause) -> Hashable:
-    """Return what stays of a cause while it goes on: where it has nodes, lists may join it."""
-    place = cause.nodes or cause.lists or cause.channel
-    return cause.kind.name, place, cause.since_ns
+    """Return what stays of a cause while it goes on."""
+    return _place(cause), cause.since_ns

@@ -103,7 +103,7 @@ class Watched:
         self.source = source
         self.inquiry, self._overdue, self._names = inquiry, overdue, how.node_names
         self._clock = how.clock
-        self._witness = Witness()
+        self._witness = Witness(live=any(info.is_live for info in source.infos))
         self._state = inquiry.state(values=True, listeners=(self._witness,))
         self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
         self._reset = False

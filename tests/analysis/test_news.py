@@ -55,3 +55,14 @@ def test_two_nodes_are_two_causes() -> None:
     news = News()
     both = [silent(1, 5), silent(2, 5)]
     assert news.of(both).new == tuple(both)
+
+
+def test_one_that_goes_on_is_the_same_wherever_it_is_seen_to_begin() -> None:
+    """Of what began long ago, the first events may not be kept."""
+    news = News()
+    news.of([silent(1, 5), silent(2, 5)])
+    assert not news.of([silent(1, 7), silent(2, 5)])
+    ended = news.of([silent(1, 7, 9), silent(2, 5)]).ended
+    assert ended == (silent(1, 7, 9),)
+    again = silent(1, 20)
+    assert news.of([silent(1, 7, 9), again, silent(2, 5)]).new == (again,)

@@ -1,4 +1,8 @@
-"""EventColumns: the events that they are told of, as columns, up to a limit."""
+"""EventColumns: the events that they are told of, as columns, up to a limit: the first ones, and the last ones.
+
+What began long ago is told by the first events, what happens now by the last: a capture that goes on for weeks must
+not stop to see.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,19 @@ from nvscope.engine.events import EventBatch
 from nvscope.tracker.event_kinds import EventKind
 
 MOST_EVENTS = 1 << 18
-"""So many are kept, 96 bytes each; those behind them are counted."""
+"""So many are kept, 63 bytes each, of captures that have an end."""
+
+MOST_EVENTS_LIVE = 1 << 16
+"""So many are kept of live sources."""
+
+_FIRST_SHARE = 4
+"""The first events are this part of those that are kept."""
+
+_SLACK_SHARE = 8
+"""More than are kept by this part of them, before they are thrown away together."""
+
+_MOST_PARTS = 256
+_LEAST_ROWS, _MOST_ROWS = 1 << 12, 1 << 14
 
 NO_SCOPE = -1
 
@@ -43,36 +59,62 @@ class EventTable(NamedTuple):
 
 
 _OF_BATCH = EventTable._fields[2:]
-_NOTHING = np.empty(0, np.int64)
+_WIDTH = {"kind": np.int16, "scope": np.int8} | dict.fromkeys(("list", "node", "subindex", "channel", "peer"), np.int32)
+_NOTHING = EventTable(*(np.empty(0, _WIDTH.get(name, np.int64)) for name in EventTable._fields))
 
 
 class EventColumns:
-    """A listener that keeps the first ``most`` events it is told; ``left_out`` counts the others."""
+    """A listener that keeps ``most`` of the events it is told: a quarter of them the first ones, the others the last.
+
+    ``left_out`` counts those in between.
+    """
 
     def __init__(self, most: int = MOST_EVENTS) -> None:
         self._most = most
-        self._parts: list[EventBatch] = []
+        self._first = -(-most // _FIRST_SHARE)
+        # As they were told, in narrow columns; kinds by their place in ``_heard``.
+        self._stored = _NOTHING
+        self._waiting: list[EventBatch] = []
+        self._rows_waiting = 0
+        self._heard: dict[tuple[str, str, str], IntEnum] = {}
         self._table: EventTable | None = None
-        self.count = 0
-        self.left_out = 0
+        self._told = 0
+
+    @property
+    def count(self) -> int:
+        """How many are kept."""
+        return min(self._told, self._most)
+
+    @property
+    def held(self) -> int:
+        """How many are in memory: more than are kept, until those are thrown away together."""
+        return len(self._stored.frame) + self._rows_waiting
+
+    @property
+    def left_out(self) -> int:
+        """How many there was no room for."""
+        return self._told - self.count
 
     def hear(self, events: EventBatch) -> None:
         """Take events, which may be of any kind."""
-        room = min(len(events), self._most - self.count)
-        self.left_out += len(events) - room
-        if not room:
+        if not len(events):
             return
-        self.count += room
+        self._heard.setdefault(_name(events.kind), events.kind)
+        self._told += len(events)
         self._table = None
-        self._parts.append(events if room == len(events) else events[:room])
+        self._waiting.append(events)
+        self._rows_waiting += len(events)
+        # As many as are stored: then storing costs little for each of them. What waits takes more room.
+        enough = min(max(len(self._stored.frame), _LEAST_ROWS), _MOST_ROWS)
+        if len(self._waiting) >= _MOST_PARTS or self._rows_waiting >= enough:
+            self._store()
 
     @property
     def kinds(self) -> Mapping[int, IntEnum]:
-        """The kinds that there are events of, by their number in the table: those of protocols by name."""
-        heard = {_name(part.kind): part.kind for part in self._parts}
-        own: dict[int, IntEnum] = {int(kind): kind for kind in heard.values() if isinstance(kind, EventKind)}
-        others = [name for name, kind in sorted(heard.items()) if not isinstance(kind, EventKind)]
-        return own | {FIRST_OF_PROTOCOLS + place: heard[name] for place, name in enumerate(others)}
+        """The kinds that there were events of, by their number in the table: those of protocols by name."""
+        own: dict[int, IntEnum] = {int(kind): kind for kind in self._heard.values() if isinstance(kind, EventKind)}
+        others = [name for name, kind in sorted(self._heard.items()) if not isinstance(kind, EventKind)]
+        return own | {FIRST_OF_PROTOCOLS + place: self._heard[name] for place, name in enumerate(others)}
 
     def table(self) -> EventTable:
         """Return what was told so far; a later table is another one."""
@@ -80,15 +122,38 @@ class EventColumns:
             self._table = self._made()
         return self._table
 
+    def _store(self) -> None:
+        """Put what waits behind what is stored; what there is no room for is thrown away, many at once."""
+        if not self._waiting:
+            return
+        places = {name: place for place, name in enumerate(self._heard)}
+        length = [len(part) for part in self._waiting]
+        kind = np.repeat([places[_name(part.kind)] for part in self._waiting], length)
+        scope = np.repeat([NO_SCOPE if part.scope is None else part.scope for part in self._waiting], length)
+        columns = (np.concatenate([getattr(part, name) for part in self._waiting]) for name in _OF_BATCH)
+        stored = zip(self._stored, (kind, scope, *columns), strict=True)
+        self._stored = EventTable(
+            *(np.concatenate([known, new.astype(known.dtype, copy=False)]) for known, new in stored)
+        )
+        self._waiting, self._rows_waiting = [], 0
+        if len(self._stored.frame) > self._most + self._most // _SLACK_SHARE:
+            self._stored = self._kept()
+
+    def _kept(self) -> EventTable:
+        """Return those of the stored ones that there is room for."""
+        rows = len(self._stored.frame)
+        if rows <= self._most:
+            return self._stored
+        last = rows - self._most + self._first
+        return EventTable(*(np.concatenate([column[: self._first], column[last:]]) for column in self._stored))
+
     def _made(self) -> EventTable:
-        if not self._parts:
-            return EventTable(*[_NOTHING] * len(EventTable._fields))
+        self._store()
+        kept = self._kept()
         numbers = {_name(kind): number for number, kind in self.kinds.items()}
-        length = [len(part) for part in self._parts]
-        kind = np.repeat([numbers[_name(part.kind)] for part in self._parts], length)
-        scope = np.repeat([NO_SCOPE if part.scope is None else part.scope for part in self._parts], length)
-        columns = (np.concatenate([getattr(part, name) for part in self._parts]) for name in _OF_BATCH)
-        table = EventTable(kind, scope, *(column.astype(np.int64, copy=False) for column in columns))
+        number = np.array([numbers[name] for name in self._heard], np.int64)
+        whole = EventTable(*(column.astype(np.int64) for column in kept))
+        table = whole._replace(kind=number[kept.kind])
         place = table.subindex, table.node, table.channel, table.list
         # Where one frame ends several waits of a place, they are told by when they began.
         order = _sorted((table.frame, table.kind, table.scope, *place[::-1], table.since_ns, table.detail))

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I32, I64
 from dissectors.keys import KeyTable
 from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
@@ -38,7 +38,7 @@ class ReaderAnswers:
 
     def __init__(self, most: int = MOST_PAIRS) -> None:
         self._most = most
-        self._waiting: list[EventBatch] = []
+        self._waiting: list[tuple[I32, I32, I64, I64]] = []
         self._events = 0
         self.pairs = KeyTable()
         self.columns = AnswerColumns()
@@ -48,7 +48,8 @@ class ReaderAnswers:
     def hear(self, events: EventBatch) -> None:
         """Take events; those of any other kind than ``EventKind.ACKNOWLEDGED`` are not looked at."""
         if events.kind is EventKind.ACKNOWLEDGED and len(events):
-            self._waiting.append(events)
+            lists, peer = events.list.astype(np.int32), events.peer.astype(np.int32)
+            self._waiting.append((lists, peer, events.time_ns, events.since_ns))
             self._events += len(events)
             if self._events >= _TAKEN_TOGETHER:
                 self.settle()
@@ -58,8 +59,7 @@ class ReaderAnswers:
         waiting, self._waiting, self._events = self._waiting, [], 0
         if not waiting:
             return
-        columns = ("list", "peer", "time_ns", "since_ns")
-        lists, peer, time_ns, since_ns = (np.concatenate([getattr(one, name) for one in waiting]) for name in columns)
+        lists, peer, time_ns, since_ns = (np.concatenate(parts) for parts in zip(*waiting, strict=True))
         number = self.pairs.numbers_within(self._most, lists.astype(np.uint64), peer.astype(np.uint64))
         room = number >= 0
         self.left_out += len(number) - int(np.count_nonzero(room))

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
+from nvscope.tracker.evidence.event_columns import MOST_EVENTS, MOST_EVENTS_LIVE
 from nvscope.tracker.evidence.evidence import Evidence
 from nvscope.tracker.evidence.line_clocks import LineClocks
 from nvscope.tracker.evidence.long_pauses import LongPauses
@@ -18,12 +19,15 @@ from nvscope.tracker.evidence.unanswered import Unanswered
 
 
 class Witness:
-    """An observer of all frames, and a listener to all events: what causes are judged from beside the state."""
+    """An observer of all frames, and a listener to all events: what causes are judged from beside the state.
+
+    ``live``: what is watched may go on for weeks, so that fewer events are kept.
+    """
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self) -> None:
-        self.evidence = Evidence()
+    def __init__(self, *, live: bool = False) -> None:
+        self.evidence = Evidence(MOST_EVENTS_LIVE if live else MOST_EVENTS)
         self.long_pauses = LongPauses()
         self.looks = LookRuns()
         self.line_clocks = LineClocks()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from itertools import pairwise
 
 import numpy as np
-import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from nvscope.engine.events import EventBatch
 from nvscope.tracker.event_kinds import EventKind
@@ -55,10 +57,28 @@ def test_a_table_stays_as_it_is() -> None:
     assert columns.table().frame.tolist() == [1, 2, 7]
 
 
-@pytest.mark.parametrize("most", range(6))
-def test_what_there_is_no_room_for_is_counted(most: int) -> None:
+FRAMES = range(1, 41)
+
+
+@given(st.integers(0, 44), st.lists(st.sampled_from(FRAMES), unique=True), st.booleans())
+def test_the_first_and_the_last_are_kept_however_they_are_told(most: int, cuts: list[int], looked_at: bool) -> None:
     columns = EventColumns(most)
-    for batch in (events(EventKind.GAP, 1, 2), events(EventKind.RESTART, 3), events(EventKind.GAP, 4, 5)):
-        columns.hear(batch)
-    assert columns.table().frame.tolist() == list(range(1, most + 1))
-    assert (columns.count, columns.left_out) == (most, 5 - most)
+    for first, stop in pairwise(sorted({1, 41, *cuts})):
+        columns.hear(events(EventKind.GAP, *range(first, stop)))
+        if looked_at:
+            columns.table()
+    first = -(-most // 4)
+    last = min(most, 40) - min(first, 40)
+    expected = [*FRAMES][:first] + ([*FRAMES][-last:] if last else [])
+    assert columns.table().frame.tolist() == expected
+    assert (columns.count, columns.left_out) == (len(expected), 40 - len(expected))
+
+
+def test_what_is_kept_takes_no_more_memory_however_long_it_goes_on() -> None:
+    columns = EventColumns(1000)
+    stored = []
+    for batch in range(200):
+        columns.hear(events(EventKind.GAP, *range(1 + 50 * batch, 51 + 50 * batch)))
+        stored.append(columns.held)
+    assert max(stored[20:]) <= 1000 + 1000 // 8 + (1 << 12) + 50
+    assert columns.table().frame.tolist() == [*range(1, 251), *range(10_001 - 750, 10_001)]
