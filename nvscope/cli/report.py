@@ -108,7 +108,7 @@ def report(
             metavar="NUMBER",
             parser=at_least_one,
             help="How many streams by sender, list and SubIndex are told apart, how many other kinds of telegrams, and "
-            "how many identifiers on CAN; 200000, unless the project says otherwise. What is left out is told (NV906).",
+            "how many identifiers on CAN; 50000, unless the project says otherwise. What is left out is told (NV906).",
             show_default=False,
         ),
     ] = None,

@@ -31,7 +31,7 @@ class Limits:
     max_streams: int = key(
         integer(1, 100_000_000),
         "NV906: more streams than this, or more identifiers on CAN, are not told apart; --max-streams wins",
-        default=200_000,
+        default=50_000,
     )
     acknowledgement_ns: int = key(
         SPAN,

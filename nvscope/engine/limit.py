@@ -20,10 +20,10 @@ from nvscope.engine.keyed_columns import KeyedColumns
 if TYPE_CHECKING:  # who numbers flows asks here
     from nvscope.engine.keys import Keys
 
-MAX_STREAMS = 200_000
+MAX_STREAMS = 50_000
 """So many streams, and so many flows of other telegrams, are told apart unless somebody says otherwise.
 
-A plant has hundreds or thousands; a report on so many takes some seconds and less than a gigabyte.
+A plant has hundreds or thousands; a look at so many takes seconds and some 200 MB.
 """
 
 

@@ -113,7 +113,7 @@ def test_the_source() -> None:
         assert any(line.startswith("  frames    1 212 frames in ") for line in lines)
         assert shown.app.look is not None
         streams = sum(len(entry["streams"]) for entry in shown.app.look.report["lists"])
-        assert any(line.startswith(f"  streams   {streams} of 200 000 at most") for line in lines)
+        assert any(line.startswith(f"  streams   {streams} of 50 000 at most") for line in lines)
         assert any(line.startswith("  last look took ") for line in lines)
 
     on_screen(Inquiry([PLANT]), look_at, size=(120, 40), keys=["7"])

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dissectors.batch import PacketBatch
+from nvscope.capture.live.heap import Heap
 from nvscope.capture.live.inlet import Inlet
 from nvscope.capture.live.system_clock import SystemClock
 from nvscope.capture.live.wait import Wait
@@ -50,6 +51,7 @@ class LiveSource:
         self._wait = wait
         self._autostop = autostop or Autostop()
         self._clock = SystemClock()
+        self._heap = Heap()
         self._opened_ns = time.monotonic_ns()
         self._info = SourceInfo(inlet.path, inlet.format, is_live=True, hears_answers=inlet.hears_answers)
         self._stopping = False
@@ -99,6 +101,7 @@ class LiveSource:
                 if batch is None:
                     batch = self._inlet.take()
                 self._taken_ns = time.monotonic_ns()
+                self._heap.give_back()
                 if batch is None:
                     self._tell()
                     yield PacketBatch.nothing(until_ns)

@@ -19,7 +19,7 @@ from nvscope.tracker.event_kinds import EventKind
 MOST_EVENTS = 1 << 18
 """So many are kept, 63 bytes each, of captures that have an end."""
 
-MOST_EVENTS_LIVE = 1 << 16
+MOST_EVENTS_LIVE = 1 << 15
 """So many are kept of live sources."""
 
 _FIRST_SHARE = 4

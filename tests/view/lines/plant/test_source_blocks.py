@@ -82,7 +82,7 @@ def test_limits() -> None:
     scene = scene_at(Inquiry([str(CAN / "press.log")]), None)
     assert scene is not None
     text = told(limits_block(scene.snapshot.summary, 200_000, 0))
-    assert "  streams   6 of 200 000 at most (limits.max_streams), in 6 lists" in text
+    assert "  streams   6 of 50 000 at most (limits.max_streams), in 6 lists" in text
     assert "  left out  ! 7 frames of further streams" in told(limits_block(scene.snapshot.summary, 6, 7))
 
 
