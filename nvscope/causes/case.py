@@ -13,6 +13,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.can.pdo import channel_name
 from nvscope.causes.cause import Cause
+from nvscope.causes.going_on import GoingOn
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
 from nvscope.causes.spans import moments, touching
@@ -198,10 +199,33 @@ class Case:
         """Tell which symptoms are of telegrams that a node should have answered: sent to it, or to all its readers."""
         symptoms = self.symptoms
         told: Bool = symptoms.peer == node
-        read = [entry.number for entry in self.facts.summary.lists if node in entry.readers]
-        if read:
+        if read := self._read_by.get(node):
             told |= self._to_everybody & np.isin(symptoms.list, read)
         return told
+
+    @cached_property
+    def _read_by(self) -> Mapping[int, Sequence[int]]:
+        """The numbers of the lists that each node reads."""
+        found: dict[int, list[int]] = defaultdict(list)
+        for entry in self.facts.summary.lists:
+            for node in entry.readers:
+                found[node].append(entry.number)
+        return dict(found)
+
+    @cached_property
+    def lists_of_one_sender(self) -> Mapping[int, Sequence[int]]:
+        """The numbers of the lists that a node sends and no other one, by node."""
+        found: dict[int, list[int]] = defaultdict(list)
+        for entry in self.facts.summary.lists:
+            senders = {*entry.senders}
+            if len(senders) == 1:
+                found[senders.pop()].append(entry.number)
+        return dict(found)
+
+    @cached_property
+    def going_on(self) -> GoingOn:
+        """Which nodes go on while another one is silent."""
+        return GoingOn(self)
 
     @cached_property
     def _to_everybody(self) -> Bool:

@@ -23,7 +23,7 @@ from nvscope.causes.incomplete import judge_incomplete_captures
 from nvscope.causes.interleaved import judge_interleaved
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
-from nvscope.causes.other import judge_others
+from nvscope.causes.other import judge_others, judge_rest
 from nvscope.causes.paths import judge_two_paths
 from nvscope.causes.readers import (
     judge_boot_up,
@@ -85,6 +85,10 @@ JUDGES: tuple[Judge, ...] = (
 """In the order of causes.md, section 2: an event belongs to the first one that explains it."""
 
 
+MOST_CAUSES, MOST_CAUSES_LIVE = 10_000, 1000
+"""So many are told one by one, of captures and of what goes on: each takes time, and made-up ones have no end."""
+
+
 def judged(
     facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str] = (),
     names: Mapping[str, str] = MappingProxyType({}), clock: Callable[[int], str] | None = None,
@@ -95,8 +99,17 @@ def judged(
     as for ``Case``.
     """
     case = Case(facts, findings, witness, channels, names, clock)
-    for judge in JUDGES:
-        # What a judge finds next hangs on what was explained before.
-        for draft, chosen in judge(case):
-            case.explain(draft, chosen)
+    most = MOST_CAUSES_LIVE if any(info.is_live for info in facts.sources) else MOST_CAUSES
+    for draft, chosen in _explained(case):
+        case.explain(draft, chosen)
+        if len(case.drafts) >= most:
+            for rest in judge_rest(case):
+                case.explain(*rest)
+            break
     return case
+
+
+def _explained(case: Case) -> Iterator[Explained]:
+    """Yield what happened; what a judge finds next hangs on what was explained before."""
+    for judge in JUDGES:
+        yield from judge(case)

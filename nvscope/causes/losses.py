@@ -226,7 +226,7 @@ def _draft(
 def _share(case: Case, losses: Losses) -> str:
     places = set(zip(losses.node.tolist(), losses.list.tolist(), strict=True))
     sent = sum(
-        one.stream.telegrams for node, streams in case.streams_of_node.items() for one in streams
+        one.stream.telegrams for node in {node for node, _ in places} for one in case.streams_of_node.get(node, ())
         if (node, one.list.number) in places
     )  # fmt: skip
     return f"{percent(losses.total, sent + losses.total)} of what it sends"

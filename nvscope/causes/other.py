@@ -14,6 +14,7 @@ from nvscope.findings.capture import TRUNCATED_FILE
 from nvscope.findings.facts import AnyList
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
+from nvscope.units import count, count_of
 
 OTHER = CauseKind(
     "other",
@@ -44,6 +45,22 @@ def judge_others(case: Case) -> Iterator[Explained]:
             at_most=_at_most(case, finding, lists),
         )  # fmt: skip
         yield draft, case.only(chosen)
+
+
+def judge_rest(case: Case) -> Iterator[Explained]:
+    """Explain all that is left by one cause, where there are too many to tell each."""
+    left = case.owner == NOBODY
+    events = int(np.count_nonzero(left))
+    if not events:
+        return
+    step = (
+        "Begin with the causes that are told: with these mended, or fewer lists in one capture, others come to light."
+    )
+    draft = Draft(
+        OTHER, f"{count_of(events, 'event')} without a cause: no more than {count(len(case.drafts))} are told",
+        step, (f"they are of {count_of(len(case.lists_of(left)), 'list')}",),
+    )  # fmt: skip
+    yield draft, left
 
 
 def _at_most(case: Case, finding: Finding, lists: Sequence[AnyList]) -> Severity:

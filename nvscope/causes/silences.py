@@ -137,8 +137,8 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     if not (own & ~symptoms.of_kinds(TORN_CYCLE)).any():
         return case.only([])
     waits = case.free(*_WAITS) & ((symptoms.node == node) | case.waits_for(node)) & meanwhile
-    only = [entry.number for entry in case.facts.summary.lists if set(entry.senders) == {node}]
-    waits |= case.free(BOOT_UP_UNANSWERED) & np.isin(symptoms.list, only) & meanwhile
+    alone = case.lists_of_one_sender.get(node, ())
+    waits |= case.free(BOOT_UP_UNANSWERED) & np.isin(symptoms.list, alone) & meanwhile
     explained: Bool = own | waits
     return explained
 
@@ -149,8 +149,8 @@ def _draft(
     timed = lists_of_streams(one for one in streams if one.nominal_ns)
     name, which = case.address(node), lists_in_words(case, timed)
     since, checked = moment(case, pause.since_ns), []
-    others = [other for other in case.streams_of_node if other != node and _sends_later(case, other, pause)]
-    going = f"{count_of(len(others), 'other node')} {'goes' if len(others) == 1 else 'go'} on" if others else ""
+    others = case.going_on.beside(node, pause.since_ns, pause.until_ns, case.end_ns)
+    going = f"{count_of(others, 'other node')} {'goes' if others == 1 else 'go'} on" if others else ""
     what = "is silent" if kind is NODE_SILENT else "sends none of its lists"
     past = "was silent" if kind is NODE_SILENT else "sent none of its lists"
     if pause.until_ns is None:
@@ -178,16 +178,6 @@ def _draft(
         kind, title, kind.next_step, checked, timed, [node], since_ns=pause.since_ns, until_ns=pause.until_ns
     )  # fmt: skip
     return draft, chosen
-
-
-def _sends_later(case: Case, node: int, pause: Pause) -> bool:
-    """Tell whether a node sends one of its cyclic lists as usual while another node is silent."""
-    end_ns = case.end_ns if pause.until_ns is None else pause.until_ns
-    return any(
-        one.stream.first_ns < end_ns and one.stream.last_ns > pause.since_ns
-        and _meanwhile(case.pauses(one.list.number, one.stream), pause) is None
-        for one in case.streams_of_node[node] if one.nominal_ns
-    )  # fmt: skip
 
 
 def judge_lists(case: Case) -> Iterator[Explained]:
@@ -233,8 +223,9 @@ def _together(case: Case, rows: Sequence[int]) -> list[list[int]]:
 def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, chosen: Bool) -> Explained:
     which, since, checked = lists_in_words(case, lists), moment(case, since_ns), []
     if node >= 0:
+        own = {entry.number for entry in lists}
         going_on = lists_of_streams(one for one in case.streams_of_node[node] if one.stream.last_ns > since_ns)
-        others = [entry for entry in going_on if entry not in lists]
+        others = [entry for entry in going_on if entry.number not in own]
         title = f"Node {case.address(node)} sends {which} no more since {since}"
         if others:
             checked.append(f"it goes on with {lists_in_words(case, others)}")

@@ -39,10 +39,10 @@ def lists_in_words(case: Case, lists: Sequence[AnyList]) -> str:
     On CAN, what no definition knows is an identifier: ``identifier 0x181``.
     """
     noun = "identifier" if case.are_nobodys(lists) else "list"
-    ordered = sorted({entry.number: entry for entry in lists}.values(), key=lambda entry: entry.key)
-    names = [_name(case, entry) for entry in ordered]
-    if len(names) > _NAMED:
-        return f"{len(names)} {noun}s"
+    each = {entry.number: entry for entry in lists}
+    if len(each) > _NAMED:
+        return f"{len(each)} {noun}s"
+    names = [_name(case, entry) for entry in sorted(each.values(), key=lambda entry: entry.key)]
     return f"{noun}{'s' if len(names) > 1 else ''} {joined(names)}"
 
 

@@ -176,7 +176,8 @@ def export(
         named = _fields(fields or (), inquiry)
         filtered = None if wanted is None else inquiry.filter(wanted)
 
-    keep_freed_memory()
+    if inquiry.paths:
+        keep_freed_memory()
     source, reading = inquiry.open(), inquiry.reading(filtered)
     columns = [] if lists else named or default_fields(inquiry, source)
     inputs = [*(info.path for info in source.infos), *inquiry.project.inputs]

@@ -18,7 +18,8 @@ def keep_freed_memory() -> None:
     """Let glibc keep some freed memory for what is allocated next; elsewhere do nothing.
 
     Columns of a batch are allocated and freed all the time. By default glibc returns such blocks to the system at once
-    and gets them back page by page, which takes a fifth of the time of a long run.
+    and gets them back page by page, which takes a fifth of the time of a long run. Not for live sources: theirs are
+    small, and what goes on for weeks must not keep more and more.
     """
     if not sys.platform.startswith("linux"):
         return

@@ -145,8 +145,9 @@ def report(
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import watching
 
-    keep_freed_memory()
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, timeout_ns, watching(quiet=quiet), asked)
+    if inquiry.paths:
+        keep_freed_memory()
     with flaws_told_first(plant.definition):
         found = inquiry.analyze(wanted, values=True, compare=compare, causes=True, names=not no_names)
         document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())

@@ -242,7 +242,8 @@ def _last_values(asked: _Asked, listed: str | None) -> _Read:
     from nvscope.view.documents.variables import left_out, variables_document
 
     keys = asked.keys(listed)
-    keep_freed_memory()
+    if asked.inquiry.paths:
+        keep_freed_memory()
     seen = SeenLists()
     found = asked.inquiry.analyze(asked.wanted, values=True, causes=False, others=[seen])
     assert found.values

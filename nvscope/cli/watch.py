@@ -99,9 +99,10 @@ def watch(
     from nvscope.analysis.watching import Watching
     from nvscope.cli.memory import keep_freed_memory
 
-    keep_freed_memory()
     captures = captured(paths, live, plant, ports)
     inquiry = Inquiry(captures, plant, ports, asked=asked)
+    if inquiry.paths:
+        keep_freed_memory()
     screen = not (plain or as_json) and sys.stdin.isatty() and sys.stdout.isatty()
     how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if captures is not paths else None)
     if screen:

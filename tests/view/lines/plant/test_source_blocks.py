@@ -81,7 +81,7 @@ def test_what_is_kept_and_what_was_let_go() -> None:
 def test_limits() -> None:
     scene = scene_at(Inquiry([str(CAN / "press.log")]), None)
     assert scene is not None
-    text = told(limits_block(scene.snapshot.summary, 200_000, 0))
+    text = told(limits_block(scene.snapshot.summary, 50_000, 0))
     assert "  streams   6 of 50 000 at most (limits.max_streams), in 6 lists" in text
     assert "  left out  ! 7 frames of further streams" in told(limits_block(scene.snapshot.summary, 6, 7))
 

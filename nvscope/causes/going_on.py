@@ -1,0 +1,45 @@
+"""GoingOn: which nodes go on with a cyclic list while another one is silent, as columns over all their streams."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from nvscope.engine.runs import distinct
+
+if TYPE_CHECKING:  # a case has one of these
+    from nvscope.causes.case import Case
+
+_FOR_EVER = np.iinfo(np.int64).max
+
+
+class GoingOn:
+    """All cyclic streams of a case with their pauses, looked up once: very many nodes may be silent."""
+
+    def __init__(self, case: Case) -> None:
+        streams: list[tuple[int, int, int]] = []
+        pauses: list[tuple[int, int, int]] = []
+        for node, own in case.streams_of_node.items():
+            for one in own:
+                if not one.nominal_ns:
+                    continue
+                for pause in case.pauses(one.list.number, one.stream):
+                    until_ns = _FOR_EVER if pause.until_ns is None else pause.until_ns
+                    pauses.append((len(streams), pause.since_ns, until_ns))
+                streams.append((node, one.stream.first_ns, one.stream.last_ns))
+        self._node, self._first_ns, self._last_ns = np.array(streams, np.int64).reshape(-1, 3).T
+        self._stream, self._since_ns, self._until_ns = np.array(pauses, np.int64).reshape(-1, 3).T
+
+    def beside(self, node: int, since_ns: int, until_ns: int | None, end_ns: int) -> int:
+        """Return how many other nodes send a cyclic list as usual from one time to another; None has no end.
+
+        ``end_ns`` is the end of the capture.
+        """
+        stop_ns = end_ns if until_ns is None else until_ns
+        going = (self._node != node) & (self._first_ns < stop_ns) & (self._last_ns > since_ns)
+        paused = self._until_ns > since_ns
+        if until_ns is not None:
+            paused &= self._since_ns < until_ns
+        going[self._stream[paused]] = False
+        return len(distinct(self._node[going]))
