@@ -203,6 +203,7 @@ def test_several_interfaces_are_one_timeline() -> None:
     )
 
 
+@pytest.mark.long
 def test_what_does_not_fit_is_counted_as_the_kernel_does() -> None:
     """A reader that is stopped leaves the kernel's buffer to fill up."""
     with cable() as (press, engineer):
