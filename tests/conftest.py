@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from nvscope.cli.memory import look_for_cycles_seldom
 from tests.laws import FULL_EXAMPLES
 
 QUICK_EXAMPLES = 12
@@ -42,5 +41,3 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
-    # As in the program itself: to look through all tests and modules again and again takes longer than it is worth.
-    look_for_cycles_seldom()
