@@ -2,8 +2,8 @@
 
 Each run is forked from a process that has imported the program and has run nothing (``tests.program_server``), so that
 it begins as clean as ``python -m nvscope``, without the time in which that imports what it needs. What the start of a
-program is about is tested with ``COMMAND``: imports, interrupts, terminals, limits, pipes that somebody closes, and
-that nothing depends on the order of a set, which is the same in all runs that one server forks.
+program is about is tested with ``COMMAND``: imports, interrupts, terminals, limits, and pipes that somebody closes. The
+order of sets is the same in all runs that one server forks: that nothing depends on it is tested with several.
 """
 
 from __future__ import annotations
@@ -36,10 +36,15 @@ def run(
     stdin: bytes = b"",
     environment: Mapping[str, str] | None = None,
     encoding: str = "utf-8",
+    sets: str = "",
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run ``nvscope`` with these words; ``environment`` is what is to differ from that of the tests."""
+    """Run ``nvscope`` with these words; ``environment`` is what is to differ from that of the tests.
+
+    ``sets`` is the PYTHONHASHSEED of another server, in whose runs sets have another order.
+    """
     asked = [str(word) for word in words]
-    request = _request(asked, cwd, {"PYTHONIOENCODING": encoding, **(environment or {})})
+    others = {"PYTHONIOENCODING": encoding, "PYTHONHASHSEED": sets or os.environ.get("PYTHONHASHSEED", "")}
+    request = _request(asked, cwd, {**others, **(environment or {})})
     if not hasattr(os, "fork"):
         return subprocess.run(
             [*COMMAND, *asked], input=stdin, capture_output=True, check=False, timeout=_LONGEST_S,
@@ -51,7 +56,7 @@ def run(
         pipes.submit(_write, our_in, stdin)
         out, err = pipes.submit(_read, our_out), pipes.submit(_read, our_err)
         try:
-            code = _server().run(json.dumps(request), (their_in, their_out, their_err))
+            code = _server(sets).run(json.dumps(request), (their_in, their_out, their_err))
         finally:
             for end in (their_in, their_out, their_err):
                 os.close(end)
@@ -74,7 +79,7 @@ def run_on_terminal(
     with ThreadPoolExecutor(1) as terminal:
         told = terminal.submit(_read_terminal, ours)
         try:
-            _server().run(json.dumps(request), (nowhere, out, err))
+            _server("").run(json.dumps(request), (nowhere, out, err))
         finally:
             for end in (theirs, nowhere):
                 os.close(end)
@@ -122,14 +127,14 @@ def _read(pipe: int) -> bytes:
 class _Server:
     """The process that is forked for each run, and the channel to it."""
 
-    def __init__(self) -> None:
+    def __init__(self, sets: str) -> None:
         self._channel, theirs = socket.socketpair()
         self._channel.settimeout(_LONGEST_S)
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "tests.program_server", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True,
-                cwd=_ROOT, env={**os.environ, "PYTHONUTF8": "1"},
+                cwd=_ROOT, env={**os.environ, "PYTHONUTF8": "1"} | ({"PYTHONHASHSEED": sets} if sets else {}),
             )  # fmt: skip
         atexit.register(self.end)
 
@@ -156,5 +161,5 @@ class _Server:
 
 
 @cache
-def _server() -> _Server:
-    return _Server()
+def _server(sets: str) -> _Server:
+    return _Server(sets)

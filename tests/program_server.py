@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import importlib
 import json
@@ -11,13 +12,16 @@ import runpy
 import socket
 import struct
 import sys
+import threading
 import time
-from typing import Any
+import traceback
+from typing import Any, NoReturn, TextIO
 
 import nvscope
 
 _STREAMS = 3
 _MOST_AT_ONCE = 1 << 16
+_SUCCESS, _FAILURE, _NOT_FLUSHED = 0, 1, 120  # the exit codes of Python itself
 # Whoever imports these imports polars, which starts threads: of threads, nothing is left after a fork but their locks.
 _NOT_BEFORE_A_FORK = ("nvscope.export", "nvscope.notebook", "nvscope.__main__")
 
@@ -65,7 +69,41 @@ def become(request: dict[str, Any], streams: list[int]) -> None:
     sys.argv[1:] = request["words"]
 
 
+def run_program() -> NoReturn:
+    """Run the program and end as Python does, but for taking all modules apart, which takes longer than most runs."""
+    code = _SUCCESS
+    try:
+        runpy.run_module("nvscope", run_name="__main__", alter_sys=True)
+    except SystemExit as left:
+        code = _code_of(left)
+    except BaseException:
+        traceback.print_exc()
+        code = _FAILURE
+    # In the order of Py_FinalizeEx: first whoever is still at work, then what was to be done at the end.
+    threading._shutdown()  # type: ignore[attr-defined]
+    atexit._run_exitfuncs()
+    os._exit(code if _flushed(sys.stdout) and _flushed(sys.stderr) else _NOT_FLUSHED)
+
+
+def _code_of(left: SystemExit) -> int:
+    if left.code is None or isinstance(left.code, int):
+        return (left.code or _SUCCESS) & 0xFF
+    print(left.code, file=sys.stderr)
+    return _FAILURE
+
+
+def _flushed(stream: TextIO | None) -> bool:
+    """Return whether what was written to a stream is out; one that is closed or None holds nothing back."""
+    try:
+        if stream is not None and not stream.closed:
+            stream.flush()
+    except (OSError, ValueError):
+        traceback.print_exc()
+        return False
+    return True
+
+
 if __name__ == "__main__":
     import_program()
     serve(socket.socket(fileno=int(sys.argv[1])))
-    runpy.run_module("nvscope", run_name="__main__", alter_sys=True)
+    run_program()

@@ -143,6 +143,7 @@ def test_every_option_stands_in_a_group_that_is_its_own() -> None:
     assert group_of(["-w", "--write"]) == "How it is told"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("verb", EXAMPLES)
 def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
     """Each of them runs, on a capture and definitions of these names."""

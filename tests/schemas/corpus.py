@@ -124,18 +124,20 @@ WATCHED = (f"watch {_PLANT}", f"watch {_PRESS}", "watch captures/telegrams.pcap"
 
 def watched(command: str) -> list[dict[str, Any]]:
     """Return the lines that a command prints, each of which is a document."""
-    verb, *words = shlex.split(command)
-    done = run(verb, *words, "--json", cwd=ROOT)
-    assert done.returncode in _READ, done.stderr.decode()
-    return [json.loads(line) for line in done.stdout.splitlines()]
+    return [json.loads(line) for line in _printed(command, ROOT).splitlines()]
 
 
 def asked(command: str, folder: Path = ROOT) -> dict[str, Any]:
-    """Return what a command prints as JSON."""
+    """Return what a command prints as JSON; whoever changes it changes a copy."""
+    return dict(json.loads(_printed(command, folder)))
+
+
+@cache
+def _printed(command: str, folder: Path) -> bytes:
     verb, *words = shlex.split(command)
     done = run(verb, *words, "--json", cwd=folder)
     assert done.returncode in _READ, done.stderr.decode()
-    return dict(json.loads(done.stdout))
+    return done.stdout
 
 
 @cache

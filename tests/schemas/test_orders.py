@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 from pathlib import Path
 from shutil import copyfile
 
 import pytest
 
 from nvscope.errors import ExitCode
-from tests.program import COMMAND
+from tests.program import run
 from tests.schemas.corpus import ROOT
 
 CAPTURES = ("captures/peers/peers.pcap", "captures/can/press.log", "captures/telegrams.pcap")
@@ -58,11 +56,7 @@ def test_the_order_of_files_and_of_sets_changes_no_byte(command: str, plant: Pat
     for seed, step in (("1", 1), ("2", -1)):
         captures, definitions = (files[::step] for files in COMMANDS[command])
         named = definitions if verb == "gvl" else [word for file in definitions for word in ("--gvl", file)]
-        # A process of its own: those of one server have one order of sets.
-        done = subprocess.run(
-            [*COMMAND, verb, *words, *captures, *named], cwd=plant, capture_output=True, check=False, timeout=60,
-            env={**os.environ, "PYTHONHASHSEED": seed},
-        )  # fmt: skip
+        done = run(verb, *words, *captures, *named, cwd=plant, sets=seed)
         assert done.returncode in {ExitCode.GOOD, LINTED}, done.stderr.decode()
         written.append(done.stdout)
     assert written[0] == written[1] != b""

@@ -21,6 +21,7 @@ from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from nvscope.simulate.simulator import packets, simulate
 from tests.simulate.collected import Collected, run
 from tests.simulate.random_scenario import random_scenario
+from tests.tshark_choices import choices_of_tshark
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 LINK_BYTES = {"ethernet": 14, "raw": 0, "null": 4, "loop": 4, "sll": 16, "sll2": 20}
@@ -41,9 +42,12 @@ def written(scenario: Scenario, path: Path) -> Path:
     return path
 
 
+CHECKS = [f"-o{name}.check_checksum:TRUE" for name in ("ip", "udp", "tcp")]
+RIGHT = "udp.checksum.status == 1"
+
+
 def tshark(capture: Path, *arguments: str) -> list[str]:
-    checks = [f"-o{name}.check_checksum:TRUE" for name in ("ip", "udp", "tcp")]
-    command = ["tshark", "-n", "-r", str(capture), *checks, *arguments]
+    command = ["tshark", "-n", "-r", str(capture), *CHECKS, *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
@@ -54,9 +58,9 @@ def tshark(capture: Path, *arguments: str) -> list[str]:
 def test_tshark_finds_every_checksum_right(name: str, suffix: str, tmp_path: Path) -> None:
     scenario = load_scenario(SCENARIOS / f"{name}.toml")
     capture = written(scenario, tmp_path / f"x.{suffix}")
-    assert tshark(capture, "-Y", WRONG) == []
-    good = tshark(capture, "-Y", "udp.checksum.status == 1", "-T", "fields", "-e", "frame.number")
-    assert len(good) > 100
+    found = choices_of_tshark(capture, [WRONG, RIGHT], *CHECKS)
+    assert found[WRONG] == []
+    assert len(found[RIGHT]) > 100
 
 
 @pytest.mark.parametrize("seed", range(6))

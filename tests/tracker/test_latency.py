@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from dissectors.batch import PacketBatch
 from nvscope.tracker.figures import LATENCIES, Of
 from nvscope.tracker.subjects import subjects
-from nvscope.tracker.summary import summarize
+from nvscope.tracker.summary import Summary, summarize
 from tests.laws import examples
 from tests.oracle.builders import ACKNOWLEDGEMENT, MILLISECOND, START, data_frame, telegram
 from tests.oracle.frame import Frame
@@ -28,7 +28,11 @@ ROOM = 0.01
 
 def told(batches: Sequence[PacketBatch], of: Of) -> dict[tuple[Any, ...], list[Any]]:
     """Return count, p50, p99 and most of all that have some, by list, node and SubIndex."""
-    summary = summarize(tracked(batches))
+    return told_in(summarize(tracked(batches)), of)
+
+
+def told_in(summary: Summary, of: Of) -> dict[tuple[Any, ...], list[Any]]:
+    """Return the same of what is summed up already."""
     keys = {entry.number: str(entry.key) for entry in summary.lists}
     found = {}
     for one in subjects(summary):
@@ -54,13 +58,13 @@ def test_what_acknowledgements_took_is_what_each_wait_took(seed: int, packets: i
         for stream in entry["streams"]:
             if stream["_latencies_ns"]:
                 streams[entry["key"], stream["node"], stream["subindex"]] = stream["_latencies_ns"]
-    batches = cut(batch_of(frames), packets)
+    summary = summarize(tracked(cut(batch_of(frames), packets)))
     for of, parts in ((Of.STREAM, (0, 1, 2)), (Of.NODE, (0, 1)), (Of.LIST, (0,))):
         together: dict[tuple[Any, ...], list[int]] = {}
         for key, took_ns in streams.items():
             named = tuple(part if place in parts else None for place, part in enumerate(key))
             together.setdefault(named, []).extend(took_ns)
-        assert told(batches, of) == {key: expected(took_ns) for key, took_ns in together.items()}
+        assert told_in(summary, of) == {key: expected(took_ns) for key, took_ns in together.items()}
 
 
 def test_the_traffic_above_has_many_of_them() -> None:

@@ -21,13 +21,13 @@ from tests.laws import examples
 from tests.oracle.builders import LINKS
 from tests.oracle.traffic import generate, mutate
 from tests.packets import Shown
+from tests.tshark_choices import choices_of_tshark
 from tests.view.fields.test_frame import rows_of, values
 
 ROOT = Path(__file__).parents[2]
 CAPTURES = ROOT / "captures"
 PEERS, PLANT = CAPTURES / "peers" / "peers.pcap", CAPTURES / "plant.pcapng.gz"
 INTERFACES = CAPTURES / "interfaces.pcapng"
-TAPS = Path(__file__).parent / "choices.lua"
 DISSECTOR = ROOT / "tests" / "benchmarks" / "dissector.lua"
 
 
@@ -145,19 +145,9 @@ NETWORK_VARIABLES = [
 
 
 @cache
-def choices_of_tshark(path: Path) -> dict[str, list[int]]:
-    """Return what tshark chooses by each generic filter; its start takes longer than all of them."""
-    command = ["tshark", "-n", "-Q", "-o", "ip.defragment:FALSE", "-r", str(path), "-X", f"lua_script:{TAPS}"]
-    command += ["-X", "lua_script1:" + "\n".join(GENERIC)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    found: dict[str, list[int]] = {expression: [] for expression in GENERIC}
-    for line in done.stdout.splitlines():
-        place, number = line.split()
-        if number == "refused":
-            del found[GENERIC[int(place) - 1]]
-        else:
-            found[GENERIC[int(place) - 1]].append(int(number))
-    return found
+def choices(path: Path) -> dict[str, list[int]]:
+    """Return what tshark chooses by each generic filter."""
+    return choices_of_tshark(path, GENERIC, "-o", "ip.defragment:FALSE")
 
 
 def by_tshark(path: Path, expression: str, *options: str) -> list[int]:
@@ -172,14 +162,14 @@ def by_tshark(path: Path, expression: str, *options: str) -> list[int]:
 @pytest.mark.parametrize("expression", GENERIC)
 def test_what_tshark_chooses_is_chosen(path: Path, expression: str) -> None:
     telegrams = set(numbers(path))
-    theirs = choices_of_tshark(path)[expression]
+    theirs = choices(path)[expression]
     assert numbers(path, expression) == [number for number in theirs if number in telegrams]
 
 
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
 @pytest.mark.parametrize("expression", ["any ip.addr != 10.77.0.2", "frame.time_relative < 010"])
 def test_tshark_chooses_the_same_for_all_filters_at_once(expression: str) -> None:
-    assert choices_of_tshark(PEERS)[expression] == by_tshark(PEERS, expression)
+    assert choices(PEERS)[expression] == by_tshark(PEERS, expression)
 
 
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")

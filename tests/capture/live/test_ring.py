@@ -38,6 +38,18 @@ def wait_for_ring(host: Host, rings: int = 1) -> None:
     raise AssertionError("nobody opened a packet socket")
 
 
+_RECORD_BYTES = 16 + 14 + 20 + 8 + 24
+"""What a telegram that is sent takes in a capture."""
+
+
+def wait_for_size(path: Path, size: int) -> None:
+    """Wait until somebody has written so much to a file: who ends tcpdump earlier loses what it has not written."""
+    for _ in range(500):
+        if path.exists() and path.stat().st_size >= size:
+            return
+        time.sleep(0.02)
+
+
 _SEND_RAW = """
 import socket, sys
 out = socket.socket(socket.AF_PACKET, socket.SOCK_RAW)
@@ -88,15 +100,15 @@ def test_a_signal_ends_it_with_all_that_came_until_then(number: int) -> None:
 @pytest.mark.skipif(which("tcpdump") is None, reason="needs tcpdump")
 def test_the_report_is_that_of_a_capture_of_the_same_packets(tmp_path: Path) -> None:
     kept = tmp_path / "kept.pcap"
-    words = ["tcpdump", "-i", "{}", "--time-stamp-precision=nano", "-U", "-w", str(kept), "udp or arp or icmp"]
+    words = ["tcpdump", "-i", "{}", "--immediate-mode", "--time-stamp-precision=nano", "-U", "-w", str(kept)]
     with cable() as (press, engineer):
-        recording = engineer.start(*(word.format(engineer.device) for word in words))
+        recording = engineer.start(*(word.format(engineer.device) for word in words), "udp or arp or icmp")
         wait_for_ring(engineer)
         watching = engineer.nvscope("report", "--json", engineer.device, "-a", "packets:900")
         wait_for_ring(engineer, 2)
         press.start(*send(_BROADCAST, 900, 3, 300_000)).wait(20)
         live = _report(watching)
-        time.sleep(0.3)
+        wait_for_size(kept, 900 * _RECORD_BYTES)
         recording.terminate()
         recording.communicate(timeout=10)
     offline = json.loads(
@@ -191,6 +203,7 @@ def test_several_interfaces_are_one_timeline() -> None:
     )
 
 
+@pytest.mark.long
 def test_what_does_not_fit_is_counted_as_the_kernel_does() -> None:
     """A reader that is stopped leaves the kernel's buffer to fill up."""
     with cable() as (press, engineer):

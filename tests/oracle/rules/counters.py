@@ -41,7 +41,8 @@ class CounterSequence:
             self.h, self.missing = c, set()
             return "restart", 0
         if 2 <= d < 32768:
-            self.missing |= {(h + skipped) % 65536 for skipped in range(1, d)}
+            # Those before are beyond the window when it advances.
+            self.missing |= {(h + skipped) % 65536 for skipped in range(max(1, d - MISSING_WINDOW), d)}
             self._advance(c)
             return "gap", d - 1
         if d >= 65536 - MISSING_WINDOW:
@@ -51,4 +52,5 @@ class CounterSequence:
 
     def _advance(self, h: int) -> None:
         self.h = h
-        self.missing = {counter for counter in self.missing if (h - counter) % 65536 <= MISSING_WINDOW}
+        if self.missing:
+            self.missing = {counter for counter in self.missing if (h - counter) % 65536 <= MISSING_WINDOW}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from tests.oracle.frame import Address, Datagram
 from tests.oracle.rules.keys import ListKey, Moment
@@ -39,15 +40,15 @@ class Telegram:
     def number(self, offset: int, size: int) -> int:
         return int.from_bytes(self.payload[offset : offset + size], "little")
 
-    @property
+    @cached_property
     def service(self) -> int:
         return self.number(4, 4)
 
-    @property
+    @cached_property
     def index(self) -> int:
         return self.number(8, 2)
 
-    @property
+    @cached_property
     def subindex(self) -> int:
         return self.number(10, 2)
 
@@ -55,11 +56,11 @@ class Telegram:
     def items(self) -> int:
         return self.number(12, 2)
 
-    @property
+    @cached_property
     def length(self) -> int:
         return self.number(14, 2)
 
-    @property
+    @cached_property
     def counter(self) -> int:
         return self.number(16, 2)
 
@@ -71,7 +72,7 @@ class Telegram:
     def checksum(self) -> int:
         return self.payload[19]
 
-    @property
+    @cached_property
     def list_key(self) -> ListKey | None:
         """The list, or None for the Parameter Manager's telegrams."""
         return None if self.service in PARAMETER_SERVICES else ListKey("udp", self.port, self.index)
@@ -84,7 +85,7 @@ class Telegram:
     def header_cut(self) -> bool:
         return self.truncated and len(self.payload) < HEADER_BYTES
 
-    @property
+    @cached_property
     def fault(self) -> str | None:
         """The code of what makes it malformed, or None; it has a meaning only where the header is not cut."""
         if self.length_bytes < HEADER_BYTES:
