@@ -366,8 +366,7 @@ class Inquiry:
         from nvscope.engine.session import Session  # noqa: PLC0415
 
         source, reading = self.open(), self.reading()
-        witness = _witness(source)
-        state = self.state(listeners=(witness,))
+        state = self.state(listeners=(witness := _witness(source),))
 
         def look() -> Snapshot:
             return snapshot(

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from nvscope.causes.cause import Cause
 from nvscope.causes.going_on import GoingOn
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
+from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
 from nvscope.causes.spans import moments, touching
 from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
 from nvscope.engine.runs import distinct, rows_by
@@ -40,34 +40,6 @@ NOBODY = -1
 
 PAUSE_PERCENT = 250
 """An interval that is longer than so much of the nominal one is a pause (diagnosis.md, section 5)."""
-
-
-class Pause(NamedTuple):
-    """A time in which a stream sent nothing, or a node: from its last telegram, the frame ``frame``, to the next one.
-
-    ``until_ns`` is None where none came any more.
-    """
-
-    since_ns: int
-    until_ns: int | None
-    frame: int
-
-
-class NodeStream(NamedTuple):
-    """A stream of a node with its list."""
-
-    list: ListSummary
-    stream: StreamSummary
-
-    @property
-    def nominal_ns(self) -> int:
-        """Its nominal interval, 0 where it has none."""
-        return self.stream.intervals.nominal or 0
-
-
-def lists_of_streams(streams: Iterable[NodeStream]) -> list[ListSummary]:
-    """Return the lists that some streams are of, each once."""
-    return list({one.list.number: one.list for one in streams}.values())
 
 
 @dataclass(slots=True)

@@ -10,12 +10,13 @@ from math import prod
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import Case, Draft, Explained, NodeStream, longest_ns, slack_ns
+from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.gaps import SHORT_GAP, Losses, end_of_losses, lacking, losses_in, since_of
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lost_answers import long_runs
 from nvscope.causes.moments import PAIR, Moments, together
+from nvscope.causes.node_streams import NodeStream
 from nvscope.causes.rates import rates_in_words
 from nvscope.causes.spans import MOMENT_NS, touching
 from nvscope.causes.words import moment

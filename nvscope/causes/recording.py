@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause
+from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.node_streams import NodeStream, Pause
 from nvscope.causes.spans import touching
 from nvscope.causes.ways import ways_in_words, ways_of
 from nvscope.causes.words import moment

@@ -9,8 +9,9 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.boot_ups import answers_to, requests_in_words, requests_of
-from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, NodeStream, lists_of_streams
+from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.node_streams import NodeStream, lists_of_streams
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.loss import SENDER_RESTART, TELEGRAM_GAP

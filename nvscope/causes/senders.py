@@ -10,8 +10,9 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.vendors import vendor_of
-from nvscope.causes.case import Case, Draft, Explained, NodeStream, longest_ns
+from nvscope.causes.case import Case, Draft, Explained, longest_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.node_streams import NodeStream
 from nvscope.causes.symptoms import Symptoms
 from nvscope.causes.ways import device_in_words, hardware_in_words
 from nvscope.causes.words import joined, lists_in_words, moment

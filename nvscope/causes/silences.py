@@ -10,8 +10,9 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.canopen_nodes import canopen_node_of, last_signs
-from nvscope.causes.case import Case, Draft, Explained, NodeStream, Pause, lists_of_streams, longest_ns, slack_ns
+from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
 from nvscope.causes.unplugged import was_unplugged
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED

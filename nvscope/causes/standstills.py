@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, NodeStream
+from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained
 from nvscope.causes.cut_cycles import cycles_cut
+from nvscope.causes.node_streams import NodeStream
 from nvscope.causes.recording import CLOCK, OF_CLOCK
 from nvscope.causes.words import moment
 from nvscope.findings.loss import SENDER_RESTART

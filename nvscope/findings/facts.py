@@ -110,8 +110,11 @@ class Facts:
         silences = self._silences.get(number, [])
         if self.state.senders.timing.columns.last_ns[number] == NEVER:
             return silences
-        frame = self.frames_of_stream[number][1]
-        return [*silences, Silence(stream.last_ns, max(self.at_ns, stream.last_ns), frame)]
+        frame, capture = self.frames_of_stream[number][1], self.state.capture
+        now_ns = self.at_ns
+        if len(capture.steps_back.rows) and stream.last_ns <= capture.clock_ns:
+            now_ns = min(now_ns, capture.clock_ns)  # not what the clock said before it was set back
+        return [*silences, Silence(stream.last_ns, max(now_ns, stream.last_ns), frame)]
 
     @cached_property
     def _silences(self) -> dict[int, list[Silence]]:

@@ -15,6 +15,7 @@ from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.holes import Holes
 
+_NEVER_NS = int(np.iinfo(np.int64).min)
 CLOCK_STEP_NS = 1_000_000
 """A clock that goes back by more has stepped; less is the order in which queues and interfaces wrote their frames."""
 
@@ -52,12 +53,12 @@ class CaptureState:
 
     ``telegrams`` are those of UDP; ``chosen`` counts the telegrams and CAN frames that a filter chooses,
     ``chosen_protocols`` are those with ports of their own of which it chooses a frame. ``start_ns`` and ``end_ns``
-    are the earliest and the latest time of any frame, ``last_ns`` that of the last one; ``until_ns`` is up to when a
-    source says that time has passed, None where only frames tell; in ``holes`` nobody listened. ``steps_back`` are
-    the frames whose time is more than ``CLOCK_STEP_NS`` before that of the frame in front, under one key.
-    ``unsupported`` counts frames by link types that nothing reads. ``left_out`` are the frames of what is beyond the
-    limit of streams, by what carries them, as in ``dissectors``; ``elsewhere`` those to receivers beyond it, under
-    one key.
+    are the earliest and the latest time of any frame, ``last_ns`` that of the last one, ``clock_ns`` the latest since
+    the clock last stepped back; ``until_ns`` is up to when a source says that time has passed, None where only frames
+    tell; in ``holes`` nobody listened. ``steps_back`` are the frames whose time is more than ``CLOCK_STEP_NS`` before
+    that of the frame in front, under one key. ``unsupported`` counts frames by link types that nothing reads.
+    ``left_out`` are the frames of what is beyond the limit of streams, by what carries them, as in ``dissectors``;
+    ``elsewhere`` those to receivers beyond it, under one key.
     """
 
     SPLIT_BY: ClassVar = SplitBy.NOTHING
@@ -72,6 +73,7 @@ class CaptureState:
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         self.last_ns: int | None = None
+        self.clock_ns = _NEVER_NS
         self.until_ns: int | None = None
         self.holes = Holes()
         self.steps_back = EventLog()
@@ -84,9 +86,12 @@ class CaptureState:
         self.holes.observe(told)
         if told.until_ns is not None:
             self.until_ns = told.until_ns if self.until_ns is None else max(self.until_ns, told.until_ns)
+        if len(told):
+            self._observe_times(told)
+        if told.until_ns is not None:
+            self.clock_ns = max(self.clock_ns, told.until_ns)
         if not len(told):
             return
-        self._observe_times(told)
         self.frames += len(told)
         self.telegrams += len(told) - int(told.count[NO_TELEGRAM]) - len(told.can or ())
         if told.chosen is not None:
@@ -122,6 +127,7 @@ class CaptureState:
 
     def _observe_times(self, told: Told) -> None:
         time_ns = told.packets.ts_ns
+        stepped = 0
         earliest, latest = int(time_ns[0]), int(time_ns[-1])
         if not told.clock.steady or (self.last_ns is not None and earliest < self.last_ns):
             before = np.empty_like(time_ns)
@@ -134,6 +140,8 @@ class CaptureState:
             now_ns, before_ns, frame = time_ns[back], before[back], back + told.first_frame
             far_ns = np.minimum(far[back], np.iinfo(np.int64).max).astype(np.int64)
             if len(back):
+                stepped = int(back[-1])
+                self.clock_ns = _NEVER_NS
                 self.longest_step_back_ns = max(self.longest_step_back_ns, int(far_ns.max()))
                 one_key = np.zeros(len(back), np.uint64)
                 self.steps_back.record(now_ns, frame, one_key, one_key)
@@ -142,3 +150,4 @@ class CaptureState:
         self.start_ns = earliest if self.start_ns is None else min(self.start_ns, earliest)
         self.end_ns = latest if self.end_ns is None else max(self.end_ns, latest)
         self.last_ns = int(time_ns[-1])
+        self.clock_ns = max(self.clock_ns, int(time_ns[stepped:].max()))

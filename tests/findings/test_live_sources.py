@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pytest
+
+from dissectors.batch import PacketBatch
+from nvscope.capture.live.system_clock import SystemClock
 from nvscope.capture.source import SourceInfo
 from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
@@ -61,3 +65,21 @@ def test_a_clock_that_was_set_back_is_told_once() -> None:
 def test_one_clock_of_several_interfaces_was_set_once() -> None:
     (found,) = told([replace(ETH0, clock_steps=1), replace(ETH0, path="eth1", clock_steps=1)])["NV902"]
     assert found.count == 1
+
+
+@pytest.mark.parametrize("silent_ms", [0, 900])
+def test_a_clock_that_was_set_back_makes_nobody_silent_who_goes_on_to_send(silent_ms: int) -> None:
+    frames = sent((*(50,) * 40, -3_600_000, *(50,) * 40))
+    ticks = [PacketBatch.nothing(frames[-1].ts_ns + silent_ms * MS)]
+    found = [one for one in judge(tracked([batch_of(frames), *ticks]), [ETH0]) if one.code == "NV504"]
+    assert [one.extent for one in found] == ([900 * MS] if silent_ms else [])
+
+
+def test_steps_of_the_clock_are_counted_by_one_that_nobody_can_set() -> None:
+    now_ns, steady_ns = [START_NS], [7 * SECOND_NS]
+    clock = SystemClock(lambda: now_ns[0], lambda: steady_ns[0])
+    for set_by_ns in (0, -3_600 * SECOND_NS, 0, 500_000, 3_600 * SECOND_NS):
+        now_ns[0] += SECOND_NS + set_by_ns
+        steady_ns[0] += SECOND_NS
+        assert clock.look() == now_ns[0]
+    assert clock.steps == 2

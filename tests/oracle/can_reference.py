@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
+from tests.oracle.rules.clock import Clock
+
 _LINE = re.compile(r"\((\d+)\.(\d{6}|\d{9})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#(?:(R)(\d?)|(#.)?([0-9A-F]*))")
 
 CANOPEN = (
@@ -70,9 +72,9 @@ def findings(lines: Iterable[Line], lists: Iterable[DefinedList]) -> dict[Findin
     found: dict[FindingKey, int] = defaultdict(int)
     streams: dict[tuple[str, str], Stream] = defaultdict(Stream)
     pdos: dict[tuple[str, int], list[tuple[int, int]]] = defaultdict(list)
-    end = 0
+    clock = Clock()
     for line in lines:
-        end = max(end, line.time)
+        clock.show(line.time)
         if len(line.name) == 8 and int(line.name, 16) & 0x2000_0000:
             found["NV606", None, None] += 1
             continue
@@ -96,7 +98,7 @@ def findings(lines: Iterable[Line], lists: Iterable[DefinedList]) -> dict[Findin
         else:
             wrong = sum(after != before for before, after in pairwise(stream.sizes))
         found["NV603", *where] += wrong
-        for code, count in timing(stream.times, end, entry).items():
+        for code, count in timing(stream.times, clock.end_of(stream.times[-1]), entry).items():
             found[code, *where] += count
     for (channel, cob_id), seen in pdos.items():
         entry, _ = of_cob_id[cob_id]

@@ -17,7 +17,8 @@ Readings, where the rules leave a choice:
   node: of which stream the counter was that fills a gap, nobody knows
 - NV207 takes over all gaps of NV201; its duration is that between the stream's first and last telegram, and without a
   median above 0 no time is missing
-- a nominal interval is above 0; NV504 measures silence from the stream's last telegram to the latest frame
+- a nominal interval is above 0; NV504 measures silence from the stream's last telegram to the latest frame,
+  or, where that telegram is older, to the latest one behind the last step back of the clock
 
 Where a value hangs on a percentile, which the product takes from a histogram, the report says so in keys that
 begin with an underscore; ``compare`` knows them.
@@ -173,7 +174,8 @@ def stream_report(tracker: Tracker, at: StreamKey, stream: Stream) -> dict[str, 
         tracker.notes, at, stream, tracker.loss.nodes[at.node], figures, timing.percentile(50),
         still_missing=still_missing,
     )  # fmt: skip
-    judge_silence(tracker.notes, at, stream.last.moment, timing, max(tracker.times))
+    last = stream.last.moment
+    judge_silence(tracker.notes, at, last, timing, tracker.clock.end_of(last.time))
     return {
         "node": str(at.node),
         "subindex": at.subindex,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from dissectors.batch import LinkType, PacketBatch
 from dissectors.can.frame import Fault as CanFault
-from nvscope.engine.events import NOWHERE
+from nvscope.engine.events import NOWHERE, EventBatch
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.counters import Scope
@@ -35,9 +35,21 @@ from tests.tracker.event_rows import named, rows_of
 SEEDS = st.integers(0, 10_000)
 
 
-def heard(batches: Sequence[PacketBatch], most: int = 1 << 20) -> tuple[TrackerState, EventColumns]:
+class Told(EventColumns):
+    """Columns that remember what they were told, too."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__(most)
+        self.parts: list[EventBatch] = []
+
+    def hear(self, events: EventBatch) -> None:
+        self.parts.append(events)
+        super().hear(events)
+
+
+def heard(batches: Sequence[PacketBatch], most: int = 1 << 20) -> tuple[TrackerState, Told]:
     """Return a state, and all events that it told."""
-    columns = EventColumns(most)
+    columns = Told(most)
     state = TrackerState(listeners=(columns,))
     for _ in run(Batches(batches, ["can0", "can1"]), Reading(), [state]):
         pass
@@ -64,7 +76,7 @@ def test_what_is_told_is_what_the_log_has(seed: int) -> None:
     """The log keeps of each kind and place how many there were, the first and last time, and the first ten frames."""
     state, columns = heard(batches_of(seed, random.Random(seed)))
     expected: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-    for part in columns._parts:
+    for part in columns.parts:
         if part.kind not in TELL_IN_NUMBERS:
             places = zip(part.list.tolist(), part.node.tolist(), part.subindex.tolist(), strict=True)
             happened = zip(part.time_ns.tolist(), part.frame.tolist(), strict=True)

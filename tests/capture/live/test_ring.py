@@ -166,7 +166,7 @@ def test_each_packet_of_a_loopback_comes_once() -> None:
     assert report["capture"]["telegrams"] == 20
 
 
-@pytest.mark.parametrize(("change", "said"), [("down", "the interface is down"), ("gone", "the interface is")])
+@pytest.mark.parametrize(("change", "said"), [("down", "the interface is down"), ("gone", "the interface is gone")])
 def test_an_interface_that_goes_away_ends_it_with_what_came(change: str, said: str) -> None:
     with cable() as (press, engineer):
         watching = engineer.nvscope("report", "--json", engineer.device)
@@ -181,6 +181,15 @@ def test_an_interface_that_goes_away_ends_it_with_what_came(change: str, said: s
     assert watching.returncode == 5
     assert said in told
     assert json.loads(out)["capture"]["telegrams"] == 30
+
+
+def test_an_interface_that_is_down_is_no_source() -> None:
+    with cable() as (_, engineer):
+        engineer.ip("link", "set", engineer.device, "down")
+        watching = engineer.nvscope("report", engineer.device)
+        out, told = watching.communicate(timeout=20)
+    assert (watching.returncode, out) == (5, "")
+    assert told.splitlines()[0] == f"nvscope: {engineer.device}: the interface is down"
 
 
 def test_nothing_at_all_ends_too() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tests.oracle.frame import Datagram, Frame, Unreachable, peel
+from tests.oracle.rules.clock import Clock
 from tests.oracle.rules.consistency import fits_checksum, observe_sender, observe_shape
 from tests.oracle.rules.errors import SEND_ERRORS
 from tests.oracle.rules.headers import Headers
@@ -23,7 +24,6 @@ from tests.oracle.rules.telegram import (
 from tests.oracle.rules.waits import Waits
 
 QUOTE_BYTES = 10
-MILLISECOND = 1_000_000
 
 
 class Tracker:
@@ -33,6 +33,7 @@ class Tracker:
         self.frames = 0
         self.telegrams = 0
         self.times: list[int] = []
+        self.clock = Clock()
         self.notes = Notes()
         self.waits = Waits(self.notes, timeout_ns)
         self.loss = Loss()
@@ -41,7 +42,7 @@ class Tracker:
     def observe(self, frame: Frame) -> None:
         self.frames += 1
         moment = Moment(frame.ts_ns, self.frames)
-        if self.times and self.times[-1] - frame.ts_ns > MILLISECOND:
+        if self.clock.show(frame.ts_ns):
             self.notes.find("NV902", None, None, None, moment)
         self.times.append(frame.ts_ns)
         self.waits.expire(moment)
