@@ -273,6 +273,10 @@ class Case:
         columns = (column[rows].tolist() for column in (symptoms.list, symptoms.node, symptoms.subindex))
         return [self._stream_at.get(place) for place in zip(*columns, strict=True)]
 
+    def stream_at(self, number: int, node: int, subindex: int) -> NodeStream | None:
+        """Return the stream on UDP of a list, node and SubIndex, None where there is none."""
+        return self._stream_at.get((number, node, subindex))
+
     def nominal_ns(self, rows: I64) -> I64:
         """Return the nominal intervals of the streams on UDP that some symptoms are of, 0 where there is none."""
         symptoms, found = self.symptoms, np.zeros(len(rows), np.int64)

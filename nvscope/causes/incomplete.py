@@ -20,7 +20,7 @@ from nvscope.causes.node_streams import NodeStream
 from nvscope.causes.rates import rates_in_words
 from nvscope.causes.spans import MOMENT_NS, touching
 from nvscope.causes.words import moment
-from nvscope.engine.runs import distinct
+from nvscope.engine.runs import distinct, rows_by
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT
 from nvscope.findings.capture import CAPTURE_DROPS
 from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
@@ -218,10 +218,14 @@ def _late_by_itself(case: Case) -> Bool:
     """Tell which intervals are long though a Counter that can be trusted says that nothing of them was lost."""
     symptoms = case.symptoms
     rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER) & (symptoms.detail & LOSS_OF_STREAM == 0))
-    return case.only([
-        row for row, one in zip(rows.tolist(), case.streams_at(rows), strict=True)
-        if one is None or _tells(case, one)
-    ])  # fmt: skip
+    return case.only([row for one, own in _by_stream(case, rows) if one is None or _tells(case, one) for row in own])
+
+
+def _by_stream(case: Case, rows: I64) -> Iterator[tuple[NodeStream | None, list[int]]]:
+    """Yield the streams that some symptoms are of, with the rows of each."""
+    symptoms = case.symptoms
+    for place, own in rows_by((symptoms.list[rows], symptoms.node[rows], symptoms.subindex[rows])):
+        yield case.stream_at(place[0], place[1], place[2]), rows[own].tolist()
 
 
 def _uncounted(case: Case) -> Bool:
@@ -229,8 +233,7 @@ def _uncounted(case: Case) -> Bool:
     symptoms = case.symptoms
     rows = np.flatnonzero(symptoms.of_kinds(LATE, JITTER))
     late = [
-        row for row, one in zip(rows.tolist(), case.streams_at(rows), strict=True)
-        if one is not None and not _tells(case, one)
+        row for one, own in _by_stream(case, rows) if one is not None and not _tells(case, one) for row in own
     ]  # fmt: skip
     silent = {
         (node, one.list.number) for node, streams in case.streams_of_node.items() for one in streams

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -58,7 +59,9 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
     findings = [case.findings[place] for place in distinct(symptoms.finding[copies]).tolist()]
     since_ns = int(symptoms.time_ns[copies].min())
     last_ns = max(int(symptoms.time_ns[copies].max()), *(finding.last_ns or 0 for finding in findings))
-    repeated, originals = _counted(case, copies, since_ns, last_ns)
+    repeated = _repeated(case, copies)
+    most = math.inf if told.any() else 100 * repeated / _COPIES_PERCENT
+    originals = _originals(case, copies, since_ns, last_ns, most)
     if not told.any() and (repeated < _LEAST_COPIES or 100 * repeated <= _COPIES_PERCENT * originals):
         return
     meanwhile = case.overlapping(since_ns - _ROOM_NS, last_ns + _ROOM_NS)
@@ -82,10 +85,22 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
     yield draft, chosen
 
 
-def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int, int]:
-    """Return how many telegrams were copies, and about how many of that time were none."""
-    places = set(zip(*(column[copies].tolist() for column in case.symptoms[2:5]), strict=True))
-    repeated, others = 0, 0.0
+def _places(case: Case, copies: I64) -> set[tuple[int, int, int]]:
+    """Return the list, node and SubIndex of each stream that has some of the copies."""
+    return {*zip(*(column[copies].tolist() for column in case.symptoms[2:5]), strict=True)}
+
+
+def _repeated(case: Case, copies: I64) -> int:
+    """Return how many telegrams were copies."""
+    streams = (case.stream_at(*place) for place in _places(case, copies))
+    counted = (one.stream for one in streams if one is not None and not _is_uncounted(one))
+    return sum(stream.figures["duplicates"] or 0 for stream in counted)
+
+
+def _originals(case: Case, copies: I64, since_ns: int, last_ns: int, most: float) -> int:
+    """Return about how many telegrams of a time were no copies; from ``most`` on, that they are more than so many."""
+    places = _places(case, copies)
+    others = 0.0
     for node, streams in case.streams_of_node.items():
         for one in streams:
             if _is_uncounted(one):
@@ -93,14 +108,15 @@ def _counted(case: Case, copies: I64, since_ns: int, last_ns: int) -> tuple[int,
             own = 0
             if (one.list.number, node, one.stream.subindex) in places:
                 own = one.stream.figures["duplicates"] or 0
-            repeated += own
             first_ns, end_ns = one.stream.first_ns, one.stream.last_ns
             if min(last_ns, end_ns) >= max(since_ns, first_ns):
                 pauses = case.pauses(one.list.number, one.stream)
                 overlap_ns = _busy_ns(case, max(since_ns, first_ns), min(last_ns, end_ns), pauses)
                 busy_ns = _busy_ns(case, first_ns, end_ns, pauses)
                 others += (one.stream.telegrams - own) * (overlap_ns / busy_ns if busy_ns else 1)
-    return repeated, round(others)
+                if others > most + 1:
+                    return round(others)
+    return round(others)
 
 
 def _is_uncounted(one: NodeStream) -> bool:
