@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dissectors.batch import I64
 from nvscope.engine.runs import distinct
 
 if TYPE_CHECKING:  # a case has one of these
@@ -18,6 +19,8 @@ class GoingOn:
     """All cyclic streams of a case with their pauses, looked up once: very many nodes may be silent."""
 
     def __init__(self, case: Case) -> None:
+        self._lists_of: dict[int, tuple[I64, I64]] = {}
+        self._case = case
         streams: list[tuple[int, int, int]] = []
         pauses: list[tuple[int, int, int]] = []
         for node, own in case.streams_of_node.items():
@@ -43,3 +46,13 @@ class GoingOn:
             paused &= self._since_ns < until_ns
         going[self._stream[paused]] = False
         return len(distinct(self._node[going]))
+
+    def lists_behind(self, node: int, time_ns: int) -> list[int]:
+        """Return the numbers of the lists that a node sent something of behind a time, cyclic or not."""
+        if node not in self._lists_of:
+            own = self._case.streams_of_node[node]
+            numbers, last_ns = ([one.list.number for one in own], [one.stream.last_ns for one in own])
+            self._lists_of[node] = np.array(numbers), np.array(last_ns)
+        numbers_of, last_of_ns = self._lists_of[node]
+        numbers: list[int] = distinct(numbers_of[last_of_ns > time_ns]).tolist()
+        return numbers

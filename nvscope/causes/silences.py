@@ -225,8 +225,7 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
     which, since, checked = lists_in_words(case, lists), moment(case, since_ns), []
     if node >= 0:
         own = {entry.number for entry in lists}
-        going_on = lists_of_streams(one for one in case.streams_of_node[node] if one.stream.last_ns > since_ns)
-        others = [entry for entry in going_on if entry.number not in own]
+        others = [case.lists[number] for number in case.going_on.lists_behind(node, since_ns) if number not in own]
         title = f"Node {case.address(node)} sends {which} no more since {since}"
         if others:
             checked.append(f"it goes on with {lists_in_words(case, others)}")

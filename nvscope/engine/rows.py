@@ -194,8 +194,11 @@ class StreamMemory:
         """Tell which rows equal the one before in their stream, byte for byte as far as both were captured."""
         again = np.zeros(len(rows), np.bool_)
         alike = (_signatures(rows, rows.start, keys) == rows.signature_before) & ~rows.fresh
-        for row, stream in zip(rows.start[alike].tolist(), rows.run_stream[alike].tolist(), strict=True):
-            again[row] = _payload(batch, int(rows.packet[row]), int(rows.variety[row])) == self.payload[stream]
+        row = rows.start[alike]
+        begin, end = (one.tolist() for one in _payloads(batch, rows.packet[row], rows.variety[row]))
+        streams = rows.run_stream[alike].tolist()
+        for own, stream, one, other in zip(row.tolist(), streams, begin, end, strict=True):
+            again[own] = batch.packets.data[one:other].tobytes() == self.payload[stream]
         inner = np.flatnonzero(rows.counter[1:] == rows.counter[:-1]) + 1
         inner = inner[rows.stream[inner] == rows.stream[inner - 1]]
         if len(inner):
@@ -207,9 +210,11 @@ class StreamMemory:
 
     def _remember(self, batch: SortedPackets, rows: DataRows) -> None:
         last = rows.stop - 1
-        packet, variety = rows.packet[last].tolist(), rows.variety[last].tolist()
-        for stream, own_packet, own_variety in zip(rows.run_stream.tolist(), packet, variety, strict=True):
-            self.payload[stream] = _payload(batch, own_packet, own_variety)
+        begin, end = _payloads(batch, rows.packet[last], rows.variety[last])
+        # Of thousands of streams, each for itself: what is done for all of them at once must be little for one.
+        data, ends = batch.packets.data.data, zip(begin.tolist(), end.tolist(), strict=True)
+        payloads = [data[one:other].tobytes() for one, other in ends]
+        self.payload.update(zip(rows.run_stream.tolist(), payloads, strict=True))
 
 
 def _signatures(rows: DataRows, which: I64, keys: Keys) -> U64:
@@ -218,11 +223,11 @@ def _signatures(rows: DataRows, which: I64, keys: Keys) -> U64:
     return common | (rows.counter[which].astype(np.uint64) << COUNTER_SHIFT)
 
 
-def _payload(batch: SortedPackets, packet: int, variety: int) -> bytes:
-    """Return a copy of the captured bytes of one telegram."""
-    datagram, part = batch.varieties.telegrams.datagram, int(batch.varieties.part[variety])
-    start = int(batch.packets.offset[packet]) + int(datagram.payload[part])
-    return batch.packets.data[start : start + int(datagram.captured_bytes[part])].tobytes()
+def _payloads(batch: SortedPackets, packet: I64, variety: I64) -> tuple[I64, I64]:
+    """Return where the captured bytes of some telegrams begin and end."""
+    datagram, part = batch.varieties.telegrams.datagram, batch.varieties.part[variety]
+    begin: I64 = batch.packets.offset[packet] + datagram.payload[part]
+    return begin, begin + datagram.captured_bytes[part]
 
 
 def _equal_payloads(batch: SortedPackets, rows: DataRows, which: I64) -> Bool:
