@@ -51,8 +51,8 @@ class GoingOn:
         """Return the numbers of the lists that a node sent something of behind a time, cyclic or not."""
         if node not in self._lists_of:
             own = self._case.streams_of_node[node]
-            numbers, last_ns = ([one.list.number for one in own], [one.stream.last_ns for one in own])
-            self._lists_of[node] = np.array(numbers), np.array(last_ns)
+            lists, last_ns = ([one.list.number for one in own], [one.stream.last_ns for one in own])
+            self._lists_of[node] = np.array(lists), np.array(last_ns)
         numbers_of, last_of_ns = self._lists_of[node]
         numbers: list[int] = distinct(numbers_of[last_of_ns > time_ns]).tolist()
         return numbers

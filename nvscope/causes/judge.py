@@ -85,7 +85,7 @@ JUDGES: tuple[Judge, ...] = (
 """In the order of causes.md, section 2: an event belongs to the first one that explains it."""
 
 
-MOST_CAUSES, MOST_CAUSES_LIVE = 10_000, 2000
+MOST_CAUSES, MOST_CAUSES_LIVE = 10_000, 1000
 """So many are told one by one, of captures and of what goes on: each takes time, and made-up ones have no end."""
 
 
