@@ -324,6 +324,15 @@ class Case:
         """Return the unusual intervals of a stream of a list, by time."""
         return self._intervals.of((number, stream.node, stream.subindex))
 
+    def long_intervals(self, least_ns: Callable[[NodeStream], int]) -> EventTable:
+        """Return the unusual intervals of cyclic streams on UDP that last at least as long as is asked of them."""
+
+        def least_at(place: tuple[int, ...]) -> int:
+            one = self.stream_at(place[0], place[1], place[2])
+            return np.iinfo(np.int64).max if one is None or not one.nominal_ns else least_ns(one)
+
+        return self._intervals.longer_than(least_at)
+
     @cached_property
     def last_acknowledgement_ns(self) -> dict[int, int]:
         """When each node acknowledged something last."""

@@ -105,15 +105,18 @@ def judge_second_senders(case: Case) -> Iterator[Explained]:
     crowds: list[Sequence[_Further]] = []
     shown: dict[int, list[int]] = {}
     for number in told:
-        if number is None:
+        if number is None or number not in rows_of:
             continue
-        first, *further = _senders(case, number, together[number].nodes, rows_of[number])
+        senders = _senders(case, number, together[number].nodes, rows_of[number])
+        if len(senders) < 2:
+            continue  # the limit of streams has left out the others
+        first, *further = senders
         each, crowd = _by_telegrams(case.lists[number], further)
         found += each
         crowds += [crowd] if crowd else []
-        senders = dict.fromkeys(stream.node for stream in first.list.streams)
+        every = dict.fromkeys(stream.node for stream in first.list.streams)
         hidden = {one.node for one in crowd}
-        shown[number] = [node for node in senders if node not in hidden]
+        shown[number] = [node for node in every if node not in hidden]
     groups = [*_groups(found, shown), *_crowds(crowds, shown)]
     places = _places([one for group in groups for one in group.senders], case.symptoms)
     for group in groups:

@@ -6,12 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained
 from nvscope.causes.cut_cycles import cycles_cut
 from nvscope.causes.node_streams import NodeStream
 from nvscope.causes.recording import CLOCK, OF_CLOCK
+from nvscope.causes.symptoms import Symptoms
 from nvscope.causes.words import moment
+from nvscope.engine.runs import distinct
 from nvscope.findings.loss import SENDER_RESTART
 from nvscope.findings.timing import JITTER, LATE
 from nvscope.tracker.counters import Scope
@@ -28,17 +30,19 @@ _SENDERS = 2
 def judge_standstills(case: Case) -> Iterator[Explained]:
     """Explain what is late in all cyclic streams by the same time, and no longer than the capture holds no frame."""
     symptoms, table = case.symptoms, case.witness.pauses.table
-    rows = np.flatnonzero(case.free(LATE, JITTER))
-    paused, paused_ns = _paused(case)
-    for since_ns, until_ns in zip(table.since_ns.tolist(), table.time_ns.tolist(), strict=True):
-        if not ((symptoms.since_ns[rows] <= since_ns) & (symptoms.time_ns[rows] >= until_ns)).any():
+    several = _of_several(case, table.since_ns, table.time_ns)
+    if not several.any():
+        return
+    pauses_ns = table.since_ns[several], table.time_ns[several]
+    restarted = _spanned(*pauses_ns, symptoms, np.flatnonzero(symptoms.of_kinds(SENDER_RESTART)))
+    streams_across, (paused, paused_ns) = _Across(case), _paused(case)
+    for since_ns, until_ns, restart in zip(*(column.tolist() for column in (*pauses_ns, restarted)), strict=True):
+        late_ns = None if restart else streams_across.late_together_ns(since_ns, until_ns)
+        if late_ns is None:
             continue
         across = (symptoms.since_ns <= since_ns) & (symptoms.time_ns >= until_ns)
         late = case.free(LATE, JITTER) & across
-        if not late.any() or (symptoms.of_kinds(SENDER_RESTART) & across).any():
-            continue
-        late_ns = _late_together_ns(case, since_ns, until_ns)
-        if late_ns is None:
+        if not late.any():
             continue
         streams = int(late.sum())
         draft = Draft(
@@ -58,6 +62,21 @@ def judge_standstills(case: Case) -> Iterator[Explained]:
         yield draft, (chosen & ~silent_before) | cycles_cut(case, since_ns, until_ns)
 
 
+def _of_several(case: Case, since_ns: I64, until_ns: I64) -> Bool:
+    """Tell in which pauses of the capture streams of several nodes were late, each by half its interval or more."""
+    late = case.long_intervals(_much_later_ns)
+    several = np.zeros(len(since_ns), np.bool_)
+    for place in range(len(since_ns)):
+        nodes = late.node[(late.since_ns <= since_ns[place]) & (late.time_ns >= until_ns[place])]
+        several[place] = len(nodes) >= _SENDERS and len(distinct(nodes)) >= _SENDERS
+    return several
+
+
+def _much_later_ns(one: NodeStream) -> int:
+    """Return from how long an interval of a stream on it is not late by itself."""
+    return -(-3 * one.nominal_ns // 2)
+
+
 def _paused(case: Case) -> tuple[I64, I64]:
     """Return which symptoms are long intervals of cyclic streams, and from when on each is a pause."""
     rows = np.flatnonzero(case.symptoms.of_kinds(LATE, JITTER))
@@ -66,38 +85,62 @@ def _paused(case: Case) -> tuple[I64, I64]:
     return rows, case.symptoms.since_ns[rows] + nominal_ns * PAUSE_PERCENT // 100
 
 
-def _pause_ns(one: NodeStream) -> int:
-    return one.nominal_ns * PAUSE_PERCENT // 100
+def _spanned(since_ns: I64, until_ns: I64, symptoms: Symptoms, rows: I64) -> Bool:
+    """Tell which of some pauses lie within one of some symptoms."""
+    if not len(rows):
+        return np.zeros(len(since_ns), np.bool_)
+    rows = rows[np.argsort(symptoms.since_ns[rows], kind="stable")]
+    # Of those that began before, the one that ends last.
+    latest_ns = np.maximum.accumulate(symptoms.time_ns[rows])
+    place = np.searchsorted(symptoms.since_ns[rows], since_ns, "right") - 1
+    spanned: Bool = (place >= 0) & (latest_ns[place] >= until_ns)
+    return spanned
 
 
-def _late_together_ns(case: Case, since_ns: int, until_ns: int) -> int | None:
-    """Return by how much all cyclic streams were late across a pause; None where they were not, or lost something."""
-    found: list[tuple[NodeStream, int]] = []
-    unseen: list[NodeStream] = []
-    nodes = set()
-    for node, streams in case.streams_of_node.items():
-        for one in streams:
-            if not one.nominal_ns or one.stream.first_ns > since_ns or one.stream.last_ns < until_ns:
-                continue
-            nodes.add(node)
-            table = case.unusual_intervals(one.list.number, one.stream)
-            row = np.flatnonzero((table.since_ns <= since_ns) & (table.time_ns >= until_ns))
-            if len(row) and since_ns - int(table.since_ns[row[0]]) > _pause_ns(one):
-                continue  # it was silent before
-            # What is late by less than half its interval may be so by itself.
-            if not len(row) or 2 * int(table.amount[row[0]]) < 3 * one.nominal_ns:
-                unseen.append(one)
-                continue
-            if int(table.detail[row[0]]) & _loss_bit(case, one):
-                return None
-            found.append((one, int(table.amount[row[0]]) - one.nominal_ns))
-    if len(nodes) < _SENDERS or len({one.stream.node for one, _ in found}) < _SENDERS:
-        return None
-    fastest, late_ns = min(found, key=lambda pair: pair[0].nominal_ns)
-    alike = all(abs(own_ns - late_ns) <= (one.nominal_ns + fastest.nominal_ns) // 2 for one, own_ns in found)
-    hidden = all(2 * late_ns <= one.nominal_ns for one in unseen)
-    short = late_ns <= until_ns - since_ns + fastest.nominal_ns // 2
-    return late_ns if alike and hidden and short and late_ns > 0 else None
+class _Across:
+    """All cyclic streams with their unusual intervals as columns, to be asked what was late across a pause."""
+
+    def __init__(self, case: Case) -> None:
+        streams = [
+            (node, one.stream.first_ns, one.stream.last_ns, one.nominal_ns, _loss_bit(case, one))
+            for node, of_node in case.streams_of_node.items() for one in of_node if one.nominal_ns
+        ]  # fmt: skip
+        self._node, self._first_ns, self._last_ns, self._nominal_ns, self._loss_bit = (
+            np.array(streams, np.int64).reshape(-1, 5).T
+        )
+        tables = [
+            case.unusual_intervals(one.list.number, one.stream)
+            for of_node in case.streams_of_node.values() for one in of_node if one.nominal_ns
+        ]  # fmt: skip
+        self._stream = np.repeat(np.arange(len(tables)), [len(table.frame) for table in tables])
+        self._since_ns, self._time_ns, self._amount, self._detail = (
+            np.concatenate([np.empty(0, np.int64), *(getattr(table, name) for table in tables)])
+            for name in ("since_ns", "time_ns", "amount", "detail")
+        )
+
+    def late_together_ns(self, since_ns: int, until_ns: int) -> int | None:
+        """Return by how much all streams were late across a pause; None where they were not, or lost something."""
+        there = (self._first_ns <= since_ns) & (self._last_ns >= until_ns)
+        row = np.flatnonzero((self._since_ns <= since_ns) & (self._time_ns >= until_ns))
+        stream = self._stream[row]
+        begins = np.append(True, stream[1:] != stream[:-1])[: len(row)]
+        row, stream = row[begins], stream[begins]
+        # Those that were silent before say nothing.
+        silent = since_ns - self._since_ns[row] > self._nominal_ns[stream] * PAUSE_PERCENT // 100
+        # What is late by less than half its interval may be so by itself.
+        own = there[stream] & ~silent & (self._amount[row] >= -(-3 * self._nominal_ns[stream] // 2))
+        unseen = there.copy()
+        unseen[stream[silent | own]] = False
+        row, stream = row[own], stream[own]
+        if (self._detail[row] & self._loss_bit[stream]).any() or len(distinct(self._node[stream])) < _SENDERS:
+            return None
+        own_ns, nominal_ns = self._amount[row] - self._nominal_ns[stream], self._nominal_ns[stream]
+        fastest = int(np.argmin(nominal_ns))
+        late_ns, fastest_ns = int(own_ns[fastest]), int(nominal_ns[fastest])
+        alike = bool((np.abs(own_ns - late_ns) <= (nominal_ns + fastest_ns) // 2).all())
+        hidden = bool((2 * late_ns <= self._nominal_ns[unseen]).all())
+        short = late_ns <= until_ns - since_ns + fastest_ns // 2
+        return late_ns if alike and hidden and short and late_ns > 0 else None
 
 
 def _loss_bit(case: Case, one: NodeStream) -> int:

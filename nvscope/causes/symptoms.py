@@ -7,7 +7,7 @@ event (causes.md, section 1).
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -114,6 +114,12 @@ class IntervalsByStream:
     def of(self, place: tuple[int, int, int]) -> EventTable:
         """Return those of one stream."""
         return _where(self._table, self._rows.get(place, slice(0)))
+
+    def longer_than(self, least_ns: Callable[[tuple[int, ...]], int]) -> EventTable:
+        """Return those of all streams that last at least as long as is asked of their stream."""
+        length = [rows.stop - rows.start for rows in self._rows.values()]
+        least = np.repeat(np.array([least_ns(place) for place in self._rows], np.int64), length)
+        return _where(self._table, self._table.amount >= least)
 
 
 _NO_ROWS = np.empty(0, np.int64)

@@ -158,7 +158,7 @@ def _spread(values: Sequence[float], form: str = ".2f") -> str:
 
 def print_rows(rows: list[Row]) -> None:
     heads = (("k sent/s", 10), ("sent", 11), ("received", 11), ("missing", 9), ("dropped", 9))
-    heads += (("µs cpu each", 19), ("/ dumpcap", 19), ("idle cpu s", 12))
+    heads += (("µs cpu each", 22), ("/ dumpcap", 22), ("idle cpu s", 12))
     print(" " * 28 + "".join(f"{name:>{width}}" for name, width in heads))
     base = next((row for row in rows if row.consumer is DUMPCAP and row.turns), None)
     for row in rows:
@@ -178,7 +178,7 @@ def print_rows(rows: list[Row]) -> None:
         print(
             f"{row.consumer.name:28}{rate:>10.0f}{turns[0].sent:>11,}"
             f"{statistics.median(one.received.count for one in turns):>11,.0f}{max(missing):>9,}"
-            f"{max(known) if known else '–':>9}{_spread([one.us_each for one in turns]):>19}{ratio:>19}"
+            f"{max(known) if known else '–':>9}{_spread([one.us_each for one in turns]):>22}{ratio:>22}"
             f"{statistics.median(row.idle_s) if row.idle_s else 0:>12.2f}"
         )
         for note in (turns[-1].received.notes, row.note):
