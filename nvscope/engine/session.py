@@ -89,6 +89,11 @@ class Session(Generic[Look]):
                 self._answer(sparingly=True)
             return self._told()
 
+    def wait_for_news(self, timeout_s: float) -> None:
+        """Wait until something was told since the last look, or the source has come to its end."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended or (self._behind and not self._telling), timeout_s)
+
     def stop(self) -> Look:
         """Stop the source, wait for the end of the loop, and return the last look. Raises as ``snapshot``.
 

@@ -16,7 +16,7 @@ from nvscope.engine.ring import Recent
 from nvscope.errors import NvscopeError
 
 LOOK_S = 0.2
-"""A look so often, unless looks themselves take more than a fifth of the time."""
+"""Looks are at least so far apart, or four times as long as they take."""
 
 _LEAST_REST = 4
 _LONGEST_REST_S = 2.0
@@ -114,6 +114,8 @@ class SessionFeed:
                     break
                 took_s = time.monotonic() - began_s
                 self._stopping.wait(min(max(LOOK_S, _LEAST_REST * took_s), _LONGEST_REST_S))
+                # Behind the next batch at once: what it brought is not to wait for a look.
+                self._session.wait_for_news(_PATIENCE_S)
         except BaseException as failure:  # told to the screen, which ends with it
             error = failure
         if not self._stopping.is_set():

@@ -25,8 +25,11 @@ from nvscope.capture.source import DropsPart
 from nvscope.errors import CaptureError
 
 RETIRE_NS = 100_000_000
-GATHER_NS = 200_000_000
-"""So long blocks are gathered to a batch: what a batch costs beside its packets is as much as 10 000 of them do."""
+GATHER_NS = 300_000_000
+"""So long blocks are gathered to a batch: what a batch costs beside its packets is as much as 10 000 of them do.
+
+With ``RETIRE_NS``, a packet waits for 0.4 s at most: a screen shows it within half a second.
+"""
 
 BLOCK_BYTES = 1 << 20
 BUFFER_BYTES = 64 << 20
