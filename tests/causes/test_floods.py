@@ -25,7 +25,11 @@ def test_very_many_senders_of_a_list_are_one_cause(tmp_path: Path) -> None:
             "300 further nodes sent lists 1 and 2 from 5.0 s to 34.9 s: 10.1.0.1, 10.1.0.2 and 298 others",
         )
     ]
-    assert cause.checked == ("they sent 300 telegrams, one each",) or cause.checked[-1].startswith("they sent 300")
+    assert cause.checked == (
+        "all from one hardware address, 02:00:00:00:00:02: one device, or a router in between",
+        "they sent 300 telegrams, one each",
+    )
+    assert cause.next == "Find 02:00:00:00:00:02: the address table of the switch tells its port."
     assert len(cause.nodes) < 20
 
 
