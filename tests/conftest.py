@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, settings
 
 from tests.laws import FULL_EXAMPLES
 
-QUICK_EXAMPLES = 12
+QUICK_EXAMPLES = 8
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
