@@ -24,6 +24,7 @@ from nvscope.tracker.state import TrackerState
 from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:
+    from nvscope.causes.chronicle import Chronicle
     from nvscope.tracker.variables.values import StreamValues
     from nvscope.view.display_filter import DisplayFilter
     from nvscope.view.documents.variables import VariableStream
@@ -34,7 +35,7 @@ class Scene:
     """What is known at a moment: figures and causes, how fast lists come, the last frames, the values of variables.
 
     ``contacts`` are who sends to whom. ``variables`` are empty without definitions. ``node_names`` are those that
-    causes tell nodes by. ``at_ns`` of the snapshot is the time up to which the source was watched. ``took_ns``
+    causes tell nodes by. ``at_ns`` is what the clock showed, up to which the source was watched. ``took_ns``
     is how long the look took that made it, which was done at ``made_ns`` of ``time.monotonic_ns``. ``canopen``
     tells which CAN frames are CANopen's.
     """
@@ -53,7 +54,13 @@ class Scene:
 
     @property
     def at_ns(self) -> int | None:
-        return self.snapshot.at_ns
+        return self.snapshot.summary.capture.now_ns
+
+    @cached_property
+    def chronicle(self) -> Chronicle | None:
+        """What each list did when, up to this moment; None where nobody asked why findings are there."""
+        happened, at_ns = self.snapshot.happened, self.at_ns
+        return happened.chronicle.up_to(at_ns) if happened and at_ns is not None else None
 
     @cached_property
     def document(self) -> Mapping[str, Any]:

@@ -69,6 +69,17 @@ class Chronicle:
             found[(np.cumsum(depth[:-1]) > 0) & (found < worse)] = worse
         return [Mark(one) for one in found.tolist()]
 
+    def up_to(self, now_ns: int) -> Chronicle:
+        """Return what happened up to a time, which is before the end where the clock was set back.
+
+        What began by the clock before that seems to begin later: it was there all the time.
+        """
+        if now_ns >= self.end_ns:
+            return self
+        length_ns = self.end_ns - self.start_ns
+        start_ns = self.start_ns if self.start_ns < now_ns else now_ns - max(length_ns, 1)
+        return replace(self, start_ns=start_ns, end_ns=now_ns)
+
     def last(self, length_ns: int) -> Chronicle:
         """Return what happened in the last so many nanoseconds."""
         start_ns = max(self.start_ns, self.end_ns - length_ns)
@@ -104,7 +115,8 @@ class Chronicle:
         node = -1 if stream.node is None else stream.node
         own = (pauses.list == entry.number) & (pauses.node == node) & (pauses.subindex == stream.subindex)
         own &= pauses.time_ns - pauses.since_ns > usual_ns
-        spans = [(self.start_ns, stream.first_ns), (stream.last_ns, self.end_ns)]
+        spans = [(self.start_ns, stream.first_ns)] if stream.first_ns <= self.end_ns else []
+        spans.append((stream.last_ns, self.end_ns))
         spans += [(one.since_ns, one.until_ns) for one in self.silences.get(stream.stream, ())]
         found = [(since_ns, until_ns) for since_ns, until_ns in spans if until_ns - since_ns > usual_ns]
         found += zip(pauses.since_ns[own].tolist(), pauses.time_ns[own].tolist(), strict=True)

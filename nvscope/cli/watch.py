@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import time
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.capture.content import STDIN
 from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
@@ -83,8 +85,9 @@ def watch(
 ) -> None:  # fmt: skip
     """Watch lists, causes, variables, packets and nodes of a plant while it runs, or of a capture as its time moves.
 
-    On a terminal it is a screen: 1 to 7 choose a view, ? shows all keys. Where stdin or stdout is no terminal it is
-    what --plain prints. What it says at a moment is what a report on the same packets says. Exits as a report does.
+    On a terminal it is a screen: 1 to 7 choose a view, ? shows all keys; where stdin is the capture, too. Where stdout
+    is no terminal it is what --plain prints. What it says at a moment is what a report on the same packets says. Exits
+    as a report does.
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
@@ -99,18 +102,18 @@ def watch(
     from nvscope.analysis.watching import Watching
     from nvscope.cli.memory import keep_freed_memory
 
+    screen = not (plain or as_json) and sys.stdout.isatty() and _has_keys(paths)
     captures = captured(paths, live, plant, ports)
     inquiry = Inquiry(captures, plant, ports, asked=asked)
     if inquiry.paths:
         keep_freed_memory()
-    screen = not (plain or as_json) and sys.stdin.isatty() and sys.stdout.isatty()
     how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if captures is not paths else None)
     if screen:
         from nvscope.record.recorder import Recorder
         from nvscope.tui.run import run_screen
 
         recorder = Recorder(lambda: () if isinstance(captures, Sequence) else captures.channels)
-        if captures is not paths or "-" in paths:
+        if captures is not paths or STDIN in paths:
             how = replace(how, others=[recorder])
         with flaws_told_first(plant.definition):
             left = run_screen(inquiry, how, recorder, expression=wanted, theme=theme, utc=utc, colour=colour)
@@ -129,6 +132,23 @@ def watch(
         tell_of_lists(inquiry)
     if code := tell_of_losses(last.snapshot.infos):
         raise typer.Exit(code)
+
+
+def _has_keys(paths: Sequence[str]) -> bool:
+    """Tell whether keys can be pressed: on stdin, or, where that is the capture, at the terminal, as in pagers."""
+    if sys.stdin is None or sys.stdin.isatty():
+        return sys.stdin is not None
+    if STDIN not in paths:
+        return False
+    try:
+        terminal = os.open("/dev/tty", os.O_RDWR)
+    except OSError:
+        return False
+    # The capture is read from where stdin leads now; the screen reads keys from descriptor 0.
+    sys.stdin = os.fdopen(os.dup(0))
+    os.dup2(terminal, 0)
+    os.close(terminal)
+    return True
 
 
 def _clock(utc: bool) -> Callable[[int], str]:
@@ -193,7 +213,7 @@ class _Json:
         keys |= {entry.number: str(entry.key) for entry in known.summary.can.lists}
         per_s = {key: scene.pace.per_second(number, 1) for number, key in keys.items()}
         line = watch_line(
-            scene.document, known.summary, known.at_ns, per_s, scene.pace.of_all(1), told.new, told.ended
+            scene.document, known.summary, scene.at_ns, per_s, scene.pace.of_all(1), told.new, told.ended
         )  # fmt: skip
         return json_ascii(json.dumps(line, ensure_ascii=False)) + "\n"
 
@@ -217,7 +237,8 @@ class _Plain:
         text = face.news(told.new, told.ended, at_ns, colour=self._colour, width=width(), utc=self._utc)
         if at_ns is None or not scene.document["lists"]:
             return text
-        if self._due_ns is None or at_ns >= self._due_ns:
+        left_ns = 0 if self._due_ns is None else self._due_ns - at_ns
+        if not 0 < left_ns <= self._every_ns:  # more is left where the clock was set back
             self._due_ns = at_ns + self._every_ns
             text += self._table(scene)
         return text
@@ -229,9 +250,7 @@ class _Plain:
         from nvscope.report import watch as face
 
         self._shown_ns = scene.at_ns
-        happened = scene.snapshot.happened
-        assert happened
-        chronicle = happened.chronicle.last(face.STRIP_NS)
+        chronicle = scene.chronicle and scene.chronicle.last(face.STRIP_NS)
         return face.table(
             scene.document, chronicle, per_s=scene.pace.of_all(), colour=self._colour, width=width(), utc=self._utc
         )  # fmt: skip

@@ -22,7 +22,10 @@ CLOCK_STEP_NS = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class CaptureSummary:
-    """What ``CaptureState`` has counted, and the CAN frames among the frames, as they were at a moment."""
+    """What ``CaptureState`` has counted, and the CAN frames among the frames, as they were at a moment.
+
+    ``clock_ns`` is the latest time since the clock last stepped back, None where it never did.
+    """
 
     frames: int = 0
     telegrams: int = 0
@@ -33,6 +36,12 @@ class CaptureSummary:
     end_ns: int | None = None
     until_ns: int | None = None
     unwatched_ns: int = 0
+    clock_ns: int | None = None
+
+    @property
+    def now_ns(self) -> int | None:
+        """What the clock shows: ``at_ns``, unless it was set back; None where nothing came yet."""
+        return self.at_ns if self.clock_ns is None else self.clock_ns
 
     @property
     def at_ns(self) -> int | None:
@@ -122,7 +131,7 @@ class CaptureState:
             unwatched_ns = self.holes.within_ns(self.start_ns, self.end_ns)
         return CaptureSummary(
             self.frames, self.telegrams, can_frames, self.chosen, self.fragments, self.start_ns, self.end_ns,
-            self.until_ns, unwatched_ns,
+            self.until_ns, unwatched_ns, self.clock_ns if len(self.steps_back.rows) else None,
         )  # fmt: skip
 
     def _observe_times(self, told: Told) -> None:

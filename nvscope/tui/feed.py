@@ -126,7 +126,8 @@ class SessionFeed:
         at_ns = scene.at_ns
         if at_ns is None or not self.is_live:
             return
-        if self._kept and at_ns - (self._kept[-1].at_ns or 0) < _KEPT_APART_NS:
+        # A clock that was set back is far away, too.
+        if self._kept and abs(at_ns - (self._kept[-1].at_ns or 0)) < _KEPT_APART_NS:
             return
         # Frames are kept by the ring: many rings would be more than memory has.
         self._kept.append(replace(scene, recent=Recent()))
@@ -141,7 +142,8 @@ class SessionFeed:
         if not self.is_live:
             start_ns = last.snapshot.summary.start_ns
             return Span(last.at_ns if start_ns is None else start_ns, last.at_ns)
-        return Span((self._kept[0].at_ns if self._kept else None) or last.at_ns, last.at_ns)
+        first_ns = (self._kept[0].at_ns if self._kept else None) or last.at_ns
+        return Span(min(first_ns, last.at_ns), last.at_ns)
 
     def at(self, time_ns: int, on_scene: OnScene) -> None:
         if self.is_live:

@@ -85,10 +85,8 @@ class Look:
     @cached_property
     def chronicle(self) -> Chronicle | None:
         """What strips are drawn from."""
-        happened = self.scene.snapshot.happened
-        if happened is None:
-            return None
-        return happened.chronicle.last(STRIP_NS) if self.live else happened.chronicle
+        chronicle = self.scene.chronicle
+        return chronicle.last(STRIP_NS) if chronicle is not None and self.live else chronicle
 
     @cached_property
     def nodes(self) -> Mapping[str, str]:

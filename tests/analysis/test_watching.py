@@ -10,10 +10,13 @@ import pytest
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, scenes_by_second, watching
 from nvscope.capture.by_second import BySecond
+from nvscope.causes.mark import Mark
 from nvscope.definition.project_file import read_project
 from nvscope.view.asked_time import parse_range
 from nvscope.view.documents.drawn import plain
 from nvscope.view.documents.variables import streams_of
+from tests.oracle.builders import data_frame, telegram
+from tests.oracle.pcap import write_pcap
 
 ROOT = Path(__file__).parents[2]
 PLANT = str(ROOT / "captures" / "plant.pcapng.gz")
@@ -120,3 +123,29 @@ def test_after_a_reset_only_what_came_since_is_counted() -> None:
     assert "loss-of-list" in {row["kind"] for row in before.document["causes"]}
     kinds = [row["kind"] for row in last.document["causes"]]
     assert sorted(kinds) == ["node-restart", "node-silent", "second-sender"]
+
+
+def test_behind_a_clock_that_was_set_back_time_goes_on(tmp_path: Path) -> None:
+    """What the clock shows is now: nothing is an hour old, and strips of the last seconds are not empty."""
+    hour_ns, every_ns = 3_600_000_000_000, 50_000_000
+    frames = [
+        data_frame(
+            START_NS + at * every_ns - (hour_ns if at >= 80 else 0),
+            "10.0.0.1",
+            "255.255.255.255",
+            telegram(counter=at),
+        )
+        for at in range(160)
+    ]
+    write_pcap(frames, tmp_path / "set.pcap")
+    scenes = list(scenes_by_second(Inquiry([str(tmp_path / "set.pcap")])))
+    last = scenes[-1]
+    assert last.at_ns == frames[-1].ts_ns
+    assert (scenes[2].at_ns or 0) > frames[0].ts_ns > last.at_ns
+    assert [row["kind"] for row in last.document["causes"]] == ["clock"]
+    chronicle = last.chronicle
+    assert chronicle is not None
+    assert (chronicle.end_ns, chronicle.start_ns < chronicle.end_ns) == (last.at_ns, True)
+    (key,) = chronicle.numbers
+    assert Mark.SILENT not in chronicle.last(3_000_000_000).strip(key, 30)
+    assert last.pace.per_second(0, 2) == 20.0

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
+import pty
+import select
+import struct
 import subprocess
+import termios
 import time
 from pathlib import Path
 from shutil import which
@@ -12,7 +18,8 @@ from typing import Any
 import pytest
 
 from tests.capture.live.network import cable, needs_namespaces, send
-from tests.program import run_text
+from tests.oracle.builders import data_frame, telegram
+from tests.program import COMMAND, run_text
 
 ROOT = Path(__file__).parents[2]
 PLANT = str(ROOT / "captures" / "plant.pcapng.gz")
@@ -93,3 +100,49 @@ def test_what_is_watched_is_what_a_capture_of_the_same_time_tells(tmp_path: Path
     assert lines[-1]["drops"] == 0
     # The sender has ended, as everybody who goes on watching can see.
     assert "node-silent" in {cause["kind"] for line in lines for cause in line["causes_new"]}
+
+
+def test_where_stdin_is_the_capture_keys_come_from_the_terminal() -> None:
+    """``ssh switch tcpdump -w - | nvscope watch -`` is a screen, as in pagers; q ends it, and the terminal is whole."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
+    before = termios.tcgetattr(slave)
+
+    def own_terminal() -> None:
+        os.setsid()
+        fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
+
+    watching = subprocess.Popen(
+        [*COMMAND, "watch", "-"], stdin=subprocess.PIPE, stdout=slave, stderr=slave, preexec_fn=own_terminal,  # noqa: PLW1509
+        env={**os.environ, "TERM": "xterm-256color"},
+    )  # fmt: skip
+    assert watching.stdin
+    try:
+        watching.stdin.write(struct.pack("<IHHIIII", 0xA1B23C4D, 2, 4, 0, 0, 262144, 1))
+        shown, until = b"", time.monotonic() + 30
+        for counter in range(1000):
+            frame = data_frame(
+                counter * 50_000_000, "10.0.0.1", "255.255.255.255", telegram(list_id=7, counter=counter)
+            )
+            head = struct.pack("<IIII", *divmod(frame.ts_ns, 10**9), len(frame.data), len(frame.data))
+            watching.stdin.write(head + frame.data)
+            watching.stdin.flush()
+            while select.select([master], [], [], 0.05)[0]:
+                shown += os.read(master, 65536)
+            if b"10.0.0.1" in shown or time.monotonic() > until:
+                break
+        assert b"\x1b[?1049h" in shown
+        assert b"10.0.0.1" in shown
+        os.write(master, b"q")
+        while watching.poll() is None and time.monotonic() < until:
+            if select.select([master], [], [], 0.05)[0]:
+                shown += os.read(master, 65536)
+        assert watching.returncode == 0
+        assert b"\x1b[?1049l" in shown
+        assert termios.tcgetattr(slave) == before
+    finally:
+        watching.kill()
+        watching.wait()
+        watching.stdin.close()
+        os.close(master)
+        os.close(slave)
