@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,7 +12,9 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.causes.case import PAUSE_PERCENT, Case
 from nvscope.causes.mark import Mark
+from nvscope.causes.silent_spans import SilentSpans, within_ns
 from nvscope.causes.symptoms import code_number
+from nvscope.engine.runs import rows_by
 from nvscope.findings.answers import NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.consistency import SEVERAL_SENDERS
@@ -19,6 +22,7 @@ from nvscope.findings.facts import AnyList
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.loss import SENDER_RESTART, TELEGRAM_GAP
 from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
+from nvscope.findings.unusual_intervals import AnyStream
 from nvscope.tracker.evidence.long_pauses import PauseColumns
 from nvscope.tracker.silences import Silence
 
@@ -96,44 +100,48 @@ class Chronicle:
 
     def _silent_ns(self, number: int, edge: I64) -> I64:
         """Return for how long a list was silent in each part: none of its streams was heard."""
-        entry = self.lists[number]
-        heard = [place for place in range(len(entry.streams)) if entry.streams[place].telegrams]
-        spans = [self._silences(entry, place) for place in heard]
-        silent: list[_Span] = [(self.start_ns, self.end_ns)]
-        for one in spans:
-            silent = _both(silent, one)
-        total = np.zeros(len(edge) - 1, np.int64)
-        for since_ns, until_ns in silent:
-            total += (np.minimum(edge[1:], until_ns) - np.maximum(edge[:-1], since_ns)).clip(0)
-        return total
+        streams = [stream for stream in self.lists[number].streams if stream.telegrams]
+        since_ns, until_ns = self._silences(number, streams).of_all(len(streams), self.start_ns, self.end_ns)
+        return within_ns(since_ns, until_ns, edge)
 
-    def _silences(self, entry: AnyList, place: int) -> list[_Span]:
-        """Return when a stream was silent: before and behind what there is of it, and its pauses."""
-        stream = entry.streams[place]
-        intervals, pauses = stream.intervals, self.pauses
-        usual_ns = intervals.nominal * PAUSE_PERCENT // 100 if intervals.nominal else (intervals.p99 or 0)
-        node = -1 if stream.node is None else stream.node
-        own = (pauses.list == entry.number) & (pauses.node == node) & (pauses.subindex == stream.subindex)
-        own &= pauses.time_ns - pauses.since_ns > usual_ns
-        spans = [(self.start_ns, stream.first_ns)] if stream.first_ns <= self.end_ns else []
-        spans.append((stream.last_ns, self.end_ns))
-        spans += [(one.since_ns, one.until_ns) for one in self.silences.get(stream.stream, ())]
-        found = [(since_ns, until_ns) for since_ns, until_ns in spans if until_ns - since_ns > usual_ns]
-        found += zip(pauses.since_ns[own].tolist(), pauses.time_ns[own].tolist(), strict=True)
-        return sorted(found)
+    def _silences(self, number: int, streams: Sequence[AnyStream]) -> SilentSpans:
+        """Return when streams of a list were silent: before and behind what there is of them, and their pauses."""
+        first_ns, last_ns, usual_ns = (
+            np.array([(one.first_ns, one.last_ns, _usual_ns(one)) for one in streams], np.int64).reshape(-1, 3).T
+        )
+        before = np.flatnonzero((first_ns <= self.end_ns) & (first_ns - self.start_ns > usual_ns))
+        behind = np.flatnonzero(self.end_ns - last_ns > usual_ns)
+        parts = [
+            SilentSpans(before, np.full(len(before), self.start_ns), first_ns[before]),
+            SilentSpans(behind, last_ns[behind], np.full(len(behind), self.end_ns)),
+        ]
+        unheard = [
+            (place, one.since_ns, one.until_ns)
+            for place, stream in enumerate(streams) for one in self.silences.get(stream.stream, ())
+        ] if self.silences else []  # fmt: skip
+        parts.append(SilentSpans(*np.array(unheard, np.int64).reshape(-1, 3).T))
+        places = {(-1 if one.node is None else one.node, one.subindex): place for place, one in enumerate(streams)}
+        for place, row in self._pauses_of.get(number, {}).items():
+            if place in places:
+                stream = np.full(len(row), places[place])
+                parts.append(SilentSpans(stream, self.pauses.since_ns[row], self.pauses.time_ns[row]))
+        whole = SilentSpans(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        long = whole.until_ns - whole.since_ns > usual_ns[whole.stream]
+        return SilentSpans(*(column[long] for column in whole))
+
+    @cached_property
+    def _pauses_of(self) -> Mapping[int, Mapping[tuple[int, int], I64]]:
+        """Where the pauses of each list are, by node and SubIndex."""
+        found: dict[int, dict[tuple[int, int], I64]] = defaultdict(dict)
+        for place, row in rows_by((self.pauses.list, self.pauses.node, self.pauses.subindex)):
+            found[place[0]][place[1], place[2]] = row
+        return found
 
 
-def _both(some: Sequence[_Span], others: Sequence[_Span]) -> list[_Span]:
-    """Return the times that are in both of two sequences of spans, each of which rises."""
-    found, place = [], 0
-    for since_ns, until_ns in some:
-        while place < len(others) and others[place][1] <= since_ns:
-            place += 1
-        for other in others[place:]:
-            if other[0] >= until_ns:
-                break
-            found.append((max(since_ns, other[0]), min(until_ns, other[1])))
-    return found
+def _usual_ns(stream: AnyStream) -> int:
+    """Return up to how long nothing of a stream is usual."""
+    intervals = stream.intervals
+    return intervals.nominal * PAUSE_PERCENT // 100 if intervals.nominal else (intervals.p99 or 0)
 
 
 def chronicle_of(case: Case) -> Chronicle:
