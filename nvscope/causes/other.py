@@ -10,7 +10,7 @@ from nvscope.causes.case import NOBODY, Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words
 from nvscope.engine.runs import distinct
-from nvscope.findings.capture import TRUNCATED_FILE
+from nvscope.findings.capture import LIMIT_REACHED, TRUNCATED_FILE
 from nvscope.findings.facts import AnyList
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
@@ -41,7 +41,9 @@ def judge_others(case: Case) -> Iterator[Explained]:
         draft = Draft(
             OTHER, f"{name}{finding.message.removesuffix('.')}", finding.hint or finding.kind.next_steps[0], (), lists,
             [node for node in distinct(symptoms.node[chosen]).tolist() if node >= 0], finding.channel,
-            since_ns=int(symptoms.since_ns[chosen].min()) or None, until_ns=int(times.max()) or None,
+            since_ns=int(symptoms.since_ns[chosen].min()) or None,
+            # What a limit has left out stays left out.
+            until_ns=None if finding.kind is LIMIT_REACHED else int(times.max()) or None,
             at_most=_at_most(case, finding, lists),
         )  # fmt: skip
         yield draft, case.only(chosen)

@@ -238,6 +238,8 @@ def _until_ns(case: Case, streams: Sequence[NodeStream]) -> int | None:
     last_ns = max(one.stream.last_ns for one in streams)
     usual_ns = max(one.nominal_ns or (one.stream.intervals.p99 or 0) for one in streams)
     if len({one.stream.node for one in streams}) > 1:
+        if case.facts.telegrams_left_out:
+            return None  # those of whom the limit of streams lets nothing be known may go on
         # Each of very many may send once: they go on as long as one follows another.
         return case.end_of(np.array([one.stream.last_ns for one in streams]), max(usual_ns, _TOGETHER_NS))
     return None if case.end_ns - last_ns <= usual_ns * 5 // 2 else last_ns

@@ -10,6 +10,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import Enum
 from functools import cached_property
+from heapq import nlargest
+from operator import itemgetter
 from typing import NamedTuple, TypeVar
 
 from nvscope.causes.cause import Cause
@@ -75,6 +77,34 @@ _OF_NODES = ("node-silent", "program-stopped", "node-restart", "duplicate-addres
 """Causes of what a node does to all lists, whichever they name."""
 
 
+class _Sending(NamedTuple):
+    """Who sends a list: when each node sent last, the last two of all, and how long a pause is usual.
+
+    Looked up once for all nodes of a list, of which there may be very many.
+    """
+
+    senders: frozenset[int]
+    last_ns: Mapping[int | None, int]
+    last: Sequence[tuple[int, int | None]]
+    usual_ns: int
+
+    @staticmethod
+    def of(entry: ListSummary) -> _Sending:
+        last_ns: dict[int | None, int] = {}
+        for stream in entry.streams:
+            last_ns[stream.node] = max(last_ns.get(stream.node, stream.last_ns), stream.last_ns)
+        last = nlargest(2, ((time_ns, node) for node, time_ns in last_ns.items()), key=itemgetter(0))
+        usual_ns = max((one.intervals.nominal or one.intervals.p99 or 0 for one in entry.streams), default=0)
+        return _Sending(frozenset(entry.senders), last_ns, last, usual_ns)
+
+    def has_left(self, node: int) -> bool:
+        """Tell whether a node has sent the list, and another one goes on since, for longer than a pause can be."""
+        others_ns = [time_ns for time_ns, other in self.last if other != node]
+        if node not in self.last_ns or not others_ns or not self.usual_ns:
+            return False
+        return others_ns[0] - self.last_ns[node] > self.usual_ns * _STALE_PERCENT // 100
+
+
 class Facts(NamedTuple):
     """What a matrix is made of: what was counted, who speaks to whom, and the causes.
 
@@ -97,6 +127,7 @@ class Roles:
         self.facts = facts
         self._marks: dict[tuple[int, int], Mark | None] = {}
         self._of_list: dict[int, frozenset[int]] = {}
+        self._sending_of: dict[int, _Sending] = {}
 
     def mark(self, entry: ListSummary, node: int) -> Mark | None:
         """Return what a node is to a list, None for nothing."""
@@ -134,7 +165,7 @@ class Roles:
         return self._of_list[entry.number]
 
     def _found(self, entry: ListSummary, node: int) -> Mark | None:
-        sends = self._as_sender(entry, node) if node in entry.senders else None
+        sends = self._as_sender(entry, node) if node in self._sending(entry).senders else None
         if sends in BAD:
             return sends
         reads = self._as_reader(entry, node)
@@ -147,7 +178,12 @@ class Roles:
             return Mark.SILENT
         if kinds & {*_SHARING}:
             return Mark.SHARES
-        return Mark.LEFT if _left(entry, node) else Mark.SENDS
+        return Mark.LEFT if self._sending(entry).has_left(node) else Mark.SENDS
+
+    def _sending(self, entry: ListSummary) -> _Sending:
+        if entry.number not in self._sending_of:
+            self._sending_of[entry.number] = _Sending.of(entry)
+        return self._sending_of[entry.number]
 
     def _as_reader(self, entry: ListSummary, node: int) -> Mark | None:
         contacts, place = self.facts.contacts, (entry.number, node)
@@ -247,14 +283,3 @@ def _by_place(pairs: Iterable[tuple[_Place, Cause]]) -> Mapping[_Place, Sequence
 def _light(causes: Sequence[Cause]) -> Severity | None:
     faults = [one for one in causes if one.severity > Severity.NOTE]
     return max((one.severity for one in faults if one.until_ns is None), default=Severity.WARNING if faults else None)
-
-
-def _left(entry: ListSummary, node: int) -> bool:
-    """Tell whether a node has sent a list, and another one goes on since, for longer than a pause can be."""
-    own = [stream for stream in entry.streams if stream.node == node]
-    others = [stream for stream in entry.streams if stream.node != node]
-    if not own or not others:
-        return False
-    usual_ns = max(one.intervals.nominal or one.intervals.p99 or 0 for one in [*own, *others])
-    last_ns = max(one.last_ns for one in own)
-    return bool(usual_ns) and max(one.last_ns for one in others) - last_ns > usual_ns * _STALE_PERCENT // 100
