@@ -20,7 +20,7 @@ from nvscope.analysis.snapshot import Happenings, Snapshot, snapshot
 from nvscope.capture.content import STDIN
 from nvscope.capture.last_time import latest_ns
 from nvscope.capture.open import open_source
-from nvscope.capture.source import Source, SourceInfo
+from nvscope.capture.source import Source, SourceInfo, any_live
 from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
 from nvscope.engine.events import Listeners
@@ -90,7 +90,7 @@ class _Wanted:
 def _witness(source: Source) -> Witness:
     from nvscope.tracker.evidence.witness import Witness  # noqa: PLC0415
 
-    return Witness(live=any(info.is_live for info in source.infos))
+    return Witness(live=any_live(source.infos))
 
 
 @dataclass(frozen=True)

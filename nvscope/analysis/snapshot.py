@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from nvscope.capture.source import Source, SourceInfo
+from nvscope.capture.source import Source, SourceInfo, any_live
 from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
 from nvscope.findings.facts import Facts
@@ -74,7 +74,7 @@ def snapshot(
         cob_ids=cob_ids,
     )  # fmt: skip
     infos = tuple(source.infos)
-    overdue = overdue or any(info.is_live for info in infos)
+    overdue = overdue or any_live(infos)
     at_ns = summary.capture.at_ns
     findings = judge(
         state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from nvscope.analysis.inquiry import Analysis, Inquiry
 from nvscope.analysis.snapshot import Snapshot, snapshot
 from nvscope.capture.by_second import BySecond
-from nvscope.capture.source import Source
+from nvscope.capture.source import Source, any_live
 from nvscope.engine.ring import RING_BYTES, FrameRing, Recent, RecentSource
 from nvscope.engine.run import Observer
 from nvscope.engine.session import Session
@@ -110,7 +110,7 @@ class Watched:
         self.source = source
         self.inquiry, self._overdue, self._names = inquiry, overdue, how.node_names
         self._clock = how.clock
-        self._witness = Witness(live=any(info.is_live for info in source.infos))
+        self._witness = Witness(live=any_live(source.infos))
         self._state = inquiry.state(values=True, listeners=(self._witness,))
         self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
         self._reset = False

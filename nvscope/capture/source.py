@@ -5,7 +5,7 @@ Whatever stands above capture knows these contracts, and not who fulfils them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType, TracebackType
@@ -86,6 +86,11 @@ class SourceInfo:
     failure: str = ""
     without_carrier: tuple[tuple[int, int | None], ...] = ()
     hears_answers: bool = True
+
+
+def any_live(infos: Iterable[SourceInfo]) -> bool:
+    """Tell whether one of some sources is live: time goes on there by itself, and may do so for weeks."""
+    return any(info.is_live for info in infos)
 
 
 class Source(Protocol):

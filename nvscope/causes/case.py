@@ -267,12 +267,6 @@ class Case:
             found[stream.node].append(NodeStream(entry, stream))
         return dict(sorted(found.items()))
 
-    def streams_at(self, rows: I64) -> list[NodeStream | None]:
-        """Return of which stream on UDP some symptoms are, None where of none."""
-        symptoms = self.symptoms
-        columns = (column[rows].tolist() for column in (symptoms.list, symptoms.node, symptoms.subindex))
-        return [self._stream_at.get(place) for place in zip(*columns, strict=True)]
-
     def stream_at(self, number: int, node: int, subindex: int) -> NodeStream | None:
         """Return the stream on UDP of a list, node and SubIndex, None where there is none."""
         return self._stream_at.get((number, node, subindex))
@@ -281,7 +275,7 @@ class Case:
         """Return the nominal intervals of the streams on UDP that some symptoms are of, 0 where there is none."""
         symptoms, found = self.symptoms, np.zeros(len(rows), np.int64)
         for place, own in rows_by((symptoms.list[rows], symptoms.node[rows], symptoms.subindex[rows])):
-            stream = self._stream_at.get((place[0], place[1], place[2]))
+            stream = self.stream_at(place[0], place[1], place[2])
             found[own] = stream.nominal_ns if stream else 0
         return found
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 
+from nvscope.capture.source import any_live
 from nvscope.causes.addresses import judge_duplicate_addresses
 from nvscope.causes.buses import (
     judge_bus_errors,
@@ -99,7 +100,7 @@ def judged(
     as for ``Case``.
     """
     case = Case(facts, findings, witness, channels, names, clock)
-    most = MOST_CAUSES_LIVE if any(info.is_live for info in facts.sources) else MOST_CAUSES
+    most = MOST_CAUSES_LIVE if any_live(facts.sources) else MOST_CAUSES
     for draft, chosen in _explained(case):
         case.explain(draft, chosen)
         if len(case.drafts) >= most:

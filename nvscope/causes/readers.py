@@ -196,7 +196,8 @@ def _runs(case: Case, rows: Sequence[int]) -> tuple[list[list[int]], list[int]]:
     runs, rest = [], []
     for own in by_stream.values():
         own.sort(key=lambda row: int(symptoms.since_ns[row]))
-        (sent,) = case.streams_at(np.array(own[:1]))
+        at = own[0]
+        sent = case.stream_at(int(symptoms.list[at]), int(symptoms.node[at]), int(symptoms.subindex[at]))
         assert sent is not None, "what waits for an acknowledgement is on UDP"
         parts = [[own[0]]]
         place = sent.list.number, sent.stream.node, sent.stream.subindex

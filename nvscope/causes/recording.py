@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -45,6 +45,7 @@ _OF_COPIES = (MIRRORED_TWICE, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, UNEXPECTED
 OF_CLOCK = (LATE, JITTER, BURST, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, TORN_CYCLE, INCOMPLETE_CYCLE)
 _COPIES_PERCENT, _LEAST_COPIES = 80, 20
 _ROOM_NS = 1_000_000_000
+_Place = tuple[int, int, int]
 _MOST_STEPS = 20
 """More steps than so many are one matter: a clock that does not hold, or files put together."""
 
@@ -59,9 +60,10 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
     findings = [case.findings[place] for place in distinct(symptoms.finding[copies]).tolist()]
     since_ns = int(symptoms.time_ns[copies].min())
     last_ns = max(int(symptoms.time_ns[copies].max()), *(finding.last_ns or 0 for finding in findings))
-    repeated = _repeated(case, copies)
+    places = _places(case, copies)
+    repeated = _repeated(case, places)
     most = math.inf if told.any() else 100 * repeated / _COPIES_PERCENT
-    originals = _originals(case, copies, since_ns, last_ns, most)
+    originals = _originals(case, places, since_ns, last_ns, most)
     if not told.any() and (repeated < _LEAST_COPIES or 100 * repeated <= _COPIES_PERCENT * originals):
         return
     meanwhile = case.overlapping(since_ns - _ROOM_NS, last_ns + _ROOM_NS)
@@ -85,21 +87,20 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
     yield draft, chosen
 
 
-def _places(case: Case, copies: I64) -> set[tuple[int, int, int]]:
+def _places(case: Case, copies: I64) -> set[_Place]:
     """Return the list, node and SubIndex of each stream that has some of the copies."""
     return {*zip(*(column[copies].tolist() for column in case.symptoms[2:5]), strict=True)}
 
 
-def _repeated(case: Case, copies: I64) -> int:
+def _repeated(case: Case, places: Collection[_Place]) -> int:
     """Return how many telegrams were copies."""
-    streams = (case.stream_at(*place) for place in _places(case, copies))
+    streams = (case.stream_at(*place) for place in places)
     counted = (one.stream for one in streams if one is not None and not _is_uncounted(one))
     return sum(stream.figures["duplicates"] or 0 for stream in counted)
 
 
-def _originals(case: Case, copies: I64, since_ns: int, last_ns: int, most: float) -> int:
+def _originals(case: Case, places: Collection[_Place], since_ns: int, last_ns: int, most: float) -> int:
     """Return about how many telegrams of a time were no copies; from ``most`` on, that they are more than so many."""
-    places = _places(case, copies)
     others = 0.0
     for node, streams in case.streams_of_node.items():
         for one in streams:
