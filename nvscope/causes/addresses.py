@@ -15,7 +15,7 @@ from nvscope.causes.kind import CauseKind
 from nvscope.causes.ways import device_in_words
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.kind import Severity
-from nvscope.tracker.evidence.presence import HARDWARE_BITS, Presence
+from nvscope.tracker.evidence.presence import HARDWARE_BITS
 from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS
 from nvscope.units import count_of
 
@@ -50,15 +50,13 @@ class _Device(NamedTuple):
 class _Pairs:
     """Which addresses came from which hardware, looked up once for all: a flood makes very many of them."""
 
-    def __init__(self, presence: Presence) -> None:
-        high, low, device, _ = presence.pairs.words
+    def __init__(self, case: Case) -> None:
+        high, low, device, _ = case.witness.presence.pairs.words
         self._hardware = (device & HARDWARE_BITS).tolist()
         self._rows: dict[tuple[int, int], list[int]] = defaultdict(list)
-        addresses: dict[int, set[tuple[int, int]]] = defaultdict(set)
         for row, place in enumerate(zip(high.tolist(), low.tolist(), strict=True)):
             self._rows[place].append(row)
-            addresses[self._hardware[row]].add(place)
-        self._routers = {hardware for hardware, several in addresses.items() if len(several) > _MOST_IPS}
+        self._routers = {one for one, several in case.life.addresses_of.items() if len(several) > _MOST_IPS}
 
     def of(self, high: int, low: int) -> dict[int, list[int]]:
         """Return the rows of an address by hardware address, routers left out."""
@@ -74,7 +72,7 @@ def judge_duplicate_addresses(case: Case) -> Iterator[Explained]:
     presence = case.witness.presence
     if not presence.columns.shared.any():
         return
-    pairs = _Pairs(presence)
+    pairs = _Pairs(case)
     for node, number in case.life.ip_numbers:
         if not presence.columns.shared[number]:
             continue

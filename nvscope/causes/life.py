@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -63,23 +63,27 @@ class Life:
 
     def hardware_of_all(self, nodes: Sequence[int]) -> list[int]:
         """Return the hardware addresses that the IP packets of some nodes came from, each once, rising."""
-        words, own = self._presence.pairs.words, np.array(nodes)[np.array(nodes) < len(self._nodes)]
+        own = np.array(nodes)[np.array(nodes) < len(self._nodes)]
         sought = {*zip(self._nodes.high[own].tolist(), self._nodes.low[own].tolist(), strict=True)}
-        of = np.fromiter((one in sought for one in zip(words[0].tolist(), words[1].tolist(), strict=True)), np.bool_)
-        return sorted({*(words[2][of] & HARDWARE_BITS).tolist()})
+        return sorted(one for one, addresses in self.addresses_of.items() if not sought.isdisjoint(addresses))
 
     def _is_of(self, node: int, high: U64, low: U64) -> Bool:
         own: Bool = (high == self._nodes.high[node]) & (low == self._nodes.low[node])
         return own
 
     @cached_property
-    def _shared_hardware(self) -> set[int]:
-        """The hardware addresses with several IP addresses: a router's tell nothing of a node."""
+    def addresses_of(self) -> Mapping[int, Collection[tuple[int, int]]]:
+        """The IP addresses, as upper and lower half, whose packets came from each hardware address."""
         high, low, device, _ = self._presence.pairs.words
         owners: dict[int, set[tuple[int, int]]] = {}
         for one, *address in zip((device & HARDWARE_BITS).tolist(), high.tolist(), low.tolist(), strict=True):
             owners.setdefault(one, set()).add((address[0], address[1]))
-        return {one for one, several in owners.items() if len(several) > 1}
+        return owners
+
+    @cached_property
+    def _shared_hardware(self) -> set[int]:
+        """The hardware addresses with several IP addresses: a router's tell nothing of a node."""
+        return {one for one, several in self.addresses_of.items() if len(several) > 1}
 
     def _numbers(self, node: int) -> I64:
         """Return the numbers of a node's addresses: its IP address, and hardware addresses that are its alone."""
