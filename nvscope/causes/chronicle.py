@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,6 +35,8 @@ _MARKS: Mapping[FindingKind, Mark] = {
     TORN_CYCLE: Mark.LATE,
     INCOMPLETE_CYCLE: Mark.LATE,
 }
+_BY_VALUE = tuple(Mark)
+_VALUES = np.array(_BY_VALUE)[:, np.newaxis]
 _Span = tuple[int, int]
 
 
@@ -53,25 +54,33 @@ class Chronicle:
     pauses: PauseColumns
     silences: Mapping[int, Sequence[Silence]]
 
-    def strip(self, key: str, cells: int) -> list[Mark]:
-        """Return the worst mark of a list, told by the text of its key, in each of so many equal parts of the time."""
-        number = self.numbers[key]
+    def strips(self, keys: Sequence[str], cells: int) -> list[list[Mark]]:
+        """Return the worst marks of lists, told by the texts of their keys, in each of so many equal parts of the time.
+
+        Many at once take little longer than one.
+        """
+        numbers = [self.numbers[key] for key in keys]
         length_ns = max(self.end_ns - self.start_ns, 1)
         edge = self.start_ns + np.arange(cells + 1) * length_ns // cells
-        found = np.full(cells, Mark.USUAL.value)
-        found[self._silent_ns(number, edge) >= np.maximum(np.diff(edge), 1)] = Mark.SILENT
+        found = np.zeros((len(keys), cells), np.int64)
+        part_ns = np.maximum(np.diff(edge), 1)
+        for place, (since_ns, until_ns) in self._silent(numbers).items():
+            found[place, within_ns(since_ns, until_ns, edge) >= part_ns] = Mark.SILENT
         lists, since_ns, until_ns, mark = self.marks
-        own = slice(*np.searchsorted(lists, [number, number + 1]).tolist())
-        first = (np.searchsorted(edge, since_ns[own], "right") - 1).clip(0, cells - 1)
-        last = (np.searchsorted(edge, until_ns[own], "right") - 1).clip(0, cells - 1)
-        for worse in Mark:
-            of_mark = mark[own] == worse
-            # How many stretches with the mark each cell is in.
-            depth = np.zeros(cells + 1, np.int64)
-            np.add.at(depth, first[of_mark], 1)
-            np.add.at(depth, last[of_mark] + 1, -1)
-            found[(np.cumsum(depth[:-1]) > 0) & (found < worse)] = worse
-        return [Mark(one) for one in found.tolist()]
+        bounds = lists.searchsorted(np.array([numbers, numbers]) + [[0], [1]]).T.tolist()
+        for place, (begin, end) in enumerate(bounds):
+            if begin == end:
+                continue
+            first, last = (
+                (edge.searchsorted(times_ns[begin:end], "right") - 1).clip(0, cells - 1)
+                for times_ns in (since_ns, until_ns)
+            )
+            # A row for each mark: how many stretches with it each cell is in.
+            row, size = mark[begin:end] * (cells + 1), len(Mark) * (cells + 1)
+            begun = np.bincount(row + first, minlength=size) - np.bincount(row + last + 1, minlength=size)
+            is_in = begun.reshape(len(Mark), -1).cumsum(axis=1)[:, :-1] > 0
+            np.maximum(found[place], (is_in * _VALUES).max(axis=0), out=found[place])
+        return [[_BY_VALUE[one] for one in row] for row in found.tolist()]
 
     def up_to(self, now_ns: int) -> Chronicle:
         """Return what happened up to a time, which is before the end where the clock was set back.
@@ -98,16 +107,21 @@ class Chronicle:
         """The numbers of lists by the text of their keys."""
         return {str(entry.key): number for number, entry in self.lists.items()}
 
-    def _silent_ns(self, number: int, edge: I64) -> I64:
-        """Return for how long a list was silent in each part: none of its streams was heard."""
-        streams = [stream for stream in self.lists[number].streams if stream.telegrams]
-        since_ns, until_ns = self._silences(number, streams).of_all(len(streams), self.start_ns, self.end_ns)
-        return within_ns(since_ns, until_ns, edge)
+    def _silent(self, numbers: Sequence[int]) -> Mapping[int, tuple[I64, I64]]:
+        """Return when none of the streams of lists was heard, of those that were silent so, by place in ``numbers``."""
+        every = [
+            (place, number, one)
+            for place, number in enumerate(numbers) for one in self.lists[number].streams if one.telegrams
+        ]  # fmt: skip
+        spans = self._silences([(number, one) for _, number, one in every])
+        group = np.array([place for place, _, _ in every], np.int64)
+        found = spans.of_groups(group, len(numbers), self.start_ns, self.end_ns)
+        return {place: (found.since_ns[own], found.until_ns[own]) for (place,), own in rows_by((found.stream,))}
 
-    def _silences(self, number: int, streams: Sequence[AnyStream]) -> SilentSpans:
-        """Return when streams of a list were silent: before and behind what there is of them, and their pauses."""
+    def _silences(self, streams: Sequence[tuple[int, AnyStream]]) -> SilentSpans:
+        """Return when streams of lists, told by number, were silent: before and behind them, and their pauses."""
         first_ns, last_ns, usual_ns = (
-            np.array([(one.first_ns, one.last_ns, _usual_ns(one)) for one in streams], np.int64).reshape(-1, 3).T
+            np.array([(one.first_ns, one.last_ns, _usual_ns(one)) for _, one in streams], np.int64).reshape(-1, 3).T
         )
         before = np.flatnonzero((first_ns <= self.end_ns) & (first_ns - self.start_ns > usual_ns))
         behind = np.flatnonzero(self.end_ns - last_ns > usual_ns)
@@ -117,25 +131,23 @@ class Chronicle:
         ]
         unheard = [
             (place, one.since_ns, one.until_ns)
-            for place, stream in enumerate(streams) for one in self.silences.get(stream.stream, ())
+            for place, (_, stream) in enumerate(streams) for one in self.silences.get(stream.stream, ())
         ] if self.silences else []  # fmt: skip
         parts.append(SilentSpans(*np.array(unheard, np.int64).reshape(-1, 3).T))
-        places = {(-1 if one.node is None else one.node, one.subindex): place for place, one in enumerate(streams)}
-        for place, row in self._pauses_of.get(number, {}).items():
-            if place in places:
-                stream = np.full(len(row), places[place])
-                parts.append(SilentSpans(stream, self.pauses.since_ns[row], self.pauses.time_ns[row]))
+        for place, (number, stream) in enumerate(streams):
+            row = self._pauses_of.get((number, -1 if stream.node is None else stream.node, stream.subindex))
+            if row is not None:
+                parts.append(
+                    SilentSpans(np.full(len(row), place), self.pauses.since_ns[row], self.pauses.time_ns[row])
+                )
         whole = SilentSpans(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
         long = whole.until_ns - whole.since_ns > usual_ns[whole.stream]
         return SilentSpans(*(column[long] for column in whole))
 
     @cached_property
-    def _pauses_of(self) -> Mapping[int, Mapping[tuple[int, int], I64]]:
-        """Where the pauses of each list are, by node and SubIndex."""
-        found: dict[int, dict[tuple[int, int], I64]] = defaultdict(dict)
-        for place, row in rows_by((self.pauses.list, self.pauses.node, self.pauses.subindex)):
-            found[place[0]][place[1], place[2]] = row
-        return found
+    def _pauses_of(self) -> Mapping[tuple[int, ...], I64]:
+        """Where the pauses of each stream are, by list, node and SubIndex."""
+        return dict(rows_by((self.pauses.list, self.pauses.node, self.pauses.subindex)))
 
 
 def _usual_ns(stream: AnyStream) -> int:

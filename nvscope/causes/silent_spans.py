@@ -17,20 +17,29 @@ class SilentSpans(NamedTuple):
     since_ns: I64
     until_ns: I64
 
-    def of_all(self, streams: int, start_ns: int, end_ns: int) -> tuple[I64, I64]:
-        """Return from when to when all of so many streams were silent, within a time; the spans rise."""
-        if not streams:
-            return np.array([start_ns]), np.array([end_ns])
+    def of_groups(self, group: I64, groups: int, start_ns: int, end_ns: int) -> SilentSpans:
+        """Return from when to when all streams of each group were silent, within a time; ``stream`` is the group then.
+
+        ``group`` is that of each stream, 0 … ``groups`` - 1. The spans of a group rise; one without streams is silent.
+        """
         since_ns, until_ns = self.since_ns.clip(start_ns, end_ns), self.until_ns.clip(start_ns, end_ns)
         some = until_ns > since_ns
         own = _apart(SilentSpans(self.stream[some], since_ns[some], until_ns[some]))
-        # One more is silent from each beginning on, one less from each end.
+        streams = np.bincount(group, minlength=groups)
+        # Of a group, one more is silent from each beginning on, one less from each end; none behind the last.
+        of_group = np.tile(group[own.stream], 2)
         times_ns = np.concatenate([own.since_ns, own.until_ns])
-        order = np.argsort(times_ns, kind="stable")
+        order = np.lexsort((times_ns, of_group))
         silent = np.cumsum(np.repeat([1, -1], len(own.stream))[order])
-        times_ns = times_ns[order]
-        from_ = np.flatnonzero((silent[:-1] == streams) & (times_ns[1:] > times_ns[:-1]))
-        return times_ns[from_], times_ns[from_ + 1]
+        times_ns, of_group = times_ns[order], of_group[order]
+        whole = (silent[:-1] == streams[of_group[:-1]]) & (times_ns[1:] > times_ns[:-1])
+        from_ = np.flatnonzero(whole & (of_group[1:] == of_group[:-1]))
+        empty = np.flatnonzero(streams == 0) if end_ns > start_ns else np.empty(0, np.int64)
+        return SilentSpans(
+            np.append(of_group[from_], empty),
+            np.append(times_ns[from_], np.full(len(empty), start_ns)),
+            np.append(times_ns[from_ + 1], np.full(len(empty), end_ns)),
+        )
 
 
 def within_ns(since_ns: I64, until_ns: I64, edge: I64) -> I64:

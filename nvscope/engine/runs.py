@@ -20,15 +20,24 @@ def runs_of(numbers: I64) -> tuple[I64, I64]:
     """Return where each run of equal numbers starts, and where it stops."""
     if not len(numbers):
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    changes = np.flatnonzero(numbers[1:] != numbers[:-1])
-    changes += 1
-    return np.append(0, changes), np.append(changes, len(numbers))
+    changes = (numbers[1:] != numbers[:-1]).nonzero()[0]
+    start, stop = np.empty(len(changes) + 1, np.int64), np.empty(len(changes) + 1, np.int64)
+    start[0], stop[-1] = 0, len(numbers)
+    np.add(changes, 1, out=start[1:])
+    stop[:-1] = start[1:]
+    return start, stop
 
 
 def distinct(numbers: I64) -> I64:
     """Return the different numbers of an array, rising: what ``np.unique`` does, which imports ``numpy.ma`` first."""
-    ordered: I64 = np.sort(numbers, axis=None)
-    return ordered[runs_of(ordered)[0]]
+    ordered: I64 = numbers.flatten()
+    if len(ordered) < 2:
+        return ordered
+    ordered.sort()
+    first = np.empty(len(ordered), np.bool_)
+    first[0] = True
+    np.not_equal(ordered[1:], ordered[:-1], out=first[1:])
+    return ordered[first]
 
 
 def stable_order(numbers: I64, bound: int) -> I64:
@@ -77,7 +86,9 @@ def rows_by(columns: Sequence[I64]) -> Iterator[tuple[tuple[int, ...], I64]]:
     changes[:1] = True
     start = np.flatnonzero(changes)
     places = zip(*(column[order[start]].tolist() for column in columns), strict=True)
-    yield from zip(places, np.split(order, start[1:]) if len(start) else (), strict=True)
+    bounds = [*start.tolist(), len(order)]
+    for place, begin, end in zip(places, bounds, bounds[1:], strict=False):
+        yield place, order[begin:end]
 
 
 def _rising(columns: Sequence[I64]) -> I64:

@@ -38,8 +38,9 @@ class Bar(Widget):
 
     def tell(self, left: Line, right: Line = ()) -> None:
         """Show other text."""
-        self._left, self._right = left, right
-        self.refresh()
+        if (left, right) != (self._left, self._right):
+            self._left, self._right = left, right
+            self.refresh()
 
     def render_line(self, y: int) -> Strip:
         width = self.size.width

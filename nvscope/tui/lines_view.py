@@ -5,26 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from textual.geometry import Size
-from textual.scroll_view import ScrollView
-from textual.strip import Strip
-
 from nvscope.tui.moving import step_of
-from nvscope.tui.painting import CURSOR, DARK, Palette, strip_of
+from nvscope.tui.painting import CURSOR
+from nvscope.tui.scrolled_lines import DrawnLine, ScrolledLines
 from nvscope.view.lines.table import Line
 
 
-class LinesView(ScrollView):
+class LinesView(ScrolledLines):
     """Shows lines; ``starts`` are the first lines of entries, ``entry`` is the one under the cursor, -1 without any."""
 
-    can_focus = False
-    DEFAULT_CSS = """
-    LinesView { height: 1fr; scrollbar-size-vertical: 1; scrollbar-size-horizontal: 0; overflow-x: hidden; }
-    """
-
-    def __init__(self, *, palette: Palette = DARK, **how: Any) -> None:
+    def __init__(self, **how: Any) -> None:
         super().__init__(**how)
-        self.palette = palette
         self.lines: Sequence[Line] = ()
         self.starts: Sequence[int] = ()
         self.entry = -1
@@ -34,10 +25,10 @@ class LinesView(ScrollView):
         self.lines, self.starts = lines, starts
         wanted = self.entry if entry is None else entry
         self.entry = min(max(wanted, 0), len(starts) - 1)
-        self.virtual_size = Size(self.size.width, len(lines))
+        self.set_height(len(lines))
         if entry is not None:
             self._bring_into_view()
-        self.refresh()
+        self.redraw()
 
     def move(self, action: str) -> bool:
         """Move as an action says, from entry to entry where there are any; False where that is none of moving."""
@@ -49,7 +40,7 @@ class LinesView(ScrollView):
             self._bring_into_view()
         else:
             self.scroll_to(0, self.scroll_offset.y + step, animate=False, force=True)
-        self.refresh()
+        self.redraw()
         return True
 
     def _bring_into_view(self) -> None:
@@ -63,11 +54,11 @@ class LinesView(ScrollView):
             self.scroll_to(0, max(target, 0), animate=False, force=True)
 
     def on_resize(self) -> None:
-        self.virtual_size = Size(self.size.width, len(self.lines))
+        self.set_height(len(self.lines))
 
-    def render_line(self, y: int) -> Strip:
-        width, at, base = self.size.width, self.scroll_offset.y + y, self.rich_style
+    def line_in_view(self, y: int) -> DrawnLine:
+        at = self.scroll_offset.y + y
         if at >= len(self.lines):
-            return Strip.blank(width, base)
-        over = CURSOR if 0 <= self.entry < len(self.starts) and at == self.starts[self.entry] else None
-        return strip_of(self.lines[at], width, self.palette, over).apply_style(base)
+            return DrawnLine()
+        is_current = 0 <= self.entry < len(self.starts) and at == self.starts[self.entry]
+        return DrawnLine(self.lines[at], CURSOR if is_current else None)

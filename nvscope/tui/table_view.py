@@ -6,13 +6,11 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from textual.geometry import Size
 from textual.message import Message
-from textual.scroll_view import ScrollView
-from textual.strip import Strip
 
 from nvscope.tui.moving import step_of
-from nvscope.tui.painting import CURSOR, DARK, Palette, strip_of
+from nvscope.tui.painting import CURSOR
+from nvscope.tui.scrolled_lines import DrawnLine, ScrolledLines
 from nvscope.view.lines.table import GAP, Cell, Column, Fitting, Line, fitting, heading, table_line
 
 _SHORTEST_STRIP, _WANTED_STRIP, _LONGEST_STRIP = 10, 20, 60
@@ -26,7 +24,7 @@ class Table:
 
     ``key`` tells what a row is about, so that the cursor stays on it where rows move; ``find`` knows where it is then,
     None where all are looked at. ``stretches`` is the place of a column that takes what room is left, whose cells
-    ``strip`` makes of a row and a width; ``title`` is made likewise.
+    ``strips`` makes of rows and a width; ``title`` is made of the width.
     """
 
     columns: Sequence[Column]
@@ -34,7 +32,7 @@ class Table:
     cells: Callable[[int], Sequence[Cell]]
     key: Callable[[int], Hashable]
     stretches: int | None = None
-    strip: Callable[[int, int], Cell] | None = None
+    strips: Callable[[Sequence[int], int], Sequence[Cell]] | None = None
     title: Callable[[int], str] | None = None
     find: Callable[[Hashable], int | None] | None = None
 
@@ -43,8 +41,8 @@ _NO_TABLE = Table((), 0, lambda _: (), lambda row: row)
 
 
 @dataclass(slots=True)
-class _Drawn:
-    """What was drawn of a table, as long as nothing changes: its fitting, and lines by row."""
+class _Fitted:
+    """How a table fits, as long as nothing changes: its fitting, and lines by row."""
 
     found: Fitting | None = None
     columns: Sequence[Column] = ()
@@ -53,13 +51,8 @@ class _Drawn:
     window: tuple[int, int, int] = (0, 0, 0)
 
 
-class TableView(ScrollView):
+class TableView(ScrolledLines):
     """Shows a ``Table``; the row under the cursor is ``row``, -1 without any."""
-
-    can_focus = False
-    DEFAULT_CSS = """
-    TableView { height: 1fr; scrollbar-size-vertical: 1; scrollbar-size-horizontal: 0; overflow-x: hidden; }
-    """
 
     class Opened(Message):
         """A row was clicked that the cursor was on."""
@@ -67,14 +60,13 @@ class TableView(ScrollView):
     class Moved(Message):
         """The cursor is on another row."""
 
-    def __init__(self, *, palette: Palette = DARK, **how: Any) -> None:
+    def __init__(self, **how: Any) -> None:
         super().__init__(**how)
-        self.palette = palette
         self.table = _NO_TABLE
         self.row = -1
         self._key: Hashable = None
         self._least: list[int] = []
-        self._drawn = _Drawn()
+        self._fitted = _Fitted()
         self.follows = False
         """Whether the cursor stays on the last row when more come."""
 
@@ -83,7 +75,7 @@ class TableView(ScrollView):
         if [one.title for one in table.columns] != [one.title for one in self.table.columns]:
             self._least = []
         self.table = table
-        self._drawn = _Drawn()
+        self._fitted = _Fitted()
         if not table.count:
             self.row, self._key = -1, None
         elif self.follows or self.row < 0:
@@ -95,9 +87,9 @@ class TableView(ScrollView):
         if self.row >= 0:
             self._key = table.key(self.row)
         # One line more: the heading stays in view above the rows.
-        self.virtual_size = Size(self.size.width, table.count + 1)
+        self.set_height(table.count + 1)
         self._bring_into_view()
-        self.refresh()
+        self.redraw()
 
     @property
     def key(self) -> Hashable:
@@ -128,7 +120,7 @@ class TableView(ScrollView):
             self.row, self._key = row, self.table.key(row)
             self.post_message(self.Moved())
         self._bring_into_view()
-        self.refresh()
+        self.redraw()
 
     def _bring_into_view(self) -> None:
         height = max(self.size.height - 1, 1)
@@ -139,8 +131,8 @@ class TableView(ScrollView):
 
     def on_resize(self) -> None:
         self._least = []
-        self._drawn = _Drawn()
-        self.virtual_size = Size(self.size.width, self.table.count + 1)
+        self._fitted = _Fitted()
+        self.set_height(self.table.count + 1)
         self._bring_into_view()
 
     def on_click(self, event: Any) -> None:
@@ -158,14 +150,14 @@ class TableView(ScrollView):
     def _fit(self) -> None:
         """Find out how the rows in view fit the width."""
         window = self._window()
-        if self._drawn.found is not None and self._drawn.window == window:
+        if self._fitted.found is not None and self._fitted.window == window:
             return
         table, (first, stop, width) = self.table, window
         rows = [table.cells(row) for row in range(first, stop)]
         if not self._least:
             self._least = [0] * len(table.columns)
         columns = list(table.columns)
-        if table.stretches is not None and table.strip is not None:
+        if table.stretches is not None and table.strips is not None:
             found = fitting(columns, rows, None, least=self._least)
             self._least = list(found.natural)
             kept = self._kept(columns, width)
@@ -173,7 +165,7 @@ class TableView(ScrollView):
             room = max(_SHORTEST_STRIP, min(_LONGEST_STRIP, room))
             title = table.title(room) if table.title else ""
             at = sum(place < table.stretches for place in kept)
-            strips = [table.strip(row, room) for row in range(first, stop)]
+            strips = table.strips(range(first, stop), room)
             columns = _with(
                 [columns[place] for place in kept], at, Column(title, shortest=_SHORTEST_STRIP, verbatim=True)
             )
@@ -188,7 +180,7 @@ class TableView(ScrollView):
         lines = {
             row: table_line(columns, found, cells) for row, cells in zip(range(first, stop), rows, strict=True)
         }  # fmt: skip
-        self._drawn = _Drawn(found, columns, heading(columns, found), lines, window)
+        self._fitted = _Fitted(found, columns, heading(columns, found), lines, window)
 
     def _kept(self, columns: Sequence[Column], width: int) -> list[int]:
         """Return the columns that stay beside the strip: those of least importance go for one that shows something."""
@@ -201,20 +193,16 @@ class TableView(ScrollView):
         return kept
 
     def _line(self, row: int) -> Line:
-        return self._drawn.lines.get(row, ())
+        return self._fitted.lines.get(row, ())
 
-    def render_line(self, y: int) -> Strip:
-        width, base = self.size.width, self.rich_style
-        if not self.table.columns or not width:
-            return Strip.blank(width, base)
+    def line_in_view(self, y: int) -> DrawnLine:
+        if not self.table.columns or not self.size.width:
+            return DrawnLine()
         self._fit()
         if y == 0:
-            return strip_of(self._drawn.heading, width, self.palette).apply_style(base)
+            return DrawnLine(self._fitted.heading)
         row = self.scroll_offset.y + y - 1
-        if row >= self.table.count:
-            return Strip.blank(width, base)
-        over = CURSOR if row == self.row else None
-        return strip_of(self._line(row), width, self.palette, over).apply_style(base)
+        return DrawnLine(self._line(row), CURSOR if row == self.row else None)
 
 
 def _with(items: Sequence[Any], at: int, item: Any) -> list[Any]:

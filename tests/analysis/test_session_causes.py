@@ -36,10 +36,10 @@ def test_a_snapshot_stays_as_it_is_while_its_session_goes_on(tmp_path: Path) -> 
     last = session.stop()
     for seen in (first, last):
         assert seen.happened is not None
-        strips = [seen.happened.chronicle.strip(str(entry.key), 40) for entry in seen.summary.lists]
+        strips = seen.happened.chronicle.strips([str(entry.key) for entry in seen.summary.lists], 40)
         assert all(len(strip) == 40 for strip in strips)
     assert last.happened is not None
-    (strip,) = (last.happened.chronicle.strip(str(entry.key), 40) for entry in last.summary.lists)
+    (strip,) = last.happened.chronicle.strips([str(entry.key) for entry in last.summary.lists], 40)
     assert {Mark.RESTARTED, Mark.SILENT} <= set(strip)
 
 

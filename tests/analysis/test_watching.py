@@ -147,5 +147,5 @@ def test_behind_a_clock_that_was_set_back_time_goes_on(tmp_path: Path) -> None:
     assert chronicle is not None
     assert (chronicle.end_ns, chronicle.start_ns < chronicle.end_ns) == (last.at_ns, True)
     (key,) = chronicle.numbers
-    assert Mark.SILENT not in chronicle.last(3_000_000_000).strip(key, 30)
+    assert Mark.SILENT not in chronicle.last(3_000_000_000).strips([key], 30)[0]
     assert last.pace.per_second(0, 2) == 20.0

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from textual.geometry import Size
 from textual.message import Message
-from textual.scroll_view import ScrollView
-from textual.strip import Strip
 
 from dissectors.batch import Bool
-from nvscope.tui.painting import CHANGED, CURSOR, DARK, Palette, marked, strip_of
+from nvscope.tui.painting import CHANGED, CURSOR
+from nvscope.tui.scrolled_lines import DrawnLine, MarkedSpans, ScrolledLines
 from nvscope.view.lines.hexdump import PER_LINE, TonedSpan, dump
 from nvscope.view.lines.table import Cell, Line
 from nvscope.view.lines.tree_lines import Place
@@ -27,20 +25,14 @@ def width_of(per_line: int) -> int:
     return _OFFSET + 3 * per_line + _GAP + per_line
 
 
-class BytesPane(ScrollView):
+class BytesPane(ScrolledLines):
     """Shows bytes; ``byte`` is the one under the cursor, which stands in brackets where ``has_keys``."""
-
-    can_focus = False
-    DEFAULT_CSS = """
-    BytesPane { height: 1fr; scrollbar-size-vertical: 1; scrollbar-size-horizontal: 0; overflow-x: hidden; }
-    """
 
     class Picked(Message):
         """A byte was clicked."""
 
-    def __init__(self, *, palette: Palette = DARK, **how: Any) -> None:
+    def __init__(self, **how: Any) -> None:
         super().__init__(**how)
-        self.palette = palette
         self.packet = b""
         self.byte = 0
         self.lit: Place | None = None
@@ -66,14 +58,14 @@ class BytesPane(ScrollView):
         if place is not None and not self.has_keys:
             self.byte = min(place.start, max(len(self.packet) - 1, 0))
         self._bring_into_view()
-        self.refresh()
+        self.redraw()
 
     def _draw(self) -> None:
         per_line = self.per_line
         self._lines = list(dump(self.packet, self._parts, per_line=per_line))
-        self.virtual_size = Size(self.size.width, len(self._lines))
+        self.set_height(len(self._lines))
         self._bring_into_view()
-        self.refresh()
+        self.redraw()
 
     def move(self, action: str) -> bool:
         """Move the cursor as an action says; False where that is none of moving."""
@@ -88,7 +80,7 @@ class BytesPane(ScrollView):
             return False
         self.byte = min(max(self.byte + steps[action], 0), max(len(self.packet) - 1, 0))
         self._bring_into_view()
-        self.refresh()
+        self.redraw()
         return True
 
     def text(self) -> str:
@@ -112,24 +104,23 @@ class BytesPane(ScrollView):
             self.byte = byte
             self.post_message(self.Picked())
 
-    def render_line(self, y: int) -> Strip:
-        width, row, base = self.size.width, self.scroll_offset.y + y, self.rich_style
+    def line_in_view(self, y: int) -> DrawnLine:
+        row = self.scroll_offset.y + y
         if row >= len(self._lines):
-            return Strip.blank(width, base)
+            return DrawnLine()
         per_line = self.per_line
         first = row * per_line
-        strip = strip_of(self._bracketed(row), width, self.palette)
+        marks = []
         if self._changed is not None:
             own = np.flatnonzero(self._changed[first : first + per_line]).tolist()
-            strip = marked(strip, [(_OFFSET + 3 * at, _OFFSET + 3 * at + 2) for at in own], CHANGED)
+            marks.append(MarkedSpans([(_OFFSET + 3 * at, _OFFSET + 3 * at + 2) for at in own], CHANGED))
         if self.lit is not None:
             start, stop = max(self.lit.start - first, 0), min(self.lit.stop - first, per_line)
             if start < stop:
                 letters = _OFFSET + 3 * per_line + _GAP
-                strip = marked(
-                    strip, [(_OFFSET + 3 * start, _OFFSET + 3 * stop - 1), (letters + start, letters + stop)], CURSOR
-                )
-        return strip.apply_style(base)
+                lit = [(_OFFSET + 3 * start, _OFFSET + 3 * stop - 1), (letters + start, letters + stop)]
+                marks.append(MarkedSpans(lit, CURSOR))
+        return DrawnLine(self._bracketed(row), marks=marks)
 
     def _bracketed(self, row: int) -> Line:
         """Return a line with brackets around the byte under the cursor, where that is in it."""

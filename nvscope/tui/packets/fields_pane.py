@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from textual.strip import Strip
 
 from dissectors.batch import Bool
 from nvscope.tui.lines_view import LinesView
 from nvscope.tui.packets.text import first_line
-from nvscope.tui.painting import CHANGED, CURSOR, marked, strip_of
+from nvscope.tui.painting import CHANGED, CURSOR
+from nvscope.tui.scrolled_lines import DrawnLine, MarkedSpans
 from nvscope.view.lines.table import Cell, Line, Tone
 from nvscope.view.lines.tree import PlacedLine
 from nvscope.view.lines.tree_lines import BYTES_AT, SHOWN_BYTES, Place
@@ -150,15 +150,14 @@ class FieldsPane(LinesView):
             self._note()
             if again:
                 self.fold()
-            self.refresh()
+            self.redraw()
 
-    def render_line(self, y: int) -> Strip:
-        width, row, base = self.size.width, self.scroll_offset.y + y, self.rich_style
+    def line_in_view(self, y: int) -> DrawnLine:
+        row = self.scroll_offset.y + y
         if row >= len(self.lines):
-            return Strip.blank(width, base)
+            return DrawnLine()
         over = CURSOR if self.is_lit and row == self.entry else None
-        strip = strip_of(self.lines[row], width, self.palette, over)
-        return marked(strip, self._changed_at(row), CHANGED).apply_style(base)
+        return DrawnLine(self.lines[row], over, (MarkedSpans(self._changed_at(row), CHANGED),))
 
     def _changed_at(self, row: int) -> list[tuple[int, int]]:
         """Return the columns of bytes that changed."""

@@ -6,14 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from textual.geometry import Size
 from textual.message import Message
-from textual.scroll_view import ScrollView
-from textual.strip import Strip
 
 from dissectors.batch import I64
 from nvscope.tui.moving import step_of
-from nvscope.tui.painting import CURSOR, DARK, Palette, strip_of
+from nvscope.tui.painting import CURSOR
+from nvscope.tui.scrolled_lines import DrawnLine, ScrolledLines
 from nvscope.view.lines.table import Cell, Line, Tone
 
 _NONE = np.empty(0, np.int64)
@@ -25,15 +23,10 @@ MakeLines = Callable[[I64, int | None], Sequence[Line]]
 """Given frame numbers, and that of the frame shown before them, returns a line each."""
 
 
-class PacketList(ScrollView):
+class PacketList(ScrolledLines):
     """Shows frames by their numbers, which rise; ``frame`` is the one under the cursor, None without any.
 
     ``follows``: the cursor stays on the last frame when more come.
-    """
-
-    can_focus = False
-    DEFAULT_CSS = """
-    PacketList { height: 1fr; scrollbar-size-vertical: 1; scrollbar-size-horizontal: 0; overflow-x: hidden; }
     """
 
     class Moved(Message):
@@ -42,9 +35,8 @@ class PacketList(ScrollView):
     class Opened(Message):
         """A line was clicked that the cursor was on."""
 
-    def __init__(self, *, palette: Palette = DARK, **how: Any) -> None:
+    def __init__(self, **how: Any) -> None:
         super().__init__(**how)
-        self.palette = palette
         self.numbers: I64 = _NONE
         self.frame: int | None = None
         self.follows = False
@@ -62,7 +54,7 @@ class PacketList(ScrollView):
         top_frame = int(self.numbers[top]) if top < len(self.numbers) else None
         self.numbers, self._make, self._matches = numbers, make, matches
         self._window = (0, 0)
-        self.virtual_size = Size(self.size.width, len(numbers))
+        self.set_height(len(numbers))
         if not len(numbers):
             self.frame = None
         elif self.frame is None or self.follows:
@@ -72,7 +64,7 @@ class PacketList(ScrollView):
         if top_frame is not None and not self.follows:
             self._scroll(int(np.searchsorted(numbers, top_frame)))
         self._bring_into_view()
-        self.refresh()
+        self.redraw()
 
     @property
     def row(self) -> int:
@@ -98,7 +90,7 @@ class PacketList(ScrollView):
             self.frame = frame
             self.post_message(self.Moved())
         self._bring_into_view()
-        self.refresh()
+        self.redraw()
 
     def text(self) -> str:
         """Return the line under the cursor as text."""
@@ -122,7 +114,7 @@ class PacketList(ScrollView):
 
     def on_resize(self) -> None:
         self._window = (0, 0)
-        self.virtual_size = Size(self.size.width, len(self.numbers))
+        self.set_height(len(self.numbers))
         self._bring_into_view()
 
     def on_click(self, event: Any) -> None:
@@ -150,9 +142,8 @@ class PacketList(ScrollView):
             self._window = (first, stop)
         return self._lines
 
-    def render_line(self, y: int) -> Strip:
-        width, base, row = self.size.width, self.rich_style, self.scroll_offset.y + y
-        if row >= len(self.numbers) or not width:
-            return Strip.blank(width, base)
-        over = CURSOR if row == self.row else None
-        return strip_of(self._made().get(row, ()), width, self.palette, over).apply_style(base)
+    def line_in_view(self, y: int) -> DrawnLine:
+        row = self.scroll_offset.y + y
+        if row >= len(self.numbers) or not self.size.width:
+            return DrawnLine()
+        return DrawnLine(self._made().get(row, ()), CURSOR if row == self.row else None)

@@ -77,11 +77,11 @@ class ListsView(View):
             place = self._order[row]
             return list(_cells(look, look.report["lists"][place], entries[place].number, keys[place]))
 
-        def strip(row: int, room: int) -> Cell:
+        def strips(rows: Sequence[int], room: int) -> Sequence[Cell]:
             if chronicle is None:
-                return Cell("")
-            key = str(entries[self._order[row]].key)
-            return Cell("".join(MARKS[mark][0] for mark in chronicle.strip(key, room)))
+                return [Cell("")] * len(rows)
+            drawn = chronicle.strips([str(entries[self._order[row]].key) for row in rows], room)
+            return [Cell("".join(MARKS[mark][0] for mark in one)) for one in drawn]
 
         def title(room: int) -> str:
             if chronicle is None:
@@ -90,7 +90,7 @@ class ListsView(View):
             return f"last {units.duration(length_ns)}"[:room] if look.live else scale(length_ns, room)
 
         self._table.show(
-            Table(COLUMNS, len(self._order), cells, lambda row: keys[self._order[row]], _STRIP_AT, strip, title)
+            Table(COLUMNS, len(self._order), cells, lambda row: keys[self._order[row]], _STRIP_AT, strips, title)
         )
         self._tell_what_happened()
 

@@ -237,7 +237,7 @@ class PacketsView(View):
         if self._pane == _BYTES and self._frame is not None:
             self._fields.go_to_byte(self._bytes.byte)
         self._bytes.light(None if self._pane == _LIST else self._fields.place)
-        self._fields.refresh()
+        self._fields.redraw()
 
     def _tell_bars(self) -> None:
         of_list: Iterator[str] = iter(())

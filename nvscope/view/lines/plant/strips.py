@@ -77,7 +77,7 @@ def strips(
         at = next(place for place, column in enumerate(columns) if column.title in _BEHIND)
         room = _room(columns, rows, width)
         keys_of = keys_among([entry["key"] for entry in shown.entries], chronicle.numbers)
-        drawn = [chronicle.strip(key, room) for key in keys_of]
+        drawn = chronicle.strips(list(keys_of), room)
         columns.insert(at, Column(_scale(report, chronicle, room), verbatim=True))
         for row, one in zip(rows, drawn, strict=True):
             row.insert(at, Cell("".join(MARKS[mark][0] for mark in one)))

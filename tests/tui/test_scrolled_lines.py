@@ -1,0 +1,54 @@
+"""What is drawn again is what changed: the screen never differs from one that is drawn as a whole."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.cli.definitions import project_of
+from nvscope.tui.actions import ACTIONS
+from tests.tui.screen import Screen, on_screen
+
+CAPTURES = Path(__file__).parents[2] / "captures"
+PLANT = str(CAPTURES / "plant.pcapng.gz")
+PRESS = str(CAPTURES / "can" / "press.log")
+PRESS_GVL = [str(CAPTURES / "can" / "press.gvl")]
+
+NOT_PRESSED = {"program.quit", "program.suspend", "program.command", "find.filter", "show.copy", "time.go"}
+PRESSED = [action.name for action in ACTIONS if action.name not in NOT_PRESSED and not action.name.startswith("record")]
+MOVES = [name for name in PRESSED if name.startswith(("move.", "time."))]
+COMPARED = 60
+
+
+def drawn(screen: Screen) -> list[list[tuple[str, Any]]]:
+    """Return what is on the screen, with its styles."""
+    strips = screen.app.screen._compositor.render_strips()
+    return [[(segment.text, segment.style) for segment in strip.simplify()] for strip in strips]
+
+
+@pytest.mark.parametrize(("path", "definitions", "seed"), [(PLANT, None, 1), (PRESS, PRESS_GVL, 2)])
+def test_the_screen_is_as_if_drawn_as_a_whole(path: str, definitions: list[str] | None, seed: int) -> None:
+    chosen = random.Random(seed)
+
+    async def try_out(screen: Screen) -> None:
+        compared = 0
+        while compared < COMPARED:
+            name = chosen.choice(PRESSED if chosen.random() < 0.5 else MOVES)
+            if name == "program.back" and screen.app.front is screen.app.views[0]:
+                continue
+            screen.app.act(name)
+            await screen.press()
+            look, found, parts = screen.app.look, screen.app.find.found, drawn(screen)
+            for widget in screen.app.query("*"):
+                widget.refresh()
+            await screen.press()
+            # What a thread found meanwhile is shown, too.
+            if look is screen.app.look and found is screen.app.find.found:
+                assert drawn(screen) == parts, name
+                compared += 1
+
+    on_screen(Inquiry([path], project_of(None, definitions)), try_out, size=(120, 30))
