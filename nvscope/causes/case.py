@@ -160,8 +160,11 @@ class Case:
 
         What comes at one moment, be it of several SubIndexes, is one event: bursts would seem to be over between two.
         """
-        times_ns = np.sort(times_ns)
-        return self.end_of_many(int(times_ns[0]), int(times_ns[-1]), moments(times_ns), least_ns)
+        first_ns, last_ns = int(times_ns.min()), int(times_ns.max())
+        # The fewer moments, the longer they seem to go on: mostly it is known without counting them.
+        if self.end_of_many(first_ns, last_ns, len(times_ns), least_ns) is None:
+            return None
+        return self.end_of_many(first_ns, last_ns, moments(np.sort(times_ns)), least_ns)
 
     def counts_as_a_whole(self, node: int) -> bool:
         """Tell whether a node has one counter for all its lists: then a step is the node's, not that of a list."""

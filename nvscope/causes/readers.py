@@ -140,7 +140,7 @@ def judge_impossible(case: Case) -> Iterator[Explained]:
             checked.append("it is a broadcast: nobody has to answer")
         draft = Draft(
             ACKNOWLEDGEMENT_IMPOSSIBLE, f"{capitalised(name)} asks for acknowledgements that nobody sends",
-            step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], every.tolist()),
+            step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], every),
         )  # fmt: skip
         yield draft, case.only(own)
 
@@ -314,7 +314,7 @@ def judge_boot_up(case: Case) -> Iterator[Explained]:
         draft = Draft(
             REQUEST_UNANSWERED, f"Nobody answered {who}, which asked for {name} at {moment(case, since_ns)}",
             REQUEST_UNANSWERED.next_step, checked, [entry], askers, since_ns=since_ns,
-            until_ns=_end_of_many(case, [entry], own.tolist()),
+            until_ns=_end_of_many(case, [entry], own),
         )  # fmt: skip
         yield draft, case.only(own)
 
@@ -327,6 +327,6 @@ def _answered_again(case: Case, lists: Sequence[AnyList], readers: Sequence[int]
     return last_ns if (later > last_ns).any() else None
 
 
-def _end_of_many(case: Case, lists: Sequence[AnyList], rows: Sequence[int]) -> int | None:
+def _end_of_many(case: Case, lists: Sequence[AnyList], rows: Sequence[int] | I64) -> int | None:
     """Return when events that come again and again ended; None where they go on as far as one can tell."""
-    return case.end_of(case.symptoms.time_ns[list(rows)], slack_ns(lists))
+    return case.end_of(case.symptoms.time_ns[np.asarray(rows)], slack_ns(lists))
