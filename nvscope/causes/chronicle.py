@@ -67,8 +67,8 @@ class Chronicle:
         for place, (since_ns, until_ns) in self._silent(numbers).items():
             found[place, within_ns(since_ns, until_ns, edge) >= part_ns] = Mark.SILENT
         lists, since_ns, until_ns, mark = self.marks
-        bounds = lists.searchsorted(np.array([numbers, numbers]) + [[0], [1]]).T.tolist()
-        for place, (begin, end) in enumerate(bounds):
+        begins, ends = (lists.searchsorted(np.array(numbers, np.int64) + at).tolist() for at in (0, 1))
+        for place, (begin, end) in enumerate(zip(begins, ends, strict=True)):
             if begin == end:
                 continue
             first, last = (
@@ -137,9 +137,7 @@ class Chronicle:
         for place, (number, stream) in enumerate(streams):
             row = self._pauses_of.get((number, -1 if stream.node is None else stream.node, stream.subindex))
             if row is not None:
-                parts.append(
-                    SilentSpans(np.full(len(row), place), self.pauses.since_ns[row], self.pauses.time_ns[row])
-                )
+                parts.append(SilentSpans(np.full(len(row), place), self.pauses.since_ns[row], self.pauses.time_ns[row]))
         whole = SilentSpans(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
         long = whole.until_ns - whole.since_ns > usual_ns[whole.stream]
         return SilentSpans(*(column[long] for column in whole))

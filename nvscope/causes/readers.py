@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import Bool
+from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.gaps import clusters

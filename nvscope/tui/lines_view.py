@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from nvscope.tui.moving import step_of
-from nvscope.tui.painting import CURSOR
-from nvscope.tui.scrolled_lines import DrawnLine, ScrolledLines
+from nvscope.tui.painting import CURSOR, DrawnLine
+from nvscope.tui.scrolled_lines import ScrolledLines
 from nvscope.view.lines.table import Line
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 from rich.segment import Segment
 from rich.style import Style
@@ -55,6 +56,30 @@ PALETTES: Mapping[str, Palette] = {"dark": DARK, "light": LIGHT, "ansi": ANSI, "
 
 CURSOR = Style(reverse=True)
 CHANGED = Style(underline=True)
+
+
+class MarkedSpans(NamedTuple):
+    """Stretches of the columns of a line, which rise, and the style that lies over them."""
+
+    spans: Sequence[tuple[int, int]]
+    style: Style
+
+
+class DrawnLine(NamedTuple):
+    """A line as it is drawn: ``over`` lies over the styles of all its cells, ``marks`` over some columns."""
+
+    line: Line = ()
+    over: Style | None = None
+    marks: Sequence[MarkedSpans] = ()
+
+
+def strip_of_drawn(drawn: DrawnLine, width: int, palette: Palette) -> Strip:
+    """Return a line as it is drawn, as exactly ``width`` columns."""
+    strip = strip_of(drawn.line, width, palette, drawn.over)
+    for spans, style in drawn.marks:
+        if spans:
+            strip = marked(strip, spans, style)
+    return strip
 
 
 def marked(strip: Strip, spans: Iterable[tuple[int, int]], style: Style) -> Strip:

@@ -2,32 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-from rich.style import Style
 from textual.geometry import Region, Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 from textual.widget import Widget
 
-from nvscope.tui.painting import DARK, Palette, marked, strip_of
-from nvscope.view.lines.table import Line
-
-
-class MarkedSpans(NamedTuple):
-    """Stretches of the columns of a line, which rise, and the style that lies over them."""
-
-    spans: Sequence[tuple[int, int]]
-    style: Style
-
-
-class DrawnLine(NamedTuple):
-    """A line as it is drawn: ``over`` lies over the styles of all its cells, ``marks`` over some columns."""
-
-    line: Line = ()
-    over: Style | None = None
-    marks: Sequence[MarkedSpans] = ()
+from nvscope.tui.painting import DARK, DrawnLine, Palette, strip_of_drawn
 
 
 class ScrolledLines(ScrollView):
@@ -44,10 +26,9 @@ class ScrolledLines(ScrollView):
     def __init__(self, *, palette: Palette = DARK, **how: Any) -> None:
         super().__init__(**how)
         self.palette = palette
-        self._base = Style()
-        # What was drawn on each line of the view, and what else it hangs on.
+        self._base = self.rich_style
+        # What was drawn on each line of the view.
         self._drawn: dict[int, DrawnLine] = {}
-        self._drawn_for: tuple[object, ...] = ()
 
     def line_in_view(self, y: int) -> DrawnLine:
         """Return what stands on a line of the view, counted from its top."""
@@ -55,33 +36,31 @@ class ScrolledLines(ScrollView):
 
     def set_height(self, lines: int) -> None:
         """Note how many lines there are to be scrolled."""
-        size, before = Size(self.size.width, lines), self.virtual_size
-        if self.show_vertical_scrollbar and size.width == before.width and lines > self.container_size.height:
-            # The scroll bar stays, so nothing else has another place: no layout, which costs more than drawing.
-            self.set_reactive(Widget.virtual_size, size)
-            self.vertical_scrollbar.window_virtual_size = lines
-        else:
+        size = Size(self.size.width, lines)
+        has_bar, keeps_height = lines > self.container_size.height, not self.styles.is_auto_height
+        stays = has_bar == self.show_vertical_scrollbar and size.width == self.virtual_size.width
+        if not stays or not (has_bar or keeps_height):
             self.virtual_size = size
+            return
+        # Nothing else has another place then: no layout, which costs more than drawing.
+        self.set_reactive(Widget.virtual_size, size)
+        if has_bar:
+            self.vertical_scrollbar.window_virtual_size = lines
+        if self.scroll_offset.y > self.max_scroll_y:
+            self.scroll_to(0, self.max_scroll_y, animate=False, force=True)
 
     def redraw(self) -> None:
-        """Draw what changed since it was drawn last."""
-        drawn_for = self._hangs_on()
-        if drawn_for != self._drawn_for:
-            self._drawn.clear()
-            self.refresh()
-            return
-        width = self.size.width
-        changed = [y for y, drawn in self._drawn.items() if self.line_in_view(y) != drawn]
-        if len(changed) == len(self._drawn):
+        """Draw what changed since it was drawn last; what is drawn as a whole, as after scrolling, is anyway."""
+        width, height = self.size
+        shown = {y: drawn for y, drawn in self._drawn.items() if y < height}
+        changed = [y for y, drawn in shown.items() if self.line_in_view(y) != drawn]
+        if len(changed) == len(shown):
             self.refresh()
         elif changed:
             self.refresh(*(Region(0, y, width, 1) for y in changed))
 
-    def _hangs_on(self) -> tuple[object, ...]:
-        return self.size, self.scroll_offset, id(self.palette), self.rich_style
-
     def render_lines(self, crop: Region) -> list[Strip]:
-        self._base, self._drawn_for = self.rich_style, self._hangs_on()
+        self._base = self.rich_style
         return super().render_lines(crop)
 
     def render_line(self, y: int) -> Strip:
@@ -89,8 +68,4 @@ class ScrolledLines(ScrollView):
         if not width:
             return Strip.blank(width, self._base)
         drawn = self._drawn[y] = self.line_in_view(y)
-        strip = strip_of(drawn.line, width, self.palette, drawn.over)
-        for spans, style in drawn.marks:
-            if spans:
-                strip = marked(strip, spans, style)
-        return strip.apply_style(self._base)
+        return strip_of_drawn(drawn, width, self.palette).apply_style(self._base)

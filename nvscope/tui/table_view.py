@@ -9,8 +9,8 @@ from typing import Any
 from textual.message import Message
 
 from nvscope.tui.moving import step_of
-from nvscope.tui.painting import CURSOR
-from nvscope.tui.scrolled_lines import DrawnLine, ScrolledLines
+from nvscope.tui.painting import CURSOR, DrawnLine
+from nvscope.tui.scrolled_lines import ScrolledLines
 from nvscope.view.lines.table import GAP, Cell, Column, Fitting, Line, fitting, heading, table_line
 
 _SHORTEST_STRIP, _WANTED_STRIP, _LONGEST_STRIP = 10, 20, 60

@@ -38,6 +38,10 @@ class Screen:
         await self._pilot.press(*keys)
         await self._pilot.pause()
 
+    async def pause(self, time_s: float) -> None:
+        """Let some time pass."""
+        await self._pilot.pause(time_s)
+
     async def until(self, shows: Callable[[], object]) -> None:
         """Wait until something is so."""
         end_s = time.monotonic() + _PATIENCE_S

@@ -22,12 +22,24 @@ NOT_PRESSED = {"program.quit", "program.suspend", "program.command", "find.filte
 PRESSED = [action.name for action in ACTIONS if action.name not in NOT_PRESSED and not action.name.startswith("record")]
 MOVES = [name for name in PRESSED if name.startswith(("move.", "time."))]
 COMPARED = 60
+PATIENCE = 100
 
 
 def drawn(screen: Screen) -> list[list[tuple[str, Any]]]:
     """Return what is on the screen, with its styles."""
     strips = screen.app.screen._compositor.render_strips()
     return [[(segment.text, segment.style) for segment in strip.simplify()] for strip in strips]
+
+
+async def settled(screen: Screen) -> list[list[tuple[str, Any]]]:
+    """Return what is on the screen when nothing changes any more: panes have their sizes a little later."""
+    now = drawn(screen)
+    for _ in range(PATIENCE):
+        await screen.pause(0.03)
+        before, now = now, drawn(screen)
+        if before == now:
+            break
+    return now
 
 
 @pytest.mark.parametrize(("path", "definitions", "seed"), [(PLANT, None, 1), (PRESS, PRESS_GVL, 2)])
@@ -41,8 +53,8 @@ def test_the_screen_is_as_if_drawn_as_a_whole(path: str, definitions: list[str] 
             if name == "program.back" and screen.app.front is screen.app.views[0]:
                 continue
             screen.app.act(name)
-            await screen.press()
-            look, found, parts = screen.app.look, screen.app.find.found, drawn(screen)
+            parts = await settled(screen)
+            look, found = screen.app.look, screen.app.find.found
             for widget in screen.app.query("*"):
                 widget.refresh()
             await screen.press()

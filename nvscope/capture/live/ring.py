@@ -24,8 +24,8 @@ from nvscope.capture.live.device import Device, state_of
 from nvscope.capture.source import DropsPart
 from nvscope.errors import CaptureError
 
-RETIRE_NS = 100_000_000
-GATHER_NS = 300_000_000
+RETIRE_NS = 40_000_000
+GATHER_NS = 360_000_000
 """So long blocks are gathered to a batch: what a batch costs beside its packets is as much as 10 000 of them do.
 
 With ``RETIRE_NS``, a packet waits for 0.4 s at most: a screen shows it within half a second.

@@ -9,8 +9,8 @@ import numpy as np
 from textual.message import Message
 
 from dissectors.batch import Bool
-from nvscope.tui.painting import CHANGED, CURSOR
-from nvscope.tui.scrolled_lines import DrawnLine, MarkedSpans, ScrolledLines
+from nvscope.tui.painting import CHANGED, CURSOR, DrawnLine, MarkedSpans
+from nvscope.tui.scrolled_lines import ScrolledLines
 from nvscope.view.lines.hexdump import PER_LINE, TonedSpan, dump
 from nvscope.view.lines.table import Cell, Line
 from nvscope.view.lines.tree_lines import Place

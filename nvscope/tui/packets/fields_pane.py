@@ -10,8 +10,7 @@ import numpy as np
 from dissectors.batch import Bool
 from nvscope.tui.lines_view import LinesView
 from nvscope.tui.packets.text import first_line
-from nvscope.tui.painting import CHANGED, CURSOR
-from nvscope.tui.scrolled_lines import DrawnLine, MarkedSpans
+from nvscope.tui.painting import CHANGED, CURSOR, DrawnLine, MarkedSpans
 from nvscope.view.lines.table import Cell, Line, Tone
 from nvscope.view.lines.tree import PlacedLine
 from nvscope.view.lines.tree_lines import BYTES_AT, SHOWN_BYTES, Place

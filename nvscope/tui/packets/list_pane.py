@@ -10,8 +10,8 @@ from textual.message import Message
 
 from dissectors.batch import I64
 from nvscope.tui.moving import step_of
-from nvscope.tui.painting import CURSOR
-from nvscope.tui.scrolled_lines import DrawnLine, ScrolledLines
+from nvscope.tui.painting import CURSOR, DrawnLine
+from nvscope.tui.scrolled_lines import ScrolledLines
 from nvscope.view.lines.table import Cell, Line, Tone
 
 _NONE = np.empty(0, np.int64)
