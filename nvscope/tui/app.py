@@ -199,6 +199,9 @@ class WatchApp(App[None], inherit_bindings=False):
             if self.front is not None:
                 self.front.show(self._look)
 
+    def on_resize(self) -> None:
+        self.call_after_refresh(self._tell_bars)
+
     def on_view_changed(self) -> None:
         self.again()
 

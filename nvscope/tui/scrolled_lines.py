@@ -49,6 +49,11 @@ class ScrolledLines(ScrollView):
         if self.scroll_offset.y > self.max_scroll_y:
             self.scroll_to(0, self.max_scroll_y, animate=False, force=True)
 
+    def watch_show_vertical_scrollbar(self, is_shown: bool) -> None:
+        if is_shown:
+            # What was scrolled before it was there, it has not been told.
+            self.vertical_scrollbar.position = self.scroll_y
+
     def redraw(self) -> None:
         """Draw what changed since it was drawn last; what is drawn as a whole, as after scrolling, is anyway."""
         width, height = self.size

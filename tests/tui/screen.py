@@ -38,6 +38,11 @@ class Screen:
         await self._pilot.press(*keys)
         await self._pilot.pause()
 
+    async def resize(self, width: int, height: int) -> None:
+        """Give the terminal another size."""
+        await self._pilot.resize_terminal(width, height)
+        await self._pilot.pause()
+
     async def pause(self, time_s: float) -> None:
         """Let some time pass."""
         await self._pilot.pause(time_s)

@@ -11,6 +11,7 @@ import pytest
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.cli.definitions import project_of
 from nvscope.tui.actions import ACTIONS
+from nvscope.tui.packets.fields_pane import FieldsPane
 from tests.tui.screen import Screen, on_screen
 
 CAPTURES = Path(__file__).parents[2] / "captures"
@@ -64,3 +65,33 @@ def test_the_screen_is_as_if_drawn_as_a_whole(path: str, definitions: list[str] 
                 compared += 1
 
     on_screen(Inquiry([path], project_of(None, definitions)), try_out, size=(120, 30))
+
+
+def test_a_terminal_of_another_size_shows_what_one_shows_that_had_it_always() -> None:
+    shown: list[list[str]] = []
+
+    async def grow(screen: Screen) -> None:
+        shown.append(screen.lines)
+        await screen.resize(150, 40)
+        await settled(screen)
+        shown.append(screen.lines)
+
+    async def keep(screen: Screen) -> None:
+        await settled(screen)
+        shown.append(screen.lines)
+
+    on_screen(Inquiry([PLANT], project_of(None, None)), grow, size=(80, 24))
+    on_screen(Inquiry([PLANT], project_of(None, None)), keep, size=(150, 40))
+    assert shown[0] != shown[1] == shown[2]
+
+
+def test_a_scroll_bar_that_appears_knows_what_was_scrolled_before() -> None:
+    async def look(screen: Screen) -> None:
+        await screen.press("4")
+        fields = screen.app.query_one(FieldsPane)
+        await screen.until(lambda: fields.show_vertical_scrollbar)
+        await settled(screen)
+        assert fields.scroll_offset.y > 0
+        assert fields.vertical_scrollbar.position == fields.scroll_offset.y
+
+    on_screen(Inquiry([PLANT], project_of(None, None)), look, size=(80, 24))
