@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import signal
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -26,6 +24,7 @@ from nvscope.tui.commands.record import RecordCommands
 from nvscope.tui.commands.time import TimeCommands
 from nvscope.tui.feed import Feed
 from nvscope.tui.help_page import key_lines
+from nvscope.tui.last_resort import LastResort
 from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Look
 from nvscope.tui.painting import PALETTES
@@ -53,7 +52,8 @@ _HELP = "help"
 class WatchApp(App[None], inherit_bindings=False):
     """Shows the scenes of a feed, and does what keys and the command line ask for.
 
-    ``keymap`` says which key does what; ``expression`` is a filter to begin with; ``recorder`` writes what comes.
+    ``keymap`` says which key does what; ``expression`` is a filter to begin with; ``recorder`` writes what comes;
+    ``last_resort`` takes signals.
     """
 
     ENABLE_COMMAND_PALETTE = False
@@ -66,10 +66,10 @@ class WatchApp(App[None], inherit_bindings=False):
 
     def __init__(
         self, feed: Feed, keymap: Keymap, *, recorder: Recorder, expression: str | None = None,
-        theme: str = "dark", utc: bool = False,
+        theme: str = "dark", utc: bool = False, last_resort: LastResort | None = None,
     ) -> None:  # fmt: skip
         super().__init__(ansi_color=theme in ("ansi", "mono"))
-        self.feed, self.keymap = feed, keymap
+        self.feed, self.keymap, self._last_resort = feed, keymap, last_resort
         self._time, self._marks, self._records = TimeCommands(self), MarkCommands(self), RecordCommands(self, recorder)
         self.find = FindCommands(self, expression)
         self._does: Mapping[str, Callable[[str], None]] = {
@@ -125,12 +125,9 @@ class WatchApp(App[None], inherit_bindings=False):
 
     def _end_in_order(self) -> None:
         """End as a person ends it where the system asks for that, so that the terminal and files are whole."""
-        loop = asyncio.get_running_loop()
-        for name in ("SIGTERM", "SIGHUP"):
-            number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-                with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
-                    loop.add_signal_handler(number, self._end_by, int(number))
+        if self._last_resort is not None:
+            loop = asyncio.get_running_loop()
+            self._last_resort.listen(lambda number: loop.call_soon_threadsafe(self._end_by, number))
 
     def _end_by(self, number: int) -> None:
         self.ended_by = number

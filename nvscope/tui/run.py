@@ -49,10 +49,12 @@ def run_screen(
             raise UsageError(f"--theme {theme[:40]}: there is no such theme", next_step=f"there are {known}")
     from nvscope.tui.app import WatchApp  # noqa: PLC0415  not for a wrong key
     from nvscope.tui.feed import SessionFeed  # noqa: PLC0415
+    from nvscope.tui.last_resort import LastResort  # noqa: PLC0415
 
-    feed = SessionFeed(inquiry, how)
+    feed, last_resort = SessionFeed(inquiry, how), LastResort(recorder.stop)
     app = WatchApp(
-        feed, keymap, recorder=recorder, expression=expression, theme=theme or _theme(colour), utc=utc
+        feed, keymap, recorder=recorder, expression=expression, theme=theme or _theme(colour), utc=utc,
+        last_resort=last_resort,
     )  # fmt: skip
     # Textual draws on stderr, which may go to a file; that stdout is a terminal was looked at.
     errors, sys.__stderr__ = sys.__stderr__, sys.__stdout__  # type: ignore[misc]
@@ -62,6 +64,7 @@ def run_screen(
         sys.__stderr__ = errors  # type: ignore[misc]
         infos = feed.stop()
         recorder.stop()
+        last_resort.over()
     if app.error is not None:
         raise app.error
     return Left(infos, app.ended_by)

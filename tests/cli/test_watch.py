@@ -7,8 +7,10 @@ import json
 import os
 import pty
 import select
+import signal
 import struct
 import subprocess
+import sys
 import termios
 import time
 from pathlib import Path
@@ -102,20 +104,66 @@ def test_what_is_watched_is_what_a_capture_of_the_same_time_tells(tmp_path: Path
     assert "node-silent" in {cause["kind"] for line in lines for cause in line["causes_new"]}
 
 
-def test_where_stdin_is_the_capture_keys_come_from_the_terminal() -> None:
-    """``ssh switch tcpdump -w - | nvscope watch -`` is a screen, as in pagers; q ends it, and the terminal is whole."""
-    master, slave = pty.openpty()
-    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
-    before = termios.tcgetattr(slave)
+def in_a_terminal(slave: int) -> dict[str, Any]:
+    """Return how a process is started that has a terminal of its own."""
 
     def own_terminal() -> None:
         os.setsid()
         fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
 
-    watching = subprocess.Popen(
-        [*COMMAND, "watch", "-"], stdin=subprocess.PIPE, stdout=slave, stderr=slave, preexec_fn=own_terminal,  # noqa: PLW1509
-        env={**os.environ, "TERM": "xterm-256color"},
-    )  # fmt: skip
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
+    return {
+        "stdout": slave, "stderr": slave, "preexec_fn": own_terminal, "env": {**os.environ, "TERM": "xterm-256color"},
+    }  # fmt: skip
+
+
+HANGS = """
+import sys, time
+from nvscope.cli.start import main
+from nvscope.tui.app import WatchApp
+def hang(self, scene):
+    while True:
+        time.sleep(0.001)
+WatchApp._show = hang
+sys.argv[0] = "nvscope"
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_screen_that_hangs_ends_all_the_same_and_leaves_the_terminal_whole(number: signal.Signals) -> None:
+    master, slave = pty.openpty()
+    before = termios.tcgetattr(slave)
+    words = [sys.executable, "-c", HANGS, "watch", PLANT]
+    watching = subprocess.Popen(words, stdin=slave, **in_a_terminal(slave))
+    try:
+        shown, until = b"", time.monotonic() + 30
+        while b"waiting for the first look" not in shown and time.monotonic() < until:
+            if select.select([master], [], [], 0.05)[0]:
+                shown += os.read(master, 65536)
+        time.sleep(0.5)
+        watching.send_signal(number)
+        while watching.poll() is None and time.monotonic() < until:
+            if select.select([master], [], [], 0.05)[0]:
+                shown += os.read(master, 65536)
+        while select.select([master], [], [], 0.05)[0]:
+            shown += os.read(master, 65536)
+        assert watching.returncode == 128 + number
+        assert b"\x1b[?1049h" in shown
+        assert b"\x1b[?1049l" in shown
+        assert termios.tcgetattr(slave) == before
+    finally:
+        watching.kill()
+        watching.wait()
+        os.close(master)
+        os.close(slave)
+
+
+def test_where_stdin_is_the_capture_keys_come_from_the_terminal() -> None:
+    """``ssh switch tcpdump -w - | nvscope watch -`` is a screen, as in pagers; q ends it, and the terminal is whole."""
+    master, slave = pty.openpty()
+    before = termios.tcgetattr(slave)
+    watching = subprocess.Popen([*COMMAND, "watch", "-"], stdin=subprocess.PIPE, **in_a_terminal(slave))
     assert watching.stdin
     try:
         watching.stdin.write(struct.pack("<IHHIIII", 0xA1B23C4D, 2, 4, 0, 0, 262144, 1))
