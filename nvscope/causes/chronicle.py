@@ -13,7 +13,7 @@ from nvscope.causes.case import PAUSE_PERCENT, Case
 from nvscope.causes.mark import Mark
 from nvscope.causes.silent_spans import SilentSpans, within_ns
 from nvscope.causes.symptoms import code_number
-from nvscope.engine.runs import rows_by
+from nvscope.engine.runs import rows_by, runs_of
 from nvscope.findings.answers import NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.consistency import SEVERAL_SENDERS
@@ -101,6 +101,27 @@ class Chronicle:
         kept = self.marks[2] >= start_ns
         lists, since_ns, until_ns, mark = (column[kept] for column in self.marks)
         return replace(self, start_ns=start_ns, marks=(lists, np.maximum(since_ns, start_ns), until_ns, mark))
+
+    def outlined(self, cells: int) -> Chronicle:
+        """Return one whose strips of at most so many cells are the same, in as few stretches of time as that takes.
+
+        Stretches with the same mark of a list that lie closer together than any cell is long are one.
+        """
+        near_ns = max(self.end_ns - self.start_ns, 1) // cells
+        order = np.lexsort((self.marks[1], self.marks[3], self.marks[0]))
+        lists, since_ns, until_ns, mark = (column[order] for column in self.marks)
+        start, stop = runs_of(lists * len(Mark) + mark)
+        latest_ns = until_ns.copy()
+        for begin, end in zip(start.tolist(), stop.tolist(), strict=True):
+            latest_ns[begin:end] = np.maximum.accumulate(until_ns[begin:end])
+        begins = np.ones(len(lists), np.bool_)
+        begins[1:] = since_ns[1:] - latest_ns[:-1] >= near_ns
+        begins[start] = True
+        first = np.flatnonzero(begins)
+        last = np.append(first[1:], len(lists))[: len(first)] - 1
+        marks = lists[first], since_ns[first], latest_ns[last], mark[first]
+        own = self.pauses.time_ns >= self.start_ns
+        return replace(self, marks=marks, pauses=PauseColumns(*(column[own] for column in self.pauses)))
 
     @cached_property
     def numbers(self) -> Mapping[str, int]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -12,8 +11,8 @@ from typing import Protocol
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, session_of
 from nvscope.capture.source import SourceInfo
-from nvscope.engine.ring import Recent
 from nvscope.errors import NvscopeError
+from nvscope.tui.kept_scenes import KeptScenes
 
 LOOK_S = 0.2
 """Looks are at least so far apart, or four times as long as they take."""
@@ -21,11 +20,6 @@ LOOK_S = 0.2
 _LEAST_REST = 4
 _LONGEST_REST_S = 2.0
 _PATIENCE_S = 2.0
-_KEPT_APART_NS = 1_000_000_000
-_MOST_KEPT_ROWS = 200_000
-"""Scenes are kept as long as they have so many streams together, and are so many."""
-
-_MOST_KEPT = 1_800
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +75,7 @@ class SessionFeed:
         self._watched = Watched(inquiry, inquiry.open(), how)
         self._session = session_of(self._watched)
         self.is_live = not (inquiry.paths and "-" not in inquiry.paths)
-        self._kept: deque[Scene] = deque()
-        self._kept_rows = 0
+        self._kept = KeptScenes()
         self._last: Scene | None = None
         self._stopping = threading.Event()
         self._wanted_ns: int | None = None
@@ -123,17 +116,8 @@ class SessionFeed:
 
     def _keep(self, scene: Scene) -> None:
         self._last = scene
-        at_ns = scene.at_ns
-        if at_ns is None or not self.is_live:
-            return
-        # A clock that was set back is far away, too.
-        if self._kept and abs(at_ns - (self._kept[-1].at_ns or 0)) < _KEPT_APART_NS:
-            return
-        # Frames are kept by the ring: many rings would be more than memory has.
-        self._kept.append(replace(scene, recent=Recent()))
-        self._kept_rows += _rows(scene)
-        while len(self._kept) > 1 and (self._kept_rows > _MOST_KEPT_ROWS or len(self._kept) > _MOST_KEPT):
-            self._kept_rows -= _rows(self._kept.popleft())
+        if self.is_live:
+            self._kept.add(scene)
 
     def span(self) -> Span | None:
         last = self._last
@@ -142,14 +126,14 @@ class SessionFeed:
         if not self.is_live:
             start_ns = last.snapshot.summary.start_ns
             return Span(last.at_ns if start_ns is None else start_ns, last.at_ns)
-        first_ns = (self._kept[0].at_ns if self._kept else None) or last.at_ns
+        first_ns = self._kept.first_ns or last.at_ns
         return Span(min(first_ns, last.at_ns), last.at_ns)
 
     def at(self, time_ns: int, on_scene: OnScene) -> None:
         if self.is_live:
-            kept = [scene for scene in tuple(self._kept) if (scene.at_ns or 0) <= time_ns]
-            if (kept or self._kept) and self._last is not None:
-                on_scene(replace(kept[-1] if kept else self._kept[0], recent=self._last.recent))
+            kept = self._kept.at(time_ns)
+            if kept is not None and self._last is not None:
+                on_scene(replace(kept, recent=self._last.recent))
             return
         with self._wanted:
             self._wanted_ns = time_ns
@@ -182,9 +166,3 @@ class SessionFeed:
         with self._wanted:
             self._wanted.notify_all()
         return list(self._session.stop().snapshot.infos)
-
-
-def _rows(scene: Scene) -> int:
-    summary = scene.snapshot.summary
-    lists = sum(len(entry.streams) for entry in summary.lists)
-    return lists + sum(len(entry.streams) for entry in summary.can.lists) + scene.contacts.rows // 16 + 20

@@ -13,7 +13,8 @@ from nvscope.tui.painting import CURSOR, DrawnLine
 from nvscope.tui.scrolled_lines import ScrolledLines
 from nvscope.view.lines.table import GAP, Cell, Column, Fitting, Line, fitting, heading, table_line
 
-_SHORTEST_STRIP, _WANTED_STRIP, _LONGEST_STRIP = 10, 20, 60
+LONGEST_STRIP = 60
+_SHORTEST_STRIP, _WANTED_STRIP = 10, 20
 _MAY_GO = 3
 """Columns of at most this importance go for a strip that shows something."""
 
@@ -162,7 +163,7 @@ class TableView(ScrolledLines):
             self._least = list(found.natural)
             kept = self._kept(columns, width)
             room = width - sum(self._least[place] for place in kept) - GAP * len(kept)
-            room = max(_SHORTEST_STRIP, min(_LONGEST_STRIP, room))
+            room = max(_SHORTEST_STRIP, min(LONGEST_STRIP, room))
             title = table.title(room) if table.title else ""
             at = sum(place < table.stretches for place in kept)
             strips = table.strips(range(first, stop), room)

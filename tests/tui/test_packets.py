@@ -276,4 +276,4 @@ def test_scenes_of_the_past_keep_no_frames_and_are_told_with_those_that_there_ar
     feed.at(span.end_ns, came.append)
     feed.stop()
     assert len(came[-1].recent) == len(last.recent) > 1000
-    assert all(not len(kept.recent) for kept in feed._kept)
+    assert all(not len(kept.recent) for kept in feed._kept._kept)
