@@ -76,7 +76,8 @@ def test_those_of_old_are_fewer_and_those_of_now_are_all_there(seconds: int, roo
     # Wherever one goes back to, there is one that is not much older than what was asked for.
     for asked in range(seconds):
         shown = kept.at(asked * S_NS)
-        assert shown is not None and shown.at_ns is not None
+        assert shown is not None
+        assert shown.at_ns is not None
         late = asked - shown.at_ns // S_NS
         assert 0 <= late <= 8 * (seconds - asked) * max(np.log2(seconds), 1) // room + 1
 
