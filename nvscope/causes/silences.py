@@ -10,11 +10,12 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.canopen_nodes import canopen_node_of, last_signs
-from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
+from nvscope.causes.case import NOBODY, Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
 from nvscope.causes.unplugged import was_unplugged
 from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.engine.runs import rows_by
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
 from nvscope.findings.kind import Severity
@@ -58,6 +59,7 @@ _HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near 
 
 
 _INTERVALS_UNSURE = 3
+_NO_ROWS = np.empty(0, np.int64)
 
 
 class _Silence(NamedTuple):
@@ -93,12 +95,15 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[_Sil
         return []
     longest_ns = max(one.nominal_ns for one in timed)
     fastest, *others = sorted(timed, key=lambda one: one.nominal_ns)
-    pauses = {one.stream.stream: case.pauses(one.list.number, one.stream) for one in timed}
     found = []
-    for pause in pauses[fastest.stream.stream]:
-        together = [pause, *(_meanwhile(pauses[one.stream.stream], pause) for one in others)]
-        whole = [one for one in together if one is not None]
-        if len(whole) < len(together):
+    for pause in case.pauses(fastest.list.number, fastest.stream):
+        whole = [pause]
+        for one in others:
+            meanwhile = _meanwhile(case.pauses(one.list.number, one.stream), pause)
+            if meanwhile is None:
+                break  # of very many streams, the first that went on tells it
+            whole.append(meanwhile)
+        if len(whole) < len(timed):
             continue
         last = max(whole, key=lambda one: one.since_ns)
         ends = [one.until_ns for one in whole if one.until_ns is not None]
@@ -185,6 +190,8 @@ def judge_lists(case: Case) -> Iterator[Explained]:
     """Explain lists that stop while their sender goes on; on CAN, where no frame names its sender, those together."""
     symptoms = case.symptoms
     ended = np.flatnonzero(case.free(STOPPED))
+    told = symptoms.of_kinds(STOPPED, TORN_CYCLE, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED)
+    rows_of = dict(rows_by((symptoms.list,))) if len(ended) else {}
     groups: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row in ended.tolist():
         entry = case.lists[int(symptoms.list[row])]
@@ -195,13 +202,11 @@ def judge_lists(case: Case) -> Iterator[Explained]:
         for together in _together(case, rows):
             lists: list[AnyList] = [case.lists[number] for number in dict.fromkeys(symptoms.list[together].tolist())]
             since_ns = int(symptoms.time_ns[together].max())
-            chosen = np.isin(symptoms.list, [entry.number for entry in lists])
-            chosen &= (symptoms.node == node) | (symptoms.node < 0)
-            chosen &= case.free(STOPPED, TORN_CYCLE, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED) & (
-                symptoms.time_ns >= since_ns - slack_ns(lists)
-            )
-            chosen[together] = True
-            yield _list_draft(case, node, lists, since_ns, chosen)
+            # Their own rows alone: where very many lists stop, all rows would be gone through for each.
+            own = np.concatenate([rows_of.get((entry.number,), _NO_ROWS) for entry in lists])
+            own = own[(case.owner[own] == NOBODY) & told[own] & (symptoms.time_ns[own] >= since_ns - slack_ns(lists))]
+            own = own[(symptoms.node[own] == node) | (symptoms.node[own] < 0)]
+            yield _list_draft(case, node, lists, since_ns, case.only(np.append(own, together)))
 
 
 def _channel(case: Case, entry: AnyList) -> int:

@@ -108,12 +108,14 @@ class IntervalsByStream:
         rows = dict(rows_by((table.list, table.node, table.subindex)))
         # In the order of streams, so that those of one are a slice.
         self._table = _where(table, np.concatenate([*rows.values(), _NO_ROWS]))
+        self._none = _where(table, slice(0))
         stop = np.cumsum([len(own) for own in rows.values()]).tolist()
         self._rows = dict(zip(rows, map(slice, [0, *stop], stop), strict=True))
 
     def of(self, place: tuple[int, int, int]) -> EventTable:
         """Return those of one stream."""
-        return _where(self._table, self._rows.get(place, slice(0)))
+        rows = self._rows.get(place)
+        return self._none if rows is None else _where(self._table, rows)
 
     def longer_than(self, least_ns: Callable[[tuple[int, ...]], int]) -> EventTable:
         """Return those of all streams that last at least as long as is asked of their stream."""

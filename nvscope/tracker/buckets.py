@@ -5,6 +5,8 @@ There are 128 buckets for each doubling, so that the middle of a bucket is withi
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from dissectors.batch import I64
@@ -46,3 +48,10 @@ def bucket_bounds(bucket: I64) -> tuple[I64, I64]:
         np.where(zero, 0, np.where(negative, -high, low)),
         np.where(zero, 0, np.where(negative, -low, high)),
     )
+
+
+@lru_cache(4096)
+def bounds_of(bucket: int) -> tuple[int, int]:
+    """Return the same of one bucket, which many streams ask for."""
+    low, high = bucket_bounds(np.array([bucket]))
+    return int(low[0]), int(high[0])

@@ -8,7 +8,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.engine.runs import runs_of
-from nvscope.tracker.buckets import bucket_bounds
+from nvscope.tracker.buckets import bounds_of, bucket_bounds
 from nvscope.tracker.timing import UNUSUAL_STREAM_BIT, Timing, key_parts
 
 UNKNOWN_LEAST, UNKNOWN_MOST = np.iinfo(np.int64).min, np.iinfo(np.int64).max
@@ -90,11 +90,12 @@ class Histograms:
         bucket, _, row = self.unusual(stream)
         everything = np.concatenate([inside, bucket])
         count = np.concatenate([dense, self._rows.count[row]])
-        unique, place = np.unique(everything, return_inverse=True)
-        merged = np.zeros(len(unique), np.int64)
-        np.add.at(merged, place, count)
+        order = np.argsort(everything, kind="stable")
+        everything, count = everything[order], count[order]
+        start, _ = runs_of(everything)
+        merged = np.add.reduceat(count, start) if len(start) else count
         extremes = int(self._columns.least_ns[stream]), int(self._columns.most_ns[stream])
-        return Histogram(unique, merged, *extremes)
+        return Histogram(everything[start], merged, *extremes)
 
     def without_loss(self, stream: int, loss: int) -> Histogram:
         """Return the histogram of one stream without the intervals that have a loss bit of ``loss``."""
@@ -146,5 +147,5 @@ class Histogram:
             return None
         rank = max(-(-percent * total // 100), 1)
         place = int(np.searchsorted(np.cumsum(self.count), rank))
-        low, high = bucket_bounds(self.bucket[place : place + 1])
-        return min(max((int(low[0]) + int(high[0])) // 2, self.least_ns), self.most_ns)
+        low, high = bounds_of(int(self.bucket[place]))
+        return min(max((low + high) // 2, self.least_ns), self.most_ns)
