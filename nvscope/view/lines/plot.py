@@ -113,8 +113,10 @@ def _bounds(value: F64, axes: Axes) -> tuple[float, float]:
     low, high = (min(known), max(known)) if known else (0.0, 1.0)
     if low < high:
         return low, high
-    most = float(np.finfo(np.float64).max)
-    more = max(abs(low) * 0.1, 1.0 if axes.whole or not low else abs(low) * 0.1)
+    numbers = np.finfo(np.float64)
+    most = float(numbers.max)
+    # A tenth of the least numbers there are is nothing.
+    more = max(abs(low) * 0.1, 1.0 if axes.whole or not low else float(numbers.tiny))
     return max(low - more, -most), min(high + more, most)
 
 

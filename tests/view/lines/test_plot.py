@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -67,6 +68,13 @@ def test_any_numbers_are_drawn_at_any_size(value: list[float], data: st.DataObje
     assert len(lines) == height
     assert all(display_width("".join(cell.text for cell in line)) <= width for line in lines)
     assert 1 <= cells <= width
+
+
+@pytest.mark.parametrize("value", [0.0, 5e-324, -5e-324, 1e-310, 1.0, -1e300, 1.7976931348623157e308])
+def test_a_value_that_never_changes_is_a_line(value: float) -> None:
+    lines, cells = plot(curve_of([value] * 3), axes_until(2), 40, 3, None)
+    # Below are the times.
+    assert len({row for _, row in dots_of(lines[:-1], cells)}) == 1
 
 
 @examples()
