@@ -1,4 +1,8 @@
-"""Columns as Arrow has them: what is there in numpy is not copied."""
+"""Columns as Arrow has them: what is there in numpy is not copied.
+
+They are made of buffers: ``pyarrow.array``, ``to_numpy`` and ``empty_table`` ask pandas first, where that is installed,
+and its import takes longer than most exports do.
+"""
 
 from __future__ import annotations
 
@@ -76,6 +80,38 @@ def with_nulls(column: Numbers, valid_bits: Any, kind: Any) -> Any:
     return pa.Array.from_buffers(kind, len(column), [valid_bits, data])
 
 
+def numbers_of(column: Numbers, missing: Bool | None = None) -> Any:
+    """Return numbers or bools as an Arrow array of their own type, null where ``missing``."""
+    valid_bits = None if missing is None else bits_of(~missing)
+    return with_nulls(column, valid_bits, pa.from_numpy_dtype(column.dtype))
+
+
+def numbers_in(column: Any) -> Any:
+    """Return an Arrow column of integers or bools as numpy has them; where it is null, they are anything."""
+    array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    if isinstance(array, pa.ChunkedArray):
+        array = array.chunk(0)
+    begin, end, data = array.offset, array.offset + len(array), array.buffers()[1]
+    if pa.types.is_boolean(array.type):
+        bits = np.frombuffer(data, np.uint8) if data else np.empty(0, np.uint8)
+        return np.unpackbits(bits, bitorder="little")[begin:end].astype(np.bool_)
+    dtype = array.type.to_pandas_dtype()  # that of numpy, in spite of its name
+    return np.frombuffer(data, dtype)[begin:end] if data else np.empty(0, dtype)
+
+
+def empty_table(schema: Any) -> Any:
+    """Return a table without rows."""
+    return pa.table([pa.nulls(0, field.type) for field in schema], schema=schema)
+
+
+def spans_of(parts: Sequence[bytes], kind: Any, missing: Bool | None = None) -> Any:
+    """Return bytes, or texts in UTF-8, as an Arrow array of a type, null where ``missing``."""
+    offset = np.cumsum([0, *map(len, parts)])
+    valid_bits = None if missing is None else bits_of(~missing)
+    buffers = [valid_bits, pa.py_buffer(offset.astype(np.int32)), pa.py_buffer(b"".join(parts))]
+    return pa.Array.from_buffers(kind, len(parts), buffers)
+
+
 def _spans(offset: I64, data: Numbers, kind: Any, spread: Spread | None) -> Any:
     if spread is not None:
         length = np.zeros(spread.count, np.int64)
@@ -93,11 +129,12 @@ def spread_parts(parts: Sequence[tuple[I64, Any]], count: int, kind: Any) -> Any
     source = np.full(count, -1)
     at = np.concatenate([where for where, _ in parts])
     source[at] = np.arange(len(at))
-    places = pa.array(source, mask=source < 0)
+    places = numbers_of(source, source < 0)
     return pa.concat_arrays([array for _, array in parts]).take(places)
 
 
 def labels(code: Any, texts: Sequence[str], valid: Bool | None = None) -> Any:
     """Return texts by their place in a table; null where not ``valid``."""
     mask = None if valid is None else ~valid
-    return pa.DictionaryArray.from_arrays(pa.array(code.astype(np.int32), mask=mask), pa.array(texts, pa.string()))
+    known = spans_of([text.encode() for text in texts], pa.string())
+    return pa.DictionaryArray.from_arrays(numbers_of(code.astype(np.int32), mask), known)

@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 
 from dissectors.batch import I64, Bool
-from nvscope.export.arrays import MOMENT, array_of
+from nvscope.export.arrays import MOMENT, array_of, empty_table, numbers_in, numbers_of
 
 USUAL_GAP_NS = 10_000_000
 """The gap that ends a cycle where no definition says an interval; else it is half of that."""
@@ -49,7 +49,7 @@ class _Rows:
         columns = (
             self.sender, self.begin_ns, self.begin_frame, self.last_ns, self.subindex, self.telegrams, self.frame
         )  # fmt: skip
-        return _Rows(self.table.take(pa.array(rows)), *(column[rows] for column in columns))
+        return _Rows(self.table.take(numbers_of(rows)), *(column[rows] for column in columns))
 
     def behind(self, open_rows: _Rows) -> _Rows:
         """Return these rows behind those of open cycles."""
@@ -86,7 +86,7 @@ class CycleRows:
     def finish(self) -> Any:
         """Return the rows of the cycles that are open."""
         left, self._open = self._open, None
-        return self.schema.empty_table() if left is None else self._ended(left, last=True)
+        return empty_table(self.schema) if left is None else self._ended(left, last=True)
 
     def _ended(self, rows: _Rows, *, last: bool) -> Any:
         if self._open is not None:
@@ -101,7 +101,7 @@ class CycleRows:
         begin, end = np.flatnonzero(begins), np.append(np.flatnonzero(begins)[1:], len(begins)) - 1
         table = self._last_values(rows, anew)
         cycles = _Rows(
-            table.take(pa.array(end)), rows.sender[end], rows.begin_ns[begin], rows.begin_frame[begin],
+            table.take(numbers_of(end)), rows.sender[end], rows.begin_ns[begin], rows.begin_frame[begin],
             rows.last_ns[end], rows.subindex[end], np.add.reduceat(rows.telegrams, begin), rows.frame[end],
         )  # fmt: skip
         is_open = np.append(first[begin][1:], True)
@@ -124,11 +124,11 @@ class CycleRows:
             if number < _HEAD or not column.null_count:
                 columns.append(column)
                 continue
-            told = column.is_valid().to_numpy()
+            told = numbers_in(column.is_valid())
             if name in self._sent:
                 told = told | np.isin(rows.subindex, list(self._sent[name]))
             last = np.maximum.accumulate(np.where(told, place, -1))
-            columns.append(column.take(pa.array(last, mask=last < group)))
+            columns.append(column.take(numbers_of(last, last < group)))
         return pa.table(columns, schema=table.schema)
 
     def _table(self, cycles: _Rows) -> Any:
@@ -143,12 +143,12 @@ class CycleRows:
 
 
 def _rows_of(table: Any) -> _Rows:
-    time_ns = table.column(_TIME).cast(pa.int64()).to_numpy()
-    frame = table.column(_FRAME).to_numpy()
+    time_ns = numbers_in(table.column(_TIME).cast(pa.int64()))
+    frame = numbers_in(table.column(_FRAME))
     sender = table.column(_SENDER).combine_chunks()
     if isinstance(sender, pa.ChunkedArray):
         sender = sender.chunk(0)
     # Numbers of senders are the same in all tables.
-    number = sender.indices.to_numpy().astype(np.int64)
-    subindex = table.column(_SUBINDEX).to_numpy().astype(np.int64)
+    number = numbers_in(sender.indices).astype(np.int64)
+    subindex = numbers_in(table.column(_SUBINDEX)).astype(np.int64)
     return _Rows(table, number, time_ns, frame, time_ns, subindex, np.ones(len(frame), np.int64), frame)

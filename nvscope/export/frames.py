@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
+from nvscope.export.arrays import empty_table
 from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
@@ -33,7 +34,7 @@ class Collected:
         """Return all that was written as one data frame."""
         import polars as pl  # noqa: PLC0415
 
-        whole = pa.concat_tables(self._tables) if self._tables else self._schema.empty_table()
+        whole = pa.concat_tables(self._tables) if self._tables else empty_table(self._schema)
         frame = pl.from_arrow(whole)
         assert isinstance(frame, pl.DataFrame)
         return frame

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from dissectors import address
 from dissectors.batch import Bool
-from nvscope.export.arrays import LABEL, MOMENT, arrow_type, labels
+from nvscope.export.arrays import LABEL, MOMENT, arrow_type, labels, numbers_of, spans_of
 from nvscope.export.files import TableFile
 from nvscope.expression.typed_columns import AddressColumn, BytesColumn, FieldType, TextColumn
 from nvscope.view.fields.field import TelegramField, times_beyond
@@ -83,15 +83,14 @@ def _array(field: TelegramField, rows: FrameRows) -> Any:
     kind = _type(field)
     mask = None if known is None else ~known
     if kind == pa.bool_():
-        return pa.array(column, mask=mask)
+        return numbers_of(column, mask)
     dtype = np.dtype("u8") if field.type is FieldType.UNSIGNED else column.dtype.newbyteorder("=")
-    numbers = pa.array(column.astype(dtype), mask=mask)
+    numbers = numbers_of(column.astype(dtype), mask)
     return numbers if numbers.type == kind else numbers.cast(kind)
 
 
 def _bytes(column: BytesColumn, known: Bool | None) -> Any:
     data = column.data.data
     spans = zip(column.start.tolist(), column.stop.tolist(), strict=True)
-    return pa.array(
-        [data[start:stop].tobytes() for start, stop in spans], pa.binary(), mask=None if known is None else ~known
-    )
+    parts = [data[start:stop].tobytes() for start, stop in spans]
+    return spans_of(parts, pa.binary(), None if known is None else ~known)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
 import struct
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ import pytest
 from nvscope import open as open_captures
 from tests.cli.test_export import AXIS, CAPTURES, READERS, nvscope
 from tests.export.given import defined, numbered, written
+from tests.program import COMMAND
 
 
 def test_that_telegrams_came_is_not_denied_where_none_could_be_written(tmp_path: Path) -> None:
@@ -175,3 +178,19 @@ def test_changes_of_reals_have_all_digits_that_count(tmp_path: Path) -> None:
     texts = {name: [row["new_text"] for row in changes if row["name"] == name] for name in "rl"}
     assert texts["r"] == ["0.1", "0.10000001", "16777216", "0"]
     assert texts["l"] == ["0.1", "0.30000000000000004", "1e+22", "-0"]
+
+
+@pytest.mark.parametrize("how", ["", "--form long", "--rows cycle", "--what telegrams"])
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_pandas_is_not_imported_where_it_is_installed(tmp_path: Path, how: str, ending: str) -> None:
+    """Arrow asks it by itself, and its import takes longer than the whole of a small export."""
+    (tmp_path / "pandas").mkdir()
+    (tmp_path / "pandas" / "__init__.py").write_text("open('imported', 'w').close()\nraise ImportError\n", "utf-8")
+    words = ["export", str(CAPTURES / "telegrams.pcap"), *([] if "--what" in how else AXIS), *how.split()]
+    done = subprocess.run(
+        [*COMMAND, *words, "-w", f"out.{ending}"], cwd=tmp_path, capture_output=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.glob(f"out*.{ending}"))
+    assert not (tmp_path / "imported").exists()

@@ -180,12 +180,21 @@ def wrong_values(told: Told, value: Any) -> Iterator[Any]:
 
 def still_valid(document: dict[str, Any]) -> Iterator[str]:
     """Change each place of a document once, and yield the changes that no schema minds."""
-    name, told = name_of(document), paths_of(SCHEMAS[name_of(document)]())
-    done = set()
-    for path, holder, key in places_in(document):
+    name, done = name_of(document), set[str]()
+    for key in document:
+        # Beside what is changed, other lists are only there to be gone through again and again.
+        alone = {other: [] if isinstance(value, list) and other != key else value for other, value in document.items()}
+        around = alone if is_valid(alone, name) else document
+        yield from _still_valid_in(around, key, paths_of(SCHEMAS[name]()), done)
+
+
+def _still_valid_in(document: dict[str, Any], part: str, told: Mapping[str, Told], done: set[str]) -> Iterator[str]:
+    name = name_of(document)
+    for path, holder, key in places_in({part: document[part]}):
         if path in done:
             continue
         done.add(path)
+        holder = document if path == part else holder  # noqa: PLW2901
         value = holder[key]
         for wrong in wrong_values(told[path], value):
             holder[key] = wrong
