@@ -111,8 +111,11 @@ class Life:
                 continue
             since, until = spans.since_ns[own[1:]], spans.until_ns[own[:-1]]
             beside = (since <= pause[0]) | (until >= pause[1])
+            # How far apart those were that were thrown away, nobody knows.
+            beside &= spans.apart[own[1:]] == 0
             distances += (since - until)[beside].tolist()
-            close += int(self._presence.columns.others[number]) - len(own)
+            left_out = self._presence.signs.left_out_of(number)
+            close += int(self._presence.columns.others[number]) - len(own) - left_out
         if not distances and not close:
             return None
         distances.sort()

@@ -12,7 +12,7 @@ from dissectors.keys import KeyTable
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
-from nvscope.tracker.evidence.signs import SignsOfLife
+from nvscope.tracker.evidence.signs import MOST_SPANS, SignsOfLife
 from nvscope.tracker.evidence.waiting import Heard, Waiting
 
 MOST_ADDRESSES = 1 << 16
@@ -138,14 +138,14 @@ class Presence:
 
     by_stream: ClassVar[bool] = False
 
-    def __init__(self, most: int = MOST_ADDRESSES) -> None:
+    def __init__(self, most: int = MOST_ADDRESSES, most_spans: int = MOST_SPANS) -> None:
         self._most = most
         self.addresses, self.columns = KeyTable(3), AddressColumns()
         self.pairs, self.pair_columns = KeyTable(4), PairColumns()
         # IP addresses with hardware addresses, and which of them each pair is of.
         self._devices = KeyTable(3)
         self._device_of: I64 = np.empty(0, np.int64)
-        self.signs = SignsOfLife()
+        self.signs = SignsOfLife(most_spans)
         self.announcements = Announcements()
         self.claims = KeyTable(3)
         self.left_out = 0

@@ -14,30 +14,47 @@ CLOSE_NS = 100_000_000
 """Frames at most so far apart are of one span."""
 
 MOST_SPANS = 1 << 18
-"""So many spans are kept, of all addresses together; of what comes behind them, only how often it was is known."""
+"""So many spans are kept, of all addresses together, of captures that have an end."""
+
+MOST_SPANS_LIVE = 1 << 16
+"""So many are kept of live sources."""
+
+_FIRST_SHARE = 4
+"""The first spans are this part of those that are kept; the others are the last ones, and those that go on."""
+
+_SLACK_SHARE = 8
+"""More than are kept by this part of them, before they are thrown away together."""
 
 _NONE = -1
 _NEVER = np.iinfo(np.int64).min
 
 
 class SpanColumns(KeyedColumns):
-    """One row a span of an address, in the order in which spans of one address began."""
+    """One row a span of an address, in the order in which spans of one address began.
+
+    ``apart``: 1 where the span before it of the same address was thrown away.
+    """
 
     address: I64
     since_ns: I64
     until_ns: I64
-    COLUMNS: ClassVar = {"address": (np.int64(0), 1), "since_ns": (np.int64(0), 1), "until_ns": (np.int64(0), 1)}
+    apart: I64
+    COLUMNS: ClassVar = dict.fromkeys(("address", "since_ns", "until_ns", "apart"), (np.int64(0), 1))
 
 
 class _OpenColumns(KeyedColumns):
-    """One row an address: its last span."""
+    """One row an address: its last span, and how many of its spans were thrown away."""
 
     span: I64
-    COLUMNS: ClassVar = {"span": (np.int64(_NONE), 1)}
+    left_out: I64
+    COLUMNS: ClassVar = {"span": (np.int64(_NONE), 1), "left_out": (np.int64(0), 1)}
 
 
 class SignsOfLife:
-    """The spans of all addresses, by number of the address; ``left_out`` counts those for which there was no room."""
+    """The spans of all addresses, by number of the address; ``left_out`` counts those for which there was no room.
+
+    Of more than ``most``, the first and the last ones are kept: who was there at the beginning, and who is now.
+    """
 
     def __init__(self, most: int = MOST_SPANS) -> None:
         self._most = most
@@ -54,23 +71,55 @@ class SignsOfLife:
         columns = self.columns
         begins = (before_ns == _NEVER) | (time_ns < before_ns) | (before_ns < time_ns - CLOSE_NS)
         fresh = np.flatnonzero(begins)
-        kept = fresh[: max(self._most - len(columns), 0)]
-        self.left_out += len(fresh) - len(kept)
         first = len(columns)
-        columns.resize(first + len(kept))
-        columns.address[first : len(columns)] = address[kept]
-        columns.since_ns[first : len(columns)] = time_ns[kept]
+        columns.resize(first + len(fresh))
+        columns.address[first : len(columns)] = address[fresh]
+        columns.since_ns[first : len(columns)] = time_ns[fresh]
         # Each frame belongs to the last span of its address that began up to it, here or before.
         span = self._open.span[address]
-        span[fresh] = _NONE
-        span[kept] = np.arange(first, len(columns))
+        span[fresh] = np.arange(first, len(columns))
         start, stop = runs_of(address)
         place = np.arange(len(address))
         here = np.maximum.accumulate(np.where(begins, place, -1))
         span = np.where(here >= np.repeat(start, stop - start), span[here], span)
         self._open.span[address[start]] = span[stop - 1]
-        known = np.flatnonzero(span >= 0)
-        columns.until_ns[span[known]] = time_ns[known]  # of several frames, the last one is what stays
+        columns.until_ns[span] = time_ns  # of several frames, the last one is what stays
+        if len(columns) > self._most + self._most // _SLACK_SHARE:
+            self.throw_away()
+
+    def left_out_of(self, address: int) -> int:
+        """Return how many spans of an address were thrown away."""
+        return int(self._open.left_out[address]) if address < len(self._open) else 0
+
+    def throw_away(self) -> None:
+        """Throw away the spans for which there is no room; what is kept then does not hang on when it was done before.
+
+        By itself that is done for many at once.
+        """
+        old, rows = self.columns, len(self.columns)
+        if rows <= self._most:
+            return
+        first = -(-self._most // _FIRST_SHARE)
+        address = old.column("address")
+        # Those of several addresses stand as batches brought them.
+        by_time = np.lexsort((address, old.column("since_ns")))
+        kept = np.zeros(rows, np.bool_)
+        kept[by_time[:first]] = kept[by_time[rows - self._most + first :]] = True
+        last = self._open.column("span")
+        kept[last[last >= 0]] = True
+        order = np.argsort(address, kind="stable")
+        follows = np.append(False, address[order[1:]] == address[order[:-1]])
+        apart = np.zeros(rows, np.bool_)
+        apart[order] = follows & ~np.append(False, kept[order[:-1]])
+        np.add.at(self._open.left_out, address[~kept], 1)
+        self.left_out += rows - int(kept.sum())
+        self.columns = SpanColumns()
+        self.columns.resize(int(kept.sum()))
+        for name in ("address", "since_ns", "until_ns"):
+            self.columns.column(name)[:] = old.column(name)[kept]
+        self.columns.column("apart")[:] = (old.column("apart") | apart)[kept]
+        number = np.cumsum(kept) - 1
+        last[:] = np.where(last >= 0, number[last], _NONE)
 
     def seen_between(self, address: I64, since_ns: int, until_ns: int) -> bool:
         """Tell whether one of some addresses sent such a frame from one time to another, both included."""

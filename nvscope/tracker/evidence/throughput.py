@@ -15,7 +15,16 @@ from nvscope.engine.told import Told
 SLOT_NS = 100_000_000
 
 MOST_SLOTS = 1 << 20
-"""So many slots with frames are kept, 29 hours without a pause; frames in others are counted."""
+"""So many slots with frames are kept, 29 hours without a pause."""
+
+MOST_SLOTS_LIVE = 1 << 17
+"""So many are kept of live sources, of which the last hours count."""
+
+_FIRST_SHARE = 4
+"""The first slots are this part of those that are kept; the others are the last ones."""
+
+_SLACK_SHARE = 8
+"""More than are kept by this part of them, before they are thrown away together."""
 
 _MOST_WAITING = 1 << 14
 
@@ -32,7 +41,8 @@ class Throughput:
     """An observer of all frames, which sums up many batches at a time: ``settle`` before looking at it.
 
     ``slots`` number the slots, by time // ``SLOT_NS`` as a 64-bit word, in the order in which they were seen; they are
-    the rows of ``columns``. ``left_out`` counts the frames for which there was no room.
+    the rows of ``columns``. Of more than ``most``, the first and the last ones are kept; ``left_out`` counts the frames
+    of the others.
     """
 
     by_stream: ClassVar[bool] = False
@@ -62,12 +72,30 @@ class Throughput:
             return
         slot, frames, size_bytes = (np.concatenate(columns) for columns in zip(*self._parts, strict=True))
         self._parts, self._waiting = [], 0
-        number = self.slots.numbers_within(self._most, slot.view(np.uint64))
-        room = number >= 0
-        self.left_out += int(frames[~room].sum())
+        number = self.slots.numbers(slot.view(np.uint64))
         self.columns.resize(len(self.slots))
-        np.add.at(self.columns.frames, number[room], frames[room])
-        np.add.at(self.columns.bytes, number[room], size_bytes[room])
+        np.add.at(self.columns.frames, number, frames)
+        np.add.at(self.columns.bytes, number, size_bytes)
+        if len(self.slots) > self._most + self._most // _SLACK_SHARE:
+            self.throw_away()
+
+    def throw_away(self) -> None:
+        """Throw away the slots for which there is no room; what is kept then does not hang on when it was done before.
+
+        By itself that is done for many at once.
+        """
+        old, rows = self.columns, len(self.columns)
+        if rows <= self._most:
+            return
+        first = -(-self._most // _FIRST_SHARE)
+        kept = np.append(np.arange(first), np.arange(rows - self._most + first, rows))
+        self.left_out += int(old.column("frames").sum()) - int(old.column("frames")[kept].sum())
+        words = self.slots.words[0][kept]
+        self.slots, self.columns = KeyTable(1), SlotColumns()
+        self.slots.numbers(words)
+        self.columns.resize(len(kept))
+        for name in ("frames", "bytes"):
+            self.columns.column(name)[:] = old.column(name)[kept]
 
 
 def _starts(told: Told) -> I64:

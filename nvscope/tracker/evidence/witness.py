@@ -14,7 +14,8 @@ from nvscope.tracker.evidence.look_runs import LookRuns
 from nvscope.tracker.evidence.pauses import Pauses
 from nvscope.tracker.evidence.presence import Presence
 from nvscope.tracker.evidence.shared_addresses import SharedAddresses
-from nvscope.tracker.evidence.throughput import Throughput
+from nvscope.tracker.evidence.signs import MOST_SPANS, MOST_SPANS_LIVE
+from nvscope.tracker.evidence.throughput import MOST_SLOTS, MOST_SLOTS_LIVE, Throughput
 from nvscope.tracker.evidence.unanswered import Unanswered
 
 
@@ -27,14 +28,15 @@ class Witness:
     by_stream: ClassVar[bool] = True
 
     def __init__(self, *, live: bool = False) -> None:
+        self._live = live
         self.evidence = Evidence(MOST_EVENTS_LIVE if live else MOST_EVENTS)
         self.long_pauses = LongPauses()
         self.looks = LookRuns()
         self.line_clocks = LineClocks()
-        self.presence = Presence()
+        self.presence = Presence(most_spans=MOST_SPANS_LIVE if live else MOST_SPANS)
         self.shared_addresses = SharedAddresses()
         self.pauses = Pauses()
-        self.throughput = Throughput()
+        self.throughput = Throughput(MOST_SLOTS_LIVE if live else MOST_SLOTS)
         self.unanswered = Unanswered()
 
     def observe(self, told: Told) -> None:
@@ -59,6 +61,10 @@ class Witness:
         """Make what was observed visible: before somebody looks at it."""
         self.presence.settle()
         self.throughput.settle()
+        if not self._live:
+            # What is told of captures does not hang on how they were cut into batches.
+            self.presence.signs.throw_away()
+            self.throughput.throw_away()
         self.evidence.settle()
 
     def hear(self, events: EventBatch) -> None:

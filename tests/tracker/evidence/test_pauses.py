@@ -66,9 +66,17 @@ def test_throughput_is_what_is_in_each_slot(distances: list[int], packets: int) 
     assert not throughput.left_out
 
 
-def test_slots_that_there_is_no_room_for_are_counted() -> None:
-    throughput = Throughput(most=2)
-    observe(throughput, cut(frames([SLOT_NS, 0, SLOT_NS, -SLOT_NS]), 1))
-    throughput.settle()
-    assert throughput.columns.column("frames").tolist() == [1, 3]
-    assert throughput.left_out == 1
+@given(st.lists(st.integers(0, 3 * SLOT_NS), min_size=1, max_size=70), st.integers(1, 70), st.integers(2, 9))
+@examples(60)
+def test_the_first_and_the_last_slots_are_kept(distances: list[int], packets: int, most: int) -> None:
+    whole, every, throughput = frames(distances), Throughput(), Throughput(most)
+    for one in (every, throughput):
+        observe(one, cut(whole, packets))
+        one.settle()
+        one.throw_away()
+    slots, sizes = (one.tolist() for one in (every.slots.high.view("i8"), every.columns.column("bytes")))
+    first = -(-most // 4)
+    kept = range(len(slots)) if len(slots) <= most else [*range(first), *range(len(slots) - most + first, len(slots))]
+    assert throughput.slots.high.view("i8").tolist() == [slots[place] for place in kept]
+    assert throughput.columns.column("bytes").tolist() == [sizes[place] for place in kept]
+    assert throughput.left_out == len(whole) - int(throughput.columns.column("frames").sum())

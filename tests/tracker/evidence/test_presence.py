@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -137,13 +138,48 @@ def test_signs_of_life_are_spans_without_a_pause(seed: int, packets: int, slower
         assert presence.signs.seen_between(number, first[0], first[0])
 
 
-def test_signs_without_room_are_counted() -> None:
-    signs = SignsOfLife(most=2)
-    address, time_ns = np.array([0, 0, 1, 2]), np.array([0, 10**9, 0, 5])
-    signs.observe(address, time_ns, np.array([NEVER, 0, NEVER, NEVER]), 3)
-    assert signs.columns.column("address").tolist() == [0, 0]
-    assert signs.left_out == 2
-    assert not signs.seen_between(np.array([1, 2]), 0, 10)
+FRAMES = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 400)), min_size=1, max_size=60)
+
+
+def signs_of(frames: list[tuple[int, int]], size: int, most: int) -> SignsOfLife:
+    """Return what is known of frames of addresses at times, in tenths of a tenth of a second, some at a time."""
+    signs, before = SignsOfLife(most), dict[int, int]()
+    for first in range(0, len(frames), size):
+        batch = sorted(frames[first : first + size], key=lambda frame: frame[0])
+        rows = []
+        for address, tenth in batch:
+            time_ns = tenth * CLOSE_NS // 10
+            rows.append((address, time_ns, before.get(address, NEVER)))
+            before[address] = time_ns
+        signs.observe(*np.array(rows, np.int64).T, 4)
+    signs.throw_away()
+    return signs
+
+
+def spans_of(signs: SignsOfLife) -> set[tuple[int, ...]]:
+    return set(zip(*(signs.columns.column(name).tolist() for name in ("since_ns", "address", "until_ns")), strict=True))
+
+
+@given(FRAMES, st.integers(1, 60), st.integers(1, 60), st.integers(2, 12))
+def test_the_first_and_the_last_signs_are_kept(drawn: list[tuple[int, int]], size: int, other: int, most: int) -> None:
+    frames = sorted(drawn, key=lambda frame: frame[1])
+    every = sorted(spans_of(signs_of(frames, size, 1000)))
+    kept = signs_of(frames, size, most)
+    first = -(-most // 4)
+    newest = {address: (since, address, until) for since, address, until in every}
+    expected = set(every)
+    if len(every) > most:
+        expected = {*every[:first], *every[len(every) - most + first :], *newest.values()}
+    assert spans_of(kept) == expected == spans_of(signs_of(frames, other, most))
+    assert kept.left_out == len(every) - len(expected) == sum(kept.left_out_of(address) for address in range(4))
+    # Two that stand beside each other and were not have a mark between them.
+    for address in range(4):
+        own = [span for span in every if span[1] == address]
+        columns = kept.columns
+        rows = np.flatnonzero(columns.column("address") == address)
+        apart = [bool(columns.apart[row]) for row in rows.tolist()][1:]
+        places = [own.index((int(columns.since_ns[row]), address, int(columns.until_ns[row]))) for row in rows.tolist()]
+        assert apart == [after != before + 1 for before, after in pairwise(places)]
 
 
 def exchange() -> PacketBatch:
