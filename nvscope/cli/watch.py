@@ -124,6 +124,8 @@ def watch(
         return
     if wanted is not None:
         raise UsageError("-Y chooses what the screen shows", next_step="leave it out; a report shows what it chooses")
+    if theme is not None:
+        raise UsageError("--theme is of the screen", next_step="leave it out; --color is of what is printed")
     with flaws_told_first(plant.definition):
         # Programs get the words of reports.
         how = replace(how, clock=None) if as_json else how

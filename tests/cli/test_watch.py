@@ -62,6 +62,8 @@ def test_a_line_a_second_adds_up_to_the_report() -> None:
     [
         (["--plain", "--json"], "exclude each other"),
         (["-Y", "nv.index == 7"], "-Y chooses what the screen shows"),
+        (["--theme", "mono"], "--theme is of the screen"),
+        (["--plain", "--theme", "mono"], "--theme is of the screen"),
         (["--every", "soon"], "--every"),
     ],
 )
