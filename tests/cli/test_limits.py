@@ -113,7 +113,7 @@ def test_too_little_memory_to_start_is_said(kilobytes: int, place: Path) -> None
     assert b"Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("kilobytes", [800_000, 1_500_000])
+@pytest.mark.parametrize("kilobytes", [800_000, 1_200_000])
 @pytest.mark.parametrize("name", ["out.csv", "out.ndjson"])
 def test_too_little_memory_for_what_writes_text_is_said(name: str, kilobytes: int, place: Path) -> None:
     done = limited(f"ulimit -v {kilobytes}", f"export peers.pcap batch.gvl -w {name}", cwd=place)
