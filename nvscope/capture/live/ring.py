@@ -24,14 +24,16 @@ from nvscope.capture.live.device import Device, state_of
 from nvscope.capture.source import DropsPart
 from nvscope.errors import CaptureError
 
-RETIRE_NS = 40_000_000
-GATHER_NS = 360_000_000
+RETIRE_NS = 50_000_000
+GATHER_NS = 350_000_000
 """So long blocks are gathered to a batch: what a batch costs beside its packets is as much as 10 000 of them do.
 
 With ``RETIRE_NS``, a packet waits for 0.4 s at most: a screen shows it within half a second.
 """
 
-BLOCK_BYTES = 1 << 20
+BLOCK_BYTES = 1 << 19
+"""Blocks with few packets are closed by ``RETIRE_NS``: all of the usual buffer last for 6 s while nobody reads."""
+
 BUFFER_BYTES = 64 << 20
 _FRAME_BYTES = 2048
 _SETTLE_S = 0.02

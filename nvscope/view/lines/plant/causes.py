@@ -6,8 +6,10 @@ Takes the causes of the report of schema ``nvscope.report/2``, already visible.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 from nvscope import units
+from nvscope.findings.kind import Severity
 from nvscope.view.lines.plant.content import Row
 from nvscope.view.lines.plant.happenings import severity_of, symbol
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
@@ -37,14 +39,21 @@ def lines(causes: Sequence[Row], width: int, *, every: bool = False) -> Iterator
 
 def lines_of(number: int, cause: Row, width: int, *, every: bool = False) -> Iterator[Line]:
     """Yield one cause, with every fact that was checked where ``every`` one is wanted."""
-    mark = symbol(severity_of(cause))
-    head = [mark, Cell(f" {number}".ljust(_INDENT - 2) + " "), Cell(cause["title"], Tone.STRONG)]
-    title = _with_kind(wrap(head, width, hanging=_INDENT), cause["kind"], width)
-    yield from title
-    after = wrap([Cell(_NEXT, Tone.STRONG), Cell(cause["next"])], width, _INDENT, _INDENT + len(_NEXT))
-    room = None if every else _MOST_LINES - len(title) - len(after)
-    yield from _checked(cause["checked"], width, room)
-    yield from after
+    yield from _wrapped(
+        number, severity_of(cause), cause["title"], cause["kind"], cause["next"], tuple(cause["checked"]), width, every
+    )
+
+
+@lru_cache(2048)
+def _wrapped(
+    number: int, severity: Severity, title: str, kind: str, step: str, checked: Sequence[str], width: int, every: bool
+) -> Sequence[Line]:  # fmt: skip
+    """Return the same of what a cause tells: a screen shows hundreds at each look, of which few have changed."""
+    head = [symbol(severity), Cell(f" {number}".ljust(_INDENT - 2) + " "), Cell(title, Tone.STRONG)]
+    first = _with_kind(wrap(head, width, hanging=_INDENT), kind, width)
+    after = wrap([Cell(_NEXT, Tone.STRONG), Cell(step)], width, _INDENT, _INDENT + len(_NEXT))
+    room = None if every else _MOST_LINES - len(first) - len(after)
+    return (*first, *_checked(checked, width, room), *after)
 
 
 def _with_kind(title: list[Line], kind: str, width: int) -> list[Line]:
