@@ -111,6 +111,8 @@ def watch(
     if screen:
         from nvscope.record.recorder import Recorder
         from nvscope.tui.run import run_screen
+        from nvscope.units import count_of
+        from nvscope.view.escape import visible
 
         recorder = Recorder(lambda: () if isinstance(captures, Sequence) else captures.channels)
         if captures is not paths or STDIN in paths:
@@ -119,6 +121,9 @@ def watch(
             left = run_screen(inquiry, how, recorder, expression=wanted, theme=theme, utc=utc, colour=colour)
         if left.signal == getattr(signal, "SIGHUP", None):
             raise typer.Exit(_SIGNALLED + left.signal)  # nobody is there any more to be told anything
+        if recorder.state is not None:
+            told = f"{count_of(recorder.state.frames, 'frame')} in {visible(recorder.state.path)}"
+            echo(f"nvscope: {told}{': ' if recorder.state.failure else '.'}{visible(recorder.state.failure)}", err=True)
         if code := tell_of_losses(left.infos):
             raise typer.Exit(code)
         return

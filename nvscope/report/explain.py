@@ -16,7 +16,8 @@ from nvscope.report.explain_figure import figure_called, figure_lines
 from nvscope.tracker.figures import FIGURES, Figure
 from nvscope.version import head
 from nvscope.view.lines.plant.content import status
-from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.plant.explain_finding import finding_called, finding_lines
+from nvscope.view.lines.table import Cell, Column, Line, Tone, align
 
 if TYPE_CHECKING:  # who asks for a code need not wait for what causes are judged from
     from nvscope.causes.kind import CauseKind
@@ -60,7 +61,7 @@ def _told(found: _Named, width: int) -> Iterator[Iterable[Line]]:
         from nvscope.view.lines.plant.explain_cause import cause_lines  # noqa: PLC0415
 
         yield from (cause_lines(cause, width) for cause in found.causes)
-    yield from (_lines(kind, width) for kind in found.findings)
+    yield from (finding_lines(kind, width) for kind in found.findings)
     yield from (figure_lines(figure, width) for figure in found.figures)
     yield from (column_lines(title, width) for title in found.columns)
 
@@ -116,7 +117,7 @@ def document(name: str | None) -> dict[str, Any]:
 
 
 def _found(name: str) -> _Named:
-    kind, figure, column = _kind(name), figure_called(name.strip().lower()), column_called(name)
+    kind, figure, column = finding_called(name), figure_called(name.strip().lower()), column_called(name)
     found = _Named(
         () if _CODE.fullmatch(name.strip()) else _causes_called(name), [kind] if kind else [],
         [figure] if figure else [], [column] if column else [],
@@ -140,15 +141,6 @@ def _causes_called(name: str) -> Sequence[CauseKind]:
 def overview(*, colour: bool = False, width: int = 80) -> str:
     """Return tables of all kinds of causes, of all kinds of findings, and of those that no report has so far."""
     return paint(_overview(max(width, _MIN_WIDTH)), colour=colour)
-
-
-def _kind(code: str) -> FindingKind | None:
-    """Return the kind that a code, its number or a name stands for, None if there is none."""
-    wanted = code.strip().lower()
-    for kind in CATALOGUE.values():
-        if wanted in {kind.code.lower(), kind.code[2:], kind.name}:
-            return kind
-    return None
 
 
 def _overview(width: int) -> Iterator[Line]:
@@ -197,20 +189,3 @@ def _nearest(wanted: str) -> str:
     if not told:
         return "`nvscope explain` without a code lists all causes and findings, `nvscope keys --fields` all figures"
     return f"perhaps {', '.join(told)}"
-
-
-def _lines(kind: FindingKind, width: int) -> Iterator[Line]:
-    yield [Cell(f"{kind.code} {kind.name}", Tone.STRONG), Cell("  "), status(kind.severity)]
-    yield []
-    if not kind.judged:
-        yield from wrap([Cell("Nothing judges it yet: no report has this finding.", Tone.NOTE)], width)
-        yield []
-    yield from wrap([Cell(kind.meaning)], width)
-    yield []
-    yield [Cell("Usual causes", Tone.STRONG)]
-    for cause in kind.causes:
-        yield from wrap([Cell(f"- {cause}")], width, 2, 4)
-    yield []
-    yield [Cell("What to do", Tone.STRONG)]
-    for number, step in enumerate(kind.next_steps, 1):
-        yield from wrap([Cell(f"{number}. {step}")], width, 2, 5)

@@ -25,7 +25,8 @@ class PaceSeen:
 
     ``counts`` has a row a second, the oldest first, and a column a list by its number: int32 of shape
     (``PACE_SECONDS``, lists). The last row is second ``last_s`` since 1970, which is not over yet at ``until_ns``; in
-    front of ``first_s`` nothing was observed. ``last_ns`` is when the last telegram of each list came, 0 without any.
+    front of ``first_s`` nothing was observed, from ``whole_s`` on whole seconds were. ``last_ns`` is when the last
+    telegram of each list came, 0 without any.
     """
 
     counts: Counts
@@ -33,19 +34,20 @@ class PaceSeen:
     first_s: int = 0
     last_s: int = 0
     until_ns: int = 0
+    whole_s: int = 0
 
     def per_second(self, number: int, seconds: int = 5) -> float | None:
         """Return how many came of a list a second, over the last whole seconds; None where nobody knows."""
         if number >= self.counts.shape[1]:
             return None
-        known = min(seconds, self.last_s - self.first_s)
+        known = min(seconds, self.last_s - max(self.first_s, self.whole_s))
         if known <= 0:
             return None
         return float(self.counts[-1 - known : -1, number].sum()) / known
 
     def of_all(self, seconds: int = 5) -> float | None:
         """Return how many came a second of all lists; None where nobody knows."""
-        known = min(seconds, self.last_s - self.first_s)
+        known = min(seconds, self.last_s - max(self.first_s, self.whole_s))
         return float(self.counts[-1 - known : -1].sum()) / known if known > 0 else None
 
     def last_of(self, number: int) -> int | None:
@@ -73,7 +75,7 @@ class Pace:
         # By second modulo PACE_SECONDS.
         self._counts: Counts = np.zeros((PACE_SECONDS, 0), np.int32)
         self._last_ns = np.zeros(0, np.int64)
-        self._first_s = self._last_s = 0
+        self._first_s = self._last_s = self._whole_s = 0
         self._until_ns = 0
         self._begun = False
 
@@ -123,6 +125,7 @@ class Pace:
             self._counts[:] = 0
             self._last_ns[:] = 0
             self._first_s, self._last_s = first_ns // _S_NS, last_s
+            self._whole_s = -(-first_ns // _S_NS)
             self._until_ns = last_ns
             return
         self._until_ns = max(self._until_ns, last_ns)
@@ -135,4 +138,6 @@ class Pace:
     def seen(self) -> PaceSeen:
         """Return what is known at this moment."""
         order = np.arange(self._last_s - PACE_SECONDS + 1, self._last_s + 1) % PACE_SECONDS
-        return PaceSeen(self._counts[order], self._last_ns.copy(), self._first_s, self._last_s, self._until_ns)
+        return PaceSeen(
+            self._counts[order], self._last_ns.copy(), self._first_s, self._last_s, self._until_ns, self._whole_s
+        )

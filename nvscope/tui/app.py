@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -39,7 +41,8 @@ from nvscope.tui.views.source import SourceView
 from nvscope.tui.views.variables import VariablesView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
-from nvscope.view.lines.table import Cell, Tone
+from nvscope.view.lines.plant.explain_finding import explained
+from nvscope.view.lines.table import Cell, Line, Tone
 
 _DRAW_S = 0.1
 """The screen is drawn ten times a second at most."""
@@ -98,13 +101,16 @@ class WatchApp(App[None], inherit_bindings=False):
         self.ended_by = 0
         """The signal that ended it, 0 for none."""
         self.views: Sequence[View] = make_views()
+        self._before_help = self.views[0]
 
     def on_unmount(self) -> None:
         self.find.stop()
 
     def compose(self) -> ComposeResult:
         yield Bar(id="head")
-        yield Tabs([view.title for view in self.views])
+        yield Tabs(
+            [view.title for view in self.views], [self.keymap.key_of(view.action) or "" for view in self.views]
+        )  # fmt: skip
         with ContentSwitcher(initial=self.views[0].id, id="views"):
             yield from self.views
             with Vertical(id=_HELP):
@@ -121,7 +127,20 @@ class WatchApp(App[None], inherit_bindings=False):
             lambda error: self.call_from_thread(self.end, error),
         )
 
+        self.set_interval(1.0, self._tell_frozen)
+        self.app_resume_signal.subscribe(self.screen, self._draw_all)
         self._end_in_order()
+
+    def _draw_all(self, _: App[object]) -> None:
+        """Draw everything: nothing is left of it where the shell wrote meanwhile."""
+        for widget in self.query("*"):
+            widget.refresh()
+        self.screen.refresh(layout=True)
+
+    def _tell_frozen(self) -> None:
+        """Tell for how long time has stood still: nothing else is drawn meanwhile."""
+        if self._time.frozen:
+            self._tell_bars()
 
     def _end_in_order(self) -> None:
         """End as a person ends it where the system asks for that, so that the terminal and files are whole."""
@@ -209,22 +228,21 @@ class WatchApp(App[None], inherit_bindings=False):
         else:
             top.tell([Cell(" nvscope ", Tone.STRONG), Cell("waiting for the first look …", Tone.FAINT)])
         front = self.front
-        state = [Cell(f"{self._state_below} ", Tone.FAINT)]
-        bottom.tell(*foot(self.keymap, front.hints() if front else (), state))
+        bottom.tell(*foot(self.keymap, front.hints() if front else (), self._states_below, self.size.width))
 
     @property
     def _state(self) -> str:
         return self._time.state or ("ended" if self._ended and self.feed.is_live else "")
 
     @property
-    def _state_below(self) -> str:
+    def _states_below(self) -> list[str]:
         parts = []
         if filtered := self.find.state:
             parts.append(filtered)
         if recording := self._records.state():
             parts.append(recording)
         parts.append(self._state or ("live" if self.feed.is_live else "end of capture"))
-        return "   ".join(parts)
+        return parts
 
     @property
     def recording(self) -> Recording | None:
@@ -266,6 +284,8 @@ class WatchApp(App[None], inherit_bindings=False):
             self._to_front(next(view for view in self.views if view.action == name), told)
         elif (does := self._does.get(name)) is not None:
             does(told)
+        elif name == "show.explain" and told:
+            self._explain(told)
         elif front is None:
             self.query_one("#help-lines", LinesView).move(name)
         elif not front.act(name, told):
@@ -282,13 +302,16 @@ class WatchApp(App[None], inherit_bindings=False):
             view.show(self._look)
 
     def _go_back(self, _: str) -> None:
-        front = self.front
+        front, recording = self.front, self.recording
         if front is None:
-            self._to_front(self.views[0])
+            self._to_front(self._before_help)
         elif front.act("program.back"):
             pass
         elif front is not self.views[0]:
             self._to_front(self.views[0])
+        elif recording is not None and recording.is_on:
+            key = self.keymap.key_of("program.quit")
+            self.notify(f"Recording to {visible(recording.path)}: {key} ends it and the screen", timeout=6)
         else:
             self.exit()
 
@@ -303,13 +326,34 @@ class WatchApp(App[None], inherit_bindings=False):
         self.notify("Counted from now on", timeout=2)
 
     def _rest(self, _: str) -> None:
+        if self._driver is None or not self._driver.can_suspend:
+            return
+        if os.getsid(os.getppid()) != os.getsid(0):
+            self.notify("There is no shell to come back from", severity="warning", timeout=3)
+            return
+        # All of the job stop, or its shell waits for those that do not: tcpdump in front of it, a script around it.
+        before = signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+        os.kill(0, signal.SIGTSTP)
+        signal.signal(signal.SIGTSTP, before)
         self.action_suspend_process()
 
     def _show_help(self, _: str) -> None:
-        lines = list(key_lines(self.keymap, max(self.size.width - 2, 40)))
+        self._show_page(list(key_lines(self.keymap, max(self.size.width - 2, 40))))
+
+    def _show_page(self, lines: Sequence[Line]) -> None:
+        """Show lines in place of a view."""
+        self._before_help = self.front or self._before_help
         self.query_one("#help-lines", LinesView).show(lines)
         self.query_one("#views", ContentSwitcher).current = _HELP
         self.query_one(Tabs).front(-1)
+
+    def _explain(self, name: str) -> None:
+        """Show what a cause or a finding of a name or code means."""
+        lines = explained(name, max(self.size.width - 2, 40))
+        if lines:
+            self._show_page(lines)
+        else:
+            self.notify(f"{visible(name)}: no cause or finding is called so", severity="warning")
 
     def _ask_command(self, _: str) -> None:
         self.query_one(Prompt).open(":", "")

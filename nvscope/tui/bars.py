@@ -17,7 +17,7 @@ from nvscope.view.escape import visible
 from nvscope.view.lines.plant.happenings import is_now, severity_of, symbol
 from nvscope.view.lines.short_names import short_names
 from nvscope.view.lines.table import Cell, Line, Tone
-from nvscope.view.lines.text_width import display_width
+from nvscope.view.lines.text_width import display_width, shorten
 
 _LEAST_NAME = 16
 
@@ -108,24 +108,24 @@ def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
 
 
 class Tabs(Bar):
-    """The views by number; the one in front stands out."""
+    """The views with their keys; the one in front stands out."""
 
-    def __init__(self, titles: Sequence[str]) -> None:
+    def __init__(self, titles: Sequence[str], keys: Sequence[str]) -> None:
         super().__init__(id="tabs")
         self._titles = titles
+        self._told = [f"{key} {title}".strip() for key, title in zip(keys, titles, strict=True)]
 
     def front(self, place: int) -> None:
         """Show which view is in front."""
         line: list[Cell] = [Cell(" ")]
-        for number, title in enumerate(self._titles, 1):
-            told = f"{number} {title}"
-            line.append(Cell(f"[{told}]", Tone.STRONG) if number - 1 == place else Cell(f" {told} ", Tone.FAINT))
+        for number, told in enumerate(self._told):
+            line.append(Cell(f"[{told}]", Tone.STRONG) if number == place else Cell(f" {told} ", Tone.FAINT))
         self.tell(line)
 
     def clicked(self, x: int) -> None:
         at = 1
-        for number, title in enumerate(self._titles, 1):
-            stop = at + len(f"{number} {title}") + 2
+        for title, told in zip(self._titles, self._told, strict=True):
+            stop = at + display_width(told) + 2
             if at <= x < stop:
                 self.app.act("view." + title.lower())  # type: ignore[attr-defined]
                 return
@@ -140,11 +140,19 @@ _SHORT = {
 }  # fmt: skip
 
 
-def foot(keymap: Keymap, hints: Sequence[str], state: Line) -> tuple[Line, Line]:
-    """Return what keys do, the most useful first, and how time is."""
-    line: list[Cell] = [Cell(" ")]
-    for name in (*hints, "program.command", "program.help"):
-        key = keymap.key_of(name)
-        if key:
-            line += [Cell(key, Tone.STRONG), Cell(f" {_SHORT.get(name, name.partition('.')[2])}   ", Tone.FAINT)]
-    return line, state
+def foot(keymap: Keymap, hints: Sequence[str], states: Sequence[str], width: int) -> tuple[Line, Line]:
+    """Return what keys do, the most useful first, and what is in force: a filter, a recording, how time is.
+
+    Where there is no room for both, what keys do gives way: they are told by the help, too.
+    """
+    state = "   ".join(states)
+    if display_width(state) > width - 2:
+        state = shorten(state, max(width - 2, 1))
+    told = [
+        [Cell(key, Tone.STRONG), Cell(f" {_SHORT.get(name, name.partition('.')[2])}   ", Tone.FAINT)]
+        for name in (*hints, "program.command", "program.help") if (key := keymap.key_of(name))
+    ]  # fmt: skip
+    while told and _width([cell for cells in told for cell in cells]) + 1 > width - display_width(state) - 2:
+        # The help is the last one to go.
+        del told[-3 if len(told) > 2 else 0]
+    return [Cell(" "), *(cell for cells in told for cell in cells)], [Cell(f"{state} ", Tone.FAINT)]

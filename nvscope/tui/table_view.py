@@ -146,7 +146,8 @@ class TableView(ScrolledLines):
 
     def _window(self) -> tuple[int, int, int]:
         top = self.scroll_offset.y
-        return top, min(top + max(self.size.height - 1, 0), self.table.count), self.size.width
+        # The scroll bar lies over what stands there.
+        return top, min(top + max(self.size.height - 1, 0), self.table.count), self.scrollable_content_region.width
 
     def _fit(self) -> None:
         """Find out how the rows in view fit the width."""

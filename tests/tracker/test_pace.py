@@ -64,6 +64,12 @@ def test_a_rate_is_of_whole_seconds_and_unknown_before_one_is_over() -> None:
     assert told.seconds(0, 2) == [10, 10]
 
 
+def test_a_second_that_was_not_observed_from_its_beginning_is_in_no_rate() -> None:
+    told = seen([(5, 7), *[(1, 7)] * 29])
+    assert told.seconds(0, 5) == [5, 10, 10]
+    assert told.per_second(0) == told.of_all() == 10
+
+
 def test_time_that_passes_without_a_frame_is_counted() -> None:
     told = seen([(1, 7)] * 35, until_s=START_S + 8)
     assert told.per_second(0, 3) == 0
@@ -73,4 +79,5 @@ def test_time_that_passes_without_a_frame_is_counted() -> None:
 def test_a_clock_that_goes_far_back_begins_anew() -> None:
     told = seen([(1, 7), (-36_000, 7), (1, 7), (11, 7)])
     assert told.last_s == START_S - 3600 + 1
-    assert told.per_second(0, 1) == 2
+    assert told.seconds(0, 1) == [2]
+    assert told.per_second(0, 1) is None  # that second was not observed from its beginning

@@ -16,7 +16,7 @@ from nvscope.view.lines.plant.happenings import headline, is_now
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
 
 _INDENT = 5
-_NARROWEST = 40
+_NARROWEST = 18
 _Identity = tuple[str, str, tuple[str, ...], tuple[str, ...]]
 
 

@@ -39,7 +39,7 @@ COLUMNS: Sequence[Column] = (
     Column("", shortest=8, importance=2),
 )
 _NO_NUMBER = -1.0
-_NARROWEST = 40
+_NARROWEST = 18
 
 
 class ListsView(View):
@@ -119,6 +119,8 @@ class ListsView(View):
             self._happened.show(_nothing_yet(look, max(self.size.width - 1, _NARROWEST)))
             return
         told: Sequence[Mapping[str, Any]] = [one for one in look.report["causes"] if severity_of(one) > Severity.NOTE]
+        if (choice := look.choice) is not None and not choice.suspended and choice.lists is not None:
+            told = [one for one in told if not one["lists"] or set(one["lists"]) & set(choice.lists)]
         key = self._table.key
         own = [one for one in told if key in one["lists"]] if self._table.row > 0 else []
         others = [one for one in told if one not in own]

@@ -1,0 +1,89 @@
+"""What all views share: the line below, the tabs, help and explanations, freezing, and leaving while recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.record.recorder import Recorder, Recording
+from nvscope.tui.actions import Keymap
+from nvscope.tui.bars import Tabs, foot
+from tests.tui.screen import Screen, on_screen
+
+PLANT = str(Path(__file__).parents[2] / "captures" / "plant.pcapng.gz")
+HINTS = ("time.freeze", "find.filter", "show.sort", "view.open")
+
+
+def words(line: Any) -> str:
+    return "".join(cell.text for cell in line)
+
+
+@pytest.mark.parametrize("width", [20, 40, 60, 80, 160])
+def test_what_is_in_force_is_told_before_what_keys_do(width: int) -> None:
+    left, right = foot(Keymap(), HINTS, ["/nv.index == 9", "R 12 kB", "live"], width)
+    assert len(words(left)) + len(words(right)) <= width
+    if width >= 40:
+        assert words(right).strip() == "/nv.index == 9   R 12 kB   live"
+    if width >= 60:
+        assert "? keys" in words(left)
+    assert ("s sort" in words(left)) == (width >= 160)
+
+
+def test_a_filter_is_seen_on_a_small_terminal_and_holds_for_what_happened_too() -> None:
+    async def look(screen: Screen) -> None:
+        screen.app.act("find.filter", "nv.index == 9")
+        await screen.until(lambda: "/nv.index == 9" in screen.lines[-1])
+        await screen.until(lambda: "192.168.1.99" not in screen.text)
+        assert "started anew" in screen.text
+        await screen.press("backslash")
+        await screen.until(lambda: "/nv.index == 9 (off)" in screen.lines[-1])
+        assert "192.168.1.99" in screen.text
+
+    on_screen(Inquiry([PLANT]), look, size=(80, 24))
+
+
+def test_whoever_leaves_the_help_is_where_the_help_was_asked_for() -> None:
+    async def look(screen: Screen) -> None:
+        for name, shown in (("program.help", "page"), ("show.explain", "NV301 no-acknowledgement")):
+            await screen.press("3")
+            screen.app.act(name, "NV301" if name == "show.explain" else "")
+            await screen.press()
+            assert shown in screen.text
+            assert screen.app.front is None
+            await screen.press("q")
+            assert screen.app.front is screen.app.views[2]
+        screen.app.act("show.explain", "second-sender")
+        await screen.press()
+        assert "second-sender" in screen.lines[2]
+
+    on_screen(Inquiry([PLANT]), look, size=(80, 24))
+
+
+def test_for_how_long_it_stands_still_is_told_while_it_does() -> None:
+    async def look(screen: Screen) -> None:
+        await screen.press("space")
+        await screen.until(lambda: "frozen 2 s" in screen.lines[-1])
+
+    on_screen(Inquiry([PLANT]), look, size=(80, 24))
+
+
+def test_q_does_not_end_a_recording_by_the_way() -> None:
+    class Records(Recorder):
+        state = Recording("night.pcapng")
+
+    async def look(screen: Screen) -> None:
+        screen.app._records.recorder = Records()
+        await screen.press("q")
+        await screen.until(lambda: "Recording to night.pcapng: ctrl-q ends it" in " ".join(screen.text.split()))
+        assert screen.app._exit is False
+
+    on_screen(Inquiry([PLANT]), look, size=(120, 24), notes=True)
+
+
+def test_tabs_have_the_keys_that_views_have() -> None:
+    keys = Keymap({"view.causes": "c"})
+    tabs = Tabs(["Lists", "Causes"], [keys.key_of(name) or "" for name in ("view.lists", "view.causes")])
+    assert tabs._told == ["1 Lists", "c Causes"]
