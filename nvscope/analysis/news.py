@@ -47,6 +47,7 @@ class News:
             is_over = cause.until_ns is not None
             if before is None and not is_over and gone[_place(cause)]:
                 before = gone[_place(cause)].pop(0)
+            before = before or _taken(gone, cause)
             if before is None or (before.until_ns is not None and not is_over):
                 new.append(cause)
             if is_over and (before is None or before.until_ns is None):
@@ -54,6 +55,18 @@ class News:
         ended += [cause for causes in gone.values() for cause in causes]
         self._known = now
         return Told(tuple(new), tuple(ended))
+
+
+def _taken(gone: dict[Hashable, list[Cause]], cause: Cause) -> Cause | None:
+    """Take the one that a cause was when other lists were known to be concerned, None where there is none."""
+    for causes in gone.values():
+        for one in causes:
+            lists = {*one.lists}, {*cause.lists}
+            alike = one.kind is cause.kind and one.since_ns == cause.since_ns and one.channel == cause.channel
+            if alike and not one.nodes and not cause.nodes and (lists[0] <= lists[1] or lists[1] <= lists[0]):
+                causes.remove(one)
+                return one
+    return None
 
 
 def _place(cause: Cause) -> Hashable:

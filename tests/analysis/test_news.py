@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from nvscope.analysis.news import News
 from nvscope.causes.cause import Cause
+from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
 from nvscope.causes.losses import LOSS_OF_LIST
 from nvscope.causes.silences import NODE_SILENT
 from nvscope.findings.kind import Severity
+from nvscope.list_key import ListKey
 
 
 def silent(node: int, since_ns: int, until_ns: int | None = None, title: str = "silent") -> Cause:
@@ -49,6 +51,35 @@ def test_one_that_is_told_no_more_is_over() -> None:
     other = Cause(LOSS_OF_LIST, Severity.ERROR, "lost", "look", nodes=(1,), since_ns=5)
     told = news.of([other])
     assert (told.new, told.ended) == ((other,), (first,))
+
+
+def nothing(until_ns: int | None, *lists: int) -> Cause:
+    keys = tuple(ListKey.udp(1202, number) for number in lists)
+    return Cause(
+        CAPTURE_INCOMPLETE,
+        Severity.NOTE,
+        "nothing could be captured",
+        "plug",
+        lists=keys,
+        since_ns=5,
+        until_ns=until_ns,
+    )
+
+
+def test_one_that_is_seen_to_concern_more_lists_is_the_same() -> None:
+    news = News()
+    assert len(news.of([nothing(None)]).new) == 1
+    for more in ((3,), (3, 7), (7,)):
+        assert not news.of([nothing(None, *more)])
+    told = news.of([nothing(9, 7, 12)])
+    assert (told.new, [one.until_ns for one in told.ended]) == ((), [9])
+
+
+def test_one_of_other_lists_is_another_one() -> None:
+    news = News()
+    news.of([nothing(None, 3)])
+    told = news.of([nothing(None, 7)])
+    assert (len(told.new), len(told.ended)) == (1, 1)
 
 
 def test_two_nodes_are_two_causes() -> None:
