@@ -52,6 +52,9 @@ LIST_STOPPED = CauseKind(
     measured="silent for {time}",
 )
 
+_CABLE = "Its cable and switch port, and what lies between: its program ran meanwhile."
+_HALTED = "Its application: a breakpoint, a stop, a download? Its counters were kept, so it had power. Then its cable."
+
 _OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 _WAITS = (NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED)
 _SHORTEST = 10  # a pause with an end is told from ten of the longest interval on
@@ -173,15 +176,18 @@ def _draft(
         checked.append("other frames of it (ARP, ICMP, TCP …) go on: it has power and cable")
     if going:
         checked.append(going)
+    step = kind.next_step
     if pause.until_ns is not None:
         lost = case.free(TELEGRAM_GAP) & chosen
+        if kind is NODE_SILENT:
+            step = _CABLE if lost.any() else _HALTED
         checked.append(
             ("its counters went on meanwhile: its program ran, cable or switch port did not" if kind is NODE_SILENT
              else "its counters went on meanwhile: it counted what did not come out") if lost.any()
             else "its counters stood still meanwhile: it did not send"
         )  # fmt: skip
     draft = Draft(
-        kind, title, kind.next_step, checked, timed, [node], since_ns=pause.since_ns, until_ns=pause.until_ns
+        kind, title, step, checked, timed, [node], since_ns=pause.since_ns, until_ns=pause.until_ns
     )  # fmt: skip
     return draft, chosen
 
