@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
-import signal
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -22,10 +20,10 @@ from nvscope.tui.actions import BY_NAME, Keymap, matching
 from nvscope.tui.bars import Bar, Tabs, foot, head
 from nvscope.tui.commands.find import FindCommands
 from nvscope.tui.commands.marks import MarkCommands
+from nvscope.tui.commands.program import ProgramCommands
 from nvscope.tui.commands.record import RecordCommands
 from nvscope.tui.commands.time import TimeCommands
 from nvscope.tui.feed import Feed
-from nvscope.tui.help_page import key_lines
 from nvscope.tui.last_resort import LastResort
 from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Look
@@ -41,7 +39,6 @@ from nvscope.tui.views.source import SourceView
 from nvscope.tui.views.variables import VariablesView
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
-from nvscope.view.lines.plant.explain_finding import explained
 from nvscope.view.lines.table import Cell, Line, Tone
 
 _DRAW_S = 0.1
@@ -74,17 +71,11 @@ class WatchApp(App[None], inherit_bindings=False):
         super().__init__(ansi_color=theme in ("ansi", "mono"))
         self.feed, self.keymap, self._last_resort = feed, keymap, last_resort
         self._time, self._marks, self._records = TimeCommands(self), MarkCommands(self), RecordCommands(self, recorder)
-        self.find = FindCommands(self, expression)
+        self.find, self._program = FindCommands(self, expression), ProgramCommands(self)
         self._does: Mapping[str, Callable[[str], None]] = {
-            **self._time.does, **self._marks.does, **self._records.does, **self.find.does,
-            "program.back": self._go_back,
-            "program.quit": self._leave,
-            "program.reset": self._count_anew,
-            "program.suspend": self._rest,
-            "program.help": self._show_help,
+            **self._time.does, **self._marks.does, **self._records.does, **self.find.does, **self._program.does,
             "program.command": self._ask_command,
             "show.theme": self._change_theme,
-            "show.copy": self._copy_row,
         }  # fmt: skip
         self.utc = utc
         self._first_theme = theme
@@ -101,7 +92,6 @@ class WatchApp(App[None], inherit_bindings=False):
         self.ended_by = 0
         """The signal that ended it, 0 for none."""
         self.views: Sequence[View] = make_views()
-        self._before_help = self.views[0]
 
     def on_unmount(self) -> None:
         self.find.stop()
@@ -281,18 +271,19 @@ class WatchApp(App[None], inherit_bindings=False):
         """Do what an action says, with what stands behind its name on the command line."""
         front = self.front
         if name.startswith("view.") and any(view.action == name for view in self.views):
-            self._to_front(next(view for view in self.views if view.action == name), told)
+            self.to_front(next(view for view in self.views if view.action == name), told)
         elif (does := self._does.get(name)) is not None:
             does(told)
         elif name == "show.explain" and told:
-            self._explain(told)
+            self._program.explain(told)
         elif front is None:
             self.query_one("#help-lines", LinesView).move(name)
         elif not front.act(name, told):
             self.notify(f"{name} does nothing in {front.title}", severity="warning", timeout=2)
         self._tell_bars()
 
-    def _to_front(self, view: View, told: str = "") -> None:
+    def to_front(self, view: View, told: str = "") -> None:
+        """Show a view, restricted to what is told."""
         self.query_one("#views", ContentSwitcher).current = view.id
         self.query_one(Tabs).front(self.views.index(view))
         if told:
@@ -301,59 +292,11 @@ class WatchApp(App[None], inherit_bindings=False):
         if self._look is not None:
             view.show(self._look)
 
-    def _go_back(self, _: str) -> None:
-        front, recording = self.front, self.recording
-        if front is None:
-            self._to_front(self._before_help)
-        elif front.act("program.back"):
-            pass
-        elif front is not self.views[0]:
-            self._to_front(self.views[0])
-        elif recording is not None and recording.is_on:
-            key = self.keymap.key_of("program.quit")
-            self.notify(f"Recording to {visible(recording.path)}: {key} ends it and the screen", timeout=6)
-        else:
-            self.exit()
-
-    def _leave(self, _: str) -> None:
-        self.exit()
-
-    def _count_anew(self, _: str) -> None:
-        if not self.feed.is_live:
-            self.notify("A capture is counted from its beginning; --from-time cuts it", timeout=3)
-            return
-        self.feed.reset()
-        self.notify("Counted from now on", timeout=2)
-
-    def _rest(self, _: str) -> None:
-        if self._driver is None or not self._driver.can_suspend:
-            return
-        if os.getsid(os.getppid()) != os.getsid(0):
-            self.notify("There is no shell to come back from", severity="warning", timeout=3)
-            return
-        # All of the job stop, or its shell waits for those that do not: tcpdump in front of it, a script around it.
-        before = signal.signal(signal.SIGTSTP, signal.SIG_IGN)
-        os.kill(0, signal.SIGTSTP)
-        signal.signal(signal.SIGTSTP, before)
-        self.action_suspend_process()
-
-    def _show_help(self, _: str) -> None:
-        self._show_page(list(key_lines(self.keymap, max(self.size.width - 2, 40))))
-
-    def _show_page(self, lines: Sequence[Line]) -> None:
+    def show_page(self, lines: Sequence[Line]) -> None:
         """Show lines in place of a view."""
-        self._before_help = self.front or self._before_help
         self.query_one("#help-lines", LinesView).show(lines)
         self.query_one("#views", ContentSwitcher).current = _HELP
         self.query_one(Tabs).front(-1)
-
-    def _explain(self, name: str) -> None:
-        """Show what a cause or a finding of a name or code means."""
-        lines = explained(name, max(self.size.width - 2, 40))
-        if lines:
-            self._show_page(lines)
-        else:
-            self.notify(f"{visible(name)}: no cause or finding is called so", severity="warning")
 
     def _ask_command(self, _: str) -> None:
         self.query_one(Prompt).open(":", "")
@@ -364,13 +307,6 @@ class WatchApp(App[None], inherit_bindings=False):
             self.notify(f"There are: {', '.join(names)}", severity="warning")
             return
         self._paint(told or names[(names.index(self._palette) + 1) % len(names)])
-
-    def _copy_row(self, _: str) -> None:
-        front = self.front
-        text = front.copied() if front is not None else ""
-        if text:
-            self.copy_to_clipboard(text)
-            self.notify("Copied", timeout=1)
 
     def complain(self, error: NvscopeError) -> None:
         """Tell an error, with what to do about it."""

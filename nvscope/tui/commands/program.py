@@ -1,0 +1,101 @@
+"""The program itself: back, end, stop as a shell does, count anew, help, explanations, copy."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+from nvscope.tui.help_page import key_lines
+from nvscope.view.escape import visible
+from nvscope.view.lines.plant.explain_finding import explained
+
+if TYPE_CHECKING:
+    from nvscope.tui.app import WatchApp
+    from nvscope.tui.views.view import View
+
+_NARROWEST = 40
+
+
+class ProgramCommands:
+    """The actions that are about the program."""
+
+    def __init__(self, app: WatchApp) -> None:
+        self._app = app
+        self._before_page: View | None = None  # where help or an explanation was asked for
+
+    @property
+    def does(self) -> Mapping[str, Callable[[str], None]]:
+        """What is done for each action, with what stands behind its name."""
+        return {
+            "program.back": self._go_back,
+            "program.quit": lambda _: self._app.exit(),
+            "program.reset": self._count_anew,
+            "program.suspend": self._rest,
+            "program.help": self._show_help,
+            "show.copy": self._copy_row,
+        }
+
+    def explain(self, name: str) -> None:
+        """Show what a cause or a finding of a name or code means."""
+        lines = explained(name, self._width)
+        if lines:
+            self._leave_for_page()
+            self._app.show_page(lines)
+        else:
+            self._app.notify(f"{visible(name)}: no cause or finding is called so", severity="warning")
+
+    @property
+    def _width(self) -> int:
+        return max(self._app.size.width - 2, _NARROWEST)
+
+    def _leave_for_page(self) -> None:
+        self._before_page = self._app.front or self._before_page
+
+    def _go_back(self, _: str) -> None:
+        app = self._app
+        front, recording = app.front, app.recording
+        if front is None:
+            app.to_front(self._before_page or app.views[0])
+        elif front.act("program.back"):
+            pass
+        elif front is not app.views[0]:
+            app.to_front(app.views[0])
+        elif recording is not None and recording.is_on:
+            key = app.keymap.key_of("program.quit")
+            app.notify(f"Recording to {visible(recording.path)}: {key} ends it and the screen", timeout=6)
+        else:
+            app.exit()
+
+    def _count_anew(self, _: str) -> None:
+        if not self._app.feed.is_live:
+            self._app.notify("A capture is counted from its beginning; --from-time cuts it", timeout=3)
+            return
+        self._app.feed.reset()
+        self._app.notify("Counted from now on", timeout=2)
+
+    def _rest(self, _: str) -> None:
+        """Stop as Ctrl-Z stops other programs, until a shell says go on."""
+        driver = self._app._driver  # there is no other way to know
+        if driver is None or not driver.can_suspend:
+            return
+        if os.getsid(os.getppid()) != os.getsid(0):
+            self._app.notify("There is no shell to come back from", severity="warning", timeout=3)
+            return
+        # All of the job stop, or its shell waits for those that do not: tcpdump in front of it, a script around it.
+        before = signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+        os.kill(0, signal.SIGTSTP)
+        signal.signal(signal.SIGTSTP, before)
+        self._app.action_suspend_process()
+
+    def _show_help(self, _: str) -> None:
+        self._leave_for_page()
+        self._app.show_page(list(key_lines(self._app.keymap, self._width)))
+
+    def _copy_row(self, _: str) -> None:
+        front = self._app.front
+        text = front.copied() if front is not None else ""
+        if text:
+            self._app.copy_to_clipboard(text)
+            self._app.notify("Copied", timeout=1)
