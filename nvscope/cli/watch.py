@@ -142,7 +142,9 @@ def watch(
 
 
 def _has_keys(paths: Sequence[str]) -> bool:
-    """Tell whether keys can be pressed: on stdin, or, where that is the capture, at the terminal, as in pagers."""
+    """Tell whether there can be a screen, with keys on stdin, or, where that is the capture, at the terminal."""
+    if os.environ.get("TERM") == "dumb":
+        return False  # nothing can be drawn on it
     if sys.stdin is None or sys.stdin.isatty():
         return sys.stdin is not None
     if STDIN not in paths:

@@ -119,6 +119,28 @@ def in_a_terminal(slave: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def test_a_dumb_terminal_gets_tables() -> None:
+    master, slave = pty.openpty()
+    how = in_a_terminal(slave)
+    how["env"]["TERM"] = "dumb"
+    watching = subprocess.Popen([*COMMAND, "watch", PLANT], stdin=slave, **how)
+    try:
+        shown, until = b"", time.monotonic() + 30
+        while watching.poll() is None and time.monotonic() < until:
+            if select.select([master], [], [], 0.05)[0]:
+                shown += os.read(master, 65536)
+        while select.select([master], [], [], 0.05)[0]:
+            shown += os.read(master, 65536)
+        assert watching.returncode == 0
+        assert b"\x1b[?1049h" not in shown
+        assert b"192.168.1.99" in shown
+    finally:
+        watching.kill()
+        watching.wait()
+        os.close(master)
+        os.close(slave)
+
+
 HANGS = """
 import os, sys, time
 from nvscope.cli.start import main
