@@ -61,7 +61,7 @@ def test_the_budget_is_about_what_they_take() -> None:
     assert budget // 2 < each * len(kept) < budget * 3 // 2
 
 
-@given(st.integers(20, 400), st.integers(6, 40))
+@given(st.integers(20, 400), st.integers(10, 40))
 def test_those_of_old_are_fewer_and_those_of_now_are_all_there(seconds: int, room: int) -> None:
     scene = scenes(PLANT)[0]
     one = KeptScenes()
