@@ -12,8 +12,9 @@ from dissectors.batch import I64
 from nvscope.causes.case import PAUSE_PERCENT, Case
 from nvscope.causes.mark import Mark
 from nvscope.causes.silent_spans import SilentSpans, within_ns
+from nvscope.causes.spans import joined
 from nvscope.causes.symptoms import code_number
-from nvscope.engine.runs import rows_by, runs_of
+from nvscope.engine.runs import rows_by
 from nvscope.findings.answers import NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.consistency import SEVERAL_SENDERS
@@ -108,18 +109,9 @@ class Chronicle:
         Stretches with the same mark of a list that lie closer together than any cell is long are one.
         """
         near_ns = max(self.end_ns - self.start_ns, 1) // cells
-        order = np.lexsort((self.marks[1], self.marks[3], self.marks[0]))
-        lists, since_ns, until_ns, mark = (column[order] for column in self.marks)
-        start, stop = runs_of(lists * len(Mark) + mark)
-        latest_ns = until_ns.copy()
-        for begin, end in zip(start.tolist(), stop.tolist(), strict=True):
-            latest_ns[begin:end] = np.maximum.accumulate(until_ns[begin:end])
-        begins = np.ones(len(lists), np.bool_)
-        begins[1:] = since_ns[1:] - latest_ns[:-1] >= near_ns
-        begins[start] = True
-        first = np.flatnonzero(begins)
-        last = np.append(first[1:], len(lists))[: len(first)] - 1
-        marks = lists[first], since_ns[first], latest_ns[last], mark[first]
+        lists, since_ns, until_ns, mark = self.marks
+        place, since_ns, until_ns = joined(lists * len(Mark) + mark, since_ns, until_ns, near_ns)
+        marks = place // len(Mark), since_ns, until_ns, place % len(Mark)
         own = self.pauses.time_ns >= self.start_ns
         return replace(self, marks=marks, pauses=PauseColumns(*(column[own] for column in self.pauses)))
 

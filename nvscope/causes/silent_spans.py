@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.engine.runs import runs_of
+from nvscope.causes.spans import joined
 
 
 class SilentSpans(NamedTuple):
@@ -24,7 +24,8 @@ class SilentSpans(NamedTuple):
         """
         since_ns, until_ns = self.since_ns.clip(start_ns, end_ns), self.until_ns.clip(start_ns, end_ns)
         some = until_ns > since_ns
-        own = _apart(SilentSpans(self.stream[some], since_ns[some], until_ns[some]))
+        # Those of one stream overlap where a clock was set back.
+        own = SilentSpans(*joined(self.stream[some], since_ns[some], until_ns[some], 0))
         streams = np.bincount(group, minlength=groups)
         # Of a group, one more is silent from each beginning on, one less from each end; none behind the last.
         of_group = np.tile(group[own.stream], 2)
@@ -50,18 +51,3 @@ def within_ns(since_ns: I64, until_ns: I64, edge: I64) -> I64:
     behind = np.where(begun > 0, np.maximum(np.append(0, until_ns)[begun] - edge, 0), 0)
     within: I64 = np.diff(length[begun] - behind)
     return within
-
-
-def _apart(spans: SilentSpans) -> SilentSpans:
-    """Return spans of which those of one stream do not overlap, as where a clock was set back; sorted by stream."""
-    order = np.lexsort((spans.since_ns, spans.stream))
-    stream, since_ns, until_ns = (column[order] for column in spans)
-    start, stop = runs_of(stream)
-    if not ((since_ns[1:] < until_ns[:-1]) & (stream[1:] == stream[:-1])).any():
-        return SilentSpans(stream, since_ns, until_ns)
-    latest_ns = until_ns.copy()
-    for begin, end in zip(start.tolist(), stop.tolist(), strict=True):
-        latest_ns[begin:end] = np.maximum.accumulate(until_ns[begin:end])
-    begins = np.append(True, (since_ns[1:] > latest_ns[:-1]) | (stream[1:] != stream[:-1]))
-    first = np.flatnonzero(begins)
-    return SilentSpans(stream[first], since_ns[first], np.maximum.reduceat(latest_ns, first))

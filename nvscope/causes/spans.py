@@ -25,6 +25,23 @@ def touching(since_ns: I64, until_ns: I64, others_since_ns: I64, others_until_ns
     return touches
 
 
+def joined(group: I64, since_ns: I64, until_ns: I64, apart_ns: int) -> tuple[I64, I64, I64]:
+    """Return spans as those of which two of one group lie at least ``apart_ns`` apart; by group, rising.
+
+    Of two that are nearer or overlap, one is made.
+    """
+    order = np.lexsort((since_ns, group))
+    group, since_ns, until_ns = group[order], since_ns[order], until_ns[order]
+    if not ((since_ns[1:] - until_ns[:-1] < apart_ns) & (group[1:] == group[:-1])).any():
+        return group, since_ns, until_ns
+    latest_ns = until_ns.copy()
+    for begin, end in zip(*(bound.tolist() for bound in runs_of(group)), strict=True):
+        latest_ns[begin:end] = np.maximum.accumulate(until_ns[begin:end])
+    begins = np.append(True, (since_ns[1:] - latest_ns[:-1] >= apart_ns) | (group[1:] != group[:-1]))
+    first = np.flatnonzero(begins)
+    return group[first], since_ns[first], np.maximum.reduceat(latest_ns, first)
+
+
 def moments(times_ns: I64) -> int:
     """Return how many moments of a tenth of a second sorted times are of, each from the first one in it."""
     start, stop = runs_of(np.cumsum(np.append(0, np.diff(times_ns) > MOMENT_NS))[: len(times_ns)])

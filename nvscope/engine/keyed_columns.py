@@ -74,6 +74,13 @@ class KeyedColumns:
         self._put(row, other, np.arange(len(row)))
         return row
 
+    def rows(self, row: I64) -> Self:
+        """Return a table of some rows of this one, in their order."""
+        chosen = type(self)()
+        chosen.resize(len(row))
+        chosen._put(np.arange(len(row)), self, row)
+        return chosen
+
     def put(self, row: I64, other: Self) -> None:
         """Make some rows of this table what all rows of another one are, in the same order."""
         self._put(row, other, np.arange(len(row)))

@@ -78,11 +78,9 @@ def _attributes() -> list[Any] | None:
     """Return how the terminal is set, None where nobody knows."""
     try:
         import termios  # noqa: PLC0415  there is none on Windows
-
-        return termios.tcgetattr(0)
-    except (ImportError, OSError):
+    except ImportError:
         return None
-    except Exception as error:
-        if type(error).__name__ == "error":  # termios.error, which is no OSError
-            return None
-        raise
+    try:
+        return termios.tcgetattr(0)
+    except (termios.error, OSError):
+        return None

@@ -15,18 +15,13 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.engine.events import EventBatch
 from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.evidence.first_and_last import FirstAndLast
 
 MOST_EVENTS = 1 << 18
 """So many are kept, 63 bytes each, of captures that have an end."""
 
 MOST_EVENTS_LIVE = 1 << 15
 """So many are kept of live sources."""
-
-_FIRST_SHARE = 4
-"""The first events are this part of those that are kept."""
-
-_SLACK_SHARE = 8
-"""More than are kept by this part of them, before they are thrown away together."""
 
 _MOST_PARTS = 256
 _LEAST_ROWS, _MOST_ROWS = 1 << 12, 1 << 14
@@ -70,8 +65,7 @@ class EventColumns:
     """
 
     def __init__(self, most: int = MOST_EVENTS) -> None:
-        self._most = most
-        self._first = -(-most // _FIRST_SHARE)
+        self._room = FirstAndLast(most)
         # As they were told, in narrow columns; kinds by their place in ``_heard``.
         self._stored = _NOTHING
         self._waiting: list[EventBatch] = []
@@ -83,7 +77,7 @@ class EventColumns:
     @property
     def count(self) -> int:
         """How many are kept."""
-        return min(self._told, self._most)
+        return min(self._told, self._room.most)
 
     @property
     def held(self) -> int:
@@ -136,16 +130,16 @@ class EventColumns:
             *(np.concatenate([known, new.astype(known.dtype, copy=False)]) for known, new in stored)
         )
         self._waiting, self._rows_waiting = [], 0
-        if len(self._stored.frame) > self._most + self._most // _SLACK_SHARE:
+        if self._room.is_full(len(self._stored.frame)):
             self._stored = self._kept()
 
     def _kept(self) -> EventTable:
         """Return those of the stored ones that there is room for."""
         rows = len(self._stored.frame)
-        if rows <= self._most:
+        if rows <= self._room.most:
             return self._stored
-        last = rows - self._most + self._first
-        return EventTable(*(np.concatenate([column[: self._first], column[last:]]) for column in self._stored))
+        kept = self._room.kept(rows)
+        return EventTable(*(column[kept] for column in self._stored))
 
     def _made(self) -> EventTable:
         self._store()

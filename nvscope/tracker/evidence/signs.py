@@ -9,6 +9,7 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of
+from nvscope.tracker.evidence.first_and_last import FirstAndLast
 
 CLOSE_NS = 100_000_000
 """Frames at most so far apart are of one span."""
@@ -18,12 +19,6 @@ MOST_SPANS = 1 << 18
 
 MOST_SPANS_LIVE = 1 << 16
 """So many are kept of live sources."""
-
-_FIRST_SHARE = 4
-"""The first spans are this part of those that are kept; the others are the last ones, and those that go on."""
-
-_SLACK_SHARE = 8
-"""More than are kept by this part of them, before they are thrown away together."""
 
 _NONE = -1
 _NEVER = np.iinfo(np.int64).min
@@ -53,11 +48,12 @@ class _OpenColumns(KeyedColumns):
 class SignsOfLife:
     """The spans of all addresses, by number of the address; ``left_out`` counts those for which there was no room.
 
-    Of more than ``most``, the first and the last ones are kept: who was there at the beginning, and who is now.
+    Of more than ``most``, the first and the last ones are kept, and those that go on: who was there at the beginning,
+    and who is now.
     """
 
     def __init__(self, most: int = MOST_SPANS) -> None:
-        self._most = most
+        self._room = FirstAndLast(most)
         self._open = _OpenColumns()
         self.columns = SpanColumns()
         self.left_out = 0
@@ -84,7 +80,7 @@ class SignsOfLife:
         span = np.where(here >= np.repeat(start, stop - start), span[here], span)
         self._open.span[address[start]] = span[stop - 1]
         columns.until_ns[span] = time_ns  # of several frames, the last one is what stays
-        if len(columns) > self._most + self._most // _SLACK_SHARE:
+        if self._room.is_full(len(columns)):
             self.throw_away()
 
     def left_out_of(self, address: int) -> int:
@@ -97,27 +93,21 @@ class SignsOfLife:
         By itself that is done for many at once.
         """
         old, rows = self.columns, len(self.columns)
-        if rows <= self._most:
+        if rows <= self._room.most:
             return
-        first = -(-self._most // _FIRST_SHARE)
         address = old.column("address")
         # Those of several addresses stand as batches brought them.
         by_time = np.lexsort((address, old.column("since_ns")))
         kept = np.zeros(rows, np.bool_)
-        kept[by_time[:first]] = kept[by_time[rows - self._most + first :]] = True
+        kept[by_time[self._room.kept(rows)]] = True
         last = self._open.column("span")
         kept[last[last >= 0]] = True
         order = np.argsort(address, kind="stable")
         follows = np.append(False, address[order[1:]] == address[order[:-1]])
-        apart = np.zeros(rows, np.bool_)
-        apart[order] = follows & ~np.append(False, kept[order[:-1]])
+        old.column("apart")[order] |= follows & ~np.append(False, kept[order[:-1]])
         np.add.at(self._open.left_out, address[~kept], 1)
         self.left_out += rows - int(kept.sum())
-        self.columns = SpanColumns()
-        self.columns.resize(int(kept.sum()))
-        for name in ("address", "since_ns", "until_ns"):
-            self.columns.column(name)[:] = old.column(name)[kept]
-        self.columns.column("apart")[:] = (old.column("apart") | apart)[kept]
+        self.columns = old.rows(np.flatnonzero(kept))
         number = np.cumsum(kept) - 1
         last[:] = np.where(last >= 0, number[last], _NONE)
 

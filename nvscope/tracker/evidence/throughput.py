@@ -11,6 +11,7 @@ from dissectors.keys import KeyTable
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import distinct, runs_of
 from nvscope.engine.told import Told
+from nvscope.tracker.evidence.first_and_last import FirstAndLast
 
 SLOT_NS = 100_000_000
 
@@ -19,12 +20,6 @@ MOST_SLOTS = 1 << 20
 
 MOST_SLOTS_LIVE = 1 << 17
 """So many are kept of live sources, of which the last hours count."""
-
-_FIRST_SHARE = 4
-"""The first slots are this part of those that are kept; the others are the last ones."""
-
-_SLACK_SHARE = 8
-"""More than are kept by this part of them, before they are thrown away together."""
 
 _MOST_WAITING = 1 << 14
 
@@ -48,7 +43,7 @@ class Throughput:
     by_stream: ClassVar[bool] = False
 
     def __init__(self, most: int = MOST_SLOTS) -> None:
-        self._most = most
+        self._room = FirstAndLast(most)
         self.slots = KeyTable(1)
         self.columns = SlotColumns()
         self.left_out = 0
@@ -76,7 +71,7 @@ class Throughput:
         self.columns.resize(len(self.slots))
         np.add.at(self.columns.frames, number, frames)
         np.add.at(self.columns.bytes, number, size_bytes)
-        if len(self.slots) > self._most + self._most // _SLACK_SHARE:
+        if self._room.is_full(len(self.slots)):
             self.throw_away()
 
     def throw_away(self) -> None:
@@ -85,17 +80,12 @@ class Throughput:
         By itself that is done for many at once.
         """
         old, rows = self.columns, len(self.columns)
-        if rows <= self._most:
+        if rows <= self._room.most:
             return
-        first = -(-self._most // _FIRST_SHARE)
-        kept = np.append(np.arange(first), np.arange(rows - self._most + first, rows))
-        self.left_out += int(old.column("frames").sum()) - int(old.column("frames")[kept].sum())
-        words = self.slots.words[0][kept]
-        self.slots, self.columns = KeyTable(1), SlotColumns()
+        kept = self._room.kept(rows)
+        words, self.slots, self.columns = self.slots.words[0][kept], KeyTable(1), old.rows(kept)
         self.slots.numbers(words)
-        self.columns.resize(len(kept))
-        for name in ("frames", "bytes"):
-            self.columns.column(name)[:] = old.column(name)[kept]
+        self.left_out += int(old.column("frames").sum()) - int(self.columns.column("frames").sum())
 
 
 def _starts(told: Told) -> I64:
