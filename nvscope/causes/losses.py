@@ -12,6 +12,7 @@ from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.gaps import IN_A_ROW, Losses, clusters, end_of_losses, lacking, losses_in, since_of
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lost_answers import answers_lost
+from nvscope.causes.outages import OF_CABLE, outage_ns
 from nvscope.causes.spans import MOMENT_NS, touching
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
@@ -19,7 +20,7 @@ from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.facts import AnyList
 from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
-from nvscope.units import count_of, percent
+from nvscope.units import count_of, duration, percent
 
 LOSS_AT_SENDER = CauseKind(
     "loss-at-sender",
@@ -42,6 +43,9 @@ CAPTURE = "capture-incomplete"
 _MOST_DUE = 4096
 _RUN = 3
 _ENOUGH_TELEGRAMS, _ENOUGH_GAPS, _SHARE_FACTOR = 20, 2, 4
+_LINK_DOWN_NS = 1_000_000_000
+"""A link that was down takes about a second to come up; what is shorter is no cable."""
+
 _EFFECTS = (TORN_CYCLE, JITTER, NO_ACKNOWLEDGEMENT)
 
 
@@ -60,6 +64,7 @@ def judge_losses_at_senders(case: Case) -> Iterator[Explained]:
             lost, which = count_of(cluster.total, "telegram"), lists_in_words(case, lists)
             where = f"Node {case.address(node)} lost {lost} of {which}"
             draft, explained = _draft(case, LOSS_AT_SENDER, where, node, lists, cluster, checked)
+            _tell_outage(case, node, cluster, draft)
             yield draft, explained | (case.free(NO_ACKNOWLEDGEMENT) & answers_lost(case, node, cluster))
 
 
@@ -178,8 +183,17 @@ def judge_losses_of_lists(case: Case) -> Iterator[Explained]:
             where = f"{capitalised(name)} of {case.address(node)} lost {count_of(cluster.total, 'telegram')}"
             draft, explained = _draft(case, LOSS_OF_LIST, where, node, [entry], cluster, checked)
             if _has_one_list(case, node):
+                _tell_outage(case, node, cluster, draft)
                 explained |= case.free(NO_ACKNOWLEDGEMENT) & answers_lost(case, node, cluster)
             yield draft, explained
+
+
+def _tell_outage(case: Case, node: int, losses: Losses, draft: Draft) -> None:
+    """Say of losses that nothing of the node came meanwhile, where that was so: then its link was down."""
+    length_ns = outage_ns(case, node, losses)
+    if length_ns is not None and length_ns >= _LINK_DOWN_NS:
+        draft.checked = [f"no cyclic list and no other frame of it came for {duration(length_ns)}", *draft.checked]
+        draft.next = OF_CABLE
 
 
 def _alone(case: Case, node: int, losses: Losses) -> bool:

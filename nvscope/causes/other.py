@@ -6,11 +6,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from nvscope.causes.case import NOBODY, Case, Draft, Explained
+from nvscope.causes.case import NOBODY, Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import capitalised, lists_in_words
 from nvscope.engine.runs import distinct
 from nvscope.findings.capture import LIMIT_REACHED, TRUNCATED_FILE
+from nvscope.findings.definition import SILENT_LIST
 from nvscope.findings.facts import AnyList
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
@@ -23,6 +24,9 @@ OTHER = CauseKind(
     "The events of one finding that belong to no other cause.",
     "What `nvscope explain CODE` says of the finding.",
 )
+
+_LASTING = (LIMIT_REACHED, SILENT_LIST)
+"""What a limit has left out stays left out, and what never came has not come yet."""
 
 
 def judge_others(case: Case) -> Iterator[Explained]:
@@ -42,8 +46,7 @@ def judge_others(case: Case) -> Iterator[Explained]:
             OTHER, f"{name}{finding.message.removesuffix('.')}", finding.hint or finding.kind.next_steps[0], (), lists,
             [node for node in distinct(symptoms.node[chosen]).tolist() if node >= 0], finding.channel,
             since_ns=int(symptoms.since_ns[chosen].min()) or None,
-            # What a limit has left out stays left out.
-            until_ns=None if finding.kind is LIMIT_REACHED else int(times.max()) or None,
+            until_ns=None if finding.kind in _LASTING else case.end_of(times, slack_ns(lists)) or None,
             at_most=_at_most(case, finding, lists),
         )  # fmt: skip
         yield draft, case.only(chosen)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +11,15 @@ from dissectors.batch import Bool
 from nvscope.causes.canopen_nodes import canopen_node_of, last_signs
 from nvscope.causes.case import NOBODY, Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
+from nvscope.causes.node_streams import NodeStream, Pause
+from nvscope.causes.outages import OF_CABLE
+from nvscope.causes.silent_together import (
+    NodeSilence,
+    began_together,
+    cyclic_lists_of,
+    draft_of_several,
+    heard_of,
+)
 from nvscope.causes.unplugged import was_unplugged
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import rows_by
@@ -28,7 +35,8 @@ NODE_SILENT = CauseKind(
     "node-silent",
     "silent",
     "A node that sent cyclic lists sends nothing at all any more, or sent nothing for a while.",
-    "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included.",
+    "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included. Three that fall "
+    "silent at one moment, or all that there are, are one cause: what they share, be it the way to the capture.",
     "Its power and LEDs, then its cable and switch port. Its task comes last.",
     at_least=Severity.ERROR,
     measured="silent for {time}",
@@ -52,7 +60,6 @@ LIST_STOPPED = CauseKind(
     measured="silent for {time}",
 )
 
-_CABLE = "Its cable and switch port, and what lies between: its program ran meanwhile."
 _HALTED = "Its application: a breakpoint, a stop, a download? Its counters were kept, so it had power. Then its cable."
 
 _OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
@@ -65,33 +72,35 @@ _INTERVALS_UNSURE = 3
 _NO_ROWS = np.empty(0, np.int64)
 
 
-class _Silence(NamedTuple):
-    """A time in which a node sent none of its cyclic lists, and the longest interval among them."""
-
-    pause: Pause
-    longest_ns: int
-
-
 def judge_nodes(case: Case, kind: CauseKind) -> Iterator[Explained]:
     """Explain the silences of nodes; ``kind`` is NODE_SILENT or PROGRAM_STOPPED."""
-    for node, streams in case.streams_of_node.items():
-        for silence in _silences(case, node, streams):
-            pause, half_ns = silence.pause, silence.longest_ns // 2
-            end_ns = case.end_ns if pause.until_ns is None else pause.until_ns
-            after_ns = pause.since_ns + _HALVES_BEFORE * half_ns
-            before_ns = end_ns if pause.until_ns is None else end_ns - _HALVES_AFTER * half_ns
-            goes_on = case.life.goes_on(node, after_ns, before_ns, (pause.since_ns, end_ns))
-            acknowledged_ns = case.last_acknowledgement_ns.get(node)
-            goes_on |= pause.until_ns is None and acknowledged_ns is not None and acknowledged_ns > after_ns
-            if goes_on != (kind is PROGRAM_STOPPED):
-                continue
-            chosen = _explained(case, node, pause)
-            if not chosen.any():
-                continue
-            yield _draft(case, kind, node, streams, pause, chosen)
+    found = [
+        silence
+        for node, streams in case.streams_of_node.items() for silence in _silences(case, node, streams)
+        if _goes_on(case, silence) == (kind is PROGRAM_STOPPED)
+    ]  # fmt: skip
+    for together in began_together(case, found) if kind is NODE_SILENT else ([one] for one in found):
+        chosen = np.logical_or.reduce([_explained(case, one.node, one.pause) for one in together])
+        if not chosen.any():
+            continue
+        if len(together) > 1:
+            yield draft_of_several(case, kind, together), chosen
+        else:
+            yield _draft(case, kind, together[0], chosen), chosen
 
 
-def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[_Silence]:
+def _goes_on(case: Case, silence: NodeSilence) -> bool:
+    """Tell whether other frames of a node than those of its cyclic lists come while it is silent."""
+    pause, half_ns = silence.pause, silence.longest_ns // 2
+    end_ns = case.end_ns if pause.until_ns is None else pause.until_ns
+    after_ns = pause.since_ns + _HALVES_BEFORE * half_ns
+    before_ns = end_ns if pause.until_ns is None else end_ns - _HALVES_AFTER * half_ns
+    if case.life.goes_on(silence.node, after_ns, before_ns, (pause.since_ns, end_ns)):
+        return True
+    return pause.until_ns is None and case.last_acknowledgement_ns.get(silence.node, after_ns) > after_ns
+
+
+def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[NodeSilence]:
     """Return when all cyclic streams of a node paused together."""
     timed = [one for one in streams if one.nominal_ns]
     if not timed:
@@ -121,7 +130,7 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[_Sil
             continue
         if was_unplugged(case, last.since_ns, until_ns, _INTERVALS_UNSURE * longest_ns):
             continue
-        silence = _Silence(Pause(last.since_ns, until_ns, last.frame), longest_ns)
+        silence = NodeSilence(node, Pause(last.since_ns, until_ns, last.frame), fastest.nominal_ns, longest_ns)
         if ended or (case.free(STOPPED) & (case.symptoms.node == node)).any():
             found.append(silence)
     return found
@@ -152,10 +161,9 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     return explained
 
 
-def _draft(
-    case: Case, kind: CauseKind, node: int, streams: Sequence[NodeStream], pause: Pause, chosen: Bool
-) -> Explained:
-    timed = lists_of_streams(one for one in streams if one.nominal_ns)
+def _draft(case: Case, kind: CauseKind, silence: NodeSilence, chosen: Bool) -> Draft:
+    node, pause = silence.node, silence.pause
+    timed = cyclic_lists_of(case, [node])
     name, which = case.address(node), lists_in_words(case, timed)
     since, checked = moment(case, pause.since_ns), []
     others = case.going_on.beside(node, pause.since_ns, pause.until_ns, case.end_ns)
@@ -168,10 +176,7 @@ def _draft(
         title = f"Node {name} {past} from {since} to {moment(case, pause.until_ns)} ({which})"
     if kind is NODE_SILENT:
         when = "afterwards" if pause.until_ns is None else f"for {duration(pause.until_ns - pause.since_ns)}"
-        if all(info.hears_answers for info in case.facts.sources):
-            checked.append(f"nothing of it came {when}, ARP included")
-        else:
-            checked.append(f"nothing of it came {when}; whether it sends other frames is not to be seen by this socket")
+        checked.append(f"nothing of it came {when}{heard_of(case, 'it sends')}")
     else:
         checked.append("other frames of it (ARP, ICMP, TCP …) go on: it has power and cable")
     if going:
@@ -180,16 +185,13 @@ def _draft(
     if pause.until_ns is not None:
         lost = case.free(TELEGRAM_GAP) & chosen
         if kind is NODE_SILENT:
-            step = _CABLE if lost.any() else _HALTED
+            step = OF_CABLE if lost.any() else _HALTED
         checked.append(
             ("its counters went on meanwhile: its program ran, cable or switch port did not" if kind is NODE_SILENT
              else "its counters went on meanwhile: it counted what did not come out") if lost.any()
             else "its counters stood still meanwhile: it did not send"
         )  # fmt: skip
-    draft = Draft(
-        kind, title, step, checked, timed, [node], since_ns=pause.since_ns, until_ns=pause.until_ns
-    )  # fmt: skip
-    return draft, chosen
+    return Draft(kind, title, step, checked, timed, [node], since_ns=pause.since_ns, until_ns=pause.until_ns)
 
 
 def judge_lists(case: Case) -> Iterator[Explained]:

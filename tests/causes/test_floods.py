@@ -44,7 +44,7 @@ def test_who_stands_out_among_them_is_told_by_itself(tmp_path: Path) -> None:
 
 
 def test_where_there_are_too_many_causes_the_rest_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    frames = [frame for at in range(8) for frame in sent(f"10.0.1.{at}", 10 + at, list(range(30 + at)))]
+    frames = [frame for at in range(8) for frame in sent(f"10.0.1.{at}", 10 + at, list(range(30 + 5 * at)))]
     frames += sent(PRESS, 1, list(range(400)))
     every = causes_in(frames, tmp_path)
     assert {cause.kind.name for cause in every} == {"node-silent"}

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.causes.cause import Cause
 from tests.causes.drawn.by_hand import list_of, lost, node_of, plant_of, told_of
+from tests.causes.drawn.packets import write_pcap
 from tests.causes.drawn.plant import Plant
+from tests.causes.drawn.traffic import play
+from tests.causes.drawn.truth import SECOND
+from tests.causes.told import causes_of
 
 
 def press_and_saw(seconds: int = 60, *intervals_ms: int, scope: str = "stream") -> Plant:
@@ -54,3 +60,46 @@ def test_what_comes_again_every_few_seconds_in_bursts_is_not_over_between_two(tm
     lost(plant, lambda sent, at_s: sent.list.node.ip == "10.0.0.1" and at_s > 10 and at_s % 6 < 0.07)
     ((kind, since_s, until_s),) = told_of(plant, tmp_path)
     assert (kind, round(since_s), until_s) == ("loss-at-sender", 12, None)
+
+
+def causes_of_cut(directory: Path, until_s: float, *, talks: bool = False, all_of_it: bool = True) -> Cause:
+    """Return the one cause where a cable was out from 20 s on.
+
+    Without ``all_of_it`` one of three lists came; ``talks`` says whether ARP did.
+    """
+    plant = press_and_saw(60, 100, 200, 500)
+    plant.nodes[0].chatter_ns = SECOND if talks else None
+    lost(
+        plant, lambda sent, at_s: sent.list.node.ip == "10.0.0.1" and 20 <= at_s < until_s
+        and (all_of_it or sent.list.id < 3),
+    )  # fmt: skip
+    path = directory / "plant.pcap"
+    write_pcap(play(plant), path)
+    (cause,) = causes_of(Inquiry([str(path)]))[1]
+    assert cause.kind.name == "loss-at-sender"
+    return cause
+
+
+def says_that_nothing_came(cause: Cause) -> bool:
+    return any("no other frame" in fact for fact in cause.checked)
+
+
+def test_of_a_cable_that_was_out_it_is_said_that_nothing_came(tmp_path: Path) -> None:
+    cause = causes_of_cut(tmp_path, 24)
+    assert cause.checked[0] == "no cyclic list and no other frame of it came for 4.0 s"
+    assert cause.next == "Its cable and switch port, and what lies between: its program ran meanwhile."
+
+
+def test_of_a_blink_it_is_not(tmp_path: Path) -> None:
+    cause = causes_of_cut(tmp_path, 20.6)
+    assert not says_that_nothing_came(cause)
+    assert "error counters" in cause.next
+
+
+def test_nor_where_a_list_came_meanwhile(tmp_path: Path) -> None:
+    cause = causes_of_cut(tmp_path, 24, all_of_it=False)
+    assert not says_that_nothing_came(cause)
+
+
+def test_nor_where_arp_came(tmp_path: Path) -> None:
+    assert not says_that_nothing_came(causes_of_cut(tmp_path, 24, talks=True))

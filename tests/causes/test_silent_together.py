@@ -1,0 +1,86 @@
+"""Nodes that fall silent together: one event, at what they share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nvscope.causes.cause import Cause
+from tests.causes.plants import causes_in, from_hardware
+from tests.causes.test_at_the_edges import sent, titles
+from tests.oracle.builders import other_frame
+from tests.oracle.frame import Frame
+
+SECOND_NS = 1_000_000_000
+WITNESS = [from_hardware(other_frame(second * SECOND_NS), "02:00:00:00:00:99") for second in range(40)]
+"""Somebody who sends no lists: the capture goes on."""
+
+
+def node(number: int, until_s: float, *, every_ms: int = 100) -> list[Frame]:
+    """Return two lists of a node, which sends them until then."""
+    at_ms, rounds = 7 * number, int(until_s * 1000) // every_ms
+    return [
+        *sent(f"10.0.0.{number}", number, list(range(rounds)), every_ms, since_ms=at_ms),
+        *sent(f"10.0.0.{number}", 50 + number, list(range(rounds // 2)), 2 * every_ms, since_ms=at_ms + 3),
+    ]
+
+
+def told(tmp_path: Path, *parts: list[Frame]) -> list[Cause]:
+    return causes_in([frame for part in [WITNESS, *parts] for frame in part], tmp_path)
+
+
+def test_all_that_send_are_silent_from_one_moment_on(tmp_path: Path) -> None:
+    (cause,) = told(tmp_path, node(1, 20), node(2, 20), node(3, 20), node(4, 20))
+    assert (cause.kind.name, cause.severity.word, cause.until_ns) == ("node-silent", "error", None)
+    assert cause.title == "All 4 nodes that send lists are silent since 19.9 s (8 lists)"
+    assert cause.checked == (
+        "they fell silent within 21.0 ms of each other: what they share is out, or the way to this capture",
+        "nothing of them came afterwards, ARP included",
+        "no other node that sends or acknowledges lists goes on",
+    )
+    assert cause.next.startswith("The link light, cable and mirror port of this capture; a ping to one of them")
+    assert len(cause.nodes) == 4
+    assert {finding.code for finding in cause.findings} == {"NV504"}
+
+
+def test_two_that_are_all_are_told_as_one(tmp_path: Path) -> None:
+    (cause,) = told(tmp_path, node(1, 20), node(2, 20))
+    assert cause.title == "Both nodes that send lists are silent since 19.9 s (lists 1, 2, 51 and 52)"
+
+
+def test_two_beside_a_third_are_told_one_by_one(tmp_path: Path) -> None:
+    causes = told(tmp_path, node(1, 20), node(2, 20), node(3, 40))
+    assert sorted(titles(causes)) == [
+        ("node-silent", "Node 10.0.0.1 is silent since 19.9 s (lists 1 and 51)"),
+        ("node-silent", "Node 10.0.0.2 is silent since 19.9 s (lists 2 and 52)"),
+    ]
+
+
+def test_three_beside_a_fourth_share_a_switch(tmp_path: Path) -> None:
+    (cause,) = told(tmp_path, node(1, 20), node(2, 20), node(3, 20), node(4, 40))
+    assert cause.title == "Nodes 10.0.0.1, 10.0.0.2 and 10.0.0.3 are silent since 19.9 s (6 lists)"
+    assert cause.checked[0] == "they fell silent within 14.0 ms of each other: what they share is out"
+    assert cause.checked[-1] == "1 other node goes on"
+    assert cause.next.startswith("What they share: a switch")
+
+
+def test_one_that_had_ended_before_is_another_event(tmp_path: Path) -> None:
+    causes = told(tmp_path, node(1, 10), node(2, 20), node(3, 20), node(4, 20))
+    assert sorted(titles(causes)) == [
+        ("node-silent", "All 3 nodes that send lists are silent since 19.9 s (6 lists)"),
+        ("node-silent", "Node 10.0.0.1 is silent since 9.9 s (lists 1 and 51)"),
+    ]
+
+
+def test_a_slow_one_may_have_ended_at_the_same_moment(tmp_path: Path) -> None:
+    (cause,) = told(tmp_path, node(1, 20), node(2, 20, every_ms=1000), node(3, 20))
+    assert cause.title.startswith("All 3 nodes that send lists are silent since 19.9 s")
+
+
+def test_one_after_another_is_no_one_event(tmp_path: Path) -> None:
+    causes = told(tmp_path, *(node(number, 10 + number) for number in range(1, 6)))
+    assert len(causes) == 5
+
+
+def test_a_single_node_is_told_by_its_name(tmp_path: Path) -> None:
+    (cause,) = told(tmp_path, node(1, 20))
+    assert cause.title == "Node 10.0.0.1 is silent since 19.9 s (lists 1 and 51)"
