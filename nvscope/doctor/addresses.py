@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from ipaddress import IPv4Address, IPv4Interface
 
 from nvscope.doctor.case import Case, ipv4, named
@@ -21,7 +21,9 @@ def judge_addresses(case: Case) -> Iterator[Result]:
     if machine is None or machine.interfaces is None:
         yield Result(NAME, State.UNKNOWN, "the addresses of this machine are not known on this system")
         return
-    found = [*_targets(case, machine), *_nodes(case, machine), *_twice(machine)]
+    targets = list(_targets(case, machine))
+    masks_wrong = {result.about for result in targets if result.state is State.PROBLEM}
+    found = [*targets, *_neighbours(case, masks_wrong), *_nodes(case, machine), *_twice(machine)]
     yield from found
     if any(result.state is State.PROBLEM for result in found):
         return
@@ -93,6 +95,24 @@ def _of_another_mask(target: IPv4Address, words: str, entry: Interface, own: IPv
         f"`ip addr del {own} dev {entry.name}`, if that of the senders is right; a capture sees them anyway (-i "
         f"{entry.name})", entry.name, f"the netmask of {entry.name} (/{own.network.prefixlen}) does not fit {target}",
     )  # fmt: skip
+
+
+def _neighbours(case: Case, told: Collection[str]) -> Iterator[Result]:
+    """Judge senders on this wire whose address is of another network; not by interfaces whose netmask is told wrong."""
+    strange: dict[str, set[str]] = {}
+    for flow, _ in case.foreign:
+        interface = case.interface_of(flow)
+        to_all = ipv4(flow.target) == EVERYBODY
+        if to_all and interface is not None and interface.name not in told and case.is_elsewhere(flow):
+            strange.setdefault(interface.name, set()).add(flow.source)
+    for name, sources in strange.items():
+        yield Result(
+            NAME, State.NOTE,
+            f"{named(sorted(map(case.expected.name_of, sources)))} broadcast{'s' if len(sources) == 1 else ''} on the "
+            f"wire of {name}, from an address in no network of it",
+            f"programs here may not get that (reverse-path filter), and cannot answer: give {name} an address in that "
+            f"network, `ip addr add ADDRESS/24 dev {name}`, or correct the one of the sender", name,
+        )  # fmt: skip
 
 
 def _nodes(case: Case, machine: Machine) -> Iterator[Result]:

@@ -105,6 +105,13 @@ class Case:
         """Return the interface by which telegrams came, None where that is unknown."""
         return self.machine.interface(self.places[flow.place].name) if self.machine else None
 
+    def is_elsewhere(self, flow: Flow) -> bool:
+        """Return whether telegrams came by an interface in none of whose networks their sender is."""
+        interface, source = self.interface_of(flow), ipv4(flow.source)
+        if interface is None or source is None or interface.is_loopback or source.is_unspecified:
+            return False
+        return bool(interface.addresses) and not any(source in own.network for own in interface.addresses)
+
     @cached_property
     def interfaces(self) -> Sequence[Interface]:
         """The interfaces that were asked about, else all through which others can be reached."""

@@ -89,12 +89,13 @@ def _hops(left: int) -> int:
 
 
 def _elsewhere(case: Case) -> Iterator[str]:
-    """Yield senders of which the interface that they came by is not in the network."""
+    """Yield senders of which the interface that they came by is not in the network.
+
+    Routers let no broadcast pass: whoever is heard with one is no further away than the wire.
+    """
+    near = {flow.source for flow, _ in case.foreign if flow.to_all}
     for flow, _ in case.foreign:
-        interface, source = case.interface_of(flow), ipv4(flow.source)
-        if interface is None or source is None or interface.is_loopback or source.is_unspecified:
-            continue
-        if interface.addresses and not any(source in own.network for own in interface.addresses):
+        if flow.source not in near and case.is_elsewhere(flow):
             yield flow.source
 
 
@@ -124,7 +125,7 @@ def judge_conversations(case: Case) -> Iterator[Result]:
         yield Result(CONVERSATIONS, State.UNKNOWN, "what others say to each other can only be seen by a capture")
         return
     seen = {flow.target for flow, _ in case.foreign if _is_between_others(case, flow)}
-    targets = {flow.target for flow, _ in case.foreign}
+    targets = {flow.target for flow, _ in case.flows}
     unseen = [
         one for one in case.expected.targets
         if case.is_for_one(one.address) and str(one.address) not in targets and one.address not in _own(case)
@@ -139,7 +140,7 @@ def judge_conversations(case: Case) -> Iterator[Result]:
     if unseen:
         return
     asked = any(flow.wants_answer for flow, _ in case.foreign)
-    answered = any(flow.is_answer for flow, _ in case.foreign)
+    answered = any(flow.is_answer for flow, _ in case.flows)
     if asked and not answered and not seen:
         yield Result(
             CONVERSATIONS, State.NOTE, "telegrams ask for an acknowledgement, and not one answer was seen",

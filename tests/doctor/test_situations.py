@@ -88,6 +88,36 @@ def test_a_netmask_does_not_fit_what_is_sent(pair: tuple[Host, Host]) -> None:
     assert "10.77.255.255" in seen(found, "addresses")
 
 
+def test_a_netmask_that_leaves_the_sender_out_is_no_router(pair: tuple[Host, Host]) -> None:
+    sender, reader = pair
+    with renumbered(reader, "10.77.0.6/30"), sending(sender):
+        found = asked(reader)
+    assert of_state(found, "problem") == ["addresses"]
+    assert set(of_state(found, "note")) <= {"clock"}
+
+
+def test_a_sender_on_the_wire_with_an_address_of_another_network(pair: tuple[Host, Host]) -> None:
+    """Its broadcasts come, so there is no router in between."""
+    sender, reader = pair
+    packet = internet_packet(
+        ip_address(sender.address), ip_address("255.255.255.255"), PROTOCOL_UDP, udp(telegram(list_id=7))
+    )
+    frame = link_frame(packet, broadcast=True).hex()
+    process = sender.start(sys.executable, "-c", SEND_FRAMES, sender.device, frame)
+    with renumbered(reader, "10.99.0.2/24"), running(process, "sent"):
+        found = asked(reader)
+    assert "10.77.0.1 broadcasts on the wire of" in seen(found, "addresses")
+    assert "routers" not in [*of_state(found, "problem"), *of_state(found, "note")]
+
+
+def test_answers_of_this_machine_are_answers(pair: tuple[Host, Host]) -> None:
+    sender, reader = pair
+    asking, answer = telegram(list_id=7, flags=1), telegram(list_id=7, service=5)
+    with sending(sender, payload=asking), sending(reader, sender.address, payload=answer):
+        found = asked(reader)
+    assert "conversations" not in of_state(found, "note")
+
+
 @needs_nobody
 def test_a_definition_names_a_broadcast_address_of_another_netmask(pair: tuple[Host, Host]) -> None:
     """Also without a telegram, and for who may not capture."""
