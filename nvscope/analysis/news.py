@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 from nvscope.causes.cause import Cause
@@ -11,10 +11,15 @@ from nvscope.causes.cause import Cause
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What changed between two looks: causes that are new, or there again, and those that are over."""
+    """What changed between two looks: causes that are new, or there again, and those that are over.
+
+    ``instead`` has, for each of ``ended``, the cause that its findings belong to now; None where it is over by itself,
+    or they belong to none any more.
+    """
 
     new: Sequence[Cause] = ()
     ended: Sequence[Cause] = ()
+    instead: Sequence[Cause | None] = ()
 
     def __bool__(self) -> bool:
         return bool(self.new or self.ended)
@@ -52,9 +57,27 @@ class News:
                 new.append(cause)
             if is_over and (before is None or before.until_ns is None):
                 ended.append(cause)
-        ended += [cause for causes in gone.values() for cause in causes]
+        instead: list[Cause | None] = [None] * len(ended)
+        for one in (cause for causes in gone.values() for cause in causes):
+            ended.append(one)
+            instead.append(_heir(one, now.values(), new))
         self._known = now
-        return Told(tuple(new), tuple(ended))
+        return Told(tuple(new), tuple(ended), tuple(instead))
+
+
+def _heir(gone: Cause, causes: Iterable[Cause], new: Sequence[Cause]) -> Cause | None:
+    """Return which cause explains what another one did: by findings, else a new one of the same node or list."""
+    own = _findings_of(gone)
+    known = [(len(own & _findings_of(one)), one) for one in causes]
+    shared, heir = max(known, key=lambda pair: pair[0], default=(0, None))
+    if shared:
+        return heir
+    places = {*gone.nodes, *gone.lists}
+    return next((one for one in new if places & {*one.nodes, *one.lists}), None)
+
+
+def _findings_of(cause: Cause) -> set[Hashable]:
+    return {(one.code, one.list_number, one.node, one.subindex, one.key, one.channel) for one in cause.findings}
 
 
 def _taken(gone: dict[Hashable, list[Cause]], cause: Cause) -> Cause | None:

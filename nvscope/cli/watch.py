@@ -243,7 +243,7 @@ class _Plain:
         from nvscope.report import watch as face
 
         at_ns = scene.at_ns
-        text = face.news(told.new, told.ended, at_ns, colour=self._colour, width=width(), utc=self._utc)
+        text = face.news(told, at_ns, colour=self._colour, width=width(), utc=self._utc)
         if at_ns is None or not scene.document["lists"]:
             return text
         left_ns = 0 if self._due_ns is None else self._due_ns - at_ns

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from nvscope import units
@@ -13,6 +13,7 @@ from nvscope.view.lines.plant.content import Report
 from nvscope.view.lines.table import Cell, Line, Tone, aligned, wrap
 
 if TYPE_CHECKING:
+    from nvscope.analysis.news import Told
     from nvscope.causes.cause import Cause
     from nvscope.causes.chronicle import Chronicle
 
@@ -56,22 +57,26 @@ def _table(
 
 
 def news(
-    new: Sequence[Cause], ended: Sequence[Cause], at_ns: int | None, *, colour: bool = False, width: int = 80,
-    utc: bool = False,
+    told: Told, at_ns: int | None, *, colour: bool = False, width: int = 80, utc: bool = False
 ) -> str:  # fmt: skip
     """Return what began and what is over, a paragraph each, as text; "" where that is nothing."""
     when = "" if at_ns is None else f"{units.clock_time(at_ns, utc=utc).partition('.')[0]} "
     lines: list[Line] = []
     width = max(width, MIN_WIDTH)
-    for cause in new:
+    for cause in told.new:
         lines += _of_cause(cause, when, width)
-    begun = {id(cause) for cause in new}
-    for cause in ended:
+    begun = {id(cause) for cause in told.new}
+    for cause, heir in zip(told.ended, told.instead, strict=True):
         if id(cause) not in begun:
-            over = "over" if cause.until_ns is not None else "no longer told: what followed shows otherwise"
-            told = [Cell(when, Tone.FAINT), Cell("● ", Tone.GOOD), Cell(f"{visible(cause.title)}: {over}")]
-            lines += wrap(told, width, hanging=len(when) + 2)
+            mark, over = ("● ", "over") if cause.until_ns is not None else ("→ ", _what_became(heir))
+            ended = [Cell(when, Tone.FAINT), Cell(mark, Tone.GOOD), Cell(f"{visible(cause.title)}: {over}")]
+            lines += wrap(ended, width, hanging=len(when) + 2)
     return paint(lines, colour=colour) if lines else ""
+
+
+def _what_became(heir: Cause | None) -> str:
+    """Return how to tell that what followed shows a cause to have been none."""
+    return "no longer told: what followed explains it" if heir is None else f"now told as: {visible(heir.title)}"
 
 
 def _of_cause(cause: Cause, when: str, width: int) -> Iterator[Line]:

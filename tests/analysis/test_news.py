@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from nvscope.analysis.news import News
 from nvscope.causes.cause import Cause
 from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
 from nvscope.causes.losses import LOSS_OF_LIST
 from nvscope.causes.silences import NODE_SILENT
+from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
+from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.list_key import ListKey
 
 
@@ -50,7 +54,31 @@ def test_one_that_is_told_no_more_is_over() -> None:
     news.of([first])
     other = Cause(LOSS_OF_LIST, Severity.ERROR, "lost", "look", nodes=(1,), since_ns=5)
     told = news.of([other])
-    assert (told.new, told.ended) == ((other,), (first,))
+    assert (told.new, told.ended, told.instead) == ((other,), (first,), (other,))
+
+
+def test_what_explains_its_findings_now_is_told_beside_it() -> None:
+    news = News()
+    gap = Finding(TELEGRAM_GAP, "lost", 3, 5, 6, list_number=1, node=1)
+    known = Cause(LOSS_OF_LIST, Severity.ERROR, "all along", "look", nodes=(9,), since_ns=1)
+    gone = Cause(LOSS_OF_LIST, Severity.ERROR, "lost", "look", nodes=(1,), since_ns=5, findings=(gap,))
+    news.of([known, gone])
+    grown = replace(known, findings=(gap,))
+    told = news.of([grown, Cause(CAPTURE_INCOMPLETE, Severity.NOTE, "cut", "plug", nodes=(1,), since_ns=7)])
+    assert (told.ended, told.instead) == ((gone,), (grown,))
+
+
+def test_what_is_over_by_itself_has_become_nothing_else() -> None:
+    news = News()
+    news.of([silent(1, 5)])
+    told = news.of([silent(1, 5, 9), silent(1, 20)])
+    assert (len(told.ended), told.instead) == (1, (None,))
+
+
+def test_what_nothing_explains_any_more_has_no_heir() -> None:
+    news = News()
+    news.of([silent(1, 5)])
+    assert news.of([silent(2, 6)]).instead == (None,)
 
 
 def nothing(until_ns: int | None, *lists: int) -> Cause:
