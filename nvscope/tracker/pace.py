@@ -16,6 +16,7 @@ MOST_LISTS = 5_000
 """Of so many lists it is kept, of those behind them it is unknown: it is looked at, and no figure."""
 
 _S_NS = 1_000_000_000
+_NEVER = np.iinfo(np.int64).max
 Counts = npt.NDArray[np.int32]
 
 
@@ -25,11 +26,12 @@ class PaceSeen:
 
     ``counts`` has a row a second, the oldest first, and a column a list by its number: int32 of shape
     (``PACE_SECONDS``, lists). The last row is second ``last_s`` since 1970, which is not over yet at ``until_ns``; in
-    front of ``first_s`` nothing was observed, from ``whole_s`` on whole seconds were. ``last_ns`` is when the last
-    telegram of each list came, 0 without any.
+    front of ``first_s`` nothing was observed, from ``whole_s`` on whole seconds were. ``began_ns`` and ``last_ns`` are
+    when the first and the last telegram of each list came, 0 without any.
     """
 
     counts: Counts
+    began_ns: npt.NDArray[np.int64]
     last_ns: npt.NDArray[np.int64]
     first_s: int = 0
     last_s: int = 0
@@ -37,10 +39,16 @@ class PaceSeen:
     whole_s: int = 0
 
     def per_second(self, number: int, seconds: int = 5) -> float | None:
-        """Return how many came of a list a second, over the last whole seconds; None where nobody knows."""
+        """Return how many came of a list a second, over the last whole seconds; None where nobody knows.
+
+        The second in which a list began is no whole one of it, and none before that is.
+        """
         if number >= self.counts.shape[1]:
             return None
-        known = min(seconds, self.last_s - max(self.first_s, self.whole_s))
+        began_ns = int(self.began_ns[number])
+        # One that lies ahead is of before the clock was set back.
+        began_s = -(-began_ns // _S_NS) if began_ns <= self.until_ns else 0
+        known = min(seconds, self.last_s - max(self.first_s, self.whole_s, began_s))
         if known <= 0:
             return None
         return float(self.counts[-1 - known : -1, number].sum()) / known
@@ -74,6 +82,7 @@ class Pace:
     def __init__(self) -> None:
         # By second modulo PACE_SECONDS.
         self._counts: Counts = np.zeros((PACE_SECONDS, 0), np.int32)
+        self._began_ns = np.zeros(0, np.int64)
         self._last_ns = np.zeros(0, np.int64)
         self._first_s = self._last_s = self._whole_s = 0
         self._until_ns = 0
@@ -89,6 +98,7 @@ class Pace:
             if lists > self._counts.shape[1]:
                 more = lists - self._counts.shape[1]
                 self._counts = np.pad(self._counts, ((0, 0), (0, more)))
+                self._began_ns = np.pad(self._began_ns, (0, more))
                 self._last_ns = np.pad(self._last_ns, (0, more))
             for rows in (told.laid.data, told.laid.pdos):
                 if len(rows):
@@ -107,7 +117,13 @@ class Pace:
         """Count the telegrams that lie in packets from ``first`` on."""
         keys = told.keys
         own = keys.list_of_place(keys.place_of(rows.run_stream))
-        np.maximum.at(self._last_ns, own[own < MOST_LISTS], rows.time_ns[rows.stop - 1][own < MOST_LISTS])
+        near = own < MOST_LISTS
+        np.maximum.at(self._last_ns, own[near], rows.time_ns[rows.stop - 1][near])
+        new = near & (self._began_ns[np.minimum(own, len(self._began_ns) - 1)] == 0)
+        if new.any():
+            began_ns = np.full(len(self._began_ns), _NEVER)
+            np.minimum.at(began_ns, own[new], rows.time_ns[rows.start][new])
+            self._began_ns = np.where(began_ns < _NEVER, began_ns, self._began_ns)
         lists = np.repeat(own, rows.stop - rows.start)
         second = rows.time_ns // _S_NS
         kept = (lists < MOST_LISTS) & (second > self._last_s - PACE_SECONDS) & (rows.packet >= first)
@@ -123,7 +139,7 @@ class Pace:
         if not self._begun or last_s < self._last_s - PACE_SECONDS:
             self._begun = True
             self._counts[:] = 0
-            self._last_ns[:] = 0
+            self._began_ns[:] = self._last_ns[:] = 0
             self._first_s, self._last_s = first_ns // _S_NS, last_s
             self._whole_s = -(-first_ns // _S_NS)
             self._until_ns = last_ns
@@ -139,5 +155,11 @@ class Pace:
         """Return what is known at this moment."""
         order = np.arange(self._last_s - PACE_SECONDS + 1, self._last_s + 1) % PACE_SECONDS
         return PaceSeen(
-            self._counts[order], self._last_ns.copy(), self._first_s, self._last_s, self._until_ns, self._whole_s
+            self._counts[order],
+            self._began_ns.copy(),
+            self._last_ns.copy(),
+            self._first_s,
+            self._last_s,
+            self._until_ns,
+            self._whole_s,
         )

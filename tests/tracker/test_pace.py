@@ -70,6 +70,19 @@ def test_a_second_that_was_not_observed_from_its_beginning_is_in_no_rate() -> No
     assert told.per_second(0) == told.of_all() == 10
 
 
+def test_a_list_that_begins_later_has_its_rate_from_its_first_whole_second_on() -> None:
+    sent = [(1, 7)] * 35 + [(0, 8), (1, 7)] * 21
+    told = seen(sent)
+    assert told.last_s == START_S + 5
+    assert told.per_second(1) == told.per_second(0) == 10
+    assert seen(sent[:37]).per_second(1) is None
+
+
+def test_a_list_that_begins_later_and_comes_again_and_again_keeps_its_beginning() -> None:
+    told = seen([(1, 7), (0, 8), *[(10, 7)] * 3, (0, 8)], size=1)
+    assert told.per_second(1) == 0
+
+
 def test_time_that_passes_without_a_frame_is_counted() -> None:
     told = seen([(1, 7)] * 35, until_s=START_S + 8)
     assert told.per_second(0, 3) == 0

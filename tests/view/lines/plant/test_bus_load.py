@@ -62,7 +62,7 @@ def test_the_strip_is_the_load_of_each_second_of_the_report(press: Scene) -> Non
 def test_without_a_bit_rate_frames_are_shown(press: Scene) -> None:
     counts = np.zeros((180, 3), np.int32)
     counts[-4:] = [[1, 2, 9], [3, 4, 9], [5, 6, 9], [7, 8, 9]]
-    pace = PaceSeen(counts, np.zeros(3, np.int64), first_s=10, last_s=13, until_ns=13 * S_NS)
+    pace = PaceSeen(counts, np.zeros(3, np.int64), np.zeros(3, np.int64), first_s=10, last_s=13, until_ns=13 * S_NS)
     (bus,) = press.snapshot.summary.can.buses
     bus = replace(bus, load=None, bit_rate=None)
     strip = strip_of(bus, pace, (0, 1), 13 * S_NS, 5)
