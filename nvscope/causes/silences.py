@@ -35,8 +35,8 @@ NODE_SILENT = CauseKind(
     "node-silent",
     "silent",
     "A node that sent cyclic lists sends nothing at all any more, or sent nothing for a while.",
-    "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included. Three that fall "
-    "silent at one moment, or all that there are, are one cause: what they share, be it the way to the capture.",
+    "All its cyclic streams pause at once, and no frame of it of any kind comes meanwhile, ARP included. "
+    "Three that fall silent at one moment, or all that there are, are one cause: what they share.",
     "Its power and LEDs, then its cable and switch port. Its task comes last.",
     at_least=Severity.ERROR,
     measured="silent for {time}",

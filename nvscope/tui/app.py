@@ -7,8 +7,8 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
+from textual import events
 from textual.app import App, ComposeResult
 from textual.containers import Vertical
 from textual.theme import BUILTIN_THEMES
@@ -77,6 +77,7 @@ class WatchApp(App[None], inherit_bindings=False):
             "program.command": self._ask_command,
             "show.theme": self._change_theme,
         }  # fmt: skip
+        self._prompt = Prompt(self._answer)
         self.utc = utc
         self._first_theme = theme
         self._palette = theme
@@ -105,7 +106,7 @@ class WatchApp(App[None], inherit_bindings=False):
             yield from self.views
             with Vertical(id=_HELP):
                 yield LinesView(id="help-lines")
-        yield Prompt()
+        yield self._prompt
         yield Bar(id="foot")
 
     def on_mount(self) -> None:
@@ -252,17 +253,24 @@ class WatchApp(App[None], inherit_bindings=False):
 
     # What keys and the command line ask for.
 
-    def on_key(self, event: Any) -> None:
-        if self.query_one(Prompt).is_open:
-            return
-        if self._marks.takes(event.character):
-            event.stop()
-            return
-        name = self.keymap.action_of(event.key, event.character)
+    async def on_event(self, event: events.Event) -> None:
+        """Take keys at once, and not by messages: each has its effect before the next one, however fast they come."""
+        taken = False
+        if isinstance(event, events.Key) and not event.is_forwarded and self._prompt.is_attached:
+            taken = await self._prompt.press(event) or self.press(event)
+        elif isinstance(event, events.Paste) and self._prompt.is_open:
+            taken = self._prompt.paste(event.text)
+        if not taken:
+            await super().on_event(event)
+
+    def press(self, key: events.Key) -> bool:
+        """Do what a key asks for; False where it asks for nothing."""
+        if self._marks.takes(key.character):
+            return True
+        name = self.keymap.action_of(key.key, key.character)
         if name is not None:
-            event.stop()
-            event.prevent_default()
             self.act(name)
+        return name is not None
 
     def on_view_asked(self, message: View.Asked) -> None:
         self.act(message.action, message.told)
@@ -299,7 +307,7 @@ class WatchApp(App[None], inherit_bindings=False):
         self.query_one(Tabs).front(-1)
 
     def _ask_command(self, _: str) -> None:
-        self.query_one(Prompt).open(":", "")
+        self._prompt.open(":", "")
 
     def _change_theme(self, told: str) -> None:
         names = list(PALETTES)
@@ -313,11 +321,12 @@ class WatchApp(App[None], inherit_bindings=False):
         where = f"{error.where}: " if error.where else ""
         self.notify(visible(f"{where}{error.what}. {error.next_step}"), severity="error", timeout=10)
 
-    def on_prompt_answered(self, message: Prompt.Answered) -> None:
-        if message.mark == "/":
-            self.find.use(message.text)
-        elif message.text.strip():
-            self._command(message.text.strip())
+    def _answer(self, mark: str, text: str) -> None:
+        """Do what a line says that somebody typed."""
+        if mark == "/":
+            self.find.use(text)
+        elif text.strip():
+            self._command(text.strip())
         self._tell_bars()
 
     def _command(self, text: str) -> None:

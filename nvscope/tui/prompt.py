@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
+from textual import events
 from textual.app import ComposeResult
+from textual.binding import Binding
 from textual.containers import Vertical
-from textual.message import Message
 from textual.suggester import Suggester
 from textual.widgets import Input
 
@@ -19,6 +19,11 @@ from nvscope.view.lines.table import Cell, Tone
 
 _MOST_KEPT = 100
 _TEXT_AND_CARETS = 2
+_EDITS = {
+    key: binding.action
+    for binding in Input.BINDINGS if isinstance(binding, Binding) for key in binding.key.split(",")
+}  # fmt: skip
+"""What keys do in a line that type nothing."""
 
 
 class Prompt(Vertical):
@@ -33,15 +38,10 @@ class Prompt(Vertical):
     Prompt Input:focus { border: none; }
     """
 
-    class Answered(Message):
-        """Somebody typed a line behind a mark."""
-
-        def __init__(self, mark: str, text: str) -> None:
-            super().__init__()
-            self.mark, self.text = mark, text
-
-    def __init__(self) -> None:
+    def __init__(self, answer: Callable[[str, str], None]) -> None:
+        """``answer`` takes a mark and what was typed behind it."""
         super().__init__(id="prompt")
+        self._answer = answer
         self.mark = ""
         self._before: dict[str, list[str]] = {":": [], "/": []}
         self._place = 0
@@ -86,28 +86,42 @@ class Prompt(Vertical):
     def on_input_changed(self) -> None:
         self._tell()
 
-    def on_input_submitted(self, event: Any) -> None:
-        event.stop()
+    async def press(self, key: events.Key) -> bool:
+        """Take a key; False where it is not open."""
+        if not self.is_open:
+            return False
+        if key.key == "enter":
+            self._submit()
+        elif key.key == "escape":
+            self.close()
+        elif key.key in ("up", "down"):
+            before = self._before[self.mark]
+            self._place = min(max(self._place + (1 if key.key == "down" else -1), 0), len(before))
+            self._input.value = before[self._place] if self._place < len(before) else ""
+            self._input.cursor_position = len(self._input.value)
+        elif key.key == "tab":
+            self._input.action_cursor_right()
+        elif key.is_printable and key.character is not None:
+            self._type(key.character)
+        elif (action := _EDITS.get(key.key)) is not None:
+            await self._input.run_action(action)
+        return True
+
+    def paste(self, text: str) -> bool:
+        """Take the first line of a text; False where it is not open."""
+        if self.is_open:
+            self._type(text.partition("\n")[0].rstrip("\r"))
+        return self.is_open
+
+    def _type(self, text: str) -> None:
+        self._input.replace(text, *self._input.selection)
+
+    def _submit(self) -> None:
         text, mark = self._input.value, self.mark
         if text.strip() and text not in self._before[mark][-1:]:
             self._before[mark] = [*self._before[mark], text][-_MOST_KEPT:]
         self.close()
-        self.post_message(self.Answered(mark, text))
-
-    def on_key(self, event: Any) -> None:
-        if event.key == "escape":
-            event.stop()
-            self.close()
-        elif event.key in ("up", "down"):
-            event.stop()
-            before = self._before[self.mark]
-            self._place = min(max(self._place + (1 if event.key == "down" else -1), 0), len(before))
-            self._input.value = before[self._place] if self._place < len(before) else ""
-            self._input.cursor_position = len(self._input.value)
-        elif event.key == "tab":
-            event.stop()
-            event.prevent_default()
-            self._input.action_cursor_right()
+        self._answer(mark, text)
 
     def _tell(self) -> None:
         """Tell what is wrong with the line so far, or what it would do."""

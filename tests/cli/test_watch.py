@@ -89,7 +89,7 @@ def test_what_is_watched_is_what_a_capture_of_the_same_time_tells(tmp_path: Path
                 break
             time.sleep(0.05)
         time.sleep(0.2)
-        sending = press.start(*send("10.77.0.255", 400, 2, 5_000_000))
+        sending = press.start(*send("10.77.0.255", 100, 2, 20_000_000))
         out, said = watching.communicate(timeout=40)
         sending.wait(10)
         dump.terminate()
