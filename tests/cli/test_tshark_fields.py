@@ -183,6 +183,27 @@ def as_meant(told: dict[str, str]) -> dict[str, str]:
     return meant
 
 
+def one_behind_the_other(captures: Sequence[Path]) -> Path:
+    """Put captures of all link types into one, since the start of tshark takes longer than reading any of them."""
+    whole = captures[0].parent / "whole.pcapng"
+    subprocess.run(["mergecap", "-a", "-w", whole, *captures], capture_output=True, check=True)
+    return whole
+
+
+def whole_frames() -> dict[str, list[tuple[bytes, int]]]:
+    """Return the frames of every kind with their lengths."""
+    return {name: [(bytes(frame), len(frame)) for frame in frames] for name, (_, frames) in FRAMES.items()}
+
+
+def of_every_kind(folder: Path, frames: dict[str, list[tuple[bytes, int]]]) -> Path:
+    """Write frames of all kinds, with their lengths on the wire, one kind behind the other into a capture."""
+    folder.mkdir()
+    captures = [folder / f"{name}.pcap" for name in frames]
+    for capture, own in zip(captures, frames.values(), strict=True):
+        write(capture, FRAMES[capture.stem][0], [data for data, _ in own], [size for _, size in own])
+    return one_behind_the_other(captures)
+
+
 def compare(path: Path) -> None:
     own, other = ours(path), theirs(path)
     assert len(own) == len(other) > 0
@@ -224,34 +245,31 @@ def test_samples_are_told_alike(name: str) -> None:
 
 
 @needs_tshark
-@pytest.mark.parametrize("name", BUILT)
-def test_scenarios_are_told_alike(name: str, tmp_path: Path) -> None:
-    capture = tmp_path / "a.pcapng"
-    assert run_text("simulate", SCENARIOS / f"{name}.toml", "-w", capture).returncode == 0
-    compare(capture)
+def test_scenarios_are_told_alike(tmp_path: Path) -> None:
+    captures = [tmp_path / f"{name}.pcapng" for name in BUILT]
+    for capture in captures:
+        assert run_text("simulate", SCENARIOS / f"{capture.stem}.toml", "-w", capture).returncode == 0
+    compare(one_behind_the_other(captures))
 
 
 @needs_tshark
-@pytest.mark.parametrize("name", FRAMES)
-def test_frames_of_every_kind_are_told_alike(name: str, tmp_path: Path) -> None:
-    link, frames = FRAMES[name]
-    data = [bytes(frame) for frame in frames]
-    write(tmp_path / "a.pcap", link, data, [len(one) for one in data])
-    compare(tmp_path / "a.pcap")
+def test_frames_of_every_kind_are_told_alike(tmp_path: Path) -> None:
+    compare(of_every_kind(tmp_path / "whole", whole_frames()))
 
 
 @needs_tshark
-@pytest.mark.parametrize("name", FRAMES)
-def test_of_cut_frames_nothing_else_is_told(name: str, tmp_path: Path) -> None:
+def test_of_cut_frames_nothing_else_is_told(tmp_path: Path) -> None:
     """What a cut frame still has is what it has whole, whether tshark tells it or not; addresses and VLANs as there."""
-    link, frames = FRAMES[name]
-    data = [bytes(frame) for frame in frames]
-    cut = [(one[:size], row) for row, one in enumerate(data) for size in range(min(len(one), 100))]
-    write(tmp_path / "a.pcap", link, data, [len(one) for one in data])
-    write(tmp_path / "cut.pcap", link, [one for one, _ in cut], [len(data[row]) for _, row in cut])
-    whole, told, other = ours(tmp_path / "a.pcap"), ours(tmp_path / "cut.pcap"), theirs(tmp_path / "cut.pcap")
-    assert len(told) == len(other) == len(cut)
-    for (_, row), own, their in zip(cut, told, other, strict=True):
+    data = whole_frames()
+    cut = {
+        name: [(one[:size], len(one)) for one, _ in own for size in range(min(len(one), 100))]
+        for name, own in data.items()
+    }  # fmt: skip
+    of_whole = [row for row, (one, _) in enumerate(row for own in data.values() for row in own) for _ in one[:100]]
+    path = of_every_kind(tmp_path / "cut", cut)
+    whole, told, other = ours(of_every_kind(tmp_path / "whole", data)), ours(path), theirs(path)
+    assert len(told) == len(other) == len(of_whole)
+    for row, own, their in zip(of_whole, told, other, strict=True):
         for field, value in own.items():
             if field.startswith(("eth.", "vlan.", "frame.")):
                 assert value == their[field], (row, field)
