@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from nvscope.capture.open import open_sink, open_source
+from tests.laws import some
 from tests.program import run_text
 
 CAPTURES = Path(__file__).parent.parent.parent / "captures"
@@ -59,8 +60,13 @@ def cut(capture: Path, begin_ns: int, end_ns: int, path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("capture", [PEERS, PLANT, PRESS], ids=lambda path: path.name)
-@pytest.mark.parametrize(("begin_ms", "end_ms"), [(1000, 2500), (0, 700), (1700, 10**6)])
+@pytest.mark.parametrize(
+    ("capture", "begin_ms", "end_ms"),
+    some([
+        (capture, begin_ms, end_ms)
+        for capture in (PEERS, PLANT, PRESS) for begin_ms, end_ms in ((1000, 2500), (0, 700), (1700, 10**6))
+    ]),
+)  # fmt: skip
 def test_a_part_is_reported_and_shown_as_if_nothing_else_had_been_captured(
     capture: Path, begin_ms: int, end_ms: int, tmp_path: Path
 ) -> None:

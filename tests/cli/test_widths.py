@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import sys
+from itertools import product
 from pathlib import Path
 
 import pytest
 
 from nvscope.view.lines.text_width import display_width
+from tests.laws import some
 from tests.program import run_on_terminal, run_text
 
 ROOT = Path(__file__).parents[2]
@@ -44,8 +46,7 @@ terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-termin
 
 
 @terminals
-@pytest.mark.parametrize("columns", [40, 80, 100, 200])
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize(("verb", "columns"), some([*product(VERBS, [40, 80, 100, 200])]))
 def test_no_line_is_wider_than_the_terminal(verb: str, columns: int) -> None:
     told, plain = on_terminal(VERBS[verb], columns), on_terminal(VERBS[verb], columns, "ascii")
     assert max(map(display_width, told.splitlines())) <= columns
@@ -114,8 +115,7 @@ NOTICES = [
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such terminals there")
-@pytest.mark.parametrize("words", NOTICES, ids=" ".join)
-@pytest.mark.parametrize("columns", [40, 80, 500])
+@pytest.mark.parametrize(("words", "columns"), some([*product(NOTICES, [40, 80, 500])]), ids=str)
 def test_notices_end_their_lines_between_words_on_a_terminal(words: list[str], columns: int) -> None:
     told = on_terminal(words, columns, stream="stderr")
     in_a_pipe = run_text(*words).stderr

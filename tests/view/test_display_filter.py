@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import pytest
@@ -17,7 +17,7 @@ from nvscope.errors import UsageError
 from nvscope.expression.typed_columns import FieldType
 from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields.frame import EITHER_OF, FIELDS, PROTOCOL_TESTS, expression_names
-from tests.laws import examples
+from tests.laws import examples, some
 from tests.oracle.builders import LINKS
 from tests.oracle.traffic import generate, mutate
 from tests.packets import Shown
@@ -173,8 +173,7 @@ def test_tshark_chooses_the_same_for_all_filters_at_once(expression: str) -> Non
 
 
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
-@pytest.mark.parametrize("path", [PEERS, PLANT], ids=lambda path: path.name)
-@pytest.mark.parametrize("expression", NETWORK_VARIABLES)
+@pytest.mark.parametrize(("path", "expression"), some([*product([PEERS, PLANT], NETWORK_VARIABLES)]))
 def test_what_tshark_with_a_dissector_chooses_is_chosen(path: Path, expression: str) -> None:
     telegrams = set(numbers(path))
     theirs = by_tshark(path, expression, "-X", f"lua_script:{DISSECTOR}")
