@@ -37,6 +37,7 @@ class KeyTable:
         self._slots = np.full(1 << self._bits, _EMPTY, np.int64)
         self._words = np.empty((width, _FIRST_ROOM), np.uint64)
         self._count = 0
+        self._rising = np.empty(0, np.int64)
 
     def __len__(self) -> int:
         return self._count
@@ -55,6 +56,18 @@ class KeyTable:
     def low(self) -> U64:
         """Second words of the keys, by number."""
         return self._words[1, : self._count]
+
+    def rising(self) -> I64:
+        """Return the numbers of all keys by their first word, those of equal ones in any order.
+
+        Keys that have come since the last call are sorted in: those that were there need not be sorted again.
+        """
+        known = len(self._rising)
+        if known < self._count:
+            new = known + np.argsort(self.high[known:])
+            place = np.searchsorted(self.high[self._rising], self.high[new])
+            self._rising = np.insert(self._rising, place, new)
+        return self._rising
 
     def numbers(self, *words: U64) -> I64:
         """Return the number of each key, giving new keys the next ones. One column a word, of shape (n,)."""

@@ -143,7 +143,11 @@ class Case:
 
     def touching(self, chosen: Bool, rows: I64, slack_ns: int) -> Bool:
         """Tell which of the chosen symptoms touch one in some rows, or come so near to one."""
-        since_ns, until_ns, own = self.symptoms.since_ns, self.symptoms.time_ns, np.flatnonzero(chosen)
+        return self.near_to(np.flatnonzero(chosen), rows, slack_ns)
+
+    def near_to(self, own: I64, rows: I64, slack_ns: int) -> Bool:
+        """Tell the same of symptoms in some rows."""
+        since_ns, until_ns = self.symptoms.since_ns, self.symptoms.time_ns
         others = since_ns[rows] - slack_ns, until_ns[rows] + slack_ns
         return self.only(own[touching(since_ns[own], until_ns[own], *others)])
 
@@ -164,6 +168,8 @@ class Case:
         # The fewer moments, the longer they seem to go on: mostly it is known without counting them.
         if self.end_of_many(first_ns, last_ns, len(times_ns), least_ns) is None:
             return None
+        if len(times_ns) < 3 or self.end_of_many(first_ns, last_ns, 2, least_ns) is not None:
+            return last_ns
         return self.end_of_many(first_ns, last_ns, moments(np.sort(times_ns)), least_ns)
 
     def counts_as_a_whole(self, node: int) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class Losses:
 
     def take(self, chosen: Bool | I64) -> Losses:
         """Return some of them: in the same order, or in that of the rows chosen."""
-        return Losses(*(getattr(self, one.name)[chosen] for one in fields(self)))
+        return Losses(*(getattr(self, name)[chosen] for name in self.__slots__))
 
     def by(self, *columns: I64) -> Iterator[tuple[tuple[int, ...], Losses]]:
         """Yield those of equal numbers in some columns, which are as long, in the order of their first ones."""

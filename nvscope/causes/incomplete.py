@@ -78,10 +78,10 @@ def judge_incomplete_captures(case: Case) -> Iterator[Explained]:
 
 def _alike(case: Case, losses: Losses) -> bool:
     """Tell whether the lists that should lose some at the mean share do so, about as many as they should."""
-    short = losses.take(losses.lost <= SHORT_GAP)
+    short = np.flatnonzero(losses.lost <= SHORT_GAP)
     lost: dict[tuple[int, ...], int] = defaultdict(int)
-    for place, own in short.by(short.node, short.list):
-        lost[place] = own.total
+    for place, own in rows_by((losses.node[short], losses.list[short])):
+        lost[place] = int(losses.lost[short[own]].sum())
     sent: dict[tuple[int, ...], int] = defaultdict(int)
     for node, streams in case.streams_of_node.items():
         for one in streams:

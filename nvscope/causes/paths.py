@@ -9,9 +9,10 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.causes.case import Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.symptoms import code_number
 from nvscope.causes.ways import ways_in_words, ways_of
 from nvscope.causes.words import lists_in_words, moment
-from nvscope.engine.runs import rows_by
+from nvscope.engine.runs import distinct, rows_by
 from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, TELEGRAM_GAP
 from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
 from nvscope.units import count_of
@@ -26,6 +27,7 @@ TWO_PATHS = CauseKind(
 )
 
 _MANY, _DISTANCES = 10, 5
+_NO_ROWS = np.empty(0, np.int64)
 _LATE = (LATE, JITTER, TORN_CYCLE)
 
 
@@ -41,27 +43,33 @@ def judge_two_paths(case: Case) -> Iterator[Explained]:
             joined[-1] = node, np.append(joined[-1][1], own)
         else:
             joined.append((node, own))
+    # Of very many lists each has few of all these, and none of another one's.
+    beside = np.flatnonzero(case.free(TELEGRAM_GAP, DUPLICATE_TELEGRAM, *_LATE)) if joined else _NO_ROWS
+    rows_of = dict(rows_by((symptoms.node[beside], symptoms.list[beside])))
     for node, rows in joined:
-        yield _draft(case, node, rows)
+        lists_of_rows = distinct(symptoms.list[rows]).tolist()
+        own = np.concatenate([rows_of.get((node, number), _NO_ROWS) for number in lists_of_rows])
+        yield _draft(case, node, rows, beside[own])
 
 
-def _draft(case: Case, node: int, rows: I64) -> Explained:
+def _draft(case: Case, node: int, rows: I64, beside: I64) -> Explained:
+    """Return the cause of what was overtaken, in some rows; ``beside`` is what else its lists suffered."""
     symptoms = case.symptoms
-    told = case.only(rows)
-    lists = case.lists_of(told)
-    own = (symptoms.node == node) & np.isin(symptoms.list, [entry.number for entry in lists])
-    filled = case.free(TELEGRAM_GAP) & own & (symptoms.amount == 0)
-    events = np.flatnonzero(told | filled)
+    lists = case.lists_of(rows)
+
+    code = symptoms.code[beside]
+    filled = beside[(code == code_number(TELEGRAM_GAP)) & (symptoms.amount[beside] == 0)]
+    late = beside[np.logical_or.reduce([code == code_number(kind) for kind in _LATE])]
+    events = np.concatenate([rows, filled])
     since_ns, last_ns = _first_due_ns(case, rows), int(symptoms.time_ns[rows].max())
     farthest = int(symptoms.detail[rows].max())
     # The place that it left open lies so many telegrams before.
     near_ns = (farthest + 1) * longest_ns(lists)
-    near = case.touching(case.free(DUPLICATE_TELEGRAM) & own, events, near_ns)
+    chosen = case.only(events) | case.near_to(beside[code == code_number(DUPLICATE_TELEGRAM)], events, near_ns)
     if len(rows) >= _MANY:
         # A telegram may come by the longer way, and late, without being overtaken by its like.
         near_ns = max(near_ns, _DISTANCES * (last_ns - since_ns) // (len(rows) - 1))
-    near |= case.touching(case.free(*_LATE) & own, events, near_ns)
-    chosen = told | filled | near
+    chosen |= case.near_to(late, events, near_ns)
     which, times = lists_in_words(case, lists), count_of(len(rows), "time")
     when = f"at {moment(case, since_ns)}" if len(rows) == 1 else (
         f"{times} from {moment(case, since_ns)} to {moment(case, last_ns)}"

@@ -61,9 +61,8 @@ class Histograms:
     def __init__(self, timing: Timing) -> None:
         self._columns = timing.columns
         self._rows = timing.unusual.rows
-        word = timing.unusual.keys.high.view(np.int64)
-        self._order = np.argsort(word)
-        word = word[self._order]
+        self._order = timing.unusual.keys.rising()
+        word = timing.unusual.keys.high.view(np.int64)[self._order]
         self._stream = word >> UNUSUAL_STREAM_BIT
         self._key = word & ((1 << UNUSUAL_STREAM_BIT) - 1)
 
@@ -122,7 +121,9 @@ class Histograms:
         own = (counts > 0) & (groups >= 0)
         if not own.all():
             streams, buckets, counts, groups = streams[own], buckets[own], counts[own], groups[own]
-        order = np.lexsort((buckets, groups))
+        # Of one word, since both parts are in this order already: then they are only merged.
+        least = int(buckets.min(initial=0))
+        order = np.argsort(groups * (int(buckets.max(initial=0)) - least + 1) + buckets - least, kind="stable")
         extremes = columns.least_ns[streams[order]], columns.most_ns[streams[order]]
         return percentiles_of_streams(percents, groups[order], buckets[order], counts[order], *extremes)
 

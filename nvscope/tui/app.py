@@ -45,6 +45,9 @@ _DRAW_S = 0.1
 """The screen is drawn ten times a second at most."""
 
 _ANSI = "ansi-dark" if "ansi-dark" in BUILTIN_THEMES else "textual-ansi"  # Textual has renamed it
+_FRAMES_S = 0.1
+"""So long a scene waits to be shown with the frames that are looked for in it."""
+
 _THEMES = {"dark": "textual-dark", "light": "textual-light", "ansi": _ANSI, "mono": _ANSI}
 _HELP = "help"
 
@@ -84,6 +87,7 @@ class WatchApp(App[None], inherit_bindings=False):
         self.scene: Scene | None = None
         """The newest one."""
         self._look: Look | None = None  # what is shown
+        self._shown: Scene | None = None  # that of the look which the view in front has shown
         self._ended = False
         self._drawn_s = 0.0
         self.draws = 0
@@ -193,16 +197,28 @@ class WatchApp(App[None], inherit_bindings=False):
             scene, utc=self.utc, choice=self.find.choice, live=self.feed.is_live, at_ns=self._time.at_ns,
             frozen=self._time.frozen, found=self.find.found,
         )  # fmt: skip
-        self.find.scan(sparingly=not self._ended)
+        looks_for_frames = self.find.scan(sparingly=not self._ended)
         front = self.front
-        if front is not None:
+        if front is not None and front.shows_frames and looks_for_frames:
+            # They are mostly there at once, and would be drawn twice.
+            self.set_timer(_FRAMES_S, lambda: self._show_without_frames(scene))
+        elif front is not None:
             front.show(self._look)
+            self._shown = scene
         self._tell_bars()
+
+    def _show_without_frames(self, scene: Scene) -> None:
+        """Show a scene whose frames are still being looked for."""
+        if self._look is not None and self._look.scene is scene and self._shown is not scene:
+            self._shown = scene
+            if self.front is not None:
+                self.front.show(self._look)
 
     def take_found(self) -> None:
         """Take that it is known, or known better, which frames are to be shown."""
         if self._look is not None:
             self._look = replace(self._look, found=self.find.found, choice=self.find.choice)
+            self._shown = self._look.scene
             if self.front is not None:
                 self.front.show(self._look)
 

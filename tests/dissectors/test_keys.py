@@ -53,3 +53,15 @@ def test_many_keys_that_differ_in_few_bits(shift: int) -> None:
     nothing = np.zeros_like(bits)
     assert (table.numbers(nothing, bits, bits) == np.arange(len(bits))).all()
     assert (table.numbers(nothing, bits[::-1], bits[::-1]) == np.arange(len(bits))[::-1]).all()
+
+
+@given(columns(), st.integers(1, 80))
+def test_keys_rise_by_their_first_word_however_they_came(keys: list[tuple[int, ...]], cut: int) -> None:
+    width = len(keys[0]) if keys else 1
+    table = KeyTable(width)
+    for begin in range(0, len(keys), cut):
+        table.numbers(*words(keys[begin : begin + cut], width))
+        rising = table.rising()
+        assert sorted(rising.tolist()) == list(range(len(table)))
+        first = table.high[rising]
+        assert (first[1:] >= first[:-1]).all()

@@ -44,14 +44,16 @@ class FindCommands:
             return ""
         return f"/{visible(self.choice.expression)}{' (off)' if self.choice.suspended else ''}"
 
-    def scan(self, *, sparingly: bool) -> None:
-        """Have the frames of what is shown looked at, where somebody wants to know."""
+    def scan(self, *, sparingly: bool) -> bool:
+        """Have the frames of what is shown looked at, where somebody wants to know; tell whether that is so."""
         look, front = self._app.look, self._app.front
         shows_frames = front is not None and front.shows_frames
         if look is not None and (self.choice is not None or shows_frames):
             expression = self.choice.expression if self.choice else None
             wanted = Wanted(expression, front.list_key if front is not None and shows_frames else None)
             self._scanner.look_at(look.scene, wanted, sparingly=sparingly)
+            return True
+        return False
 
     def stop(self) -> None:
         """Look at nothing any more."""
