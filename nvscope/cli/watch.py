@@ -107,7 +107,9 @@ def watch(
     inquiry = Inquiry(captures, plant, ports, asked=asked)
     if inquiry.paths:
         keep_freed_memory()
-    how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if captures is not paths else None)
+    # Whoever watches was there, and plain lines begin with the time; programs, and captures, have the words of reports.
+    by_clock = captures is not paths or STDIN in paths if screen else not as_json
+    how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if by_clock else None)
     if screen:
         from nvscope.record.recorder import Recorder
         from nvscope.tui.run import run_screen
@@ -132,8 +134,6 @@ def watch(
     if theme is not None:
         raise UsageError("--theme is of the screen", next_step="leave it out; --color is of what is printed")
     with flaws_told_first(plant.definition):
-        # Programs get the words of reports.
-        how = replace(how, clock=None) if as_json else how
         last = _printed(inquiry, as_json, every_ns, how, quiet=quiet, colour=colour_wanted(colour), utc=utc)
     if plant.files:
         tell_of_lists(inquiry)
@@ -161,7 +161,7 @@ def _has_keys(paths: Sequence[str]) -> bool:
 
 
 def _clock(utc: bool) -> Callable[[int], str]:
-    """Return what tells moments by the clock on the wall: whoever watches was there."""
+    """Return what tells moments by the clock on the wall."""
     from nvscope.units import clock_time
 
     return lambda time_ns: clock_time(time_ns, utc=utc, digits=0)

@@ -29,6 +29,7 @@ MEANINGS = MappingProxyType(
         "CANopen": "a node of CANopen, by its number",
         "state": "the last known state of the node, as its heartbeats tell; commanded: as an NMT command asked for",
         "since": "when the node is first known to have been in that state",
+        "last heard": "when the last heartbeat or emergency of the node came: long ago, its state is no longer known",
         "heartbeats": "how many heartbeats the node sent",
         "changes": "how often the node told of another state than before",
         "boot-ups": "how often the node said that it has started",

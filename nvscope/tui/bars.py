@@ -20,6 +20,7 @@ from nvscope.view.lines.table import Cell, Line, Tone
 from nvscope.view.lines.text_width import display_width, shorten
 
 _LEAST_NAME = 16
+_LOUD = 8  # from so much on, it is told that something is wrong
 
 
 class Bar(Widget):
@@ -90,20 +91,34 @@ def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
         told = "dropped ?" if drops is None else f"dropped {units.count(drops)}"
         parts.append((8 if drops else 3, Cell(told, Tone.ERROR if drops else Tone.FAINT)))
     right = [Cell(f"{state} ", Tone.WARNING)] if state else []
-    if start_ns is not None:
-        right.append(Cell(f"{look.clock.second(look.now_ns).rpartition(' ')[2]} "))
+    clock = [Cell(f"{look.clock.second(look.now_ns).rpartition(' ')[2]} ")] if start_ns is not None else []
     infos = scene.snapshot.infos
     names = ", ".join(visible(info.path) for info in infos[:2]) + (f" +{len(infos) - 2}" if len(infos) > 2 else "")
-    title = Cell(" nvscope ", Tone.STRONG)
+    title, shortest = [Cell(" nvscope ", Tone.STRONG)], min(display_width(names), _LEAST_NAME)
     while True:
-        taken = _width([title, *right, *(cell for _, cell in parts)]) + 3 * len(parts) + 1
-        if taken + min(display_width(names), _LEAST_NAME) <= width or not parts:
+        taken = _width([*title, *right, *clock, *(cell for _, cell in parts)]) + 3 * len(parts) + 1
+        if taken + shortest <= width:
             break
-        parts.remove(min(parts, key=lambda part: part[0]))
-    room = max(width - taken, _LEAST_NAME)
-    line = [title, Cell(short_names({names}, room).get(names, names) if display_width(names) > room else names)]
-    for _, cell in parts:
-        line += [Cell("   "), cell]
+        # What is broken is told as long as there is room for anything.
+        if quiet := [part for part in parts if part[0] < _LOUD]:
+            parts.remove(min(quiet, key=lambda part: part[0]))
+        elif title:
+            title = []
+        elif clock:
+            clock = []
+        elif shortest:
+            shortest = 0
+        elif parts:
+            parts.remove(min(parts, key=lambda part: part[0]))
+        else:
+            break
+    room = max(width - taken, shortest)
+    line = title or [Cell(" ")]
+    if room:
+        line.append(Cell(short_names({names}, room).get(names, names) if display_width(names) > room else names))
+    for place, (_, cell) in enumerate(parts):
+        line += [Cell("   " if room or place else ""), cell]
+    right += clock
     return line, right
 
 

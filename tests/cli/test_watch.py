@@ -36,7 +36,7 @@ def test_what_begins_and_ends_is_told_when_it_does() -> None:
     assert (done.returncode, done.stderr) == (0, "")
     told = [line.strip() for line in done.stdout.splitlines() if line[:9].startswith("00:00:") and line[8:9] == " "]
     titles = [line.partition(" ")[2] for line in told]
-    silent = next(place for place, title in enumerate(titles) if "192.168.1.12 is silent since 23.9 s" in title)
+    silent = next(place for place, title in enumerate(titles) if "192.168.1.12 is silent since 00:00:23" in title)
     second = next(place for place, title in enumerate(titles) if "A further node sends list 7" in title)
     assert silent < second
     assert any(title.startswith("● Node 192.168.1.20 did not answer") and title.endswith(": over") for title in titles)

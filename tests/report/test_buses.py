@@ -90,10 +90,10 @@ Bus can0: 250 kbit/s (found) · 12 345 frames · load: 23.1 % in the mean, at it
   0x305       -                    100   11 500   1.0 %   0.2 %
   4 more      -                    400   46 000   4.0 %   0.9 %
 
-  CANopen  state                since         EMCY  last EMCY
-  node 5   operational          12:03:08.123     1  0x8130 life gu…artbeat error
-  node 17  stopped (commanded)  12:03:08.123     0  -
-  Hidden: heartbeats, changes, boot-ups, register, at (--wide shows them)
+  CANopen  state                last heard    EMCY  last EMCY
+  node 5   operational          12:03:16.123     1  0x8130 life gu…artbeat error
+  node 17  stopped (commanded)  12:03:16.123     0  -
+  Hidden: since, heartbeats, changes, boot-ups, register, at (--wide shows them)
 """
     )
 

@@ -32,6 +32,18 @@ def test_what_is_in_force_is_told_before_what_keys_do(width: int) -> None:
     assert ("s sort" in words(left)) == (width >= 160)
 
 
+@pytest.mark.parametrize("width", [12, 20, 30, 45, 80, 160])
+def test_what_is_broken_is_told_at_the_top_of_every_terminal(width: int) -> None:
+    async def look(screen: Screen) -> None:
+        await screen.resize(width, 20)
+        await screen.until(lambda: "✗ 2 now" in screen.lines[0])
+        assert (".gz" in screen.lines[0]) == (width >= 20)
+        assert ("00:00:29" in screen.lines[0]) == (width >= 45)
+        assert ("nvscope" in screen.lines[0]) == (width >= 45)
+
+    on_screen(Inquiry([PLANT]), look)
+
+
 def test_a_filter_is_seen_on_a_small_terminal_and_holds_for_what_happened_too() -> None:
     async def look(screen: Screen) -> None:
         screen.app.act("find.filter", "nv.index == 9")

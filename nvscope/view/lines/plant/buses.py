@@ -173,6 +173,7 @@ NODES = (
     Measure(Column("CANopen"), lambda row: Cell(f"node {row['node']}", Tone.STRONG)),
     Measure(Column("state"), _state),
     Measure(Column("since", importance=6), lambda row: _moment(row, row["since_ns"])),
+    Measure(Column("last heard", importance=7), lambda row: _moment(row, row["last_ns"])),
     Measure(Column("heartbeats", right=True, importance=3), lambda row: count_cell(row["heartbeats"])),
     Measure(Column("changes", right=True, importance=2), lambda row: count_cell(row["changes"])),
     Measure(Column("boot-ups", right=True, importance=5), lambda row: count_cell(row["boot_ups"], Tone.WARNING)),

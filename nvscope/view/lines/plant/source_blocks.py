@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from nvscope import units
+from nvscope.capture.content import STDIN
 from nvscope.capture.source import DropsPart, SourceInfo
 from nvscope.engine.ring import Recent
 from nvscope.tracker.summary import Summary
@@ -75,7 +76,9 @@ def lines_of(blocks: Iterable[Block], width: int) -> list[Line]:
 
 def source_block(info: SourceInfo, clock: Clock, at_ns: int | None) -> Block:
     """Return what is known of a source."""
-    how = "live" if info.is_live and not info.failure else "ended" if info.is_live else "file"
+    how = "stream" if info.path == STDIN else "file"
+    if info.is_live:
+        how = "ended" if info.failure else "live"
     title = [Cell(visible(info.path), Tone.STRONG), Cell(f"   {visible(info.format)}, {how}", Tone.FAINT)]
     rows = []
     if info.failure:
