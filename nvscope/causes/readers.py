@@ -19,8 +19,15 @@ from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.successions import of_successions
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
-from nvscope.findings.answers import BOOT_UP_UNANSWERED, NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT, SEND_REJECTED
+from nvscope.findings.answers import (
+    BOOT_UP_UNANSWERED,
+    NEGATIVE_ACKNOWLEDGEMENT,
+    NO_ACKNOWLEDGEMENT,
+    SEND_REJECTED,
+    UNEXPECTED_ACKNOWLEDGEMENT,
+)
 from nvscope.findings.facts import AnyList
+from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import count, count_of, duration
 
@@ -49,8 +56,8 @@ ACKNOWLEDGEMENT_IMPOSSIBLE = CauseKind(
 READER_SILENT = CauseKind(
     "reader-silent",
     "unanswered",
-    "A reader that usually acknowledges a list did not do so for some telegrams.",
-    "Telegrams that stayed without acknowledgement beside others that got one.",
+    "A reader that usually acknowledges a list did not do so for some telegrams, or not in time.",
+    "Telegrams that stayed without acknowledgement beside others that got one; or acknowledgements that came late.",
     "The log of the reader at that time: whether its program stood still or its cable was out.",
     measured="{missing_acknowledgements} unanswered",
 )
@@ -63,6 +70,8 @@ REQUEST_UNANSWERED = CauseKind(
 )
 
 _RUN = 3
+_TOO_SLOW = "The load of the reader: interval and priority of the task that reads the list. Then the network between."
+_TOO_FAST = "Why the sender sends one telegram so soon behind another: several at once, or a minimum gap of 0."
 
 
 def judge_rejections(case: Case) -> Iterator[Explained]:
@@ -241,25 +250,61 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Explained:
     since_ns, last_ns = min(run.since_ns for run in runs), max(run.until_ns for run in runs)
     in_a_row = runs[0].in_a_row
     which = lists_in_words(case, lists)
-    who = f"Node {case.address(readers[0])}" if len(readers) == 1 else f"None of {count_of(len(readers), 'reader')}"
     over = case.end_ns - last_ns > slack_ns(lists)
     until_ns = _answered_again(case, lists, readers, last_ns) if in_a_row and over else None
     if not in_a_row:
         until_ns = _end_of_many(case, lists, rows)
-    did_not = "did not answer for" if len(readers) == 1 else "answered for"
-    if in_a_row and until_ns is not None:
-        title = f"{who} {did_not} {which} from {moment(case, since_ns)} to {moment(case, last_ns)}"
-    elif in_a_row:
-        title = f"{who} {did_not} {which} since {moment(case, since_ns)}"
+    late = _late_answers(case, lists, readers, since_ns, last_ns)
+    is_late = _answered_all(case, readers, lists) or 2 * len(late) >= len(rows)
+    who, many = f"Node {case.address(readers[0])}", count_of(len(readers), "reader")
+    if is_late:
+        told = f"{who if len(readers) == 1 else many} answered too late for"
     else:
-        title = f"{who} {did_not} {count_of(len(rows), 'telegram')} of {which}"
-    checked = _usual_answers(case, readers, lists)
-    checked.append(_meanwhile(case, readers, since_ns, last_ns))
+        told = f"{who} did not answer for" if len(readers) == 1 else f"None of {many} answered for"
+    if in_a_row and until_ns is not None:
+        title = f"{told} {which} from {moment(case, since_ns)} to {moment(case, last_ns)}"
+    elif in_a_row:
+        title = f"{told} {which} since {moment(case, since_ns)}"
+    else:
+        title = f"{told} {count_of(len(rows), 'telegram')} of {which}"
+    if late and is_late:
+        checked = [_how_late(case, rows, late)]
+    elif is_late:
+        checked = [
+            "it sent as many acknowledgements as there were telegrams: some came when the next telegram was out "
+            "already, and senders count these as missing"
+        ]
+    else:
+        checked = [*_usual_answers(case, readers, lists), _meanwhile(case, readers, since_ns, last_ns)]
+    step = READER_SILENT.next_step if not is_late else _TOO_SLOW if late else _TOO_FAST
     draft = Draft(
-        READER_SILENT, title, READER_SILENT.next_step, [one for one in checked if one], lists,
+        READER_SILENT, title, step, [one for one in checked if one], lists,
         [reader for reader in readers if reader >= 0], since_ns=since_ns, until_ns=until_ns,
     )  # fmt: skip
-    return draft, case.only(rows)
+    return draft, case.only([*rows, *late]) if is_late else case.only(rows)
+
+
+def _late_answers(
+    case: Case, lists: Sequence[AnyList], readers: Sequence[int], since_ns: int, last_ns: int
+) -> list[int]:  # fmt: skip
+    """Return the acknowledgements that readers sent in a time when nobody waited for them any more."""
+    symptoms = case.symptoms
+    late = case.free(UNEXPECTED_ACKNOWLEDGEMENT) & np.isin(symptoms.node, readers)
+    late &= np.isin(symptoms.list, [entry.number for entry in lists])
+    late &= (symptoms.time_ns >= since_ns) & (symptoms.time_ns <= last_ns + slack_ns(lists))
+    rows: list[int] = np.flatnonzero(late).tolist()
+    return rows
+
+
+def _how_late(case: Case, rows: Sequence[int], late: Sequence[int]) -> str:
+    """Return how long late answers took: from the last telegram before each that waited in vain."""
+    symptoms = case.symptoms
+    sent_ns = np.sort(symptoms.since_ns[np.asarray(rows)])
+    came_ns = symptoms.time_ns[np.asarray(late)]
+    place = np.searchsorted(sent_ns, came_ns, "right") - 1
+    took_ns = (came_ns - sent_ns[place])[place >= 0]
+    middle = f", {duration(int(np.median(took_ns)))} behind their telegrams" if len(took_ns) else ""
+    return f"{count_of(len(late), 'acknowledgement')} came when nobody waited any more{middle}"
 
 
 def _usual_answers(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> list[str]:
@@ -272,6 +317,18 @@ def _usual_answers(case: Case, readers: Sequence[int], lists: Sequence[AnyList])
     usual = answers.latencies.figures(np.where(own, 0, -1)).get(0)
     took = f", in {duration(usual.p50)}" if usual is not None and usual.p50 is not None else ""
     return [f"it answered the {count(total)} others{took}"]
+
+
+def _answered_all(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> bool:
+    """Tell whether the only reader of lists sent an acknowledgement for each telegram, in time or not."""
+    for entry in lists:
+        assert isinstance(entry, ListSummary), "nobody acknowledges on CAN"
+        telegrams = sum(stream.telegrams for stream in entry.streams)
+        if len(readers) != 1 or [*entry.readers] != [*readers] or entry.diagnosis.nAcknowledges < telegrams:
+            return False
+    # Where the capture lacks telegrams, nobody knows how many there were.
+    of_lists = np.isin(case.symptoms.list, [entry.number for entry in lists])
+    return not (case.symptoms.of_kinds(TELEGRAM_GAP) & of_lists).any()
 
 
 def _of_readers(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> Bool:

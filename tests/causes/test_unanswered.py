@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from nvscope.causes.cause import Cause
 from tests.causes.drawn.by_hand import list_of, node_of, plant_of, told_of
 from tests.causes.drawn.plant import START_NS, Away, List, Node, Plant
 from tests.causes.drawn.truth import SECOND
+from tests.causes.plants import causes_in
+from tests.oracle.builders import data_frame, telegram
 
 
 def press_and_reader(*, chatter_s: float | None = None) -> tuple[Plant, List, Node]:
@@ -55,3 +59,54 @@ def test_a_list_that_nobody_acknowledges_stays_so_while_its_addressee_is_away(tm
     other.acknowledged, other.to = True, reader.ip
     reader.away.append(away(30, 70, "cable"))
     assert told_of(plant, tmp_path)[0] == ("acknowledgement-impossible", 0.0, None)
+
+
+PRESS, HMI, MS = "10.0.0.1", "10.0.0.2", 1_000_000
+
+
+def asked_and_answered(sent_ms: Sequence[float], answered_ms: Sequence[float], tmp_path: Path) -> Cause:
+    """Return the one cause of telegrams that want an acknowledgement, and of what came back."""
+    frames = [
+        data_frame(int(at_ms * MS), PRESS, HMI, telegram(list_id=7, counter=number, flags=1))
+        for number, at_ms in enumerate(sent_ms)
+    ]
+    frames += [data_frame(int(at_ms * MS), HMI, PRESS, telegram(service=5, list_id=7)) for at_ms in answered_ms]
+    (cause,) = causes_in(frames, tmp_path)
+    assert cause.kind.name == "reader-silent"
+    return cause
+
+
+def test_who_answers_each_telegram_late_is_slow_and_not_silent(tmp_path: Path) -> None:
+    sent = [5000.0 * number for number in range(8)]
+    cause = asked_and_answered(sent, [at_ms + 1500 for at_ms in sent], tmp_path)
+    assert cause.title == "Node 10.0.0.2 answered too late for list 7 since 0.0 s"
+    assert cause.checked == ("8 acknowledgements came when nobody waited any more, 1.5 s behind their telegrams",)
+    assert cause.next.startswith("The load of the reader")
+    assert {finding.code for finding in cause.findings} == {"NV301", "NV303"}
+
+
+def test_of_telegrams_that_follow_each_other_at_once_all_answers_come(tmp_path: Path) -> None:
+    """As when several wait for the address of the reader: those in front count as missing at the sender."""
+    sent = [0, 0.01, 0.02, *(1000.0 * number for number in range(1, 20))]
+    cause = asked_and_answered(sent, [at_ms + 3 for at_ms in sent], tmp_path)
+    assert cause.title == "Node 10.0.0.2 answered too late for 2 telegrams of list 7"
+    assert cause.checked[0].startswith("it sent as many acknowledgements as there were telegrams")
+    assert cause.next.startswith("Why the sender sends one telegram so soon behind another")
+
+
+def test_who_leaves_some_out_did_not_answer_these(tmp_path: Path) -> None:
+    sent = [1000.0 * number for number in range(20)]
+    cause = asked_and_answered(sent, [at_ms + 3 for at_ms in sent if at_ms not in {5000, 9000}], tmp_path)
+    assert cause.title == "Node 10.0.0.2 did not answer for 2 telegrams of list 7"
+    assert cause.checked[0] == "it answered the 18 others, in 3.0 ms"
+
+
+def test_where_the_capture_lacks_telegrams_nobody_knows_whether_all_were_answered(tmp_path: Path) -> None:
+    sent = [0, 0.01, *(1000.0 * number for number in range(1, 20))]
+    frames = [
+        data_frame(int(at_ms * MS), PRESS, HMI, telegram(list_id=7, counter=number, flags=1))
+        for number, at_ms in enumerate(sent) if number != 9
+    ]  # fmt: skip
+    frames += [data_frame(int((at_ms + 3) * MS), HMI, PRESS, telegram(service=5, list_id=7)) for at_ms in sent]
+    titles = {cause.kind.name: cause.title for cause in causes_in(frames, tmp_path)}
+    assert titles["reader-silent"] == "Node 10.0.0.2 did not answer for 1 telegram of list 7"
