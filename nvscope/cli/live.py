@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self, get_type_hints
 
 import typer
 
+from nvscope.cli.limits import limits
 from nvscope.cli.sources import duration_ns
 from nvscope.cli.terminal import echo
 from nvscope.errors import UnreadableInput, UsageError
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from nvscope.capture.source import Source, SourceInfo
     from nvscope.definition.project import Project
 
-_KILOBYTE = 1000
 _MEGABYTE = 1 << 20
 _STATUS_S = 1.0
 _MOST_NAMES = 8
@@ -276,21 +276,8 @@ def _tell_what_is_heard(words: Sequence[str]) -> None:
 def _autostop(live: LiveOptions) -> Any:
     from nvscope.capture.live.live_source import Autostop
 
-    told: dict[str, int] = {}
-    if live.duration is not None:
-        told["duration"] = duration_ns("--for", live.duration)
-    for text in live.autostop:
-        what, sign, number = text.partition(":")
-        try:
-            value = float(number)
-        except ValueError:
-            value = 0.0
-        if what not in ("duration", "packets", "filesize") or not sign or not 0 < value < 1e12:
-            raise UsageError(
-                f"-a {text[:80]}: expected duration:SECONDS, packets:N or filesize:KB",
-                next_step="for example -a duration:60",
-            )
-        told[what] = int(value * {"duration": 1_000_000_000, "packets": 1, "filesize": _KILOBYTE}[what])
+    told = {} if live.duration is None else {"duration": duration_ns("--for", live.duration)}
+    told |= limits("-a", live.autostop, ("duration", "packets", "filesize"))
     return Autostop(told.get("duration"), told.get("packets"), told.get("filesize"))
 
 

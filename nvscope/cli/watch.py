@@ -16,6 +16,7 @@ from nvscope.capture.content import STDIN
 from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
+from nvscope.cli.limits import limits
 from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -62,6 +63,15 @@ def watch(
         str | None,
         typer.Option("--every", metavar="DURATION", help="With --plain, a table so often; 10s.", show_default=False),
     ] = None,
+    switch: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-b", "--ring-buffer", metavar="WHAT:N",
+            help="What the screen records is one file after the other: each of duration:N seconds, packets:N, or "
+            "filesize:N kB; of more than files:N, the oldest is removed.",
+            show_default=False,
+        ),
+    ] = None,
     ring: Annotated[
         int,
         typer.Option(
@@ -93,6 +103,12 @@ def watch(
     paths, gvl = files_named.captures, files_named.definitions
     if plain and as_json:
         raise UsageError("--plain and --json exclude each other", next_step="leave one of them out")
+    rule = limits("-b", switch or (), ("duration", "packets", "filesize", "files"))
+    if rule.keys() == {"files"}:
+        raise UsageError(
+            f"-b files:{rule['files']} does not say when a file is followed by another one",
+            next_step="add -b filesize:KB, -b packets:N or -b duration:SECONDS",
+        )
     ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
     every_ns = _EVERY_NS if every is None else duration_ns("--every", every)
@@ -111,12 +127,16 @@ def watch(
     by_clock = captures is not paths or STDIN in paths if screen else not as_json
     how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if by_clock else None)
     if screen:
+        from nvscope.record.file_series import FileRule
         from nvscope.record.recorder import Recorder
         from nvscope.tui.run import run_screen
         from nvscope.units import count_of
         from nvscope.view.escape import visible
 
-        recorder = Recorder(lambda: () if isinstance(captures, Sequence) else captures.channels)
+        recorder = Recorder(
+            lambda: () if isinstance(captures, Sequence) else captures.channels,
+            FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
+        )
         if captures is not paths or STDIN in paths:
             how = replace(how, others=[recorder])
         with flaws_told_first(plant.definition):
@@ -124,7 +144,8 @@ def watch(
         if left.signal == getattr(signal, "SIGHUP", None):
             raise typer.Exit(_SIGNALLED + left.signal)  # nobody is there any more to be told anything
         if recorder.state is not None:
-            told = f"{count_of(recorder.state.frames, 'frame')} in {visible(recorder.state.path)}"
+            files = f"{count_of(recorder.state.files, 'file')}, the last is " if recorder.state.files > 1 else ""
+            told = f"{count_of(recorder.state.frames, 'frame')} in {files}{visible(recorder.state.path)}"
             echo(f"nvscope: {told}{': ' if recorder.state.failure else '.'}{visible(recorder.state.failure)}", err=True)
         if code := tell_of_losses(left.infos):
             raise typer.Exit(code)
@@ -133,6 +154,8 @@ def watch(
         raise UsageError("-Y chooses what the screen shows", next_step="leave it out; a report shows what it chooses")
     if theme is not None:
         raise UsageError("--theme is of the screen", next_step="leave it out; --color is of what is printed")
+    if rule:
+        raise UsageError("-b is of what the screen records", next_step="leave it out; the screen records with R")
     with flaws_told_first(plant.definition):
         last = _printed(inquiry, as_json, every_ns, how, quiet=quiet, colour=colour_wanted(colour), utc=utc)
     if plant.files:

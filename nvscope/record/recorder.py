@@ -14,22 +14,26 @@ from nvscope.capture.open import open_sink
 from nvscope.capture.source import Sink
 from nvscope.engine.told import Told
 from nvscope.errors import NvscopeError, UsageError
+from nvscope.record.file_series import FileRule, FileSeries
 
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What a recorder has done: where to, how many frames and bytes; ``failure`` is why it ended, "" where it goes on
-    or somebody ended it."""
+    """What a recorder has done: ``path`` is the last of its ``files``; frames and bytes are those of all of them.
+
+    ``failure`` is why it ended, "" where it goes on or somebody ended it.
+    """
 
     path: str
     frames: int = 0
     bytes: int = 0
+    files: int = 1
     is_on: bool = True
     failure: str = ""
 
 
 class Recorder:
-    """An observer that writes to one file after the other; nothing while it is off.
+    """An observer that writes to a file, or by a ``rule`` to one after the other; nothing while it is off.
 
     ``start``, ``stop`` and ``state`` may be called from any thread. What exists is never written to. Where a file
     cannot be written any more, it ends with the last whole frame, and the recorder is off.
@@ -37,8 +41,11 @@ class Recorder:
 
     by_stream: ClassVar[bool] = False
 
-    def __init__(self, channels: Callable[[], Sequence[str]] = tuple) -> None:
+    def __init__(self, channels: Callable[[], Sequence[str]] = tuple, rule: FileRule | None = None) -> None:
         self._channels = channels
+        self._rule = rule or FileRule()
+        self._series = FileSeries("", self._rule)
+        self._size_bytes = 0  # of the file in hand
         self._lock = threading.Lock()
         self._sink: Sink | None = None
         self._state: Recording | None = None
@@ -53,8 +60,9 @@ class Recorder:
         with self._lock:
             if self._sink is not None:
                 raise UsageError("something is being recorded already", where=path, next_step="end that first")
-            self._sink = _new_file(path, self._channels())
-            self._state = Recording(path, bytes=os.path.getsize(path))
+            self._series = FileSeries(path, self._rule)
+            first = self._begin_file()
+            self._state = Recording(first, bytes=self._size_bytes)
 
     def stop(self) -> Recording | None:
         """End the file, if there is one; return what was recorded last."""
@@ -70,12 +78,46 @@ class Recorder:
             if self._sink is None or self._state is None:
                 return
             try:
-                self._sink.write(told.packets)
-                size = os.path.getsize(self._state.path)
+                self._write(told.packets)
             except (NvscopeError, OSError) as error:
                 self._end(_sentence(error))
-                return
-            self._state = replace(self._state, frames=self._state.frames + len(told), bytes=size)
+
+    def _write(self, packets: PacketBatch) -> None:
+        """Write packets, to as many files as the rule asks for."""
+        while len(packets):
+            rows = self._series.room_for(packets, self._size_bytes)
+            if rows:
+                own, packets = packets[:rows], packets[rows:]
+                self._write_to_one(own)
+            if len(packets):
+                self._next_file()
+
+    def _write_to_one(self, packets: PacketBatch) -> None:
+        assert self._sink is not None
+        assert self._state is not None
+        self._sink.write(packets)
+        before, self._size_bytes = self._size_bytes, os.path.getsize(self._state.path)
+        self._series.take(packets)
+        self._state = replace(
+            self._state, frames=self._state.frames + len(packets), bytes=self._state.bytes + self._size_bytes - before
+        )  # fmt: skip
+
+    def _next_file(self) -> None:
+        assert self._sink is not None
+        assert self._state is not None
+        self._sink.close()
+        path = self._begin_file()
+        self._state = replace(
+            self._state, path=path, bytes=self._state.bytes + self._size_bytes, files=self._series.begun
+        )  # fmt: skip
+
+    def _begin_file(self) -> str:
+        """Begin the next file, and return what it is called."""
+        path = self._series.next_path()
+        self._sink = _new_file(path, self._channels())
+        self._size_bytes = os.path.getsize(path)
+        self._series.is_there(path)
+        return path
 
     @staticmethod
     def save(path: str, batches: Iterable[PacketBatch], channels: Sequence[str]) -> int:
@@ -107,15 +149,20 @@ class Recorder:
         if failure:
             # What was written of a frame that had no room is no frame.
             with suppress(OSError):
-                os.truncate(self._state.path, self._state.bytes)
+                os.truncate(self._state.path, self._size_bytes)
         self._state = replace(self._state, is_on=False, failure=failure)
 
 
 def _new_file(path: str, channels: Sequence[str]) -> Sink:
     if os.path.lexists(path):
         raise UsageError("exists, and is left as it is", where=path, next_step="name another file")
-    # A list may still grow; without any channel, packets are of none.
-    return open_sink(path, channels if channels or isinstance(channels, list) else None)
+    try:
+        # A list may still grow; without any channel, packets are of none.
+        return open_sink(path, channels if channels or isinstance(channels, list) else None)
+    except (NvscopeError, OSError):
+        with suppress(OSError):
+            os.remove(path)  # as where the disk has no room for its head
+        raise
 
 
 def _sentence(error: BaseException) -> str:

@@ -9,7 +9,10 @@ from dissectors.batch import PacketBatch
 
 
 class Recording(Protocol):
-    """What was recorded, or is being recorded; ``failure`` is why that ended, "" where it did not fail."""
+    """What was recorded, or is being recorded: ``path`` is the last of its ``files``, all else is of all of them.
+
+    ``failure`` is why that ended, "" where it did not fail.
+    """
 
     @property
     def path(self) -> str: ...
@@ -19,6 +22,9 @@ class Recording(Protocol):
 
     @property
     def bytes(self) -> int: ...
+
+    @property
+    def files(self) -> int: ...
 
     @property
     def is_on(self) -> bool: ...

@@ -39,11 +39,13 @@ class RecordCommands:
             if state is not None and state.is_on:
                 state = recorder.stop()
                 assert state is not None
-                app.notify(f"{units.count_of(state.frames, 'frame')} in {visible(state.path)}", timeout=6)
+                files = f"{units.count_of(state.files, 'file')}, the last is " if state.files > 1 else ""
+                app.notify(f"{units.count_of(state.frames, 'frame')} in {files}{visible(state.path)}", timeout=6)
             else:
-                path = told or time.strftime("nvscope-%Y%m%d-%H%M%S.pcapng")
-                recorder.start(path)
-                app.notify(f"Recording to {visible(path)}", timeout=4)
+                recorder.start(told or time.strftime("nvscope-%Y%m%d-%H%M%S.pcapng"))
+                state = recorder.state
+                assert state is not None
+                app.notify(f"Recording to {visible(state.path)}", timeout=4)
         except NvscopeError as error:
             app.complain(error)
 

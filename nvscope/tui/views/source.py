@@ -70,7 +70,12 @@ class SourceView(View):
                 if recording is None
                 else [
                     recording_block(
-                        recording.path, recording.frames, recording.bytes, recording.failure, is_on=recording.is_on
+                        recording.path,
+                        recording.frames,
+                        recording.bytes,
+                        recording.files,
+                        recording.failure,
+                        is_on=recording.is_on,
                     )
                 ]
             ),

@@ -140,9 +140,10 @@ def _without_carrier(info: SourceInfo, clock: Clock) -> list[Cell]:
     return [Cell(f"✗ {text}" if now else f"! {text}", Tone.ERROR if now else Tone.WARNING)]
 
 
-def recording_block(path: str, frames: int, size_bytes: int, failure: str, *, is_on: bool) -> Block:
-    """Return what is known of a recording."""
-    rows = [Row("frames", [Cell(f"{units.count_of(frames, 'frame')}, {units.data_size(size_bytes)}")])]
+def recording_block(path: str, frames: int, size_bytes: int, files: int, failure: str, *, is_on: bool) -> Block:
+    """Return what is known of a recording; ``path`` is the last of its files."""
+    several = f", {units.count(files)} files so far" if files > 1 else ""
+    rows = [Row("frames", [Cell(f"{units.count_of(frames, 'frame')}, {units.data_size(size_bytes)}{several}")])]
     if failure:
         rows.append(Row("ended", [Cell(f"✗ {visible(failure)}", Tone.ERROR)]))
     how = "on" if is_on else "ended"
