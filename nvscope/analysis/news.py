@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 from nvscope.causes.cause import Cause
+
+_MOST_OVER = 10_000
+"""So many that are over are known again; of older ones hardly any comes back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +34,14 @@ class News:
     A cause is the same as long as kind, place and beginning are, whatever its figures; one that goes on also where it
     is seen to begin at another time, as when what it began with was long ago, and is not kept. One that is over when it
     is seen first is told as both. A cause that is told no more is over: what followed has shown that it was none, or
-    another one; then it has no ``until_ns``.
+    another one; then it has no ``until_ns``. What is over and was told so is not told again, be it that other lists
+    turn out to be concerned, or that it was another cause's for a while.
     """
 
     def __init__(self) -> None:
         self._known: dict[Hashable, Cause] = {}
+        self._over: dict[Hashable, list[Cause]] = defaultdict(list)
+        self._order: deque[Hashable] = deque()
 
     def of(self, causes: Sequence[Cause]) -> Told:
         """Return what is new in the causes of a look."""
@@ -53,16 +59,35 @@ class News:
             if before is None and not is_over and gone[_place(cause)]:
                 before = gone[_place(cause)].pop(0)
             before = before or _taken(gone, cause)
+            if is_over and before is None and self._was_told(cause):
+                continue
             if before is None or (before.until_ns is not None and not is_over):
                 new.append(cause)
             if is_over and (before is None or before.until_ns is None):
                 ended.append(cause)
+                self._keep(cause)
         instead: list[Cause | None] = [None] * len(ended)
         for one in (cause for causes in gone.values() for cause in causes):
             ended.append(one)
             instead.append(_heir(one, now.values(), new))
         self._known = now
         return Told(tuple(new), tuple(ended), tuple(instead))
+
+    def _was_told(self, cause: Cause) -> bool:
+        """Tell whether it was told before that something is over which this cause is as well."""
+        places = {*cause.nodes, *cause.lists}
+        return any(places & {*one.nodes, *one.lists} or not places for one in self._over.get(_moment(cause), ()))
+
+    def _keep(self, cause: Cause) -> None:
+        self._over[_moment(cause)].append(cause)
+        self._order.append(_moment(cause))
+        if len(self._order) > _MOST_OVER:
+            self._over.pop(self._order.popleft(), None)
+
+
+def _moment(cause: Cause) -> Hashable:
+    """Return what a cause is and when it began, wherever that was."""
+    return cause.kind.name, cause.since_ns, cause.channel
 
 
 def _heir(gone: Cause, causes: Iterable[Cause], new: Sequence[Cause]) -> Cause | None:

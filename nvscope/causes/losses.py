@@ -14,7 +14,7 @@ from nvscope.causes.kind import CauseKind
 from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.outages import OF_CABLE, outage_ns
 from nvscope.causes.spans import MOMENT_NS, touching
-from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment, span_in_words
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.facts import AnyList
@@ -213,8 +213,8 @@ def _draft(
     symptoms = case.symptoms
     since_ns, last_ns, last_due_ns = since_of(losses), int(symptoms.time_ns[losses.row].max()), int(losses.due_ns[-1])
     # Telegrams that came behind an outage show that it is over, unless more were lost behind it.
-    outage_ns = int(losses.last_due_ns[losses.lost >= IN_A_ROW].max(initial=0))
-    once = last_due_ns <= max(since_ns, outage_ns) + MOMENT_NS
+    last_outage_ns = int(losses.last_due_ns[losses.lost >= IN_A_ROW].max(initial=0))
+    once = last_due_ns <= max(since_ns, last_outage_ns) + MOMENT_NS
     until_ns = last_ns if once else end_of_losses(case, losses, slack_ns(lists))
     chosen = case.only(losses.row)
     if case.counts_as_a_whole(node):
@@ -227,7 +227,8 @@ def _draft(
         effects &= np.isin(symptoms.list, [one.number for one in lists])
     chosen |= case.touching(effects, losses.row, longest_ns(lists))
     when = (
-        f"at {moment(case, since_ns)}" if len(losses) == 1
+        span_in_words(case, since_ns, last_ns) if once and last_outage_ns
+        else f"at {moment(case, since_ns)}" if len(losses) == 1
         else f"at {moment(case, since_ns)} and {moment(case, last_due_ns)}" if len(losses) == 2
         else f"from {moment(case, since_ns)} to {moment(case, last_due_ns)}"
     )  # fmt: skip

@@ -14,6 +14,7 @@ from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.gaps import clusters
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.late_answers import answered_all, how_late, late_answers
 from nvscope.causes.losses import losses_at_senders, losses_of_only_lists
 from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.successions import of_successions
@@ -24,10 +25,8 @@ from nvscope.findings.answers import (
     NEGATIVE_ACKNOWLEDGEMENT,
     NO_ACKNOWLEDGEMENT,
     SEND_REJECTED,
-    UNEXPECTED_ACKNOWLEDGEMENT,
 )
 from nvscope.findings.facts import AnyList
-from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import count, count_of, duration
 
@@ -69,7 +68,12 @@ REQUEST_UNANSWERED = CauseKind(
     "Whether the sender of the list runs, and answers requests ('transmit on boot-up').",
 )
 
-_RUN = 3
+_RUN, _TWO = 3, 2
+_ICMP_NS = 2_000_000_000
+"""Many hosts send a message of ICMP a second at most: after the first ones nobody knows how many are kept back."""
+
+_NOTHING_ELSE = "it sent nothing else in that time"
+_GONE = "Its power, its cable and switch port; then the log of its program at that time."
 _TOO_SLOW = "The load of the reader: interval and priority of the task that reads the list. Then the network between."
 _TOO_FAST = "Why the sender sends one telegram so soon behind another: several at once, or a minimum gap of 0."
 
@@ -118,9 +122,15 @@ def judge_without_program(case: Case) -> Iterator[Explained]:
         draft = Draft(
             READER_WITHOUT_PROGRAM, title, READER_WITHOUT_PROGRAM.next_step, checked, lists,
             [told_by] if 0 <= told_by < len(case.facts.summary.addresses) else [], since_ns=since_ns,
-            until_ns=_end_of_many(case, lists, own),
+            until_ns=case.end_of(symptoms.time_ns[np.asarray(own)], max(slack_ns(lists), _between_ns(case, own))),
         )  # fmt: skip
         yield draft, chosen
+
+
+def _between_ns(case: Case, own: Sequence[int]) -> int:
+    """Return for how long nothing comes back although all is as before."""
+    distances_ns = np.diff(np.sort(case.symptoms.time_ns[np.asarray(own)]))
+    return _ICMP_NS if len(distances_ns) < _TWO else _RUN * int(np.median(distances_ns))
 
 
 def judge_impossible(case: Case) -> Iterator[Explained]:
@@ -145,6 +155,10 @@ def judge_impossible(case: Case) -> Iterator[Explained]:
         elif to:
             seen = any(case.life.is_heard(node) or node in case.streams_of_node for node in to)
             checked.append(f"it goes to {case.address(to[0])}, which {'is there' if seen else 'was never seen'}")
+            step = (
+                f"Whether this capture sees what {case.address(to[0])} sends to one node alone: a mirror port of one "
+                f"direction shows no answers. If it does: {step[0].lower()}{step[1:]}"
+            )
         else:
             checked.append("it is a broadcast: nobody has to answer")
         draft = Draft(
@@ -252,10 +266,12 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Explained:
     which = lists_in_words(case, lists)
     over = case.end_ns - last_ns > slack_ns(lists)
     until_ns = _answered_again(case, lists, readers, last_ns) if in_a_row and over else None
-    if not in_a_row:
+    if not in_a_row and (len(rows) > _TWO or not over):  # two have a distance, and no usual one
         until_ns = _end_of_many(case, lists, rows)
-    late = _late_answers(case, lists, readers, since_ns, last_ns)
-    is_late = _answered_all(case, readers, lists) or 2 * len(late) >= len(rows)
+    elif not in_a_row:
+        until_ns = last_ns
+    late = late_answers(case, lists, readers, since_ns, last_ns)
+    is_late = answered_all(case, readers, lists) or 2 * len(late) >= len(rows)
     who, many = f"Node {case.address(readers[0])}", count_of(len(readers), "reader")
     if is_late:
         told = f"{who if len(readers) == 1 else many} answered too late for"
@@ -267,44 +283,26 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Explained:
         title = f"{told} {which} since {moment(case, since_ns)}"
     else:
         title = f"{told} {count_of(len(rows), 'telegram')} of {which}"
+    meanwhile = _meanwhile(case, readers, since_ns, last_ns)
     if late and is_late:
-        checked = [_how_late(case, rows, late)]
+        checked = [how_late(case, rows, late)]
     elif is_late:
         checked = [
             "it sent as many acknowledgements as there were telegrams: some came when the next telegram was out "
             "already, and senders count these as missing"
         ]
     else:
-        checked = [*_usual_answers(case, readers, lists), _meanwhile(case, readers, since_ns, last_ns)]
-    step = READER_SILENT.next_step if not is_late else _TOO_SLOW if late else _TOO_FAST
+        checked = [*_usual_answers(case, readers, lists), meanwhile]
+    step = READER_SILENT.next_step
+    if is_late:
+        step = _TOO_SLOW if late else _TOO_FAST
+    elif in_a_row and meanwhile == _NOTHING_ELSE:
+        step = _GONE
     draft = Draft(
         READER_SILENT, title, step, [one for one in checked if one], lists,
         [reader for reader in readers if reader >= 0], since_ns=since_ns, until_ns=until_ns,
     )  # fmt: skip
     return draft, case.only([*rows, *late]) if is_late else case.only(rows)
-
-
-def _late_answers(
-    case: Case, lists: Sequence[AnyList], readers: Sequence[int], since_ns: int, last_ns: int
-) -> list[int]:  # fmt: skip
-    """Return the acknowledgements that readers sent in a time when nobody waited for them any more."""
-    symptoms = case.symptoms
-    late = case.free(UNEXPECTED_ACKNOWLEDGEMENT) & np.isin(symptoms.node, readers)
-    late &= np.isin(symptoms.list, [entry.number for entry in lists])
-    late &= (symptoms.time_ns >= since_ns) & (symptoms.time_ns <= last_ns + slack_ns(lists))
-    rows: list[int] = np.flatnonzero(late).tolist()
-    return rows
-
-
-def _how_late(case: Case, rows: Sequence[int], late: Sequence[int]) -> str:
-    """Return how long late answers took: from the last telegram before each that waited in vain."""
-    symptoms = case.symptoms
-    sent_ns = np.sort(symptoms.since_ns[np.asarray(rows)])
-    came_ns = symptoms.time_ns[np.asarray(late)]
-    place = np.searchsorted(sent_ns, came_ns, "right") - 1
-    took_ns = (came_ns - sent_ns[place])[place >= 0]
-    middle = f", {duration(int(np.median(took_ns)))} behind their telegrams" if len(took_ns) else ""
-    return f"{count_of(len(late), 'acknowledgement')} came when nobody waited any more{middle}"
 
 
 def _usual_answers(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> list[str]:
@@ -317,18 +315,6 @@ def _usual_answers(case: Case, readers: Sequence[int], lists: Sequence[AnyList])
     usual = answers.latencies.figures(np.where(own, 0, -1)).get(0)
     took = f", in {duration(usual.p50)}" if usual is not None and usual.p50 is not None else ""
     return [f"it answered the {count(total)} others{took}"]
-
-
-def _answered_all(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> bool:
-    """Tell whether the only reader of lists sent an acknowledgement for each telegram, in time or not."""
-    for entry in lists:
-        assert isinstance(entry, ListSummary), "nobody acknowledges on CAN"
-        telegrams = sum(stream.telegrams for stream in entry.streams)
-        if len(readers) != 1 or [*entry.readers] != [*readers] or entry.diagnosis.nAcknowledges < telegrams:
-            return False
-    # Where the capture lacks telegrams, nobody knows how many there were.
-    of_lists = np.isin(case.symptoms.list, [entry.number for entry in lists])
-    return not (case.symptoms.of_kinds(TELEGRAM_GAP) & of_lists).any()
 
 
 def _of_readers(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> Bool:
@@ -353,7 +339,7 @@ def _meanwhile(case: Case, readers: Sequence[int], since_ns: int, until_ns: int)
         return "it went on sending its own lists: its program ran"
     if case.life.sent_between(reader, since_ns + 1, until_ns):
         return "it sent other frames in that time: it has power and cable"
-    return "it sent nothing else in that time"
+    return _NOTHING_ELSE
 
 
 def judge_boot_up(case: Case) -> Iterator[Explained]:

@@ -9,16 +9,18 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.causes.canopen_nodes import canopen_node_of, last_signs
-from nvscope.causes.case import NOBODY, Case, Draft, Explained, longest_ns, slack_ns
+from nvscope.causes.case import NOBODY, PAUSE_PERCENT, Case, Draft, Explained, longest_ns, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.node_streams import NodeStream, Pause
 from nvscope.causes.outages import OF_CABLE
 from nvscope.causes.silent_together import (
     NodeSilence,
-    began_together,
     cyclic_lists_of,
     draft_of_several,
     heard_of,
+    of_one_event,
+    others_go_on,
+    span_of,
 )
 from nvscope.causes.unplugged import was_unplugged
 from nvscope.causes.words import capitalised, lists_in_words, moment
@@ -79,14 +81,27 @@ def judge_nodes(case: Case, kind: CauseKind) -> Iterator[Explained]:
         for node, streams in case.streams_of_node.items() for silence in _silences(case, node, streams)
         if _goes_on(case, silence) == (kind is PROGRAM_STOPPED)
     ]  # fmt: skip
-    for together in began_together(case, found) if kind is NODE_SILENT else ([one] for one in found):
-        chosen = np.logical_or.reduce([_explained(case, one.node, one.pause) for one in together])
+    for members in of_one_event(case, found) if kind is NODE_SILENT else ([one] for one in found):
+        chosen = np.logical_or.reduce([_explained(case, one.node, one.pause) for one in members])
         if not chosen.any():
             continue
-        if len(together) > 1:
-            yield draft_of_several(case, kind, together), chosen
+        if len(members) > 1:
+            chosen |= _of_everybody(case, members)
+            yield draft_of_several(case, kind, members, chosen), chosen
         else:
-            yield _draft(case, kind, together[0], chosen), chosen
+            yield _draft(case, kind, members[0], chosen), chosen
+
+
+def _of_everybody(case: Case, members: Sequence[NodeSilence]) -> Bool:
+    """Tell what else was missing while several nodes were silent: of others that were silent as well, if all were."""
+    since_ns, until_ns = span_of(members)
+    if until_ns is None or others_go_on(case, members):
+        return case.only([])
+    room_ns = max(one.longest_ns for one in members) * PAUSE_PERCENT // 100
+    symptoms = case.symptoms
+    began, ended = np.abs(symptoms.since_ns - since_ns) <= room_ns, np.abs(symptoms.time_ns - until_ns) <= room_ns
+    everybody: Bool = case.free(*_OF_SILENCE, *_WAITS) & began & ended
+    return everybody
 
 
 def _goes_on(case: Case, silence: NodeSilence) -> bool:
@@ -95,8 +110,8 @@ def _goes_on(case: Case, silence: NodeSilence) -> bool:
     end_ns = case.end_ns if pause.until_ns is None else pause.until_ns
     after_ns = pause.since_ns + _HALVES_BEFORE * half_ns
     before_ns = end_ns if pause.until_ns is None else end_ns - _HALVES_AFTER * half_ns
-    if case.life.goes_on(silence.node, after_ns, before_ns, (pause.since_ns, end_ns)):
-        return True
+    if before_ns >= after_ns and case.life.sent_between(silence.node, after_ns, before_ns):
+        return True  # however late: who sends has power and a cable
     return pause.until_ns is None and case.last_acknowledgement_ns.get(silence.node, after_ns) > after_ns
 
 
@@ -119,14 +134,15 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[Node
             continue
         last = max(whole, key=lambda one: one.since_ns)
         ends = [one.until_ns for one in whole if one.until_ns is not None]
-        ended = len(ends) == len(whole)
-        if 0 < len(ends) < len(whole):
-            continue  # some came back and others did not: that is of the lists
-        until_ns = min(ends) if ended else None
+        ended, until_ns = len(ends) > 0, min(ends, default=None)
+        away_ns = [one.nominal_ns for one, own in zip((fastest, *others), whole, strict=True) if own.until_ns is None]
+        is_settled = not ended or not away_ns
+        if until_ns is not None and away_ns and case.end_ns - until_ns > max(away_ns) * PAUSE_PERCENT // 100:
+            continue  # some came back and others did not, although they were due: that is of the lists
         others_ns = [one.stream.last_ns for one in streams if not one.nominal_ns]
         if not ended and any(one > last.since_ns + longest_ns * 3 // 2 for one in others_ns):
             continue
-        if ended and (until_ns or 0) - last.since_ns <= _SHORTEST * longest_ns:
+        if ended and is_settled and (until_ns or 0) - last.since_ns <= _SHORTEST * longest_ns:
             continue
         if was_unplugged(case, last.since_ns, until_ns, _INTERVALS_UNSURE * longest_ns):
             continue
@@ -236,13 +252,19 @@ def _together(case: Case, rows: Sequence[int]) -> list[list[int]]:
 
 def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, chosen: Bool) -> Explained:
     which, since, checked = lists_in_words(case, lists), moment(case, since_ns), []
+    next_step = LIST_STOPPED.next_step
     if node >= 0:
         own = {entry.number for entry in lists}
         others = [case.lists[number] for number in case.going_on.lists_behind(node, since_ns) if number not in own]
         title = f"Node {case.address(node)} sends {which} no more since {since}"
+        channel = None
         if others:
             checked.append(f"it goes on with {lists_in_words(case, others)}")
-        channel = None
+        elif not case.life.sent_between(node, since_ns + 1, case.end_ns):
+            checked.append(
+                "nothing else of it has come since then, and nothing else was due: perhaps all of it is gone"
+            )
+            next_step = NODE_SILENT.next_step
     else:
         title = f"{capitalised(which)} {'is' if len(lists) == 1 else 'are'} silent since {since}"
         channel = str(lists[0].key.port)
@@ -256,7 +278,7 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
         checked.append(_how_steady(case, lists, since_ns))
     else:
         checked.append("no definition knows it, and it was not there all the time before: it may have been done")
-    step = LIST_STOPPED.next_step
+    step = next_step
     if case.are_nobodys(lists):
         them = "them" if len(lists) > 1 else "it"
         step = f"Power and plug of the device that sends {them}, then its program; a definition would name {them}."

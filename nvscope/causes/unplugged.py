@@ -32,6 +32,10 @@ def judge_without_carrier(case: Case) -> Iterator[Explained]:
     for since_ns, until_ns in _without_any(case):
         end_ns = None if until_ns is None else until_ns + _NOTICED_NS
         chosen = case.free(*_UNSEEN) & case.overlapping(since_ns - _NOTICED_NS, end_ns)
+        # Of a slow list the last telegram came a while before.
+        stopped = np.flatnonzero(case.free(STOPPED))
+        due_ns = symptoms.since_ns[stopped] + _INTERVALS * case.nominal_ns(stopped) + _NOTICED_NS
+        chosen |= case.only(stopped[(due_ns >= since_ns) & (symptoms.since_ns[stopped] <= (end_ns or case.end_ns))])
         lists = case.lists_of(np.flatnonzero(chosen & (symptoms.list >= 0)))
         # What had stopped long before did not stop by that.
         before_ns = since_ns - _NOTICED_NS - _INTERVALS * (longest_ns(lists) if lists else 0)

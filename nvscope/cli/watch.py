@@ -34,7 +34,7 @@ from nvscope.cli.sources import (
     with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
-from nvscope.errors import UsageError
+from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
@@ -147,7 +147,8 @@ def watch(
             files = f"{count_of(recorder.state.files, 'file')}, the last is " if recorder.state.files > 1 else ""
             told = f"{count_of(recorder.state.frames, 'frame')} in {files}{visible(recorder.state.path)}"
             echo(f"nvscope: {told}{': ' if recorder.state.failure else '.'}{visible(recorder.state.failure)}", err=True)
-        if code := tell_of_losses(left.infos):
+        failed = recorder.state is not None and recorder.state.failure
+        if code := max(tell_of_losses(left.infos), ExitCode.CAPTURE if failed else ExitCode.GOOD):
             raise typer.Exit(code)
         return
     if wanted is not None:

@@ -75,7 +75,7 @@ def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
     parts: list[tuple[int, Cell]] = []
     if start_ns is not None:
         parts.append((2, Cell(units.duration(look.now_ns - start_ns), Tone.FAINT)))
-    if not rows and report["lists"]:
+    if not rows and report["lists"] and not any(info.failure for info in scene.snapshot.infos):
         parts.append((9, Cell("● all well", Tone.GOOD)))
     for severity in (Severity.ERROR, Severity.WARNING):
         if number := sum(severity_of(cause) is severity for cause in now):
@@ -83,8 +83,11 @@ def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
     if passed := len(rows) - len(now):
         parts.append((5, Cell(f"{passed} passed", Tone.FAINT)))
     parts.append((6, Cell(units.count_of(len(report["lists"]), "list"))))
+    failed = [info for info in scene.snapshot.infos if info.failure]
+    if failed:
+        parts.append((9, Cell(f"✗ {visible(failed[0].path)} ended", Tone.ERROR)))
     rate = scene.pace.of_all()
-    if rate is not None and look.live:
+    if rate is not None and look.live and not failed:
         parts.append((4, Cell(units.rate(rate))))
     drops = report["capture"]["drops"]
     if drops or look.live:

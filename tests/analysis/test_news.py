@@ -57,6 +57,21 @@ def test_one_that_is_told_no_more_is_over() -> None:
     assert (told.new, told.ended, told.instead) == ((other,), (first,), (other,))
 
 
+def test_what_is_over_is_told_once_whatever_turns_out_to_be_concerned_later() -> None:
+    news = News()
+    assert news.of([nothing(9, 1, 2)]).new
+    assert not news.of([nothing(9, 1, 2, 3)])
+    assert not news.of([])
+    assert not news.of([nothing(9, 2, 3)])  # it was another cause's for a while
+    assert news.of([nothing(9, 2, 3), nothing(9, 7)]).new == (nothing(9, 7),)
+
+
+def test_what_is_over_and_begins_at_another_time_is_another_one() -> None:
+    news = News()
+    news.of([silent(1, 5, 9)])
+    assert news.of([silent(1, 5, 9), silent(1, 12, 14)]).new == (silent(1, 12, 14),)
+
+
 def test_what_explains_its_findings_now_is_told_beside_it() -> None:
     news = News()
     gap = Finding(TELEGRAM_GAP, "lost", 3, 5, 6, list_number=1, node=1)

@@ -35,7 +35,7 @@ def test_all_that_send_are_silent_from_one_moment_on(tmp_path: Path) -> None:
     assert cause.checked == (
         "they fell silent within 21.0 ms of each other: what they share is out, or the way to this capture",
         "nothing of them came afterwards, ARP included",
-        "no other node that sends or acknowledges lists goes on",
+        "no other node is seen to go on",
     )
     assert cause.next.startswith("The link light, cable and mirror port of this capture; a ping to one of them")
     assert len(cause.nodes) == 4
@@ -84,3 +84,46 @@ def test_one_after_another_is_no_one_event(tmp_path: Path) -> None:
 def test_a_single_node_is_told_by_its_name(tmp_path: Path) -> None:
     (cause,) = told(tmp_path, node(1, 20))
     assert cause.title == "Node 10.0.0.1 is silent since 19.9 s (lists 1 and 51)"
+
+
+def away(number: int, since_s: float, until_s: float, *, every_ms: int = 100, end_s: float = 40) -> list[Frame]:
+    """Return two lists of a node, of which nothing came for a while; it counted on."""
+
+    def counters(step_ms: int) -> list[int]:
+        silent = range(int(since_s * 1000), int(until_s * 1000))
+        return [-1 if at * step_ms in silent else at for at in range(int(end_s * 1000) // step_ms)]
+
+    at_ms = 7 * number
+    return [
+        *sent(f"10.0.0.{number}", number, counters(every_ms), every_ms, since_ms=at_ms),
+        *sent(f"10.0.0.{number}", 50 + number, counters(2 * every_ms), 2 * every_ms, since_ms=at_ms + 3),
+    ]
+
+
+def test_all_that_were_silent_and_came_back_together_are_one_event(tmp_path: Path) -> None:
+    (cause,) = told(tmp_path, *(away(number, 20, 26) for number in range(1, 5)))
+    assert cause.title == "All 4 nodes that send lists were silent from 19.9 s to 26.0 s (8 lists)"
+    assert cause.checked[0].startswith("they fell silent within 21.0 ms of each other, and came back so")
+    assert "their counters went on meanwhile: their programs ran" in cause.checked
+    assert {finding.code for finding in cause.findings} >= {"NV201"}
+
+
+def test_who_came_back_later_was_away_for_another_reason(tmp_path: Path) -> None:
+    causes = told(tmp_path, away(1, 20, 26), away(2, 20, 26), away(3, 20, 26), away(4, 20, 32))
+    assert sorted(len(cause.nodes) for cause in causes) == [1, 3]
+
+
+def test_what_is_not_due_yet_is_not_told_to_have_stopped(tmp_path: Path) -> None:
+    """The capture ends when the fast lists are back, and the slow ones have not been due."""
+    frames = [*away(1, 20, 26, every_ms=500, end_s=26.4), *away(2, 20, 26, end_s=26.4), *away(3, 20, 26, end_s=26.4)]
+    causes = [one for one in causes_in(frames, tmp_path) if one.severity.word == "error"]
+    assert [(one.kind.name, len(one.nodes)) for one in causes] == [("node-silent", 3)]
+
+
+def test_a_node_that_sends_other_frames_again_is_there_however_late(tmp_path: Path) -> None:
+    arp = [
+        from_hardware(other_frame(at * SECOND_NS // 20), "02:00:00:00:00:02") for at in (*range(400), *range(450, 800))
+    ]
+    (cause,) = told(tmp_path, node(1, 20), arp)
+    assert cause.kind.name == "program-stopped"
+    assert not [fact for fact in cause.checked if "nothing of it came" in fact]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from nvscope import units
 from nvscope.findings.kind import Severity
 from nvscope.view.lines.plant.content import Report, Row, nanoseconds, status, watched_until_ns, why_no_list
+from nvscope.view.lines.plant.content import severity_of as severity_of_list
 from nvscope.view.lines.table import Cell, Tone
 
 
@@ -50,7 +51,7 @@ def _verdict(report: Report) -> tuple[Cell, str]:
     faults = [cause for cause in report["causes"] if severity_of(cause) > Severity.NOTE]
     now = [cause for cause in faults if is_now(cause)]
     lists = len(report["lists"])
-    concerned = {key for cause in faults for key in cause["lists"]} & {entry["key"] for entry in report["lists"]}
+    concerned = concerns(report)
     # On CAN, what has no name is an identifier: nobody knows whether it is a list.
     is_list = any(entry["transport"] != "can" or entry["name"] for entry in report["lists"])
     told = units.count_of(lists, "list" if is_list else "identifier")
@@ -85,19 +86,32 @@ def _extent(report: Report) -> list[str]:
 
 
 def concerns(report: Report) -> dict[str, Concern]:
-    """Return what happened to the lists that causes concern, by key, in the order of the causes."""
+    """Return what happened to the lists that causes concern, by key, in the order of the causes.
+
+    Also to those that broke a rule by one that is not about them: what a reader does not answer that starts anew.
+    """
     found: dict[str, list[Row]] = {}
+    beside: dict[str, Row] = {}
     for cause in report["causes"]:
         if severity_of(cause) > Severity.NOTE:
             for key in cause["lists"]:
                 found.setdefault(key, []).append(cause)
-    lists: Mapping[str, Row] = {entry["key"]: entry for entry in report["lists"] if entry["key"] in found}
+            for finding in cause["findings"]:
+                if finding["list"] is not None:
+                    beside.setdefault(finding["list"], cause)
+    lists: Mapping[str, Row] = {entry["key"]: entry for entry in report["lists"]}
     end_ns = watched_until_ns(report["capture"]) or 0
     told = {}
     for key, causes in found.items():
         if key in lists:
             more = f" +{len(causes) - 1}" if len(causes) > 1 else ""
             told[key] = Concern(max(map(severity_of, causes)), _brief(causes[0], lists[key], end_ns) + more)
+    for key, cause in beside.items():
+        severity = severity_of_list(lists[key]["status"]) if key in lists and key not in told else None
+        if severity is not None and severity > Severity.NOTE:
+            unanswered = lists[key]["counters"].get("missing_acknowledgements")
+            words = f"{units.count(unanswered)} unanswered" if unanswered else _brief(cause, lists[key], end_ns)
+            told[key] = Concern(severity, words)
     return told
 
 

@@ -102,9 +102,10 @@ def test_the_program_itself() -> None:
 
 
 def test_a_recording() -> None:
-    text = told(recording_block("out.pcapng", 7, 648, "", is_on=True))
+    text = told(recording_block("out.pcapng", 7, 648, 1, "", is_on=True))
     assert text == "Recording   out.pcapng, on\n  frames    7 frames, 648 B"
-    assert "✗ no space is left" in told(recording_block("out.pcapng", 7, 648, "no space is left", is_on=False))
+    assert "7 frames, 648 B, 3 files so far" in told(recording_block("out.pcapng", 7, 648, 3, "", is_on=True))
+    assert "✗ no space is left" in told(recording_block("out.pcapng", 7, 648, 1, "no space is left", is_on=False))
 
 
 def test_texts_are_aligned_and_no_line_is_too_wide() -> None:
