@@ -127,3 +127,15 @@ def test_a_node_that_sends_other_frames_again_is_there_however_late(tmp_path: Pa
     (cause,) = told(tmp_path, node(1, 20), arp)
     assert cause.kind.name == "program-stopped"
     assert not [fact for fact in cause.checked if "nothing of it came" in fact]
+
+
+def test_a_node_of_which_nothing_else_was_due_may_be_gone_as_a_whole(tmp_path: Path) -> None:
+    """The slow list of the node is not due yet at the end."""
+    fast = sent("10.0.0.1", 1, list(range(380)), 100)
+    slow = sent("10.0.0.1", 2, list(range(8)), 5000)
+    (cause,) = told(tmp_path, fast, slow, node(3, 40))
+    assert cause.title == "Node 10.0.0.1 sends list 1 no more since 37.9 s"
+    assert cause.checked == (
+        "nothing else of it has come since then, and nothing else was due: perhaps all of it is gone",
+    )
+    assert cause.next.startswith("Its power and LEDs")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from ipaddress import ip_address
 from pathlib import Path
 
 from nvscope.causes.cause import Cause
@@ -10,7 +11,8 @@ from tests.causes.drawn.by_hand import list_of, node_of, plant_of, told_of
 from tests.causes.drawn.plant import START_NS, Away, List, Node, Plant
 from tests.causes.drawn.truth import SECOND
 from tests.causes.plants import causes_in
-from tests.oracle.builders import data_frame, telegram
+from tests.oracle.builders import data_frame, link_frame, telegram, unreachable, whole
+from tests.oracle.frame import ETHERNET
 
 
 def press_and_reader(*, chatter_s: float | None = None) -> tuple[Plant, List, Node]:
@@ -110,3 +112,44 @@ def test_where_the_capture_lacks_telegrams_nobody_knows_whether_all_were_answere
     frames += [data_frame(int((at_ms + 3) * MS), HMI, PRESS, telegram(service=5, list_id=7)) for at_ms in sent]
     titles = {cause.kind.name: cause.title for cause in causes_in(frames, tmp_path)}
     assert titles["reader-silent"] == "Node 10.0.0.2 did not answer for 1 telegram of list 7"
+
+
+def with_messages(at_ms: Sequence[int], end_ms: int, tmp_path: Path) -> Cause:
+    """Return the one cause of telegrams every 100 ms, of which some came back since nobody listens."""
+    frames = [data_frame(at * MS, PRESS, HMI, telegram(list_id=7, counter=at // 100)) for at in range(0, end_ms, 100)]
+    quoted = frames[0].data[14:]
+    for at in at_ms:
+        frames.append(whole((at + 2) * MS, ETHERNET, link_frame(unreachable(ip_address(HMI), quoted))))
+    (cause,) = causes_in(frames, tmp_path)
+    assert cause.kind.name == "reader-without-program"
+    return cause
+
+
+def test_a_port_without_a_program_is_so_between_two_messages_of_a_host_that_sends_few(tmp_path: Path) -> None:
+    few = [1000 * second for second in range(10)]
+    assert with_messages(few, 11_900, tmp_path).until_ns is None
+    over = with_messages(few, 15_000, tmp_path)
+    assert over.until_ns is not None
+    assert over.until_ns >= 9000 * MS
+
+
+def test_where_each_telegram_came_back_one_that_did_not_shows_that_it_is_over(tmp_path: Path) -> None:
+    assert with_messages(range(0, 9000, 100), 10_500, tmp_path).until_ns is not None
+
+
+def test_behind_the_first_message_nobody_knows_how_many_follow(tmp_path: Path) -> None:
+    assert with_messages([3000], 4500, tmp_path).until_ns is None
+
+
+def test_who_answers_nothing_any_more_may_have_no_power(tmp_path: Path) -> None:
+    sent = [100.0 * number for number in range(200)]
+    cause = asked_and_answered(sent, [at_ms + 3 for at_ms in sent if at_ms < 10_000], tmp_path)
+    assert cause.checked[-1] == "it sent nothing else in that time"
+    assert cause.next.startswith("Its power, its cable and switch port")
+
+
+def test_of_a_list_that_nobody_acknowledges_the_capture_may_see_one_direction(tmp_path: Path) -> None:
+    frames = [data_frame(at * 100 * MS, PRESS, HMI, telegram(list_id=7, counter=at, flags=1)) for at in range(50)]
+    (cause,) = causes_in(frames, tmp_path)
+    assert cause.kind.name == "acknowledgement-impossible"
+    assert cause.next.startswith("Whether this capture sees what 10.0.0.2 sends to one node alone")

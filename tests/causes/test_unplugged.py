@@ -25,23 +25,25 @@ Spans = Sequence[tuple[int, int | None]]
 
 
 def causes(
-    silent: tuple[float, float], without: Sequence[Spans], *, until_s: float = 20, stopped_before_s: float | None = None
-) -> list[Cause]:
+    silent: tuple[float, float], without: Sequence[Spans], *, until_s: float = 20,
+    stopped_before_s: float | None = None, slow: bool = False,
+) -> list[Cause]:  # fmt: skip
     """Return the causes of two lists, each sent every 50 ms but for a time; ``without`` are times of no carrier.
 
-    Counters go on meanwhile. ``stopped_before_s``: the second list ends there.
+    Counters go on meanwhile. ``stopped_before_s``: the second list ends there; ``slow``: it is sent once a second.
     """
     frames = []
     for number in range(int(until_s * 20)):
         at_ns = START_NS + number * 50 * MS
         for list_id in (7, 8):
             second = number / 20
-            if silent[0] <= second < silent[1]:
+            if silent[0] <= second < silent[1] or (slow and list_id == 8 and number % 20):
                 continue
             if list_id == 8 and stopped_before_s is not None and second >= stopped_before_s:
                 continue
+            counter = number // 20 if slow and list_id == 8 else number
             frames.append(
-                telegram(b"\0", 1, subindex=0, counter=number + 1, ts_ns=at_ns + list_id * MS, list_id=list_id)
+                telegram(b"\0", 1, subindex=0, counter=counter + 1, ts_ns=at_ns + list_id * MS, list_id=list_id)
             )
     batch = replace(batch_of(frames), until_ns=START_NS + int(until_s * SECOND_NS))
     source = Batches([batch, PacketBatch.nothing(START_NS + int(until_s * SECOND_NS))])
@@ -97,3 +99,9 @@ def test_two_interfaces_without_a_cable_at_once_saw_nothing() -> None:
 def test_a_cable_that_was_out_while_nothing_was_missing_is_a_note() -> None:
     (one,) = causes((99, 99), [[(at(5), at(5.02))]])
     assert (one.kind.name, one.severity.word) == ("capture-incomplete", "note")
+
+
+def test_a_slow_list_that_is_not_due_yet_behind_that_has_not_stopped() -> None:
+    """Its last telegram came a while before the cable was out, and its next one is due after the end."""
+    found = causes((10.05, 21.2), [[(at(10.9), at(21.2))]], until_s=21.9, slow=True)
+    assert {one.kind.name for one in found if one.severity.word != "note"} == {"capture-incomplete"}
