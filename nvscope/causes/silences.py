@@ -71,6 +71,9 @@ _HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near 
 
 
 _INTERVALS_UNSURE = 3
+_MOVING_NS = 60_000_000_000
+"""A download takes so long at most: what begins elsewhere behind an end is the same."""
+
 _NO_ROWS = np.empty(0, np.int64)
 
 
@@ -278,7 +281,7 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
         checked.append(_how_steady(case, lists, since_ns))
     else:
         checked.append("no definition knows it, and it was not there all the time before: it may have been done")
-    step = next_step
+    step = _moved_to(case, node, lists, since_ns) or next_step
     if case.are_nobodys(lists):
         them = "them" if len(lists) > 1 else "it"
         step = f"Power and plug of the device that sends {them}, then its program; a definition would name {them}."
@@ -288,6 +291,20 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
         at_most=Severity.ERROR if steady else Severity.NOTE,
     )  # fmt: skip
     return draft, chosen
+
+
+def _moved_to(case: Case, node: int, lists: Sequence[AnyList], since_ns: int) -> str:
+    """Return what to do where a node sends a list on another port now, "" where it does not."""
+    ended = {entry.key.identifier: entry.key.port for entry in lists}
+    for one in case.streams_of_node.get(node, ()):
+        key = one.list.key
+        moved = key.identifier in ended and key.port != ended[key.identifier]
+        if moved and abs(one.stream.first_ns - since_ns) <= max(slack_ns(lists), _MOVING_NS):
+            return (
+                f"The port of the list in the network settings of its sender: it comes on UDP {key.port} now, and not "
+                f"on {ended[key.identifier]}."
+            )
+    return ""
 
 
 def _how_steady(case: Case, lists: Sequence[AnyList], until_ns: int) -> str:

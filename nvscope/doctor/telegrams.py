@@ -68,7 +68,8 @@ def judge_other_ports(case: Case) -> Iterator[Result]:
     if case.machine is not None and not case.sees_all:
         yield Result(
             OTHER_PORTS, State.UNKNOWN, "telegrams on other ports can only be seen by a capture",
-            "run it with sudo, or capture on the interface (-i NAME)",
+            "capture on an interface that is up (-i NAME)" if case.machine.may_capture
+            else "run it with sudo, or capture on the interface (-i NAME)",
         )  # fmt: skip
         return
     # Answers go to whatever port somebody has sent from.

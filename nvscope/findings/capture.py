@@ -60,7 +60,9 @@ TRUNCATED_FILE = FindingKind(
         "the recording program was killed, or the disk was full",
         "the file was copied while it was being written, or a transfer broke off",
     ),
-    next_steps=("Copy the file again from where it was recorded; stop the recording first.",),
+    next_steps=(
+        "Copy the file again from where it was recorded; stop the recording first. Of a stream: why its writer ended.",
+    ),
     of_capture=True,
 )
 UNSUPPORTED_LINK_TYPE = FindingKind(

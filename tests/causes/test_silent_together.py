@@ -7,7 +7,7 @@ from pathlib import Path
 from nvscope.causes.cause import Cause
 from tests.causes.plants import causes_in, from_hardware
 from tests.causes.test_at_the_edges import sent, titles
-from tests.oracle.builders import other_frame
+from tests.oracle.builders import data_frame, other_frame, telegram
 from tests.oracle.frame import Frame
 
 SECOND_NS = 1_000_000_000
@@ -139,3 +139,17 @@ def test_a_node_of_which_nothing_else_was_due_may_be_gone_as_a_whole(tmp_path: P
         "nothing else of it has come since then, and nothing else was due: perhaps all of it is gone",
     )
     assert cause.next.startswith("Its power and LEDs")
+
+
+def test_a_list_that_comes_on_another_port_now_has_been_moved(tmp_path: Path) -> None:
+    before = sent("10.0.0.1", 1, list(range(200)))
+    after = [
+        data_frame(20 * SECOND_NS + at * SECOND_NS // 10, "10.0.0.1", "255.255.255.255",
+                   telegram(list_id=1, counter=200 + at, data=b"\1\2\3\4"), port=1203)
+        for at in range(200)
+    ]  # fmt: skip
+    (cause,) = told(tmp_path, before, after, sent("10.0.0.1", 2, list(range(400))), node(3, 40))
+    assert cause.kind.name == "list-stopped"
+    assert cause.next == (
+        "The port of the list in the network settings of its sender: it comes on UDP 1203 now, and not on 1202."
+    )
