@@ -165,7 +165,7 @@ class Case:
         What comes at one moment, be it of several SubIndexes, is one event: bursts would seem to be over between two.
         """
         first_ns, last_ns = int(times_ns.min()), int(times_ns.max())
-        # The fewer moments, the longer they seem to go on: mostly it is known without counting them.
+        # The fewer moments, the longer they seem to go on: known without counting if as many, or two, say it already.
         if self.end_of_many(first_ns, last_ns, len(times_ns), least_ns) is None:
             return None
         if len(times_ns) < 3 or self.end_of_many(first_ns, last_ns, 2, least_ns) is not None:

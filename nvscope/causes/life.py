@@ -10,10 +10,6 @@ import numpy as np
 from dissectors.batch import I64, U64, Bool
 from nvscope.findings.facts import Facts
 from nvscope.tracker.evidence.presence import HARDWARE, HARDWARE_BITS, IP, Presence
-from nvscope.tracker.evidence.signs import CLOSE_NS
-
-_PERCENT_USUAL = 95
-_FACTOR_PERCENT = 250
 
 
 class Life:
@@ -22,17 +18,6 @@ class Life:
     def __init__(self, presence: Presence, facts: Facts) -> None:
         self._presence = presence
         self._nodes = facts.state.keys.nodes
-
-    def goes_on(self, node: int, after_ns: int, until_ns: int, pause: tuple[int, int]) -> bool:
-        """Tell whether a node sent a frame that is no telegram of a list, soon enough after a time.
-
-        ``pause`` is the time in question: how often the node is heard is told by all others.
-        """
-        numbers = self._numbers(node)
-        usual_ns = self._usual_distance_ns(numbers, pause)
-        # Of a node that was hardly heard before, nobody knows how soon it has to be heard again.
-        end_ns = until_ns if usual_ns is None else min(after_ns + usual_ns * _FACTOR_PERCENT // 100, until_ns)
-        return end_ns >= after_ns and self._presence.signs.seen_between(numbers, after_ns, end_ns)
 
     def sent_between(self, node: int, since_ns: int, until_ns: int) -> bool:
         """Tell whether a node sent a frame that is no telegram of a list from one time to another."""
@@ -99,26 +84,3 @@ class Life:
         low = np.array([int(self._nodes.low[node]), *hardware], np.uint64)
         found = self._presence.addresses.find(kinds, high, low)
         return found[found >= 0]
-
-    def _usual_distance_ns(self, numbers: I64, pause: tuple[int, int]) -> int | None:
-        """Return the distance between such frames that one in twenty exceeds, beside the pause; None without any."""
-        spans = self._presence.signs.columns
-        distances: list[int] = []
-        close = 0
-        for number in numbers.tolist():
-            own = np.flatnonzero(spans.column("address") == number)
-            if not len(own):
-                continue
-            since, until = spans.since_ns[own[1:]], spans.until_ns[own[:-1]]
-            beside = (since <= pause[0]) | (until >= pause[1])
-            # How far apart those were that were thrown away, nobody knows.
-            beside &= spans.apart[own[1:]] == 0
-            distances += (since - until)[beside].tolist()
-            left_out = self._presence.signs.left_out_of(number)
-            close += int(self._presence.columns.others[number]) - len(own) - left_out
-        if not distances and not close:
-            return None
-        distances.sort()
-        # Those within spans are the shortest of all.
-        place = -(-_PERCENT_USUAL * (close + len(distances)) // 100) - 1 - close
-        return distances[place] if place >= 0 else CLOSE_NS

@@ -56,7 +56,6 @@ def _draft(case: Case, node: int, rows: I64, beside: I64) -> Explained:
     """Return the cause of what was overtaken, in some rows; ``beside`` is what else its lists suffered."""
     symptoms = case.symptoms
     lists = case.lists_of(rows)
-
     code = symptoms.code[beside]
     filled = beside[(code == code_number(TELEGRAM_GAP)) & (symptoms.amount[beside] == 0)]
     late = beside[np.logical_or.reduce([code == code_number(kind) for kind in _LATE])]

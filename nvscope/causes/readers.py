@@ -20,12 +20,7 @@ from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.successions import of_successions
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import distinct
-from nvscope.findings.answers import (
-    BOOT_UP_UNANSWERED,
-    NEGATIVE_ACKNOWLEDGEMENT,
-    NO_ACKNOWLEDGEMENT,
-    SEND_REJECTED,
-)
+from nvscope.findings.answers import BOOT_UP_UNANSWERED, NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import count, count_of, duration
@@ -69,7 +64,7 @@ REQUEST_UNANSWERED = CauseKind(
 )
 
 _RUN, _TWO = 3, 2
-_ICMP_NS = 2_000_000_000
+_ICMP_NS, _DISTANCES = 2_000_000_000, 3
 """Many hosts send a message of ICMP a second at most: after the first ones nobody knows how many are kept back."""
 
 _NOTHING_ELSE = "it sent nothing else in that time"
@@ -130,7 +125,7 @@ def judge_without_program(case: Case) -> Iterator[Explained]:
 def _between_ns(case: Case, own: Sequence[int]) -> int:
     """Return for how long nothing comes back although all is as before."""
     distances_ns = np.diff(np.sort(case.symptoms.time_ns[np.asarray(own)]))
-    return _ICMP_NS if len(distances_ns) < _TWO else _RUN * int(np.median(distances_ns))
+    return _ICMP_NS if len(distances_ns) < _TWO else _DISTANCES * int(np.median(distances_ns))
 
 
 def judge_impossible(case: Case) -> Iterator[Explained]:

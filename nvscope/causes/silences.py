@@ -17,6 +17,7 @@ from nvscope.causes.silent_together import (
     NodeSilence,
     cyclic_lists_of,
     draft_of_several,
+    going_in_words,
     heard_of,
     of_one_event,
     others_go_on,
@@ -31,7 +32,7 @@ from nvscope.findings.kind import Severity
 from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.findings.timing import JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.list_key import Transport
-from nvscope.units import count_of, duration
+from nvscope.units import duration
 
 NODE_SILENT = CauseKind(
     "node-silent",
@@ -89,16 +90,18 @@ def judge_nodes(case: Case, kind: CauseKind) -> Iterator[Explained]:
         if not chosen.any():
             continue
         if len(members) > 1:
-            chosen |= _of_everybody(case, members)
-            yield draft_of_several(case, kind, members, chosen), chosen
+            alone = not others_go_on(case, members)
+            if alone:
+                chosen |= _of_everybody(case, members)
+            yield draft_of_several(case, kind, members, chosen, alone=alone), chosen
         else:
             yield _draft(case, kind, members[0], chosen), chosen
 
 
 def _of_everybody(case: Case, members: Sequence[NodeSilence]) -> Bool:
-    """Tell what else was missing while several nodes were silent: of others that were silent as well, if all were."""
+    """Tell what else was missing while all nodes were silent, of those that are not told to have been."""
     since_ns, until_ns = span_of(members)
-    if until_ns is None or others_go_on(case, members):
+    if until_ns is None:
         return case.only([])
     room_ns = max(one.longest_ns for one in members) * PAUSE_PERCENT // 100
     symptoms = case.symptoms
@@ -137,20 +140,19 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[Node
             continue
         last = max(whole, key=lambda one: one.since_ns)
         ends = [one.until_ns for one in whole if one.until_ns is not None]
-        ended, until_ns = len(ends) > 0, min(ends, default=None)
+        until_ns = min(ends, default=None)
         away_ns = [one.nominal_ns for one, own in zip((fastest, *others), whole, strict=True) if own.until_ns is None]
-        is_settled = not ended or not away_ns
         if until_ns is not None and away_ns and case.end_ns - until_ns > max(away_ns) * PAUSE_PERCENT // 100:
             continue  # some came back and others did not, although they were due: that is of the lists
         others_ns = [one.stream.last_ns for one in streams if not one.nominal_ns]
-        if not ended and any(one > last.since_ns + longest_ns * 3 // 2 for one in others_ns):
+        if until_ns is None and any(one > last.since_ns + longest_ns * 3 // 2 for one in others_ns):
             continue
-        if ended and is_settled and (until_ns or 0) - last.since_ns <= _SHORTEST * longest_ns:
+        if until_ns is not None and not away_ns and until_ns - last.since_ns <= _SHORTEST * longest_ns:
             continue
         if was_unplugged(case, last.since_ns, until_ns, _INTERVALS_UNSURE * longest_ns):
             continue
         silence = NodeSilence(node, Pause(last.since_ns, until_ns, last.frame), fastest.nominal_ns, longest_ns)
-        if ended or (case.free(STOPPED) & (case.symptoms.node == node)).any():
+        if until_ns is not None or (case.free(STOPPED) & (case.symptoms.node == node)).any():
             found.append(silence)
     return found
 
@@ -186,7 +188,6 @@ def _draft(case: Case, kind: CauseKind, silence: NodeSilence, chosen: Bool) -> D
     name, which = case.address(node), lists_in_words(case, timed)
     since, checked = moment(case, pause.since_ns), []
     others = case.going_on.beside(node, pause.since_ns, pause.until_ns, case.end_ns)
-    going = f"{count_of(others, 'other node')} {'goes' if others == 1 else 'go'} on" if others else ""
     what = "is silent" if kind is NODE_SILENT else "sends none of its lists"
     past = "was silent" if kind is NODE_SILENT else "sent none of its lists"
     if pause.until_ns is None:
@@ -198,8 +199,8 @@ def _draft(case: Case, kind: CauseKind, silence: NodeSilence, chosen: Bool) -> D
         checked.append(f"nothing of it came {when}{heard_of(case, 'it sends')}")
     else:
         checked.append("other frames of it (ARP, ICMP, TCP …) go on: it has power and cable")
-    if going:
-        checked.append(going)
+    if others:
+        checked.append(going_in_words(others))
     step = kind.next_step
     if pause.until_ns is not None:
         lost = case.free(TELEGRAM_GAP) & chosen

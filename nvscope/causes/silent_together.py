@@ -138,15 +138,16 @@ def _are_all(case: Case, members: Sequence[NodeSilence]) -> bool:
     return True
 
 
-def draft_of_several(case: Case, kind: CauseKind, members: Sequence[NodeSilence], chosen: Bool) -> Draft:
-    """Return the cause that several nodes fell silent together."""
+def draft_of_several(
+    case: Case, kind: CauseKind, members: Sequence[NodeSilence], chosen: Bool, *, alone: bool
+) -> Draft:  # fmt: skip
+    """Return the cause that several nodes fell silent together; ``alone``: no other node went on."""
     nodes = sorted((one.node for one in members), key=case.address)
     lists = cyclic_lists_of(case, nodes)
     began_ns = [one.pause.since_ns for one in members]
     (since_ns, until_ns), apart_ns = span_of(members), max(began_ns) - min(began_ns)
-    alone, all_of_them = not others_go_on(case, members), _are_all(case, members)
     who = f"Nodes {joined([case.address(node) for node in nodes])}" if len(nodes) <= _NAMED else f"{len(nodes)} nodes"
-    if alone and all_of_them:
+    if alone and _are_all(case, members):
         who = f"{'Both' if len(nodes) == 2 else f'All {len(nodes)}'} nodes that send lists"
     were = "are" if until_ns is None else "were"
     title = f"{who} {were} silent {span_in_words(case, since_ns, until_ns)}"
@@ -164,15 +165,19 @@ def draft_of_several(case: Case, kind: CauseKind, members: Sequence[NodeSilence]
             "their counters went on meanwhile: their programs ran" if lost
             else "their counters stood still meanwhile: they did not send"
         )  # fmt: skip
-    others = case.going_on.beside(nodes[0], since_ns, until_ns, case.end_ns)
     if alone:
         checked.append(f"no other node {'is' if until_ns is None else 'was'} seen to go on")
-    elif others:
-        checked.append(f"{count_of(others, 'other node')} {'goes' if others == 1 else 'go'} on")
+    elif others := case.going_on.beside(nodes[0], since_ns, until_ns, case.end_ns):
+        checked.append(going_in_words(others))
     return Draft(
         kind, f"{title} ({lists_in_words(case, lists)})", _OF_ALL if alone else _OF_SEVERAL, checked, lists, nodes,
         since_ns=since_ns, until_ns=until_ns,
     )  # fmt: skip
+
+
+def going_in_words(others: int) -> str:
+    """Return how many other nodes go on."""
+    return f"{count_of(others, 'other node')} {'goes' if others == 1 else 'go'} on"
 
 
 def heard_of(case: Case, it_sends: str) -> str:

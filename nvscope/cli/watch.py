@@ -130,8 +130,8 @@ def watch(
         from nvscope.record.file_series import FileRule
         from nvscope.record.recorder import Recorder
         from nvscope.tui.run import run_screen
-        from nvscope.units import count_of
         from nvscope.view.escape import visible
+        from nvscope.view.lines.plant.source_blocks import recorded_in_words
 
         recorder = Recorder(
             lambda: () if isinstance(captures, Sequence) else captures.channels,
@@ -143,12 +143,12 @@ def watch(
             left = run_screen(inquiry, how, recorder, expression=wanted, theme=theme, utc=utc, colour=colour)
         if left.signal == getattr(signal, "SIGHUP", None):
             raise typer.Exit(_SIGNALLED + left.signal)  # nobody is there any more to be told anything
-        if recorder.state is not None:
-            files = f"{count_of(recorder.state.files, 'file')}, the last is " if recorder.state.files > 1 else ""
-            told = f"{count_of(recorder.state.frames, 'frame')} in {files}{visible(recorder.state.path)}"
-            echo(f"nvscope: {told}{': ' if recorder.state.failure else '.'}{visible(recorder.state.failure)}", err=True)
-        failed = recorder.state is not None and recorder.state.failure
-        if code := max(tell_of_losses(left.infos), ExitCode.CAPTURE if failed else ExitCode.GOOD):
+        code = ExitCode.GOOD
+        if (state := recorder.state) is not None:
+            told = recorded_in_words(state.frames, state.files, state.path)
+            echo(f"nvscope: {told}{': ' if state.failure else '.'}{visible(state.failure)}", err=True)
+            code = ExitCode.CAPTURE if state.failure else ExitCode.GOOD
+        if code := max(tell_of_losses(left.infos), code):
             raise typer.Exit(code)
         return
     if wanted is not None:

@@ -75,7 +75,9 @@ def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
     parts: list[tuple[int, Cell]] = []
     if start_ns is not None:
         parts.append((2, Cell(units.duration(look.now_ns - start_ns), Tone.FAINT)))
-    if not rows and report["lists"] and not any(info.failure for info in scene.snapshot.infos):
+    infos = scene.snapshot.infos
+    failed = [info for info in infos if info.failure]
+    if not rows and report["lists"] and not failed:
         parts.append((9, Cell("● all well", Tone.GOOD)))
     for severity in (Severity.ERROR, Severity.WARNING):
         if number := sum(severity_of(cause) is severity for cause in now):
@@ -83,7 +85,6 @@ def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
     if passed := len(rows) - len(now):
         parts.append((5, Cell(f"{passed} passed", Tone.FAINT)))
     parts.append((6, Cell(units.count_of(len(report["lists"]), "list"))))
-    failed = [info for info in scene.snapshot.infos if info.failure]
     if failed:
         parts.append((9, Cell(f"✗ {visible(failed[0].path)} ended", Tone.ERROR)))
     rate = scene.pace.of_all()
@@ -95,7 +96,6 @@ def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
         parts.append((8 if drops else 3, Cell(told, Tone.ERROR if drops else Tone.FAINT)))
     right = [Cell(f"{state} ", Tone.WARNING)] if state else []
     clock = [Cell(f"{look.clock.second(look.now_ns).rpartition(' ')[2]} ")] if start_ns is not None else []
-    infos = scene.snapshot.infos
     names = ", ".join(visible(info.path) for info in infos[:2]) + (f" +{len(infos) - 2}" if len(infos) > 2 else "")
     title, shortest = [Cell(" nvscope ", Tone.STRONG)], min(display_width(names), _LEAST_NAME)
     while True:

@@ -28,7 +28,7 @@ RETIRE_NS = 50_000_000
 GATHER_NS = 380_000_000
 """So long blocks are gathered to a batch: what a batch costs beside its packets is as much as 10 000 of them do.
 
-With ``RETIRE_NS``, a packet waits for 0.4 s at most: a screen shows it within half a second.
+With ``RETIRE_NS``, a packet waits for 0.43 s at most: a screen shows it within half a second.
 """
 
 BLOCK_BYTES = 1 << 19

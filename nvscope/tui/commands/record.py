@@ -11,6 +11,7 @@ from nvscope.errors import NvscopeError
 from nvscope.tui.prompt import Prompt
 from nvscope.tui.recording import Recorder
 from nvscope.view.escape import visible
+from nvscope.view.lines.plant.source_blocks import recorded_in_words
 
 if TYPE_CHECKING:
     from nvscope.tui.app import WatchApp
@@ -39,8 +40,7 @@ class RecordCommands:
             if state is not None and state.is_on:
                 state = recorder.stop()
                 assert state is not None
-                files = f"{units.count_of(state.files, 'file')}, the last is " if state.files > 1 else ""
-                app.notify(f"{units.count_of(state.frames, 'frame')} in {files}{visible(state.path)}", timeout=6)
+                app.notify(recorded_in_words(state.frames, state.files, state.path), timeout=6)
             else:
                 recorder.start(told or time.strftime("nvscope-%Y%m%d-%H%M%S.pcapng"))
                 state = recorder.state
@@ -60,7 +60,7 @@ class RecordCommands:
             except NvscopeError as error:
                 app.complain(error)
                 return
-            app.notify(f"{units.count_of(frames, 'frame')} in {visible(told)}", timeout=6)
+            app.notify(recorded_in_words(frames, 1, told), timeout=6)
 
     def state(self) -> str:
         """Return what is said of a recording, "" where there is none; its failure is told once, and stays."""

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from nvscope import units
 from nvscope.findings.kind import Severity
+from nvscope.view.lines.plant import content
 from nvscope.view.lines.plant.content import Report, Row, nanoseconds, status, watched_until_ns, why_no_list
-from nvscope.view.lines.plant.content import severity_of as severity_of_list
 from nvscope.view.lines.table import Cell, Tone
 
 
@@ -51,7 +51,7 @@ def _verdict(report: Report) -> tuple[Cell, str]:
     faults = [cause for cause in report["causes"] if severity_of(cause) > Severity.NOTE]
     now = [cause for cause in faults if is_now(cause)]
     lists = len(report["lists"])
-    concerned = concerns(report)
+    concerned = _causes_of_lists(report)
     # On CAN, what has no name is an identifier: nobody knows whether it is a list.
     is_list = any(entry["transport"] != "can" or entry["name"] for entry in report["lists"])
     told = units.count_of(lists, "list" if is_list else "identifier")
@@ -90,29 +90,38 @@ def concerns(report: Report) -> dict[str, Concern]:
 
     Also to those that broke a rule by one that is not about them: what a reader does not answer that starts anew.
     """
-    found: dict[str, list[Row]] = {}
-    beside: dict[str, Row] = {}
-    for cause in report["causes"]:
-        if severity_of(cause) > Severity.NOTE:
-            for key in cause["lists"]:
-                found.setdefault(key, []).append(cause)
-            for finding in cause["findings"]:
-                if finding["list"] is not None:
-                    beside.setdefault(finding["list"], cause)
     lists: Mapping[str, Row] = {entry["key"]: entry for entry in report["lists"]}
     end_ns = watched_until_ns(report["capture"]) or 0
     told = {}
-    for key, causes in found.items():
-        if key in lists:
+    for key, causes in _causes_of_lists(report).items():
+        entry, cause = lists[key], causes[0]
+        if key in cause["lists"]:
             more = f" +{len(causes) - 1}" if len(causes) > 1 else ""
-            told[key] = Concern(max(map(severity_of, causes)), _brief(causes[0], lists[key], end_ns) + more)
-    for key, cause in beside.items():
-        severity = severity_of_list(lists[key]["status"]) if key in lists and key not in told else None
-        if severity is not None and severity > Severity.NOTE:
-            unanswered = lists[key]["counters"].get("missing_acknowledgements")
-            words = f"{units.count(unanswered)} unanswered" if unanswered else _brief(cause, lists[key], end_ns)
-            told[key] = Concern(severity, words)
+            told[key] = Concern(max(map(severity_of, causes)), _brief(cause, entry, end_ns) + more)
+            continue
+        unanswered = entry["counters"].get("missing_acknowledgements")
+        words = f"{units.count(unanswered)} unanswered" if unanswered else _brief(cause, entry, end_ns)
+        told[key] = Concern(content.severity_of(entry["status"]) or Severity.NOTE, words)
     return told
+
+
+def _causes_of_lists(report: Report) -> dict[str, list[Row]]:
+    """Return the causes that are about each list; of those that none is about, the one by which they broke a rule."""
+    about: dict[str, list[Row]] = {}
+    beside: dict[str, list[Row]] = {}
+    for cause in report["causes"]:
+        if severity_of(cause) > Severity.NOTE:
+            for key in cause["lists"]:
+                about.setdefault(key, []).append(cause)
+            for finding in cause["findings"]:
+                beside.setdefault(finding["list"], [cause])
+    there = {entry["key"]: content.severity_of(entry["status"]) or Severity.NOTE for entry in report["lists"]}
+    found = {key: causes for key, causes in about.items() if key in there}
+    return found | {
+        key: causes
+        for key, causes in beside.items()
+        if key not in found and there.get(key, Severity.NOTE) > Severity.NOTE
+    }
 
 
 def _brief(cause: Row, entry: Row, end_ns: int) -> str:

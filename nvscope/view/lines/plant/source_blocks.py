@@ -140,6 +140,12 @@ def _without_carrier(info: SourceInfo, clock: Clock) -> list[Cell]:
     return [Cell(f"✗ {text}" if now else f"! {text}", Tone.ERROR if now else Tone.WARNING)]
 
 
+def recorded_in_words(frames: int, files: int, path: str) -> str:
+    """Return how many frames were recorded, and where to; ``path`` is the last of the files."""
+    several = f"{units.count_of(files, 'file')}, the last is " if files > 1 else ""
+    return f"{units.count_of(frames, 'frame')} in {several}{visible(path)}"
+
+
 def recording_block(path: str, frames: int, size_bytes: int, files: int, failure: str, *, is_on: bool) -> Block:
     """Return what is known of a recording; ``path`` is the last of its files."""
     several = f", {units.count(files)} files so far" if files > 1 else ""
