@@ -6,6 +6,7 @@ time. Files and tests that are named are run in one process.
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -41,3 +42,9 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
+def pytest_collection_finish() -> None:
+    # Thousands of tests live as long as the run does: no look for garbage need go through them again.
+    gc.collect()
+    gc.freeze()

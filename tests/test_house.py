@@ -15,7 +15,7 @@ ROOT = Path(__file__).parent.parent
 CHECKS = {
     "style": ["ruff", "check", "."],
     "format": ["ruff", "format", "--check", "."],
-    "types": ["mypy"],
+    "types": ["mypy", "--num-workers", "2"],
     "floors": ["lint-imports"],
 }
 

@@ -114,7 +114,6 @@ UNSEEN = {
     "report/evidence_left_out integer": "what has hundreds of thousands of events",
     "report/findings[].parts[].extent number": "many identifiers of one channel that are irregular",
     "report/findings[].parts[].subindex null": "many lists of one channel with incomplete cycles",
-    "doctor/places[].failure string": "where nobody may listen",
     "diff/only_a[].id null": "a list of many whose file does not tell it",
     "diff/only_b[].id null": "the same",
     "report/lists[].diag.tLastReceive null": "a list of which nothing was received but that it could not be delivered",
@@ -132,6 +131,8 @@ UNSEEN = {
     },
 }
 """What may be written, and is nowhere in these documents."""
+BY_CHANCE = {"doctor/places[].failure string": "where nobody may listen, or an interface of another test just went away"}
+"""What this machine decides at this moment."""
 
 
 @pytest.mark.long
@@ -147,7 +148,7 @@ def test_schemas_allow_no_more_than_what_is_written() -> None:
         for kind in told.types
         if not seen[name].get(path, set()) & ({"integer", "number"} if kind == "number" else {kind})
     }
-    assert never == set(UNSEEN)
+    assert never - set(BY_CHANCE) == set(UNSEEN)
 
 
 WRONG = {"null": None, "boolean": True, "integer": 7, "number": 0.5, "string": "?", "array": [None], "object": {"?": 0}}
