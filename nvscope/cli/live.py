@@ -90,7 +90,13 @@ BpfOption = Annotated[
 ]
 BufferOption = Annotated[
     float | None,
-    typer.Option("-B", "--buffer-size", metavar="MIB", help="The kernel's buffer of an interface.", show_default="64"),
+    typer.Option(
+        "-B",
+        "--buffer-size",
+        metavar="MIB",
+        help="The kernel's buffer of an interface.",
+        show_default="64; 128 above 1 Gbit/s",
+    ),
 ]
 PromiscuousOption = Annotated[
     bool, typer.Option("-p", "--no-promiscuous-mode", help="Leave out frames that are for other stations.")

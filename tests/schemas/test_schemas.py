@@ -131,7 +131,9 @@ UNSEEN = {
     },
 }
 """What may be written, and is nowhere in these documents."""
-BY_CHANCE = {"doctor/places[].failure string": "where nobody may listen, or an interface of another test just went away"}
+BY_CHANCE = {
+    "doctor/places[].failure string": "where nobody may listen, or an interface of another test just went away"
+}
 """What this machine decides at this moment."""
 
 

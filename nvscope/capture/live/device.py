@@ -5,7 +5,9 @@ from __future__ import annotations
 import socket
 import struct
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from dissectors.batch import LinkType
 
@@ -95,6 +97,14 @@ def state_of(name: str) -> DeviceState | None:
     except (OSError, ValueError):  # also what cannot be a name at all
         return None
     return DeviceState(bool(flags & _IFF_UP), bool(flags & _IFF_RUNNING))
+
+
+def speed_of(name: str) -> int | None:
+    """Return what a device carries at most, in Mbit/s; None where nobody tells, as of wireless ones; on Linux."""
+    with suppress(OSError, ValueError):
+        told = int(Path("/sys/class/net", name, "speed").read_text("ascii"))
+        return told if told > 0 else None
+    return None
 
 
 def _ask(name: str, question: int) -> bytes:

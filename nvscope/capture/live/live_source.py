@@ -23,7 +23,7 @@ from nvscope.capture.time_span import TimeSpan
 TICK_NS = 200_000_000
 """Time passes at least so often."""
 
-_LOOK_NS = 20_000_000
+_LOOK_NS = 10_000_000
 """While packets are gathered, it looks so often whether there is room for more."""
 
 _MOST_TIMES = 10_000

@@ -131,13 +131,13 @@ def _inlet(word: str, name: str, settings: LiveSettings) -> Inlet:
             raise UsageError("-B: only on Linux a buffer can be chosen", next_step="leave it out")
         return Layer2(word, settings.bpf, sorted(settings.ports), promiscuous=settings.promiscuous)
     from nvscope.capture.live.bpf import compiled, default_program  # noqa: PLC0415
-    from nvscope.capture.live.ring import BUFFER_BYTES, KernelRing  # noqa: PLC0415
+    from nvscope.capture.live.ring import KernelRing  # noqa: PLC0415
 
     if settings.bpf is None:
         program = default_program(device.link, settings.ports)
     else:
         program = compiled(settings.bpf, device.link) if settings.bpf.strip() else None
-    size = settings.buffer_bytes or BUFFER_BYTES
-    if size > _MAX_BUFFER_BYTES:
-        raise UsageError("-B: more than 2048 MiB", next_step="take less; 64 MiB hold most of a second at full speed")
+    size = settings.buffer_bytes
+    if size is not None and size > _MAX_BUFFER_BYTES:
+        raise UsageError("-B: more than 2048 MiB", next_step="take less; 64 MiB hold half a second of 1 Gbit/s")
     return KernelRing(device, program, promiscuous=settings.promiscuous, buffer_bytes=size)

@@ -20,7 +20,7 @@ import numpy as np
 from dissectors.batch import PAD_BYTES, PacketBatch
 from nvscope.capture.live.block import COUNT_AT, STATUS_AT, TO_READ, VLAN_BYTES, BlockReader
 from nvscope.capture.live.bpf import NOTHING, Instruction, packed
-from nvscope.capture.live.device import Device, state_of
+from nvscope.capture.live.device import Device, speed_of, state_of
 from nvscope.capture.source import DropsPart
 from nvscope.errors import CaptureError
 
@@ -35,6 +35,9 @@ BLOCK_BYTES = 1 << 19
 """Blocks with few packets are closed by ``RETIRE_NS``: all of the usual buffer last for 6 s while nobody reads."""
 
 BUFFER_BYTES = 64 << 20
+"""Half a second of what 1 Gbit/s carries. To open it takes longer the larger it is: the kernel clears all of it."""
+
+_FAST_BUFFER_BYTES, _FAST_MBIT_S = 128 << 20, 1000
 _FRAME_BYTES = 2048
 _SETTLE_S = 0.02
 _ALL_PROTOCOLS = 0x0003
@@ -49,9 +52,9 @@ _STATISTICS_FORMAT = struct.Struct("=III")
 class KernelRing:
     """The packets of a network device; an ``Inlet``.
 
-    ``program`` is asked of each packet, None lets in all. ``buffer_bytes`` are the kernel's to fill. ``promiscuous``:
-    frames for other stations, too, which only the device's hardware would leave out. Raises CaptureError where
-    permission is missing, or the device is down or gone.
+    ``program`` is asked of each packet, None lets in all. ``buffer_bytes`` are the kernel's to fill, by default as
+    many as suit the device. ``promiscuous``: frames for other stations, too, which only the device's hardware would
+    leave out. Raises CaptureError where permission is missing, or the device is down or gone.
     """
 
     format = "interface"
@@ -59,13 +62,13 @@ class KernelRing:
 
     def __init__(
         self, device: Device, program: Sequence[Instruction] | None = None, *, promiscuous: bool = True,
-        buffer_bytes: int = BUFFER_BYTES,
+        buffer_bytes: int | None = None,
     ) -> None:  # fmt: skip
         self.path = device.name
         self.channels: Sequence[str] = [device.name] if device.is_can else ()
         self.lag_ns = RETIRE_NS + 50_000_000
         self.gather_ns = GATHER_NS
-        self._blocks = max(buffer_bytes // BLOCK_BYTES, 4)
+        self._blocks = max((buffer_bytes or usual_buffer_bytes(device.name)) // BLOCK_BYTES, 4)
         self._dropped = 0
         self._next = 0
         self._taken: list[int] = []
@@ -125,6 +128,7 @@ class KernelRing:
         return self._read(self._ready())
 
     def is_filling(self) -> bool:
+        self._give_back()  # the last batch is over: the kernel fills its blocks while more is waited for
         # The kernel fills one after the other: where this one is full, those in front of it are.
         return bool(self._status[(self._next + self._blocks // 4) % self._blocks] & TO_READ)
 
@@ -208,6 +212,11 @@ _WORDS = {
     errno.ENXIO: "the interface is gone",
     errno.ENOMEM: "the kernel has no memory for a buffer of this size; -B takes a smaller one",
 }
+
+
+def usual_buffer_bytes(name: str) -> int:
+    """Return how large the buffer of a device is where nobody says so."""
+    return _FAST_BUFFER_BYTES if (speed_of(name) or 0) > _FAST_MBIT_S else BUFFER_BYTES
 
 
 def no_permission(name: str) -> CaptureError:

@@ -69,3 +69,42 @@ def test_each_frame_comes_whole_and_once_or_is_counted_as_dropped(
     assert (told["torn"], told["doubled"]) == (0, 0)
     assert told["frames"] + told["drops"] == sent
     assert (told["drops"] > 0) == loses
+
+
+_WAIT = """
+import subprocess, sys
+from nvscope.capture.live.device import device_of
+from nvscope.capture.live.ring import BLOCK_BYTES, KernelRing
+send = ["ip", "netns", "exec", sys.argv[2], sys.executable, "-c", sys.argv[3], sys.argv[4]]
+ring = KernelRing(device_of(sys.argv[1]), buffer_bytes=8 * BLOCK_BYTES)
+taken = 0
+for frames in (2_000, 3_000):
+    subprocess.run([*send, str(frames)], check=True)
+    taken += len(ring.take())
+    ring.is_filling()
+print(taken + sum(map(len, ring.drain())), ring.drops()["kernel"])
+"""
+
+
+def test_what_was_read_is_the_kernels_again_as_soon_as_more_is_waited_for() -> None:
+    """Half of the buffer, and then more than the other half: both fit, but not beside each other."""
+    with cable() as (press, engineer):
+        sender = "def frame(number): return b'\\xff' * 12 + b'\\x88\\xb5' + bytes(1000)\n" + _SEND
+        reading = engineer.python_program(_WAIT, engineer.device, press.namespace, sender, press.device)
+        out, said = reading.communicate(timeout=30)
+    assert (reading.returncode, out) == (0, "5000 0\n"), said
+
+
+_BUFFER = """
+import sys
+from nvscope.capture.live.ring import usual_buffer_bytes
+print(*(usual_buffer_bytes(name) >> 20 for name in sys.argv[1:]))
+"""
+
+
+def test_a_fast_interface_has_a_larger_buffer() -> None:
+    """A cable between namespaces tells 10 Gbit/s, a loopback and what is not there tell nothing."""
+    with cable() as (_, engineer):
+        asked = engineer.python_program(_BUFFER, engineer.device, "lo", "..")
+        out, said = asked.communicate(timeout=30)
+    assert out == "128 64 64\n", said
