@@ -85,7 +85,8 @@ ACTIONS: Sequence[Action] = (
     Action("program.reset", ("r",), Group.PROGRAM, "count from now on"),
     Action("program.command", (":",), Group.PROGRAM, "a command line: every action by its name"),
     Action("program.help", ("?",), Group.PROGRAM, "all keys"),
-    Action("program.back", ("q", "escape"), Group.PROGRAM, "back; on the first view: end"),
+    Action("program.back", ("q",), Group.PROGRAM, "back; on the first view: end"),
+    Action("program.close", ("escape",), Group.PROGRAM, "back, and on the first view nothing"),
     Action("program.suspend", ("ctrl-z",), Group.PROGRAM, "stop this program, as a shell does; fg goes on"),
     Action("program.quit", ("ctrl-q", "ctrl-c"), Group.PROGRAM, "end, from anywhere"),
 )

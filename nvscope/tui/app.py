@@ -332,6 +332,11 @@ class WatchApp(App[None], inherit_bindings=False):
             return
         self._paint(told or names[(names.index(self._palette) + 1) % len(names)])
 
+    def on_notify(self) -> None:
+        """Let what was told of one key give way to what is told of the next; errors stay for their time."""
+        for one in [one for one in self._notifications if one.severity != "error"]:
+            self._unnotify(one, refresh=False)
+
     def complain(self, error: NvscopeError) -> None:
         """Tell an error, with what to do about it."""
         where = f"{error.where}: " if error.where else ""

@@ -99,3 +99,28 @@ def test_tabs_have_the_keys_that_views_have() -> None:
     keys = Keymap({"view.causes": "c"})
     tabs = Tabs(["Lists", "Causes"], [keys.key_of(name) or "" for name in ("view.lists", "view.causes")])
     assert tabs._told == ["1 Lists", "c Causes"]
+
+
+def test_escape_leads_back_and_never_out() -> None:
+    async def look(screen: Screen) -> None:
+        await screen.press("question_mark", "escape")
+        assert screen.app.front is screen.app.views[0]
+        await screen.press("2", "escape", "escape", "escape")
+        assert screen.app.front is screen.app.views[0]
+        assert screen.app._running
+        await screen.press("q")
+        assert screen.app._exit
+
+    on_screen(Inquiry([PLANT]), look)
+
+
+def test_what_is_told_gives_way_to_what_is_told_next_and_errors_stay() -> None:
+    async def look(screen: Screen) -> None:
+        screen.app.notify("the disk is full", severity="error", timeout=60)
+        for theme in ("nothing", "of this name", "is there"):
+            screen.app.act("show.theme", theme)
+        await screen.until(lambda: len(screen.app._notifications) == 2)
+        first, last = screen.app._notifications
+        assert (first.severity, last.severity) == ("error", "warning")
+
+    on_screen(Inquiry([PLANT]), look, notes=True)

@@ -29,7 +29,8 @@ class ProgramCommands:
     def does(self) -> Mapping[str, Callable[[str], None]]:
         """What is done for each action, with what stands behind its name."""
         return {
-            "program.back": self._go_back,
+            "program.back": self._go_back_or_end,
+            "program.close": self._close,
             "program.quit": lambda _: self._app.exit(),
             "program.reset": self._count_anew,
             "program.suspend": self._rest,
@@ -53,20 +54,29 @@ class ProgramCommands:
     def _leave_for_page(self) -> None:
         self._before_page = self._app.front or self._before_page
 
-    def _go_back(self, _: str) -> None:
-        app = self._app
-        front, recording = app.front, app.recording
+    def _close(self, _: str) -> None:
+        self._go_back()
+
+    def _go_back(self) -> bool:
+        """Leave a page, what is open in a view, or a view; return whether there was one."""
+        app, front = self._app, self._app.front
         if front is None:
             app.to_front(self._before_page or app.views[0])
-        elif front.act("program.back"):
-            pass
-        elif front is not app.views[0]:
+        elif not front.act("program.back"):
+            if front is app.views[0]:
+                return False
             app.to_front(app.views[0])
-        elif recording is not None and recording.is_on:
-            key = app.keymap.key_of("program.quit")
-            app.notify(f"Recording to {visible(recording.path)}: {key} ends it and the screen", timeout=6)
+        return True
+
+    def _go_back_or_end(self, _: str) -> None:
+        recording = self._app.recording
+        if self._go_back():
+            return
+        if recording is not None and recording.is_on:
+            key = self._app.keymap.key_of("program.quit")
+            self._app.notify(f"Recording to {visible(recording.path)}: {key} ends it and the screen", timeout=6)
         else:
-            app.exit()
+            self._app.exit()
 
     def _count_anew(self, _: str) -> None:
         if not self._app.feed.is_live:
