@@ -33,6 +33,7 @@ UNKNOWN = -1
 
 _HARDWARE_BYTES = 6
 _HARDWARE_MASK = np.uint64((1 << 8 * _HARDWARE_BYTES) - 1)
+_REQUEST = 1
 _ARP_OVER_ETHERNET = 1, TYPE_IPV4, _HARDWARE_BYTES, 4
 
 # By link type: the header, and where in it the sender's hardware address lies.
@@ -50,7 +51,8 @@ class FrameAddresses(Columns):
     ``row`` is the row of the packet, int64. ``hardware`` are the 48 bits of the sender's hardware address, 0 where
     there is none; ``vlan`` is the number in the outermost tag, ``UNKNOWN`` without one. ``high`` and ``low`` are the
     halves of the sender's IP address, both 0 where there is none; ``ttl`` is its time to live, ``UNKNOWN`` where the
-    address is told by ARP. ``announces`` is set where ARP tells an address that nobody asked for.
+    address is told by ARP. ``announces`` is set where ARP tells an address that nobody asked for; ``sought`` is the
+    lower half of the IPv4 address that ARP asks for, 0 where it asks for none.
     """
 
     row: I64
@@ -60,6 +62,7 @@ class FrameAddresses(Columns):
     low: U64
     ttl: I64
     announces: Bool
+    sought: U64
 
     @property
     def has_ip(self) -> Bool:
@@ -78,7 +81,7 @@ def addresses_of(packets: PacketBatch, rows: I64 | None = None) -> FrameAddresse
     count = len(chosen)
     found = FrameAddresses(
         chosen, np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.uint64),
-        np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.bool_),
+        np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.bool_), np.zeros(count, np.uint64),
     )  # fmt: skip
     kinds = packets.link[chosen]
     for link in np.flatnonzero(np.bincount(kinds)).tolist():
@@ -136,3 +139,5 @@ def _read_arp(packets: PacketBatch, network: Place, found: FrameAddresses) -> No
     head, row = take_rows(head, good), network.row[good]
     found.high[row], found.low[row] = IPV4_HIGH, head["sender"].astype(np.uint64) | IPV4_LOW
     found.announces[row] = head["sender"] == head["target"]
+    asks = (head["operation"] == _REQUEST) & (head["sender"] != head["target"])
+    found.sought[row[asks]] = head["target"][asks].astype(np.uint64) | IPV4_LOW

@@ -18,6 +18,7 @@ from nvscope.causes.life import Life
 from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
 from nvscope.causes.spans import moments, touching
 from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
+from nvscope.causes.unreached import Unreached
 from nvscope.engine.runs import distinct, rows_by
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.definition import SILENT_LIST
@@ -34,7 +35,6 @@ from nvscope.tracker.summary import ListSummary
 from nvscope.units import short_list_keys
 
 _STEADY_INTERVALS = 30
-
 NOBODY = -1
 """The owner of a symptom that nothing has explained yet."""
 
@@ -102,6 +102,7 @@ class Case:
         self.drafts: list[Draft] = []
         self._pauses: dict[tuple[int, int, int], Sequence[Pause]] = {}
         self.life = Life(witness.presence, facts)
+        self.unreached = Unreached(self)
 
     @property
     def start_ns(self) -> int:
@@ -211,8 +212,7 @@ class Case:
     @cached_property
     def _to_everybody(self) -> Bool:
         """Which symptoms are waits for acknowledgements from no node in particular."""
-        to_nobody: Bool = self.symptoms.of_kinds(NO_ACKNOWLEDGEMENT) & (self.symptoms.peer < 0)
-        return to_nobody
+        return self.symptoms.of_kinds(NO_ACKNOWLEDGEMENT) & np.asarray(self.symptoms.peer < 0)
 
     def lists_of(self, chosen: Bool | I64) -> list[AnyList]:
         """Return the lists of some symptoms."""

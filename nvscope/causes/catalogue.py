@@ -16,6 +16,7 @@ from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lateness import SENDER_BURSTS, SENDER_LATE
 from nvscope.causes.losses import LOSS_AT_SENDER, LOSS_OF_LIST
+from nvscope.causes.not_found import READER_NOT_FOUND
 from nvscope.causes.other import OTHER
 from nvscope.causes.paths import TWO_PATHS
 from nvscope.causes.readers import (
@@ -54,6 +55,7 @@ KINDS: tuple[CauseKind, ...] = (
     READER_WITHOUT_PROGRAM,
     ACKNOWLEDGEMENT_IMPOSSIBLE,
     READER_SILENT,
+    READER_NOT_FOUND,
     REQUEST_UNANSWERED,
     LOSS_AT_SENDER,
     LOSS_OF_LIST,

@@ -24,6 +24,7 @@ from nvscope.causes.incomplete import judge_incomplete_captures
 from nvscope.causes.interleaved import judge_interleaved
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
+from nvscope.causes.not_found import judge_readers_not_found
 from nvscope.causes.other import judge_others, judge_rest
 from nvscope.causes.paths import judge_two_paths
 from nvscope.causes.readers import (
@@ -75,6 +76,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_without_program,
     judge_impossible,
     judge_silent_readers,
+    judge_readers_not_found,
     judge_boot_up,
     judge_losses_at_senders,
     judge_losses_of_lists,

@@ -13,6 +13,7 @@ from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.gaps import clusters
+from nvscope.causes.held_back import looked_for
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.late_answers import answered_all, how_late, late_answers
 from nvscope.causes.losses import losses_at_senders, losses_of_only_lists
@@ -259,6 +260,9 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Explained:
     since_ns, last_ns = min(run.since_ns for run in runs), max(run.until_ns for run in runs)
     in_a_row = runs[0].in_a_row
     which = lists_in_words(case, lists)
+    spells = case.unreached.of_reader(readers[0], since_ns, last_ns) if in_a_row else []
+    meanwhile = _meanwhile(case, readers, since_ns, last_ns)
+    last_ns = max([last_ns, *(one.until_ns or case.end_ns for one in spells)])
     over = case.end_ns - last_ns > slack_ns(lists)
     until_ns = _answered_again(case, lists, readers, last_ns) if in_a_row and over else None
     if not in_a_row and (len(rows) > _TWO or not over):  # two have a distance, and no usual one
@@ -278,7 +282,6 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Explained:
         title = f"{told} {which} since {moment(case, since_ns)}"
     else:
         title = f"{told} {count_of(len(rows), 'telegram')} of {which}"
-    meanwhile = _meanwhile(case, readers, since_ns, last_ns)
     if late and is_late:
         checked = [how_late(case, rows, late)]
     elif is_late:
@@ -287,17 +290,19 @@ def _silent(case: Case, runs: Sequence[_Run]) -> Explained:
             "already, and senders count these as missing"
         ]
     else:
-        checked = [*_usual_answers(case, readers, lists), meanwhile]
+        checked = [*_usual_answers(case, readers, lists), meanwhile, looked_for(case, spells)]
     step = READER_SILENT.next_step
     if is_late:
         step = _TOO_SLOW if late else _TOO_FAST
     elif in_a_row and meanwhile == _NOTHING_ELSE:
         step = _GONE
     draft = Draft(
-        READER_SILENT, title, step, [one for one in checked if one], lists,
+        READER_SILENT, title, step, [one for one in checked if one],
+        [*lists, *(case.lists[one.list] for one in spells)],
         [reader for reader in readers if reader >= 0], since_ns=since_ns, until_ns=until_ns,
     )  # fmt: skip
-    return draft, case.only([*rows, *late]) if is_late else case.only(rows)
+    chosen = case.only([*rows, *late]) if is_late else case.only(rows)
+    return draft, chosen | case.unreached.symptoms_of(spells)
 
 
 def _usual_answers(case: Case, readers: Sequence[int], lists: Sequence[AnyList]) -> list[str]:

@@ -130,18 +130,15 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[Node
     fastest, *others = sorted(timed, key=lambda one: one.nominal_ns)
     found = []
     for pause in case.pauses(fastest.list.number, fastest.stream):
-        whole = [pause]
-        for one in others:
-            meanwhile = _meanwhile(case.pauses(one.list.number, one.stream), pause)
-            if meanwhile is None:
-                break  # of very many streams, the first that went on tells it
-            whole.append(meanwhile)
-        if len(whole) < len(timed):
+        others_paused = _all_paused(case, pause, others)
+        if others_paused is None or case.unreached.is_unreached(fastest, pause):
             continue
+        paused = [(fastest, pause), *others_paused]
+        whole = [own for _, own in paused]
         last = max(whole, key=lambda one: one.since_ns)
         ends = [one.until_ns for one in whole if one.until_ns is not None]
         until_ns = min(ends, default=None)
-        away_ns = [one.nominal_ns for one, own in zip((fastest, *others), whole, strict=True) if own.until_ns is None]
+        away_ns = [one.nominal_ns for one, own in paused if own.until_ns is None]
         if until_ns is not None and away_ns and case.end_ns - until_ns > max(away_ns) * PAUSE_PERCENT // 100:
             continue  # some came back and others did not, although they were due: that is of the lists
         others_ns = [one.stream.last_ns for one in streams if not one.nominal_ns]
@@ -154,6 +151,21 @@ def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[Node
         silence = NodeSilence(node, Pause(last.since_ns, until_ns, last.frame), fastest.nominal_ns, longest_ns)
         if until_ns is not None or (case.free(STOPPED) & (case.symptoms.node == node)).any():
             found.append(silence)
+    return found
+
+
+def _all_paused(case: Case, pause: Pause, streams: Sequence[NodeStream]) -> list[tuple[NodeStream, Pause]] | None:
+    """Return which pause each of some streams made meanwhile, None where one went on.
+
+    Those that are held back since their reader is not found say nothing.
+    """
+    found = []
+    for one in streams:
+        meanwhile = _meanwhile(case.pauses(one.list.number, one.stream), pause)
+        if meanwhile is None:
+            return None  # of very many streams, the first that went on tells it
+        if not case.unreached.is_unreached(one, meanwhile):
+            found.append((one, meanwhile))
     return found
 
 
@@ -217,7 +229,7 @@ def _draft(case: Case, kind: CauseKind, silence: NodeSilence, chosen: Bool) -> D
 def judge_lists(case: Case) -> Iterator[Explained]:
     """Explain lists that stop while their sender goes on; on CAN, where no frame names its sender, those together."""
     symptoms = case.symptoms
-    ended = np.flatnonzero(case.free(STOPPED))
+    ended = np.flatnonzero(case.free(STOPPED) & ~case.unreached.symptoms)
     told = symptoms.of_kinds(STOPPED, TORN_CYCLE, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED)
     rows_of = dict(rows_by((symptoms.list,))) if len(ended) else {}
     groups: dict[tuple[int, int], list[int]] = defaultdict(list)

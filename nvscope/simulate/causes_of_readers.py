@@ -48,6 +48,7 @@ def causes_of_readers(plant: Plant, lists: Sequence[ListFacts], told: Sequence[P
         if not any(_explains(refusal, silent) for refusal in refused):
             yield silent
     yield from refused
+    yield from _not_found(plant)
     yield from _slow_readers(plant)
     yield from _rejections(plant, told)
     yield from _in_vain(plant, lists, silences)
@@ -115,6 +116,15 @@ def _silent_readers(plant: Plant, impossible: set[str], silences: dict[str, list
         if read and not silences.get(address):
             keys = tuple(one.key for one in read)
             yield PutIn("reader-silent", absence.at_ns, absence.until_ns, keys, (address,))
+
+
+def _not_found(plant: Plant) -> Iterator[PutIn]:
+    """Yield readers that senders look for in vain, of which nobody waits for answers: these tell it otherwise."""
+    for fault in plant.scenario.held_back:
+        for one in plant.sent:
+            if one.plan.name == fault.list and not (one.plan.acknowledge and _is_answered(plant, one)):
+                reader = plant.addresses.get(one.plan.destination, one.plan.destination)
+                yield PutIn("reader-not-found", fault.from_ns, fault.until_ns, (one.key,), (reader,))
 
 
 def _slow_readers(plant: Plant) -> Iterator[PutIn]:

@@ -26,6 +26,7 @@ from nvscope.simulate.scenario import (
 from nvscope.toml_table import Place, nearest
 
 MAX_SHORT_HEADER_BYTES = 200
+_WITH_ARP = frozenset({"ethernet", "sll", "sll2"})
 
 
 def check_scenario(scenario: Scenario, place: Place) -> None:
@@ -48,7 +49,7 @@ def check_scenario(scenario: Scenario, place: Place) -> None:
         below = place.below("traffic").below(position)
         if not traffic.interval_ns:
             raise below.below("interval").error("the interval must be more than 0")
-        if traffic.kind == "arp" and (scenario.link not in {"ethernet", "sll", "sll2"} or _has_ipv6(scenario, traffic)):
+        if traffic.kind == "arp" and (scenario.link not in _WITH_ARP or _has_ipv6(scenario, traffic)):
             raise below.below("kind").error("ARP needs IPv4 addresses and a link layer")
     for position, sender in enumerate(scenario.second_sender):
         below = place.below("second_sender").below(position)
@@ -108,6 +109,15 @@ def _check_absences(scenario: Scenario, place: Place) -> None:
                 raise below.below("node").error(f"another node has the address of '{absence.node}'")
             if absence.until_ns is not None and absence.until_ns <= absence.at_ns:
                 raise below.below("until").error("a node is back after it is gone, not before")
+    for position, held_back in enumerate(scenario.held_back):
+        below = place.below("held_back").below(position)
+        entry = scenario.list[scenario.list_numbers[held_back.list]]
+        nodes = [scenario.node[scenario.node_numbers[name]].address for name in entry.sender]
+        to = next((node.address for node in scenario.node if node.name == entry.destination), entry.destination)
+        if scenario.link not in _WITH_ARP or any(":" in address for address in (*nodes, to)):
+            raise below.error("ARP needs IPv4 addresses and a link layer")
+        if entry.destination in {"broadcast", "255.255.255.255"} or ipaddress.ip_address(to).is_multicast:
+            raise below.below("list").error(f"'{held_back.list}' goes to more than one node")
     for position, loss in enumerate(scenario.capture_loss):
         below = place.below("capture_loss").below(position)
         if bool(loss.at) == bool(loss.probability):

@@ -7,6 +7,7 @@ faults alone what an observer can count.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -20,6 +21,7 @@ from nvscope.simulate.scenario import (
     ChecksumFlag,
     Duplicate,
     Fragmented,
+    HeldBack,
     Late,
     Loss,
     MissingAcknowledgement,
@@ -96,6 +98,8 @@ def make_journey(scenario: Scenario, schedule: Schedule) -> Journey:
     order = _Order(scenario, schedule, journey)
     for position, unplugged in enumerate(scenario.unplugged):
         order.unplug(unplugged, f"unplugged[{position}]")
+    for position, held_back in enumerate(scenario.held_back):
+        order.hold_back(held_back, f"held_back[{position}]")
     _lose_foreign(scenario, schedule, journey)
     faults = list(scenario.selections())
     for place, fault in sorted(faults, key=lambda entry: not entry[1].telegrams):
@@ -232,12 +236,23 @@ class _Order:
 
     def unplug(self, fault: Unplugged, place: str) -> None:
         """Lose what a node sends without its cable."""
+        streams = self.schedule.streams
+        own = [self.scenario.node[stream.node].name == fault.node for stream in streams]
+        self._lose_all(own, fault.at_ns, fault.until_ns, place)
+
+    def hold_back(self, fault: HeldBack, place: str) -> None:
+        """Lose what of a list is not sent, since its reader is not found."""
         schedule = self.schedule
-        own = np.array([self.scenario.node[stream.node].name == fault.node for stream in schedule.streams], np.bool_)
-        gone = own[schedule.stream] if len(own) else np.zeros(len(schedule.sent_ns), np.bool_)
-        gone &= schedule.sent_ns >= fault.at_ns
-        if fault.until_ns is not None:
-            gone &= schedule.sent_ns < fault.until_ns
+        own = [schedule.writers[stream.writer].plan.name == fault.list for stream in schedule.streams]
+        self._lose_all(own, fault.from_ns, fault.until_ns, place)
+
+    def _lose_all(self, own: Sequence[bool], from_ns: int, until_ns: int | None, place: str) -> None:
+        """Lose every telegram of some streams in a time."""
+        schedule = self.schedule
+        gone = np.array(own, np.bool_)[schedule.stream] if own else np.zeros(len(schedule.sent_ns), np.bool_)
+        gone &= schedule.sent_ns >= from_ns
+        if until_ns is not None:
+            gone &= schedule.sent_ns < until_ns
         rows = np.flatnonzero(gone)
         near = self.state[schedule.places[rows]] == self.OCCUPIED
         if not self.scenario.wild and near.any():

@@ -18,7 +18,7 @@ from nvscope.simulate.draft import Draft
 from nvscope.simulate.faults import Label, Struck, make_journey, struck_by_faults
 from nvscope.simulate.scenario import Malformed, Mirrored, Scenario, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.schedule import FRAME_GAP_NS, Stream, Writer, make_schedule
-from nvscope.simulate.strangers import add_malformed, add_short_headers, add_traffic
+from nvscope.simulate.strangers import add_malformed, add_searches, add_short_headers, add_traffic
 from nvscope.simulate.template import Role, Template
 
 
@@ -74,6 +74,7 @@ def make_frame_table(scenario: Scenario) -> FrameTable:
     add_short_headers(draft)
     del answers  # what they remember takes memory
     add_traffic(draft)
+    add_searches(draft)
     del schedule, journey
     return _finished(draft, struck)
 

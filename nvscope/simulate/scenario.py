@@ -360,6 +360,18 @@ class Unplugged:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HeldBack:
+    """A list whose sender finds its only reader no more: it asks for it (ARP), and its stack sends nothing of the list.
+
+    What is not sent is counted.
+    """
+
+    list: str = key(TEXT, "the list; its destination is one node")
+    from_ns: int = key(LENGTH, "since when", name="from")
+    until_ns: int | None = key(LENGTH, "until when", default=None, name="until")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pause:
     """A sending is held up, and all later ones with it; nothing is lost."""
 
@@ -524,6 +536,7 @@ class Scenario:
     stop: tuple[Stop, ...] = key(tables(Stop), "senders that stop", default=())
     power_off: tuple[PowerOff, ...] = key(tables(PowerOff), "nodes without power", default=())
     unplugged: tuple[Unplugged, ...] = key(tables(Unplugged), "nodes without their cable", default=())
+    held_back: tuple[HeldBack, ...] = key(tables(HeldBack), "lists whose reader is not found", default=())
     pause: tuple[Pause, ...] = key(tables(Pause), "senders that are held up", default=())
     burst: tuple[Burst, ...] = key(tables(Burst), "bursts", default=())
     second_sender: tuple[SecondSender, ...] = key(tables(SecondSender), "second senders of a list", default=())

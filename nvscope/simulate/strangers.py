@@ -15,6 +15,8 @@ from nvscope.simulate.template import Role, Template
 _MALFORMED_AFTER_NS = 30_000
 _UNKNOWN_SERVICE = 77
 _EXCESS = 4
+_SEARCH_NS, _SEARCHED_BEFORE_NS = 1_000_000_000, 2_500_000_000
+"""Stacks ask second by second, and three times before they hold back what is to be sent."""
 
 
 def add_malformed(draft: Draft, fault: Malformed, place: str) -> None:
@@ -116,3 +118,17 @@ def add_traffic(draft: Draft) -> None:
                 draft.add(template, at, ordinal=ordinal, counter=(ordinal & 0xFFFF).astype(np.uint16))
                 continue
         draft.add(draft.new_template(Template(frame, Role.OTHER, host.address, target, False)), at)
+
+
+def add_searches(draft: Draft) -> None:
+    """Add the ARP requests of senders that hold back a list, a moment before they do so and meanwhile."""
+    for one in draft.scenario.held_back:
+        entry = draft.scenario.list_numbers[one.list]
+        end_ns = draft.scenario.duration_ns if one.until_ns is None else one.until_ns
+        at = np.arange(max(one.from_ns - _SEARCHED_BEFORE_NS, 0), end_ns, _SEARCH_NS, dtype=np.int64)
+        for sender in draft.scenario.list[entry].sender:
+            source = draft.scenario.node_numbers[sender]
+            host, target = draft.hosts[source], draft.destination(entry, source)
+            draft.add(
+                draft.new_template(Template(draft.wire.arp(host, target), Role.OTHER, host.address, target, False)), at
+            )

@@ -12,6 +12,7 @@ from dissectors.keys import KeyTable
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.told import Told
+from nvscope.tracker.evidence.questions import Questions
 from nvscope.tracker.evidence.signs import MOST_SPANS, SignsOfLife
 from nvscope.tracker.evidence.waiting import Heard, Waiting
 
@@ -131,7 +132,7 @@ class Presence:
     ``addresses`` number the hardware and IP addresses that sent some, which are the rows of ``columns``; ``pairs``
     number (upper half, lower half, hardware address with VLAN + 1 above it, time to live or ``BY_ARP``), the rows of
     ``pair_columns``. ``signs`` are when an address's frames that are no telegrams of lists were, by the rows of
-    ``columns``. ``claims`` are the IP addresses with the hardware addresses that ARP
+    ``columns``, ``questions`` who looked for whom. ``claims`` are the IP addresses with the hardware addresses that ARP
     told of them (upper half, lower half, hardware address). ``left_out`` counts the frames of addresses and pairs for
     which there was no room.
     """
@@ -146,6 +147,7 @@ class Presence:
         self._devices = KeyTable(3)
         self._device_of: I64 = np.empty(0, np.int64)
         self.signs = SignsOfLife(most_spans)
+        self.questions = Questions(most, most_spans)
         self.announcements = Announcements()
         self.claims = KeyTable(3)
         self.left_out = 0
@@ -153,6 +155,16 @@ class Presence:
         self._ways = WayColumns()
         self._ways.resize(1)
         self._waiting = Waiting()
+
+    def throw_away(self) -> None:
+        """Throw away the spans for which there is no room: what is kept does not hang on when that is done."""
+        self.signs.throw_away()
+        self.questions.spans.throw_away()
+
+    @property
+    def all_left_out(self) -> int:
+        """How much there was no room for in all."""
+        return self.left_out + self.signs.left_out + self.questions.left_out + self.questions.spans.left_out
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -165,6 +177,7 @@ class Presence:
             self.settle()
             self.columns.last_other_ns[:] = NEVER
             self.columns.pair[:] = NOBODY
+            self.questions.begin_anew()
         if len(told):
             self._waiting.add(told)
 
@@ -194,6 +207,8 @@ class Presence:
         ways.resize(len(heard.looked_at))
         ways.column("other")[:] = heard.other
         place, row = found.row, heard.looked_at[found.row]
+        if found.sought.any():
+            self.questions.observe(found, heard.times_ns(row))
         known = np.flatnonzero(found.hardware)
         nothing = np.zeros(len(known), np.uint64)
         keys = nothing + np.uint64(HARDWARE), nothing, found.hardware[known]

@@ -12,7 +12,7 @@ from nvscope.engine.runs import runs_of
 from nvscope.tracker.evidence.first_and_last import FirstAndLast
 
 CLOSE_NS = 100_000_000
-"""Frames at most so far apart are of one span."""
+"""Frames at most so far apart are of one span, if nothing else is said."""
 
 MOST_SPANS = 1 << 18
 """So many spans are kept, of all addresses together, of captures that have an end."""
@@ -49,11 +49,11 @@ class SignsOfLife:
     """The spans of all addresses, by number of the address; ``left_out`` counts those for which there was no room.
 
     Of more than ``most``, the first and the last ones are kept, and those that go on: who was there at the beginning,
-    and who is now.
+    and who is now. Frames at most ``close_ns`` apart are of one span.
     """
 
-    def __init__(self, most: int = MOST_SPANS) -> None:
-        self._room = FirstAndLast(most)
+    def __init__(self, most: int = MOST_SPANS, close_ns: int = CLOSE_NS) -> None:
+        self._room, self._close_ns = FirstAndLast(most), close_ns
         self._open = _OpenColumns()
         self.columns = SpanColumns()
         self.left_out = 0
@@ -65,7 +65,7 @@ class SignsOfLife:
         """
         self._open.resize(addresses)
         columns = self.columns
-        begins = (before_ns == _NEVER) | (time_ns < before_ns) | (before_ns < time_ns - CLOSE_NS)
+        begins = (before_ns == _NEVER) | (time_ns < before_ns) | (before_ns < time_ns - self._close_ns)
         fresh = np.flatnonzero(begins)
         first = len(columns)
         columns.resize(first + len(fresh))

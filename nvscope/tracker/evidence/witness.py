@@ -52,10 +52,8 @@ class Witness:
     def left_out(self) -> int:
         """How much there was no room for: events, and frames of addresses; of it, causes know nothing."""
         # Of what a stream looks like, the first runs are enough.
-        parts = (
-            self.evidence, self.long_pauses, self.presence, self.presence.signs, self.shared_addresses, self.throughput,
-        )  # fmt: skip
-        return sum(part.left_out for part in parts)
+        parts = self.evidence, self.long_pauses, self.shared_addresses, self.throughput
+        return self.presence.all_left_out + sum(part.left_out for part in parts)
 
     def settle(self) -> None:
         """Make what was observed visible: before somebody looks at it."""
@@ -63,7 +61,7 @@ class Witness:
         self.throughput.settle()
         if not self._live:
             # What is told of captures does not hang on how they were cut into batches.
-            self.presence.signs.throw_away()
+            self.presence.throw_away()
             self.throughput.throw_away()
         self.evidence.settle()
 

@@ -131,8 +131,11 @@ def _brief(cause: Row, entry: Row, end_ns: int) -> str:
 
     since_ns, until_ns = nanoseconds(cause["since_ns"]), nanoseconds(cause["until_ns"])
     lasted_ns = (end_ns if until_ns is None else until_ns) - (end_ns if since_ns is None else since_ns)
-    counted = {name: number for name, number in entry["counters"].items() if number}
+    counters = entry["counters"]
     kind = BY_NAME[cause["kind"]]
+    if any(number == 0 and f"{{{name}}}" in kind.measured for name, number in counters.items()):
+        return kind.brief  # what it does to others is not what it does to this one
+    counted = {name: number for name, number in counters.items() if number}
     return (kind.measured or kind.brief).format_map(_Figures(counted, time=units.duration(lasted_ns)))
 
 

@@ -71,7 +71,8 @@ BAD = frozenset(
 _SHARING = ("second-sender", "duplicate-address", "identifier-collision")
 _STOPPED = ("node-silent", "program-stopped", "list-stopped")
 _OF_READERS = (
-    "reader-silent", "reader-rejects", "reader-without-program", "acknowledgement-impossible", "boot-up-unanswered",
+    "reader-silent", "reader-not-found", "reader-rejects", "reader-without-program", "acknowledgement-impossible",
+    "boot-up-unanswered",
 )  # fmt: skip
 _OF_NODES = ("node-silent", "program-stopped", "node-restart", "duplicate-address", "loss-at-sender")
 """Causes of what a node does to all lists, whichever they name."""
