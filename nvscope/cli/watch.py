@@ -246,7 +246,7 @@ class _Json:
         keys |= {entry.number: str(entry.key) for entry in known.summary.can.lists}
         per_s = {key: scene.pace.per_second(number, 1) for number, key in keys.items()}
         line = watch_line(
-            scene.document, known.summary, scene.at_ns, per_s, scene.pace.of_all(1), told.new, told.ended
+            scene.document, known.summary, scene.at_ns, per_s, scene.pace.of_all(1), told.new, told.ended, told.instead
         )  # fmt: skip
         return json_ascii(json.dumps(line, ensure_ascii=False)) + "\n"
 

@@ -22,6 +22,7 @@ import pytest
 from tests.capture.live.network import cable, needs_namespaces, send
 from tests.oracle.builders import data_frame, telegram
 from tests.program import COMMAND, run_text
+from tests.schemas.validation import mistakes_in
 
 ROOT = Path(__file__).parents[2]
 PLANT = str(ROOT / "captures" / "plant.pcapng.gz")
@@ -41,6 +42,16 @@ def test_what_begins_and_ends_is_told_when_it_does() -> None:
     assert silent < second
     assert any(title.startswith("● Node 192.168.1.20 did not answer") and title.endswith(": over") for title in titles)
     assert done.stdout.count("4 lists") == 4  # a table every ten seconds, and at the end
+
+
+def test_a_cause_that_turns_out_to_be_another_one_says_which(tmp_path: Path) -> None:
+    scenario, capture = ROOT / "tests/scenarios/causes/node-power-cycle.toml", tmp_path / "x.pcap"
+    assert run_text("simulate", scenario, "-w", capture).returncode == 0
+    lines = lines_of(run_text("watch", capture, "--json").stdout)
+    assert [mistake for line in lines for mistake in mistakes_in(line)] == []
+    ended = [(cause["title"], cause["instead"]) for line in lines for cause in line["causes_ended"]]
+    anew = "Node 10.0.0.1 started anew at 23.0 s"
+    assert ended == [(anew, None), ("Node 10.0.0.1 is silent since 15.0 s (lists 1 and 2)", anew)]
 
 
 def test_a_line_a_second_adds_up_to_the_report() -> None:

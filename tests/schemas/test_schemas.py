@@ -124,6 +124,7 @@ UNSEEN = {
     "watch/until_ns null": "a capture of less than a second",
     "watch/causes_new[].since_ns null": "a cause without a beginning, as of a list that never came",
     "watch/causes_ended[].since_ns null": "the same",
+    "watch/causes_ended[].instead string": "a cause that what followed has shown to be another one",
     "watch/causes_ended[].until_ns null": "a cause that what followed has shown to be none",
     **{
         f"truth/buses[].designed.errors.{name} integer": "scenarios do not have all errors of the table"

@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from nvscope.view.documents.verdicts import STATUSES
 from tests.schemas.report import cause
-from tests.schemas.shapes import LIST_KEY, Schema, document, maybe, number, record, several, shared, time, whole, word
+from tests.schemas.shapes import (
+    LIST_KEY,
+    Schema,
+    document,
+    maybe,
+    number,
+    record,
+    several,
+    shared,
+    text,
+    time,
+    whole,
+    word,
+)
 
 
 def watch() -> Schema:
@@ -28,7 +41,10 @@ def watch() -> Schema:
             "telegrams_per_s": maybe(number("in the last whole second; null: nobody knows", 0)),
             "lists": several(record(entry)),
             "causes_new": several(shared("cause"), "those that began, or are there again, since the line before"),
-            "causes_ended": several(shared("cause"), "those that are over, or no longer told, since the line before"),
+            "causes_ended": several(shared("ended"), "those that are over, or no longer told, since the line before"),
         },
     )  # fmt: skip
-    return found | {"$defs": {"cause": cause()}}
+    instead = maybe(text("the title of the cause that explains now what this one did; null: it is over by itself"))
+    known = cause()
+    ended = record({**known["properties"], "instead": instead})
+    return found | {"$defs": {"cause": known, "ended": ended}}

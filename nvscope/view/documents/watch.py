@@ -22,11 +22,13 @@ def watch_line(
     of_all: float | None,
     new: Sequence[Cause],
     ended: Sequence[Cause],
+    instead: Sequence[Cause | None],
 ) -> dict[str, Any]:
     """Return one line as data.
 
     ``report`` is that of the moment (schema ``nvscope.report/2``), ``per_s`` are telegrams a second by the key of their
-    list, None where nobody knows, ``of_all`` those of all lists.
+    list, None where nobody knows, ``of_all`` those of all lists. ``instead`` has the cause that explains now
+    what each of the ended ones did, None where it is over by itself.
     """
     capture = report["capture"]
     return {
@@ -48,5 +50,8 @@ def watch_line(
             for entry in report["lists"]
         ],
         "causes_new": cause_rows(summary, new),
-        "causes_ended": cause_rows(summary, ended),
+        "causes_ended": [
+            {**row, "instead": None if heir is None else heir.title}
+            for row, heir in zip(cause_rows(summary, ended), instead, strict=True)
+        ],
     }
