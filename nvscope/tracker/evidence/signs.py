@@ -25,24 +25,19 @@ _NEVER = np.iinfo(np.int64).min
 
 
 class SpanColumns(KeyedColumns):
-    """One row a span of an address, in the order in which spans of one address began.
-
-    ``apart``: 1 where the span before it of the same address was thrown away.
-    """
+    """One row a span of an address, in the order in which spans of one address began."""
 
     address: I64
     since_ns: I64
     until_ns: I64
-    apart: I64
-    COLUMNS: ClassVar = dict.fromkeys(("address", "since_ns", "until_ns", "apart"), (np.int64(0), 1))
+    COLUMNS: ClassVar = dict.fromkeys(("address", "since_ns", "until_ns"), (np.int64(0), 1))
 
 
 class _OpenColumns(KeyedColumns):
-    """One row an address: its last span, and how many of its spans were thrown away."""
+    """One row an address: its last span."""
 
     span: I64
-    left_out: I64
-    COLUMNS: ClassVar = {"span": (np.int64(_NONE), 1), "left_out": (np.int64(0), 1)}
+    COLUMNS: ClassVar = {"span": (np.int64(_NONE), 1)}
 
 
 class SignsOfLife:
@@ -83,10 +78,6 @@ class SignsOfLife:
         if self._room.is_full(len(columns)):
             self.throw_away()
 
-    def left_out_of(self, address: int) -> int:
-        """Return how many spans of an address were thrown away."""
-        return int(self._open.left_out[address]) if address < len(self._open) else 0
-
     def throw_away(self) -> None:
         """Throw away the spans for which there is no room; what is kept then does not hang on when it was done before.
 
@@ -95,17 +86,12 @@ class SignsOfLife:
         old, rows = self.columns, len(self.columns)
         if rows <= self._room.most:
             return
-        address = old.column("address")
         # Those of several addresses stand as batches brought them.
-        by_time = np.lexsort((address, old.column("since_ns")))
+        by_time = np.lexsort((old.column("address"), old.column("since_ns")))
         kept = np.zeros(rows, np.bool_)
         kept[by_time[self._room.kept(rows)]] = True
         last = self._open.column("span")
         kept[last[last >= 0]] = True
-        order = np.argsort(address, kind="stable")
-        follows = np.append(False, address[order[1:]] == address[order[:-1]])
-        old.column("apart")[order] |= follows & ~np.append(False, kept[order[:-1]])
-        np.add.at(self._open.left_out, address[~kept], 1)
         self.left_out += rows - int(kept.sum())
         self.columns = old.rows(np.flatnonzero(kept))
         number = np.cumsum(kept) - 1
