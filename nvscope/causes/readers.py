@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.causes.case import Case, Draft, Explained, slack_ns
+from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, slack_ns
 from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.gaps import clusters
 from nvscope.causes.held_back import looked_for
@@ -157,6 +157,10 @@ def judge_impossible(case: Case) -> Iterator[Explained]:
             )
         else:
             checked.append("it is a broadcast: nobody has to answer")
+            step = (
+                "Whether this capture sees answers at all: they go to the sender alone, and a switch shows them at a "
+                f"mirror port only. If it does: {step[0].lower()}{step[1:]}"
+            )
         draft = Draft(
             ACKNOWLEDGEMENT_IMPOSSIBLE, f"{capitalised(name)} asks for acknowledgements that nobody sends",
             step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], every),
@@ -330,7 +334,8 @@ def _meanwhile(case: Case, readers: Sequence[int], since_ns: int, until_ns: int)
         return ""
     reader = readers[0]
     sent = any(
-        one.nominal_ns and one.stream.first_ns < since_ns and one.stream.last_ns > until_ns
+        one.nominal_ns and one.stream.first_ns < since_ns
+        and one.stream.last_ns > until_ns - one.nominal_ns * PAUSE_PERCENT // 100
         and not any(pause.since_ns <= since_ns and (pause.until_ns or until_ns) >= until_ns
                     for pause in case.pauses(one.list.number, one.stream))
         for one in case.streams_of_node.get(reader, ())

@@ -15,7 +15,7 @@ from nvscope.causes.node_streams import NodeStream, lists_of_streams
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.loss import SENDER_RESTART, TELEGRAM_GAP
-from nvscope.findings.timing import JITTER, LATE, TORN_CYCLE
+from nvscope.findings.timing import JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.units import duration
 
 NODE_RESTART = CauseKind(
@@ -129,6 +129,7 @@ def _node_draft(
     chosen = case.only(cluster)
     own = (symptoms.node == node) | case.waits_for(node)
     chosen |= case.free(*_IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
+    chosen |= _not_due_yet(case, node, until_ns)
     # Where one counter is for all, what a list counts anew may look repeated for a while, and its cycles torn.
     again_ns = int(symptoms.time_ns[chosen].max())
     chosen |= case.free(TORN_CYCLE) & (symptoms.node == node) & _within(case, since_ns, again_ns + 1)
@@ -151,6 +152,12 @@ def _node_draft(
         NODE_RESTART, title, NODE_RESTART.next_step, checked, lists, [node], since_ns=since_ns, until_ns=until_ns
     )  # fmt: skip
     return draft, chosen
+
+
+def _not_due_yet(case: Case, node: int, until_ns: int) -> Bool:
+    """Tell which lists of a node that is there again have not come again, and need not have."""
+    rows = np.flatnonzero(case.free(STOPPED) & (case.symptoms.node == node) & (case.symptoms.time_ns < until_ns))
+    return case.only(rows[case.end_ns - until_ns <= case.nominal_ns(rows) * PAUSE_PERCENT // 100])
 
 
 def _within(case: Case, since_ns: int, until_ns: int) -> Bool:

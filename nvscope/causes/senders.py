@@ -219,18 +219,41 @@ def _draft(case: Case, group: _Group, places: Bool) -> Explained:
     many = len(nodes) > 1
     who = _in_words(case, nodes)
     which, since = lists_in_words(case, lists), moment(case, group.since_ns)
+    before = None if many else _in_place_of(case, group)
     what = f"{count(len(nodes))} further nodes" if many else "A further node"
+    if before is not None:
+        what, who = f"Node {who}", f"in place of {case.address(before)}"
     if until_ns is None:
-        title = f"{what} {'send' if many else 'sends'} {which} since {since}: {who}"
+        title = f"{what} {'send' if many else 'sends'} {which} since {since}"
     else:
-        title = f"{what} sent {which} from {since} to {moment(case, until_ns)}: {who}"
+        title = f"{what} sent {which} from {since} to {moment(case, until_ns)}"
+    title += f": {who}" if before is None else f", {who}"
     checked, step = _of_many(case, nodes, streams) if many else _of_one_sender(case, group)
+    if before is not None:
+        them = "it" if len(lists) == 1 else "them"
+        checked = [f"{case.address(before)} sent none of {them} any more by then", *checked]
+        step = (
+            f"Whether {case.address(nodes[0])} is meant to send {them}. If not: stop it, and see what became of "
+            f"{case.address(before)}."
+        )
     draft = Draft(
         SECOND_SENDER, title, step, checked, lists, [*nodes[:_EACH], *group.others],
         since_ns=group.since_ns, until_ns=until_ns,
         severity=SEVERAL_SENDERS.severity,  # each further one is an event of that finding, which is listed once
     )  # fmt: skip
     return draft, chosen
+
+
+def _in_place_of(case: Case, group: _Group) -> int | None:
+    """Return whose lists a node sends since that one does not any more, None where both sent them at a time."""
+    numbers = {entry.number for entry in group.lists}
+    last_ns = {
+        other: max((one.stream.last_ns for one in case.streams_of_node.get(other, ()) if one.list.number in numbers),
+                   default=case.end_ns)
+        for other in group.others
+    }  # fmt: skip
+    before = max(last_ns, key=lambda other: last_ns[other], default=None)
+    return before if before is not None and last_ns[before] < group.since_ns else None
 
 
 def _until_ns(case: Case, streams: Sequence[NodeStream]) -> int | None:

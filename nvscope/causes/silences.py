@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -121,37 +123,76 @@ def _goes_on(case: Case, silence: NodeSilence) -> bool:
     return pause.until_ns is None and case.last_acknowledgement_ns.get(silence.node, after_ns) > after_ns
 
 
+class _Timed(NamedTuple):
+    """A cyclic stream with its pauses, by their beginning."""
+
+    one: NodeStream
+    pauses: Sequence[Pause]
+    begins_ns: Sequence[int]
+
+    @staticmethod
+    def of(case: Case, one: NodeStream) -> _Timed:
+        pauses = case.pauses(one.list.number, one.stream)
+        return _Timed(one, pauses, [pause.since_ns for pause in pauses])
+
+    def is_sent_at(self, time_ns: int) -> bool:
+        """Tell whether the stream was sent until then: it had begun, and did not pause already."""
+        long_before_ns = time_ns - self.one.nominal_ns * PAUSE_PERCENT // 100
+        place = bisect_left(self.begins_ns, long_before_ns) - 1
+        until_ns = self.pauses[place].until_ns if place >= 0 else time_ns
+        return self.one.stream.first_ns <= time_ns and until_ns is not None and until_ns <= time_ns
+
+
 def _silences(case: Case, node: int, streams: Sequence[NodeStream]) -> list[NodeSilence]:
-    """Return when all cyclic streams of a node paused together."""
-    timed = [one for one in streams if one.nominal_ns]
-    if not timed:
-        return []
-    longest_ns = max(one.nominal_ns for one in timed)
-    fastest, *others = sorted(timed, key=lambda one: one.nominal_ns)
+    """Return when all cyclic streams that a node sent at a time paused together."""
+    timed = [_Timed.of(case, one) for one in streams if one.nominal_ns]
+    timed.sort(key=lambda own: own.one.nominal_ns)
     found = []
-    for pause in case.pauses(fastest.list.number, fastest.stream):
-        others_paused = _all_paused(case, pause, others)
-        if others_paused is None or case.unreached.is_unreached(fastest, pause):
-            continue
-        paused = [(fastest, pause), *others_paused]
-        whole = [own for _, own in paused]
-        last = max(whole, key=lambda one: one.since_ns)
-        ends = [one.until_ns for one in whole if one.until_ns is not None]
-        until_ns = min(ends, default=None)
-        away_ns = [one.nominal_ns for one, own in paused if own.until_ns is None]
-        if until_ns is not None and away_ns and case.end_ns - until_ns > max(away_ns) * PAUSE_PERCENT // 100:
-            continue  # some came back and others did not, although they were due: that is of the lists
-        others_ns = [one.stream.last_ns for one in streams if not one.nominal_ns]
-        if until_ns is None and any(one > last.since_ns + longest_ns * 3 // 2 for one in others_ns):
-            continue
-        if until_ns is not None and not away_ns and until_ns - last.since_ns <= _SHORTEST * longest_ns:
-            continue
-        if was_unplugged(case, last.since_ns, until_ns, _INTERVALS_UNSURE * longest_ns):
-            continue
-        silence = NodeSilence(node, Pause(last.since_ns, until_ns, last.frame), fastest.nominal_ns, longest_ns)
-        if until_ns is not None or (case.free(STOPPED) & (case.symptoms.node == node)).any():
-            found.append(silence)
+    for place, own in enumerate(timed):
+        for pause in own.pauses:
+            # The fastest stream tells it: of lists that began later, or had ended before, nothing is known then.
+            if any(faster.is_sent_at(pause.since_ns) for faster in timed[:place]):
+                continue
+            slower = [other.one for other in timed[place + 1 :] if other.is_sent_at(pause.since_ns)]
+            if (silence := _silence(case, node, (own.one, pause), slower, streams)) is not None:
+                found.append(silence)
     return found
+
+
+def _silence(
+    case: Case, node: int, first: tuple[NodeStream, Pause], others: Sequence[NodeStream], streams: Sequence[NodeStream]
+) -> NodeSilence | None:
+    """Return the silence of a node of which the fastest stream with its pause tells, None where it is none."""
+    others_paused = _all_paused(case, first[1], others)
+    if others_paused is None or case.unreached.is_unreached(*first):
+        return None
+    paused = _back_in_time(case, [first, *others_paused])
+    longest_ns = max(one.nominal_ns for one, _ in paused)
+    last = max((own for _, own in paused), key=lambda own: own.since_ns)
+    until_ns = min((own.until_ns for _, own in paused if own.until_ns is not None), default=None)
+    away = any(own.until_ns is None for _, own in paused)
+    others_ns = [one.stream.last_ns for one in streams if not one.nominal_ns]
+    if until_ns is None and any(one > last.since_ns + longest_ns * 3 // 2 for one in others_ns):
+        return None
+    if until_ns is not None and not away and until_ns - last.since_ns <= _SHORTEST * longest_ns:
+        return None
+    if was_unplugged(case, last.since_ns, until_ns, _INTERVALS_UNSURE * longest_ns):
+        return None
+    if until_ns is None and not (case.free(STOPPED) & (case.symptoms.node == node)).any():
+        return None
+    return NodeSilence(node, Pause(last.since_ns, until_ns, last.frame), paused[0][0].nominal_ns, longest_ns)
+
+
+def _back_in_time(case: Case, paused: Sequence[tuple[NodeStream, Pause]]) -> Sequence[tuple[NodeStream, Pause]]:
+    """Return streams without those that did not come back with the others, although they were due: these stopped."""
+    ends_ns = [pause.until_ns for _, pause in paused if pause.until_ns is not None]
+    if not ends_ns:
+        return paused
+    room_ns = case.end_ns - min(ends_ns)
+    return [
+        (one, pause) for one, pause in paused
+        if pause.until_ns is not None or room_ns <= one.nominal_ns * PAUSE_PERCENT // 100
+    ]  # fmt: skip
 
 
 def _all_paused(case: Case, pause: Pause, streams: Sequence[NodeStream]) -> list[tuple[NodeStream, Pause]] | None:
@@ -183,7 +224,7 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     """Tell what a silence of a node explains: its own, and the waits for it."""
     symptoms, meanwhile = case.symptoms, case.overlapping(pause.since_ns, pause.until_ns)
     own = case.free(*_OF_SILENCE) & (symptoms.node == node) & meanwhile
-    own |= case.free(STOPPED) & (symptoms.node == node) & (pause.until_ns is None)
+    own |= _ended_with(case, node, pause)
     # A cycle that is torn alone is no silence.
     if not (own & ~symptoms.of_kinds(TORN_CYCLE)).any():
         return case.only([])
@@ -194,9 +235,20 @@ def _explained(case: Case, node: int, pause: Pause) -> Bool:
     return explained
 
 
+def _ended_with(case: Case, node: int, pause: Pause) -> Bool:
+    """Tell which streams of a node ended with its silence: all of one that goes on, and those not yet due again."""
+    rows = np.flatnonzero(case.free(STOPPED) & (case.symptoms.node == node))
+    if pause.until_ns is not None:
+        slack = case.nominal_ns(rows) * PAUSE_PERCENT // 100
+        ended_ns = case.symptoms.time_ns[rows]
+        rows = rows[(ended_ns >= pause.since_ns - slack) & (ended_ns < pause.until_ns)
+                    & (case.end_ns - pause.until_ns <= slack)]  # fmt: skip
+    return case.only(rows)
+
+
 def _draft(case: Case, kind: CauseKind, silence: NodeSilence, chosen: Bool) -> Draft:
     node, pause = silence.node, silence.pause
-    timed = cyclic_lists_of(case, [node])
+    timed = cyclic_lists_of(case, [silence])
     name, which = case.address(node), lists_in_words(case, timed)
     since, checked = moment(case, pause.since_ns), []
     others = case.going_on.beside(node, pause.since_ns, pause.until_ns, case.end_ns)

@@ -143,7 +143,7 @@ def draft_of_several(
 ) -> Draft:  # fmt: skip
     """Return the cause that several nodes fell silent together; ``alone``: no other node went on."""
     nodes = sorted((one.node for one in members), key=case.address)
-    lists = cyclic_lists_of(case, nodes)
+    lists = cyclic_lists_of(case, members)
     began_ns = [one.pause.since_ns for one in members]
     (since_ns, until_ns), apart_ns = span_of(members), max(began_ns) - min(began_ns)
     who = f"Nodes {joined([case.address(node) for node in nodes])}" if len(nodes) <= _NAMED else f"{len(nodes)} nodes"
@@ -187,6 +187,9 @@ def heard_of(case: Case, it_sends: str) -> str:
     return f"; whether {it_sends} other frames is not to be seen by this socket"
 
 
-def cyclic_lists_of(case: Case, nodes: Sequence[int]) -> list[ListSummary]:
-    """Return the cyclic lists that some nodes send."""
-    return lists_of_streams(one for node in nodes for one in case.streams_of_node[node] if one.nominal_ns)
+def cyclic_lists_of(case: Case, members: Sequence[NodeSilence]) -> list[ListSummary]:
+    """Return the cyclic lists that some nodes had begun to send when they fell silent."""
+    return lists_of_streams(
+        one for own in members for one in case.streams_of_node[own.node]
+        if one.nominal_ns and one.stream.first_ns <= own.pause.since_ns
+    )  # fmt: skip

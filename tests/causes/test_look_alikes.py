@@ -96,3 +96,19 @@ def test_what_looks_alike_is_told_apart(name: str, tmp_path: Path) -> None:
     assert cause.kind.name == kind
     assert cause.title.startswith(title)
     assert set(checked) <= set(cause.checked)
+
+
+STOPPED = '[[stop]]\nnode = "press"\nlist = "recipe"\nat = "{}"\n'
+LATER = '[[list]]\nname = "log"\nindex = 9\nsender = "press"\nbytes = [8]\ninterval = "100ms"\nfrom = "40s"\n'
+
+
+@pytest.mark.parametrize(("also", "further"), [(LATER, []), (STOPPED.format("13s"), ["list-stopped"])])
+def test_a_list_that_begins_later_or_ended_before_changes_nothing_of_a_silence(
+    also: str, further: list[str], tmp_path: Path
+) -> None:
+    fault = cut_off("axis") if "stop" in also else cut_off(*OF_PRESS)
+    _, causes = causes_of(Simulation(read_scenario(PLANT + fault + also)).inquiry(tmp_path))
+    (silent,) = (cause for cause in causes if cause.kind.name == "node-silent")
+    assert silent.title.startswith("Node 10.0.0.1 was silent from 15.0 s to 21.0 s (list")
+    assert "9" not in silent.title
+    assert sorted(cause.kind.name for cause in causes if cause is not silent) == further

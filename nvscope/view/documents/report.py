@@ -96,7 +96,7 @@ def report_document(
             **_drops(sources),
             "start_ns": time_text(capture.start_ns),
             "end_ns": time_text(capture.end_ns),
-            "until_ns": time_text(capture.until_ns),
+            "until_ns": time_text(None if capture.until_ns is None else capture.at_ns),
         },
         "totals": judged.totals,
         "causes": cause_rows(whole or summary, causes),
