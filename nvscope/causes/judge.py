@@ -41,6 +41,7 @@ from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, j
 from nvscope.causes.snapped import judge_cut_frames, judge_drops
 from nvscope.causes.standstills import judge_standstills
 from nvscope.causes.unplugged import judge_without_carrier
+from nvscope.causes.unseen_restarts import judge_unseen_restarts
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.tracker.evidence.witness import Witness
@@ -64,6 +65,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_interleaved,
     judge_foreign_headers,
     judge_foreign_counters,
+    judge_unseen_restarts,
     judge_two_paths,
     judge_node_restarts,
     partial(judge_nodes, kind=NODE_SILENT),

@@ -1,0 +1,93 @@
+"""Restarts whose first telegrams nobody saw: counters that come back a little lower, and count on from there.
+
+To a counter, telegrams of at most 64 before the last one are repeated or late ones (diagnosis.md, section 4), and their
+stream seems to pause until it has counted up to where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.causes.case import Case, Draft, Explained
+from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
+from nvscope.causes.restarts import NODE_RESTART
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
+from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, TELEGRAM_GAP
+from nvscope.findings.timing import JITTER, LATE, STOPPED, TORN_CYCLE
+from nvscope.units import count_of, duration
+
+_LEAST = 3
+"""So many repeated telegrams in one pause, one interval after the other, are no copies that come late."""
+
+_REPEATED = (DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM)
+_IN_PAUSE = (
+    *_REPEATED, TELEGRAM_GAP, LATE, JITTER, STOPPED, TORN_CYCLE, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED,
+)  # fmt: skip
+
+
+class _Back(NamedTuple):
+    """A stream that counts on from before: its pause, as the counter has it, and the rows of what seems repeated."""
+
+    one: NodeStream
+    pause: Pause
+    rows: I64
+    first_ns: int
+
+
+def judge_unseen_restarts(case: Case) -> Iterator[Explained]:
+    """Explain telegrams that seem repeated in a pause of their stream, by node and pause."""
+    symptoms = case.symptoms
+    nodes = symptoms.node[case.free(*_REPEATED)]
+    for node, streams in case.streams_of_node.items():
+        if not (nodes == node).any():
+            continue
+        found = sorted((own for one in streams for own in _backs(case, one)), key=lambda own: own.pause.since_ns)
+        while found:
+            together = [own for own in found if own.pause.since_ns < found[0].first_ns]
+            found = [own for own in found if own not in together]
+            yield _draft(case, node, together)
+
+
+def _backs(case: Case, one: NodeStream) -> Iterator[_Back]:
+    symptoms = case.symptoms
+    rows = np.flatnonzero(
+        case.free(*_REPEATED) & (symptoms.list == one.list.number) & (symptoms.node == one.stream.node)
+        & (symptoms.subindex == one.stream.subindex)
+    )  # fmt: skip
+    if len(rows) < _LEAST or not one.nominal_ns:
+        return
+    for pause in case.pauses(one.list.number, one.stream):
+        times_ns = symptoms.time_ns[rows]
+        inside = (times_ns > pause.since_ns) & (times_ns < (pause.until_ns or case.end_ns + 1))
+        own, intervals_ns = rows[inside], np.diff(times_ns[inside])
+        near = np.abs(intervals_ns - one.nominal_ns) * 2 <= one.nominal_ns
+        if len(own) >= _LEAST and 2 * near.sum() > len(near):
+            yield _Back(one, pause, own, int(times_ns[inside][0]))
+
+
+def _draft(case: Case, node: int, together: list[_Back]) -> Explained:
+    symptoms = case.symptoms
+    since_ns = max(own.pause.since_ns for own in together)
+    until_ns = max(min(own.first_ns for own in together), since_ns)
+    ends = [own.pause.until_ns for own in together]
+    seems_until_ns = case.end_ns if None in ends else max(end for end in ends if end is not None)
+    begun_ns = min(own.pause.since_ns for own in together)
+    chosen = case.free(*_IN_PAUSE) & ((symptoms.node == node) | case.waits_for(node))
+    chosen &= (symptoms.time_ns >= begun_ns) & (symptoms.since_ns < seems_until_ns)
+    lists = lists_of_streams(own.one for own in together)
+    repeated = sum(len(own.rows) for own in together)
+    draft = Draft(
+        NODE_RESTART, f"Node {case.address(node)} started anew at {moment(case, until_ns)}", NODE_RESTART.next_step,
+        [
+            f"the counters of {lists_in_words(case, lists)} came back lower, and count on from there: "
+            f"{count_of(repeated, 'telegram')} only {'seems' if repeated == 1 else 'seem'} repeated",
+            f"it sent nothing for {duration(until_ns - since_ns)}; what it sent first after that was not seen",
+        ],
+        case.lists_of_node(node), [node], since_ns=since_ns, until_ns=until_ns,
+    )  # fmt: skip
+    return draft, chosen
