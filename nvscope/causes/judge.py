@@ -18,6 +18,7 @@ from nvscope.causes.case import Case, Explained
 from nvscope.causes.counters import judge_foreign_counters
 from nvscope.causes.definitions import judge_differing_definitions
 from nvscope.causes.elsewhere import judge_definitions_elsewhere
+from nvscope.causes.further_readers import judge_further_readers
 from nvscope.causes.headers import judge_foreign_headers
 from nvscope.causes.identifiers import judge_collisions
 from nvscope.causes.incomplete import judge_incomplete_captures
@@ -85,6 +86,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_late_senders,
     judge_bursts,
     judge_incomplete_cycles,
+    judge_further_readers,
     judge_others,
 )
 """In the order of causes.md, section 2: an event belongs to the first one that explains it."""
