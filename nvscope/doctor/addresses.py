@@ -23,7 +23,9 @@ def judge_addresses(case: Case) -> Iterator[Result]:
         return
     targets = list(_targets(case, machine))
     masks_wrong = {result.about for result in targets if result.state is State.PROBLEM}
-    found = [*targets, *_neighbours(case, masks_wrong), *_nodes(case, machine), *_twice(machine)]
+    found = [
+        *_twins(case), *targets, *_neighbours(case, masks_wrong), *_nodes(case, machine), *_twice(machine),
+    ]  # fmt: skip
     yield from found
     if any(result.state is State.PROBLEM for result in found):
         return
@@ -33,6 +35,22 @@ def judge_addresses(case: Case) -> Iterator[Result]:
     ]  # fmt: skip
     told = f"of this machine: {named(own)}" if own else "no interface has one, and none is needed to capture"
     yield Result(NAME, State.OK, told)
+
+
+def _twins(case: Case) -> Iterator[Result]:
+    """Judge addresses of this machine that another device has, too, which the telegrams from there tell."""
+    twins: dict[str, set[str]] = {}
+    for flow, _ in case.flows:
+        if case.is_twin(flow):
+            twins.setdefault(flow.source, set()).add(flow.hardware)
+    for source, hardware in sorted(twins.items()):
+        yield Result(
+            NAME, State.PROBLEM,
+            f"{source} is an address of this machine, and of another device: its telegrams come from "
+            f"{named(sorted(hardware))}",
+            f"give this machine another address in that network (`ip addr del {source}/BITS dev NAME`, then add one): "
+            "what is for one of both comes to the other, too", source, f"{source} is an address of this machine, too",
+        )  # fmt: skip
 
 
 def _targets(case: Case, machine: Machine) -> Iterator[Result]:

@@ -64,7 +64,18 @@ class Case:
         if flow.is_own:
             return True
         place = self.interface_of(flow)
-        return place is not None and not place.is_loopback and ipv4(flow.source) in self._own
+        is_ours = place is not None and not place.is_loopback and ipv4(flow.source) in self._own
+        return is_ours and not self.is_twin(flow)
+
+    def is_twin(self, flow: Flow) -> bool:
+        """Return whether telegrams under an address of this machine came from another device."""
+        if self.machine is None or flow.is_own or not flow.hardware or not self.machine.hardware:
+            return False
+        place = self.interface_of(flow)
+        return (
+            place is not None and place.is_ethernet and ipv4(flow.source) in self._own
+            and flow.hardware not in self.machine.hardware
+        )  # fmt: skip
 
     @cached_property
     def _own(self) -> frozenset[IPv4Address]:

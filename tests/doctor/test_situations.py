@@ -110,6 +110,18 @@ def test_a_sender_on_the_wire_with_an_address_of_another_network(pair: tuple[Hos
     assert "routers" not in [*of_state(found, "problem"), *of_state(found, "note")]
 
 
+def test_this_machine_has_the_address_of_a_controller(pair: tuple[Host, Host]) -> None:
+    sender, reader = pair
+    packet = internet_packet(ip_address("10.77.0.2"), ip_address(SUBNET), PROTOCOL_UDP, udp(telegram(list_id=7)))
+    frame = link_frame(packet, broadcast=True).hex()
+    process = sender.start(sys.executable, "-c", SEND_FRAMES, sender.device, frame)
+    with running(process, "sent"):
+        found = asked(reader)
+    assert of_state(found, "problem") == ["addresses"]
+    assert "10.77.0.2 is an address of this machine, and of another device" in seen(found, "addresses")
+    assert "of 1 list on UDP 1202 from 10.77.0.2" in seen(found, "telegrams")
+
+
 def test_answers_of_this_machine_are_answers(pair: tuple[Host, Host]) -> None:
     sender, reader = pair
     asking, answer = telegram(list_id=7, flags=1), telegram(list_id=7, service=5)

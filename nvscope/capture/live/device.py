@@ -14,7 +14,7 @@ from dissectors.batch import LinkType
 _ETHERNET, _LOOPBACK, _CAN, _NONE = 1, 772, 280, 65534
 _LINKS = {_ETHERNET: LinkType.ETHERNET, _LOOPBACK: LinkType.ETHERNET, _CAN: LinkType.CAN_SOCKETCAN, _NONE: LinkType.RAW}
 _KINDS = {_ETHERNET: "Ethernet", _LOOPBACK: "loopback", _CAN: "CAN", _NONE: "IP"}
-_IFNAME_BYTES = 16
+_IFNAME_BYTES, _HARDWARE_BYTES = 16, 6
 _SIOCGIFFLAGS, _SIOCGIFHWADDR = 0x8913, 0x8927
 _IFF_UP, _IFF_RUNNING = 0x1, 0x40
 
@@ -88,6 +88,15 @@ def device_of(name: str) -> Device | None:
     except (OSError, ValueError):  # also what cannot be a name at all
         return None
     return Device(name, index, kind)
+
+
+def hardware_of(name: str) -> str:
+    """Return the hardware address of a device, as ``02:00:00:00:00:01``; "" where it has none; on Linux."""
+    with suppress(OSError, ValueError):
+        told = _ask(name, _SIOCGIFHWADDR)
+        if struct.unpack_from("=H", told, _IFNAME_BYTES)[0] == _ETHERNET:
+            return told[_IFNAME_BYTES + 2 :][:_HARDWARE_BYTES].hex(":")
+    return ""
 
 
 def state_of(name: str) -> DeviceState | None:

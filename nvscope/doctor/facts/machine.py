@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from ipaddress import IPv4Address, IPv4Interface
 
-from nvscope.capture.live.device import device_of, names, state_of
+from nvscope.capture.live.device import device_of, hardware_of, names, state_of
 from nvscope.doctor.facts.clock import ClockState, clock_state
 from nvscope.doctor.facts.firewall import Firewall, firewall
 from nvscope.doctor.facts.groups import Membership, memberships
@@ -25,7 +25,10 @@ LINUX = sys.platform.startswith("linux")
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """An interface and its IPv4 addresses; ``vlan`` is the tag that it adds and takes away, None without one."""
+    """An interface and its IPv4 addresses; ``vlan`` is the tag that it adds and takes away, None without one.
+
+    ``hardware`` is its address on the wire, "" where it has none or nobody tells.
+    """
 
     name: str
     is_up: bool
@@ -35,6 +38,7 @@ class Interface:
     is_physical: bool
     addresses: tuple[IPv4Interface, ...] = ()
     vlan: int | None = None
+    hardware: str = ""
 
     @property
     def is_usable(self) -> bool:
@@ -62,6 +66,11 @@ class Machine:
     def own(self) -> frozenset[IPv4Address]:
         """The IPv4 addresses of this machine."""
         return frozenset(one.ip for entry in self.interfaces or () for one in entry.addresses)
+
+    @cached_property
+    def hardware(self) -> frozenset[str]:
+        """The addresses on the wire of this machine, as far as they are known."""
+        return frozenset(entry.hardware for entry in self.interfaces or () if entry.hardware)
 
     @cached_property
     def outward(self) -> Sequence[Interface]:
@@ -107,7 +116,7 @@ def _interfaces() -> Sequence[Interface]:
             Interface(
                 name, state.is_up, state.has_carrier, device.is_loopback,
                 device.is_known and device.is_ethernet and not device.is_loopback, _is_physical(name),
-                tuple(known.get(device.index, ())), tags.get(name),
+                tuple(known.get(device.index, ())), tags.get(name), hardware_of(name),
             )
         )  # fmt: skip
     return found
