@@ -31,8 +31,8 @@ def judge_firewall(case: Case) -> Iterator[Result]:
         proof = f"; {count_of(lost, 'telegram')} came in, and no program got one" if is_lost else ""
         yield Result(
             NAME, state, f"the firewall drops UDP {named(list(map(str, dropped)))} ({what.read_with}){proof}",
-            f"let it in, such as with `ufw allow {dropped[0]}/udp` or "
-            f"`nft insert rule inet filter input udp dport {dropped[0]} accept`; {_SEES}",
+            f"let it in, such as with `ufw allow {dropped[0]}/udp`, or by `udp dport {dropped[0]} accept` in front of "
+            f"the rule that drops it: `sudo nft list ruleset` shows its table and chain; {_SEES}",
             brief=f"the firewall drops UDP {dropped[0]}",
         )  # fmt: skip
     elif is_lost:

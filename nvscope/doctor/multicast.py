@@ -30,6 +30,6 @@ def judge_multicast(case: Case) -> Iterator[Result]:
         yield Result(
             NAME, State.NOTE if group in seen else State.PROBLEM,
             f"{told + ' ' if told else ''}multicast group {group}, which no program of this machine has joined",
-            f"udp://0.0.0.0:{case.ports[0]},{group} joins it; without a member, a switch with IGMP snooping keeps it "
-            "away from this port", group, f"nobody here has joined {group}",
+            f"watch udp://0.0.0.0:{case.ports[0]},{group}: it is joined as long; without a member, a switch with "
+            "IGMP snooping keeps it away from this port", group, f"nobody here has joined {group}",
         )  # fmt: skip

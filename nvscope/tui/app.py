@@ -303,7 +303,8 @@ class WatchApp(App[None], inherit_bindings=False):
         elif front is None:
             self.query_one("#help-lines", LinesView).move(name)
         elif not front.act(name, told):
-            self.notify(f"{name} does nothing in {front.title}", severity="warning", timeout=2)
+            key = self.keymap.key_of(name) or name
+            self.notify(f"{key} does nothing in {front.title}", severity="warning", timeout=2)
         self._tell_bars()
 
     def to_front(self, view: View, told: str = "") -> None:

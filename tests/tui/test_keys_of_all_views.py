@@ -124,3 +124,13 @@ def test_what_is_told_gives_way_to_what_is_told_next_and_errors_stay() -> None:
         assert (first.severity, last.severity) == ("error", "warning")
 
     on_screen(Inquiry([PLANT]), look, notes=True)
+
+
+def test_a_list_is_opened_as_what_is_known_of_it_and_a_key_without_use_is_told_by_its_name() -> None:
+    async def look(screen: Screen) -> None:
+        await screen.press("enter")
+        assert screen.app.front is screen.app.views[3]  # no definition: its telegrams
+        await screen.press("5", "x")
+        await screen.until(lambda: [one.message for one in screen.app._notifications] == ["x does nothing in Nodes"])
+
+    on_screen(Inquiry([PLANT]), look, notes=True)

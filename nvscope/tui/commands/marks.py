@@ -55,3 +55,5 @@ class MarkCommands:
         front = self._app.front
         if front is not None and not front.go_to(place):
             self._app.notify(f"What mark {letter} was on is gone", severity="warning", timeout=2)
+        else:
+            self._app.notify(f"At mark {letter}", timeout=1)

@@ -154,8 +154,11 @@ class ListsView(View):
         elif action == "show.reverse":
             self._reversed = not self._reversed
         elif action == "view.open":
-            if isinstance(self._table.key, str):
-                self.post_message(self.Asked("view.variables", self._table.key))
+            key = self._table.key
+            if isinstance(key, str) and self._look is not None:
+                # A list that no definition knows has telegrams, and no variables.
+                has_variables = any(str(one.list) == key for one in self._look.scene.variables)
+                self.post_message(self.Asked("view.variables" if has_variables else "view.packets", key))
         elif action == "view.maximise":
             self._alone = not self._alone
         else:
