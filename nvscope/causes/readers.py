@@ -19,7 +19,7 @@ from nvscope.causes.late_answers import answered_all, how_late, late_answers
 from nvscope.causes.losses import losses_at_senders, losses_of_only_lists
 from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.successions import of_successions
-from nvscope.causes.words import capitalised, lists_in_words, moment
+from nvscope.causes.words import capitalised, lists_in_words, moment, span_in_words
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
@@ -113,12 +113,15 @@ def judge_without_program(case: Case) -> Iterator[Explained]:
         ports = sorted({entry.key.port for entry in lists if isinstance(entry, ListSummary)})
         name = case.address(told_by) if 0 <= told_by < len(case.facts.summary.addresses) else "a node"
         at_port = f"at port {ports[0]}" if len(ports) == 1 else f"at {len(ports)} ports"
-        title = f"Node {name} has no program {at_port} for {lists_in_words(case, lists)} since {moment(case, since_ns)}"
+        times_ns = symptoms.time_ns[np.asarray(own)]
+        until_ns = case.end_of(times_ns, max(slack_ns(lists), _between_ns(case, own)))
+        has, when = "has" if until_ns is None else "had", span_in_words(case, since_ns, until_ns)
+        title = f"Node {name} {has} no program {at_port} for {lists_in_words(case, lists)} {when}"
         checked = [f"it says so itself (ICMP), {count_of(len(own), 'time')}"]
         draft = Draft(
             READER_WITHOUT_PROGRAM, title, READER_WITHOUT_PROGRAM.next_step, checked, lists,
             [told_by] if 0 <= told_by < len(case.facts.summary.addresses) else [], since_ns=since_ns,
-            until_ns=case.end_of(symptoms.time_ns[np.asarray(own)], max(slack_ns(lists), _between_ns(case, own))),
+            until_ns=until_ns,
         )  # fmt: skip
         yield draft, chosen
 

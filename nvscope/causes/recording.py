@@ -13,7 +13,7 @@ from nvscope.causes.kind import CauseKind
 from nvscope.causes.node_streams import NodeStream, Pause
 from nvscope.causes.spans import touching
 from nvscope.causes.ways import ways_in_words, ways_of
-from nvscope.causes.words import moment
+from nvscope.causes.words import joined, moment
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, UNEXPECTED_ACKNOWLEDGEMENT
 from nvscope.findings.can import INCOMPLETE_CYCLE
@@ -77,14 +77,31 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
         f"the copies differ in {different}: a router seen from both sides" if different
         else "addresses, VLAN and time to live are the same: it is the mirror port that shows them twice"
     )  # fmt: skip
+    step = SEEN_TWICE.next_step
+    if beside := _beside_each_other(case):
+        checked[1] = f"{count(len(beside))} sources were read that hold the same time: {joined(beside)}"
+        step = f"Name one of them alone, such as {beside[0]}: what both saw counts twice."
     usual_ns = (last_ns - since_ns) // max(repeated - 1, 1) + _ROOM_NS
     over = case.end_ns - last_ns > 2 * usual_ns
     when = f"from {moment(case, since_ns)} to {moment(case, last_ns)}" if over else f"since {moment(case, since_ns)}"
     draft = Draft(
-        SEEN_TWICE, f"The capture holds nearly every telegram twice, {when}", SEEN_TWICE.next_step, checked, lists,
+        SEEN_TWICE, f"The capture holds nearly every telegram twice, {when}", step, checked, lists,
         since_ns=since_ns, until_ns=last_ns if over else None,
     )  # fmt: skip
     yield draft, chosen
+
+
+def _beside_each_other(case: Case) -> list[str]:
+    """Return the sources that were read beside each other, more than half of the time of the shortest; else none."""
+    spans = [
+        (one.start_ns, one.end_ns, one.path) for one in case.facts.sources
+        if one.start_ns is not None and one.end_ns is not None
+    ]  # fmt: skip
+    if len(spans) < 2:
+        return []
+    common_ns = min(end_ns for _, end_ns, _ in spans) - max(start_ns for start_ns, _, _ in spans)
+    shortest_ns = min(end_ns - start_ns for start_ns, end_ns, _ in spans)
+    return [path for _, _, path in spans] if 2 * common_ns > shortest_ns else []
 
 
 def _places(case: Case, copies: I64) -> set[_Place]:
