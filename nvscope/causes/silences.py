@@ -15,6 +15,7 @@ from nvscope.causes.case import NOBODY, PAUSE_PERCENT, Case, Draft, Explained, l
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.node_streams import NodeStream, Pause
 from nvscope.causes.outages import OF_CABLE
+from nvscope.causes.receivers import hidden_by_switch
 from nvscope.causes.silent_together import (
     NodeSilence,
     cyclic_lists_of,
@@ -266,6 +267,9 @@ def _draft(case: Case, kind: CauseKind, silence: NodeSilence, chosen: Bool) -> D
     if others:
         checked.append(going_in_words(others))
     step = kind.next_step
+    if kind is NODE_SILENT and (hidden := hidden_by_switch(case, node)):
+        checked.append(hidden)
+        step = f"Whether a mirror port shows it: a switch keeps from others what is for one station. {step}"
     if pause.until_ns is not None:
         lost = case.free(TELEGRAM_GAP) & chosen
         if kind is NODE_SILENT:

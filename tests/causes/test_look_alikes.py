@@ -112,3 +112,16 @@ def test_a_list_that_begins_later_or_ended_before_changes_nothing_of_a_silence(
     assert silent.title.startswith("Node 10.0.0.1 was silent from 15.0 s to 21.0 s (list")
     assert "9" not in silent.title
     assert sorted(cause.kind.name for cause in causes if cause is not silent) == further
+
+
+@pytest.mark.parametrize(("answers", "caveat"), [(False, True), (True, False)])
+def test_what_is_for_one_station_may_be_kept_from_a_capture(answers: bool, caveat: bool, tmp_path: Path) -> None:
+    """Acknowledgements are for one station, too: where they are seen, a switch keeps nothing back."""
+    text = PLANT.replace('sender = "press"\n', 'sender = "press"\ndestination = "saw"\n')
+    if answers:
+        text = text.replace('destination = "saw"\n', 'destination = "saw"\nacknowledge = true\n')
+        text += "".join(f'[[reader]]\nnode = "saw"\nlist = "{name}"\n' for name in OF_PRESS)
+    text += '[[power_off]]\nnode = "press"\nat = "20s"\n'
+    _, (cause,) = causes_of(Simulation(read_scenario(text)).inquiry(tmp_path))
+    assert cause.kind.name == "node-silent"
+    assert cause.next.startswith("Whether a mirror port shows it") == caveat
