@@ -20,6 +20,7 @@ from typing import Any
 import pytest
 
 from tests.capture.live.network import cable, needs_namespaces, send
+from tests.capture.live.test_ring import wait_for_ring
 from tests.oracle.builders import data_frame, telegram
 from tests.program import COMMAND, run_text
 from tests.schemas.validation import mistakes_in
@@ -91,15 +92,7 @@ def test_what_is_watched_is_what_a_capture_of_the_same_time_tells(tmp_path: Path
     with cable() as (press, engineer):
         dump = engineer.start("tcpdump", "-i", engineer.device, "-U", "--immediate-mode", "-w", str(capture), "udp")
         watching = engineer.nvscope("watch", "--json", engineer.device, "--for", "7s")
-        for _ in range(200):
-            packets = subprocess.run(
-                ["ip", "netns", "exec", engineer.namespace, "cat", "/proc/net/packet"], capture_output=True, text=True,
-                check=True,
-            )  # fmt: skip
-            if len(packets.stdout.splitlines()) >= 3:
-                break
-            time.sleep(0.05)
-        time.sleep(0.2)
+        wait_for_ring(engineer, 2)
         sending = press.start(*send("10.77.0.255", 100, 2, 20_000_000))
         out, said = watching.communicate(timeout=40)
         sending.wait(10)
