@@ -264,6 +264,9 @@ def _draft(case: Case, kind: CauseKind, silence: NodeSilence, chosen: Bool) -> D
         checked.append(f"nothing of it came {when}{heard_of(case, 'it sends')}")
     else:
         checked.append("other frames of it (ARP, ICMP, TCP …) go on: it has power and cable")
+        refused = chosen & case.free(SEND_REJECTED) & (case.symptoms.detail == node)
+        if refused.any():
+            checked.insert(0, "it says itself that no program listens at its port (ICMP)")
     if others:
         checked.append(going_in_words(others))
     step = kind.next_step

@@ -125,3 +125,12 @@ def test_what_is_for_one_station_may_be_kept_from_a_capture(answers: bool, cavea
     _, (cause,) = causes_of(Simulation(read_scenario(text)).inquiry(tmp_path))
     assert cause.kind.name == "node-silent"
     assert cause.next.startswith("Whether a mirror port shows it") == caveat
+
+
+def test_a_program_that_is_gone_is_told_by_its_port_too(tmp_path: Path) -> None:
+    text = PLANT.replace('sender = "saw"\n', 'sender = "saw"\ndestination = "press"\n')
+    text += "".join(f'[[stop]]\nnode = "press"\nlist = "{name}"\nat = "20s"\n' for name in OF_PRESS) + ALIVE
+    text += '[[unreachable]]\nlist = "blade"\nfrom = "20s"\n'
+    _, causes = causes_of(Simulation(read_scenario(text)).inquiry(tmp_path))
+    (stopped,) = (cause for cause in causes if cause.kind.name == "program-stopped")
+    assert stopped.checked[0] == "it says itself that no program listens at its port (ICMP)"
