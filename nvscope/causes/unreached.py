@@ -27,6 +27,9 @@ _OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 _NEAR_NS, _NEAR_PERCENT = 5_000_000_000, 250
 """So far from the questions a pause may begin and end: of the usual interval, or so long."""
 
+_SELDOM_NS = 3_000_000_000
+"""A stack that finds nobody asks three times, a second apart."""
+
 
 class Spell(NamedTuple):
     """A time in which a list did not come, since its sender looked for its only reader; None has no end."""
@@ -130,6 +133,12 @@ class Unreached:
         near_ns = max(interval_ns * _NEAR_PERCENT // 100, _NEAR_NS)
         end_ns = self._case.end_ns if until_ns is None else until_ns
         own = [one for one in self._asked[sender, reader] if one[0] <= end_ns and one[1] >= since_ns]
-        if not own or own[0][0] > since_ns + near_ns or own[-1][1] < end_ns - near_ns:
+        if not own or own[-1][1] < end_ns - near_ns or end_ns - since_ns < _NEAR_NS:
+            return False
+        if abs(own[0][0] - since_ns) > near_ns:
+            return False  # it asked long before, as some do all the time, or for another reason
+        asked_ns = sum(min(until, end_ns) - max(since, since_ns) for since, until in own)
+        # Each sending that finds nobody is followed by questions: of what is sent often, they never end.
+        if interval_ns <= _SELDOM_NS and 2 * asked_ns < end_ns - since_ns:
             return False
         return not self._case.life.sent_between(reader, since_ns + 1, end_ns - near_ns)

@@ -10,7 +10,7 @@ from dissectors.keys import KeyTable
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.evidence.signs import SignsOfLife
 
-CLOSE_NS = 3_000_000_000
+CLOSE_NS = 1_500_000_000
 """Who gets no answer asks again after a second; questions further apart than this are asked for other reasons."""
 
 LASTING_NS = 1_900_000_000
