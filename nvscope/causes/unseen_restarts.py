@@ -6,6 +6,7 @@ stream seems to pause until it has counted up to where it was.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
 from nvscope.causes.restarts import NODE_RESTART
 from nvscope.causes.words import lists_in_words, moment
+from nvscope.engine.runs import rows_by
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, TELEGRAM_GAP
 from nvscope.findings.timing import JITTER, LATE, STOPPED, TORN_CYCLE
@@ -42,32 +44,31 @@ class _Back(NamedTuple):
 def judge_unseen_restarts(case: Case) -> Iterator[Explained]:
     """Explain telegrams that seem repeated in a pause of their stream, by node and pause."""
     symptoms = case.symptoms
-    nodes = symptoms.node[case.free(*_REPEATED)]
-    for node, streams in case.streams_of_node.items():
-        if not (nodes == node).any():
-            continue
-        found = sorted((own for one in streams for own in _backs(case, one)), key=lambda own: own.pause.since_ns)
-        while found:
-            together = [own for own in found if own.pause.since_ns < found[0].first_ns]
-            found = [own for own in found if own not in together]
+    repeated = np.flatnonzero(case.free(*_REPEATED))
+    backs: dict[int, list[_Back]] = defaultdict(list)
+    for place, own in rows_by((symptoms.list[repeated], symptoms.node[repeated], symptoms.subindex[repeated])):
+        one = case.stream_at(place[0], place[1], place[2])
+        if one is not None and one.nominal_ns and len(own) >= _LEAST:
+            backs[place[1]] += _backs(case, one, repeated[own])
+    for node, found in sorted(backs.items()):
+        rest = sorted(found, key=lambda own: own.pause.since_ns)
+        while rest:
+            together = [own for own in rest if own.pause.since_ns < rest[0].first_ns]
+            rest = rest[len(together) :]
             yield _draft(case, node, together)
 
 
-def _backs(case: Case, one: NodeStream) -> Iterator[_Back]:
-    symptoms = case.symptoms
-    rows = np.flatnonzero(
-        case.free(*_REPEATED) & (symptoms.list == one.list.number) & (symptoms.node == one.stream.node)
-        & (symptoms.subindex == one.stream.subindex)
-    )  # fmt: skip
-    if len(rows) < _LEAST or not one.nominal_ns:
-        return
+def _backs(case: Case, one: NodeStream, rows: I64) -> Iterator[_Back]:
+    """Yield the pauses of a stream in which telegrams seem repeated, one interval after the other."""
+    times_ns = case.symptoms.time_ns[rows]
     for pause in case.pauses(one.list.number, one.stream):
-        times_ns = symptoms.time_ns[rows]
-        inside = (times_ns > pause.since_ns) & (times_ns < (pause.until_ns or case.end_ns + 1))
-        own, intervals_ns = rows[inside], np.diff(times_ns[inside])
-        near = np.abs(intervals_ns - one.nominal_ns) * 2 <= one.nominal_ns
-        if len(own) >= _LEAST and 2 * near.sum() > len(near):
-            yield _Back(one, pause, own, int(times_ns[inside][0]))
+        end_ns = case.end_ns + 1 if pause.until_ns is None else pause.until_ns
+        begin, end = np.searchsorted(times_ns, pause.since_ns, "right"), np.searchsorted(times_ns, end_ns)
+        if end - begin < _LEAST:
+            continue
+        near = np.abs(np.diff(times_ns[begin:end]) - one.nominal_ns) * 2 <= one.nominal_ns
+        if 2 * near.sum() > len(near):
+            yield _Back(one, pause, rows[begin:end], int(times_ns[begin]))
 
 
 def _draft(case: Case, node: int, together: list[_Back]) -> Explained:
