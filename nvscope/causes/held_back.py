@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope.causes.case import Case
-from nvscope.causes.unreached import Spell
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.unreached import Spell, span_of
+from nvscope.causes.words import lists_in_words, span_in_words
 
 
 def lists_and_time(case: Case, spells: Sequence[Spell]) -> tuple[str, str]:
     """Return which lists were held back, and since when, or from when to when."""
     lists = [case.lists[number] for number in dict.fromkeys(one.list for one in spells)]
-    since = moment(case, min(one.since_ns for one in spells))
-    ends_ns = [one.until_ns for one in spells if one.until_ns is not None]
-    when = f"from {since} to {moment(case, max(ends_ns))}" if len(ends_ns) == len(spells) else f"since {since}"
-    return lists_in_words(case, lists), when
+    return lists_in_words(case, lists), span_in_words(case, *span_of(spells))
 
 
 def looked_for(case: Case, spells: Sequence[Spell]) -> str:

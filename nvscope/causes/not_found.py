@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from nvscope.causes.case import NOBODY, Case, Draft, Explained
 from nvscope.causes.held_back import lists_and_time
 from nvscope.causes.kind import CauseKind
+from nvscope.causes.unreached import span_of
 
 READER_NOT_FOUND = CauseKind(
     "reader-not-found",
@@ -30,15 +31,14 @@ def judge_readers_not_found(case: Case) -> Iterator[Explained]:
             continue
         which, when = lists_and_time(case, spells)
         senders = list(dict.fromkeys(one.sender for one in spells))
-        over = all(one.until_ns is not None for one in spells)
-        name, does = case.address(reader), "did" if over else "does" if len(senders) == 1 else "do"
+        since_ns, until_ns = span_of(spells)
+        name, does = case.address(reader), "did" if until_ns is not None else "does" if len(senders) == 1 else "do"
         who = f"Node {case.address(senders[0])}" if len(senders) == 1 else f"{len(senders)} nodes"
         draft = Draft(
             READER_NOT_FOUND, f"{who} {does} not find node {name} {when}, which alone reads {which}",
             _NEXT.format(reader=name),
             [f"again and again it is asked who has the address {name} (ARP)", f"nothing of {name} came meanwhile"],
             [case.lists[number] for number in dict.fromkeys(one.list for one in spells)], [reader],
-            since_ns=min(one.since_ns for one in spells),
-            until_ns=max(one.until_ns or 0 for one in spells) if over else None,
+            since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         yield draft, case.unreached.symptoms_of(spells)

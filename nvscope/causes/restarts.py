@@ -35,7 +35,7 @@ LIST_RESTARTED = CauseKind(
 )
 
 _CLUSTER_NS = 10_000_000_000
-_IN_PAUSE = (TELEGRAM_GAP, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED, LATE, JITTER, TORN_CYCLE)
+IN_PAUSE = (TELEGRAM_GAP, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED, LATE, JITTER, TORN_CYCLE)
 _BESIDE = (TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 
 
@@ -128,7 +128,7 @@ def _node_draft(
     last_ns = int(symptoms.time_ns[list(cluster)].max())
     chosen = case.only(cluster)
     own = (symptoms.node == node) | case.waits_for(node)
-    chosen |= case.free(*_IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
+    chosen |= case.free(*IN_PAUSE) & own & _within(case, since_ns, max(until_ns, last_ns))
     chosen |= _not_due_yet(case, node, until_ns)
     # Where one counter is for all, what a list counts anew may look repeated for a while, and its cycles torn.
     again_ns = int(symptoms.time_ns[chosen].max())

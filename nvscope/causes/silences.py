@@ -26,6 +26,7 @@ from nvscope.causes.silent_together import (
     others_go_on,
     span_of,
 )
+from nvscope.causes.symptoms import OF_SILENCE
 from nvscope.causes.unplugged import was_unplugged
 from nvscope.causes.words import capitalised, lists_in_words, moment
 from nvscope.engine.runs import rows_by
@@ -33,7 +34,7 @@ from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEN
 from nvscope.findings.facts import AnyList
 from nvscope.findings.kind import Severity
 from nvscope.findings.loss import TELEGRAM_GAP
-from nvscope.findings.timing import JITTER, LATE, STOPPED, TORN_CYCLE
+from nvscope.findings.timing import STOPPED, TORN_CYCLE
 from nvscope.list_key import Transport
 from nvscope.units import duration
 
@@ -68,7 +69,6 @@ LIST_STOPPED = CauseKind(
 
 _HALTED = "Its application: a breakpoint, a stop, a download? Its counters were kept, so it had power. Then its cable."
 
-_OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 _WAITS = (NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED)
 _SHORTEST = 10  # a pause with an end is told from ten of the longest interval on
 _HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near to a pause prove nothing
@@ -109,7 +109,7 @@ def _of_everybody(case: Case, members: Sequence[NodeSilence]) -> Bool:
     room_ns = max(one.longest_ns for one in members) * PAUSE_PERCENT // 100
     symptoms = case.symptoms
     began, ended = np.abs(symptoms.since_ns - since_ns) <= room_ns, np.abs(symptoms.time_ns - until_ns) <= room_ns
-    everybody: Bool = case.free(*_OF_SILENCE, *_WAITS) & began & ended
+    everybody: Bool = case.free(*OF_SILENCE, *_WAITS) & began & ended
     return everybody
 
 
@@ -224,7 +224,7 @@ def _meanwhile(pauses: Sequence[Pause], pause: Pause) -> Pause | None:
 def _explained(case: Case, node: int, pause: Pause) -> Bool:
     """Tell what a silence of a node explains: its own, and the waits for it."""
     symptoms, meanwhile = case.symptoms, case.overlapping(pause.since_ns, pause.until_ns)
-    own = case.free(*_OF_SILENCE) & (symptoms.node == node) & meanwhile
+    own = case.free(*OF_SILENCE) & (symptoms.node == node) & meanwhile
     own |= _ended_with(case, node, pause)
     # A cycle that is torn alone is no silence.
     if not (own & ~symptoms.of_kinds(TORN_CYCLE)).any():

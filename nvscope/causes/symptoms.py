@@ -41,6 +41,9 @@ _STEPS = {
 _OF_EVENT = {EventKind.STEP_BACK: CLOCK_STEP, EventKind.ERROR_FRAME: ERROR_FRAMES, EventKind.BUS_OFF: ERROR_FRAMES} | {
     kind.from_event: kind for kind in CATALOGUE.values() if kind.from_event is not None
 }
+OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
+"""What a list breaks that does not come for a while."""
+
 SECOND_NS = 1_000_000_000
 _OF_CYCLES = (TORN_CYCLE, INCOMPLETE_CYCLE)
 

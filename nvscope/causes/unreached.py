@@ -16,14 +16,13 @@ import numpy as np
 from dissectors.batch import Bool
 from dissectors.headers import IPV4_HIGH
 from nvscope.causes.node_streams import NodeStream, Pause
+from nvscope.causes.symptoms import OF_SILENCE
 from nvscope.engine.keys import FrameKind
 from nvscope.findings.loss import TELEGRAM_GAP
-from nvscope.findings.timing import JITTER, LATE, STOPPED, TORN_CYCLE
 
 if TYPE_CHECKING:  # a case has one of these
     from nvscope.causes.case import Case
 
-_OF_SILENCE = (STOPPED, TELEGRAM_GAP, LATE, JITTER, TORN_CYCLE)
 _NEAR_NS, _NEAR_PERCENT = 5_000_000_000, 250
 """So far from the questions a pause may begin and end: of the usual interval, or so long."""
 
@@ -70,7 +69,7 @@ class Unreached:
 
     def symptoms_of(self, spells: Iterable[Spell]) -> Bool:
         """Return the same of some spells."""
-        symptoms, of_silence = self._case.symptoms, self._case.symptoms.of_kinds(*_OF_SILENCE)
+        symptoms, of_silence = self._case.symptoms, self._case.symptoms.of_kinds(*OF_SILENCE)
         found: Bool = np.zeros(len(symptoms.code), np.bool_)
         for one in spells:
             own = symptoms.list == one.list
@@ -95,20 +94,23 @@ class Unreached:
         return found
 
     @cached_property
+    def receivers(self) -> Mapping[tuple[int, int], set[int]]:
+        """Where each list of a node goes, by both; a number below 0 is no node alone."""
+        flows = self._case.facts.state.lists.flows
+        data = np.isin(flows.column("kind"), [FrameKind.DATA, FrameKind.MALFORMED_DATA])
+        found: dict[tuple[int, int], set[int]] = defaultdict(set)
+        columns = (flows.column(name)[data].tolist() for name in ("list", "source", "destination"))
+        for number, node, to in zip(*columns, strict=True):
+            found[number, node].add(to)
+        return found
+
+    @cached_property
     def _reader_of(self) -> Mapping[tuple[int, int], int]:
         """Which node each list of a node goes to, where it goes to no other one and its sender looks for that."""
         if not self._asked:
             return {}
-        flows = self._case.facts.state.lists.flows
-        columns = (flows.column(name) for name in ("kind", "list", "source", "destination"))
-        kind, number, source, to = (column.astype(np.int64) for column in columns)
-        data = np.isin(kind, [FrameKind.DATA, FrameKind.MALFORMED_DATA])
-        data &= np.isin(source, [sender for sender, _ in self._asked])
-        readers: dict[tuple[int, int], set[int]] = defaultdict(set)
-        for place, node, reader in zip(number[data].tolist(), source[data].tolist(), to[data].tolist(), strict=True):
-            readers[place, node].add(reader)
         return {
-            (number, sender): reader for (number, sender), own in readers.items()
+            (number, sender): reader for (number, sender), own in self.receivers.items()
             for reader in own if len(own) == 1 and (sender, reader) in self._asked
         }  # fmt: skip
 
@@ -142,3 +144,9 @@ class Unreached:
         if interval_ns <= _SELDOM_NS and 2 * asked_ns < end_ns - since_ns:
             return False
         return not self._case.life.sent_between(reader, since_ns + 1, end_ns - near_ns)
+
+
+def span_of(spells: Sequence[Spell]) -> tuple[int, int | None]:
+    """Return from when to when readers were not found."""
+    ends_ns = [one.until_ns for one in spells if one.until_ns is not None]
+    return min(one.since_ns for one in spells), max(ends_ns) if len(ends_ns) == len(spells) else None

@@ -15,21 +15,17 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
-from nvscope.causes.restarts import NODE_RESTART
+from nvscope.causes.restarts import IN_PAUSE, NODE_RESTART
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.engine.runs import rows_by
-from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEND_REJECTED
-from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, TELEGRAM_GAP
-from nvscope.findings.timing import JITTER, LATE, STOPPED, TORN_CYCLE
+from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM
+from nvscope.findings.timing import STOPPED
 from nvscope.units import count_of, duration
 
 _LEAST = 3
 """So many repeated telegrams in one pause, one interval after the other, are no copies that come late."""
 
 _REPEATED = (DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM)
-_IN_PAUSE = (
-    *_REPEATED, TELEGRAM_GAP, LATE, JITTER, STOPPED, TORN_CYCLE, NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED,
-)  # fmt: skip
 
 
 class _Back(NamedTuple):
@@ -78,7 +74,7 @@ def _draft(case: Case, node: int, together: list[_Back]) -> Explained:
     ends = [own.pause.until_ns for own in together]
     seems_until_ns = case.end_ns if None in ends else max(end for end in ends if end is not None)
     begun_ns = min(own.pause.since_ns for own in together)
-    chosen = case.free(*_IN_PAUSE) & ((symptoms.node == node) | case.waits_for(node))
+    chosen = case.free(*_REPEATED, STOPPED, *IN_PAUSE) & ((symptoms.node == node) | case.waits_for(node))
     chosen &= (symptoms.time_ns >= begun_ns) & (symptoms.since_ns < seems_until_ns)
     lists = lists_of_streams(own.one for own in together)
     repeated = sum(len(own.rows) for own in together)
@@ -86,7 +82,7 @@ def _draft(case: Case, node: int, together: list[_Back]) -> Explained:
         NODE_RESTART, f"Node {case.address(node)} started anew at {moment(case, until_ns)}", NODE_RESTART.next_step,
         [
             f"the counters of {lists_in_words(case, lists)} came back lower, and count on from there: "
-            f"{count_of(repeated, 'telegram')} only {'seems' if repeated == 1 else 'seem'} repeated",
+            f"{count_of(repeated, 'telegram')} only seem repeated",
             f"it sent nothing for {duration(until_ns - since_ns)}; what it sent first after that was not seen",
         ],
         case.lists_of_node(node), [node], since_ns=since_ns, until_ns=until_ns,

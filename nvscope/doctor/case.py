@@ -61,21 +61,17 @@ class Case:
         return [(flow, times) for flow, times in self.flows if not self._is_sent_away(flow)]
 
     def _is_sent_away(self, flow: Flow) -> bool:
-        if flow.is_own:
-            return True
+        return flow.is_own or (self._has_our_address(flow) and not self.is_twin(flow))
+
+    def _has_our_address(self, flow: Flow) -> bool:
         place = self.interface_of(flow)
-        is_ours = place is not None and not place.is_loopback and ipv4(flow.source) in self._own
-        return is_ours and not self.is_twin(flow)
+        return place is not None and not place.is_loopback and ipv4(flow.source) in self._own
 
     def is_twin(self, flow: Flow) -> bool:
         """Return whether telegrams under an address of this machine came from another device."""
-        if self.machine is None or flow.is_own or not flow.hardware or not self.machine.hardware:
-            return False
-        place = self.interface_of(flow)
-        return (
-            place is not None and place.is_ethernet and ipv4(flow.source) in self._own
-            and flow.hardware not in self.machine.hardware
-        )  # fmt: skip
+        ours = self.machine.hardware if self.machine else frozenset()
+        is_from_others = not flow.is_own and bool(flow.hardware and ours) and flow.hardware not in ours
+        return is_from_others and self._has_our_address(flow)
 
     @cached_property
     def _own(self) -> frozenset[IPv4Address]:
