@@ -15,6 +15,7 @@ from nvscope.causes.kind import CauseKind
 from nvscope.causes.ways import device_in_words
 from nvscope.causes.words import lists_in_words, moment
 from nvscope.findings.kind import Severity
+from nvscope.findings.loss import COUNTER_ERRATIC, COUNTER_SCOPE, COUNTER_UNUSED
 from nvscope.tracker.evidence.presence import HARDWARE_BITS
 from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS
 from nvscope.units import count_of
@@ -35,6 +36,8 @@ _MOST_IPS = 2  # a hardware address with more of them is a router's
 _REPEATED_PERCENT = 80
 _REGULAR_PERCENT = 90
 _LEAST_STEPS = 3
+_OF_WHOLE_STREAMS = (COUNTER_UNUSED, COUNTER_SCOPE, COUNTER_ERRATIC)
+"""What is said of a stream as a whole, whenever it began: two devices that count for themselves spoil it."""
 
 
 class _Device(NamedTuple):
@@ -178,13 +181,17 @@ def _draft(case: Case, node: int, devices: list[_Device], told: list[str]) -> Ex
         DUPLICATE_ADDRESS, title, DUPLICATE_ADDRESS.next_step, checked, lists, [node], since_ns=since_ns,
         until_ns=until_ns,
     )  # fmt: skip
-    return draft, _of_address(case, node)
+    return draft, _of_address(case, node, since_ns)
 
 
-def _of_address(case: Case, node: int) -> Bool:
-    """Tell which symptoms are of an address, be it as sender or as reader, and of lists that it alone sends."""
+def _of_address(case: Case, node: int, since_ns: int) -> Bool:
+    """Tell which symptoms are of an address, be it as sender or as reader, and of lists that it alone sends.
+
+    What was before the second device is not, but for what is said of whole streams.
+    """
     symptoms = case.symptoms
     alone = [entry.number for entry in case.lists_of_node(node) if {stream.node for stream in entry.streams} == {node}]
     own: Bool = (symptoms.node == node) | (symptoms.peer == node)
     own |= (symptoms.node < 0) & np.isin(symptoms.list, alone)
-    return own
+    earlier = (symptoms.since_ns > 0) & (symptoms.time_ns < since_ns) & ~symptoms.of_kinds(*_OF_WHOLE_STREAMS)
+    return own & ~earlier

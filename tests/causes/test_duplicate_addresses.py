@@ -143,3 +143,24 @@ def test_a_router_has_many_addresses_and_is_none_of_the_devices(hosts: int, tmp_
         )
     ]
     assert "duplicate-address" not in kinds(causes_in([*frames, *behind], tmp_path))
+
+
+@pytest.mark.parametrize("counter", ["stream", "telegram", "send"])
+@pytest.mark.parametrize(
+    ("event", "kind"),
+    [
+        ('[[restart]]\nnode = "press"\nat = "5s"\noutage = "2s"\n', "node-restart"),
+        ('[[unplugged]]\nnode = "press"\nat = "3s"\nuntil = "7s"\n', "node-silent"),
+    ],
+)
+def test_what_was_before_the_second_device_is_its_own_story(
+    event: str, kind: str, counter: str, tmp_path: Path
+) -> None:
+    plant = PLANT.replace('"02:00:00:00:00:aa"', f'"02:00:00:00:00:aa"\ncounter = "{counter}"')
+    feed = '[[list]]\nname = "feed"\nindex = 7\nsender = "press"\nbytes = [20]\ninterval = "70ms"\n'
+    before, shared = sorted(
+        causes_in(one_address(plant + feed + event + SENDS_TOO), tmp_path), key=lambda one: one.since_ns
+    )
+    assert (before.kind.name, shared.kind.name) == (kind, "duplicate-address")
+    assert shared.title == "Two devices have the address 10.0.0.1 since 10.0 s (lists 1 and 7)"
+    assert (before.until_ns or shared.since_ns) < shared.since_ns
