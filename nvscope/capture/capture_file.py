@@ -178,7 +178,9 @@ class CaptureFile:
     def _batches(reader: Reader, share: int) -> Iterator[PacketBatch]:
         """Return the batches of a reader; a large file that is read alone is read ahead."""
         size = reader.content.size_bytes
-        if share > 1 or not isinstance(reader, WindowReader) or size is None or size < reader.sizes.ahead_bytes:
+        if share > 1 or not isinstance(reader, WindowReader) or not reader.copies_ahead:
+            return reader.batches()
+        if size is None or size < reader.sizes.ahead_bytes:
             return reader.batches()
         from nvscope.capture.read_ahead import batches_of  # noqa: PLC0415  # not for small files
 

@@ -224,3 +224,65 @@ def _lz4_failure() -> type[Exception]:
 
 
 _FAILURES: dict[str, Callable[[], type[Exception]]] = {GZIP: _gzip_failure, ZSTD: _zstd_failure, LZ4: _lz4_failure}
+
+
+_LEVEL = 3
+
+
+def packed_as(compression: str, data: bytes) -> bytes:
+    """Return bytes compressed as one frame that tells its size; of ``ZSTD`` alone."""
+    if compression != ZSTD:
+        raise ValueError(f"nothing is written with {compression}")
+    import zstandard  # noqa: PLC0415
+
+    packed: bytes = zstandard.ZstdCompressor(level=_LEVEL).compress(data)
+    return packed
+
+
+class Unpackable(ValueError):
+    """Compressed bytes that are not what they are said to be."""
+
+
+def unpack_into(target: memoryview, compression: str, data: bytes) -> None:
+    """Write what was compressed to one piece to where it is wanted, which it has to fill.
+
+    Raises Unpackable where it is anything else, or the compression is unknown; what is in ``target`` then is nothing.
+    """
+    if not compression:
+        count, rest = _copied(data, target)
+    elif compression == ZSTD:
+        count, rest = _unpack_zstd(data, target)
+    elif compression == LZ4:
+        count, rest = _unpack_lz4(data, target)
+    else:
+        raise Unpackable(f"compressed with '{compression[:20]}', which is unknown")
+    if rest or count != len(target):
+        raise Unpackable(f"damaged: {'more than' if rest else count} bytes, {len(target)} should be there")
+
+
+def _copied(data: bytes, target: memoryview) -> tuple[int, bool]:
+    count = min(len(data), len(target))
+    target[:count] = data[:count]
+    return count, len(data) > len(target)
+
+
+def _unpack_zstd(data: bytes, target: memoryview) -> tuple[int, bool]:
+    import zstandard  # noqa: PLC0415
+
+    try:
+        reader = zstandard.ZstdDecompressor(max_window_size=_ZSTD_WINDOW_BYTES).stream_reader(data)
+        count = 0
+        while count < len(target) and (more := reader.readinto(target[count:])):
+            count += more
+        return count, bool(reader.read(1))
+    except zstandard.ZstdError as error:
+        raise Unpackable(f"damaged ({error})") from error
+
+
+def _unpack_lz4(data: bytes, target: memoryview) -> tuple[int, bool]:
+    import lz4.frame  # noqa: PLC0415
+
+    try:
+        return _copied(lz4.frame.LZ4FrameDecompressor().decompress(data, len(target) + 1), target)
+    except RuntimeError as error:
+        raise Unpackable(f"damaged ({error})") from error

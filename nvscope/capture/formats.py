@@ -117,6 +117,16 @@ FORMATS = (
         names_channels=True,
     ),
     CaptureFormat(
+        name="mcap",
+        suffixes=(".mcap",),
+        reader="nvscope.capture.mcap.reader:McapReader",
+        sink="nvscope.capture.mcap.sink:McapSink",
+        magics=(b"\x89MCAP0\r\n",),
+        mixes_links=True,
+        names_channels=True,
+        holds_attachments=True,
+    ),
+    CaptureFormat(
         name="candump",
         suffixes=(".log",),
         reader="nvscope.capture.can.candump:CandumpReader",

@@ -88,8 +88,12 @@ class Reader(ABC):
 
 
 class WindowReader(Reader):
-    """A reader that looks at the content through a window; ``finished`` says that it wants to see no more of it."""
+    """A reader that looks at the content through a window; ``finished`` says that it wants to see no more of it.
 
+    ``copies_ahead``: of a large file, a copy of it may read ahead (``read_ahead``).
+    """
+
+    copies_ahead: ClassVar[bool] = True
     finished = False
     follows = True
 

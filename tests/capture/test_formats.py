@@ -92,14 +92,14 @@ def test_captures_have_no_attachments(tmp_path: Path) -> None:
 
 def test_error_texts_come_from_the_table(tmp_path: Path) -> None:
     (tmp_path / "notes").write_text("something that is no capture, and is long enough")
-    with pytest.raises(UnreadableInput, match="expected a pcap or pcapng file or a CAN log, plain or com"):
+    with pytest.raises(UnreadableInput, match="expected a pcap, pcapng or mcap file or a CAN log, plain or com"):
         CaptureFile(str(tmp_path / "notes"))
-    with pytest.raises(UnreadableInput, match=r"among 1 files, expected a pcap or pcapng file or a CAN log"):
+    with pytest.raises(UnreadableInput, match=r"among 1 files, expected a pcap, pcapng or mcap file or a CAN log"):
         open_source([str(tmp_path)])
     with pytest.raises(UsageError) as caught:
         open_sink("x.docx")
-    assert caught.value.next_step == "name the file .pcapng or .pcap, or, for CAN, .log"
-    assert suffixes_that(lambda one: one.names_channels) == ".pcapng or .log"
+    assert caught.value.next_step == "name the file .pcapng, .mcap or .pcap, or, for CAN, .log"
+    assert suffixes_that(lambda one: one.names_channels) == ".pcapng, .mcap or .log"
 
 
 def test_the_help_of_simulate_names_what_it_can_write() -> None:

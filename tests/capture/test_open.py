@@ -146,9 +146,9 @@ def test_garbage_inside_compressed_data(tmp_path: Path, compress: Callable[[byte
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", r"empty \(0 bytes\), expected a pcap or pcapng"),
-        (b"no capture at all", "6e 6f 20 63, expected a pcap or pcapng"),
-        (b"\x00", "00, expected a pcap or pcapng"),
+        (b"", r"empty \(0 bytes\), expected a pcap, pcapng or mcap"),
+        (b"no capture at all", "6e 6f 20 63, expected a pcap, pcapng or mcap"),
+        (b"\x00", "00, expected a pcap, pcapng or mcap"),
         (RAW[:20], "20 bytes, expected a pcap header of 24"),
         (build.section(">")[:9], "9 bytes, expected a section header of 28"),
         (b"\x1f\x8b", "the gzip data end early"),
@@ -268,7 +268,7 @@ def test_stdin_that_is_a_file_and_one_that_was_read_from(tmp_path: Path) -> None
                 [sys.executable, "-c", script], stdin=file, capture_output=True, text=True, check=False
             )
         assert done.stdout == (expected or "")
-        assert ("expected a pcap or pcapng file" in done.stderr) == (expected is None)
+        assert ("expected a pcap, pcapng or mcap file" in done.stderr) == (expected is None)
     with open(write(tmp_path / "b", RAW), "rb") as file:
         done = subprocess.run([sys.executable, "-c", script], stdin=file, capture_output=True, text=True, check=True)
     assert done.stdout == f"500 {len(RAW)}\n"

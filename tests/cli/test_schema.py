@@ -9,7 +9,7 @@ import pytest
 
 from nvscope.cli.completion import documents
 from tests.program import run_text
-from tests.schemas.documents import SCHEMAS, path_of
+from tests.schemas.documents import BINARY, SCHEMAS, path_of
 from tests.schemas.shapes import title_of
 
 
@@ -17,14 +17,14 @@ def test_all_documents_are_listed_with_what_writes_them() -> None:
     done = run_text("schema", environment={"COLUMNS": "200"})
     assert (done.returncode, done.stderr) == (0, "")
     lines = [line.split(maxsplit=1) for line in done.stdout.splitlines()]
-    assert [name for name, _ in lines] == sorted(SCHEMAS)
+    assert [name for name, _ in lines] == sorted([*SCHEMAS, *BINARY])
     assert all(told.startswith("`nvscope ") for _, told in lines)
     narrow = run_text("schema", environment={"COLUMNS": "50"}).stdout
     assert all(len(line) <= 50 for line in narrow.splitlines())
     assert narrow.split() == done.stdout.split()
 
 
-@pytest.mark.parametrize("name", SCHEMAS)
+@pytest.mark.parametrize("name", [*SCHEMAS, *BINARY])
 def test_a_schema_is_printed_by_any_of_its_names(name: str) -> None:
     done = run_text("schema", name)
     assert (done.returncode, done.stderr) == (0, "")
@@ -41,9 +41,9 @@ def test_a_schema_is_printed_by_any_of_its_names(name: str) -> None:
         ("nvscope.reports/1", "perhaps report\n"),
         ("nvscope.report/1", "perhaps report\n"),
         ("reports.json", "perhaps report\n"),
-        ("zzz", f"there are: {', '.join(sorted(SCHEMAS))}\n"),
-        ("\x1b[31m", f"there are: {', '.join(sorted(SCHEMAS))}\n"),
-        ("x" * 10_000, f"there are: {', '.join(sorted(SCHEMAS))}\n"),
+        ("zzz", f"there are: {', '.join(sorted([*SCHEMAS, *BINARY]))}\n"),
+        ("\x1b[31m", f"there are: {', '.join(sorted([*SCHEMAS, *BINARY]))}\n"),
+        ("x" * 10_000, f"there are: {', '.join(sorted([*SCHEMAS, *BINARY]))}\n"),
     ],
 )
 def test_unknown_names_are_answered_with_near_ones(wrong: str, told: str, tmp_path: Path) -> None:

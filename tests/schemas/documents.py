@@ -9,6 +9,7 @@ from pathlib import Path
 import nvscope.schemas
 from nvscope.tracker.figures import FIGURES
 from tests.schemas.definitions import difference, doctor, explain, fields, layout, lint
+from tests.schemas.packets import packets
 from tests.schemas.paths import Told, paths_of
 from tests.schemas.report import report
 from tests.schemas.shapes import Schema
@@ -33,6 +34,9 @@ SCHEMAS: Mapping[str, Callable[[], Schema]] = {
     "truth": simulated_truth,
     "watch": watch,
 }
+
+BINARY: Mapping[str, Callable[[], Schema]] = {"packets": packets}
+"""Of what is no document, but bytes whose layout is described."""
 
 
 def path_of(name: str) -> Path:

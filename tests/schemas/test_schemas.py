@@ -25,6 +25,7 @@ from tests.schemas.corpus import (
     watched,
 )
 from tests.schemas.documents import (
+    BINARY,
     FOLDER,
     PROMISED,
     SCHEMAS,
@@ -44,9 +45,9 @@ AGAIN = "run `python -m tests.schemas`"
 PACKAGE = FOLDER.parent
 
 
-@EACH
+@pytest.mark.parametrize("name", [*SCHEMAS, *BINARY])
 def test_files_are_in_step_with_the_tables_of_the_program(name: str) -> None:
-    schema = SCHEMAS[name]()
+    schema = (SCHEMAS | BINARY)[name]()  # type: ignore[operator]
     Draft202012Validator.check_schema(schema)
     assert path_of(name).read_text(encoding="utf-8") == file_text(schema), AGAIN
 
@@ -54,8 +55,8 @@ def test_files_are_in_step_with_the_tables_of_the_program(name: str) -> None:
 def test_every_document_of_the_program_has_a_schema_and_no_other_does() -> None:
     sources = (path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py"))
     written = {name for text in sources for name in re.findall(r"\bnvscope\.[a-z]+/\d+", text)}
-    assert written == set(map(title_of, SCHEMAS))
-    assert set(SCHEMAS) == {path.stem for path in FOLDER.glob("*.json")}
+    assert written == set(map(title_of, [*SCHEMAS, *BINARY]))
+    assert {*SCHEMAS, *BINARY} == {path.stem for path in FOLDER.glob("*.json")}
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -1,0 +1,1 @@
+"""Recordings in MCAP: packets many to a message, and beside them what other tools show."""

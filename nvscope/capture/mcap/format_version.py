@@ -1,0 +1,11 @@
+"""What a recording says of itself, and which version of that this is."""
+
+from __future__ import annotations
+
+FORMAT_VERSION = 1
+
+RECORDING = "nvscope"
+"""Metadata: ``format`` (the version), ``program``, and what else is known of a recording as a whole."""
+
+INTERFACES = "nvscope.interfaces"
+"""Metadata: the names of the interfaces of packets by number; where there are several, the last one holds."""
