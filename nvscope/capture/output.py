@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
 from dissectors.batch import U8
-from nvscope.capture.source import Attachment
+from nvscope.capture.source import Attachment, Circumstances
 from nvscope.errors import CaptureError, UsageError
 
 STDOUT = "-"
 
 
 class OutputFile:
-    """A file being written, "-" is stdout. Raises CaptureError where it cannot be."""
+    """A file being written, "-" is stdout. Raises CaptureError where it cannot be.
+
+    Each piece is written whole or, to a regular file, not at all. ``bytes`` were written so far.
+    """
 
     def __init__(self, path: str) -> None:
         self._path = path
+        self.bytes = 0
         try:
             # Unbuffered: what is written comes in large pieces.
             self._file = sys.stdout.buffer if path == STDOUT else open(path, "wb", buffering=0)  # noqa: SIM115
@@ -26,18 +33,33 @@ class OutputFile:
             raise self._error(error) from error
 
     def write(self, data: bytes | U8) -> None:
-        rest = memoryview(data)  # type: ignore[arg-type]
+        whole = rest = memoryview(data)  # type: ignore[arg-type]
         try:
             while rest:
                 rest = rest[self._file.write(rest) :]
         except BrokenPipeError:
             raise
         except OSError as error:
+            self._take_back()
             raise self._error(error) from error
+        self.bytes += len(whole)
 
-    def flush(self) -> None:
-        """Hand what was written to the operating system."""
+    def _take_back(self) -> None:
+        with suppress(OSError):
+            if self.is_regular:
+                self._file.truncate(self.bytes)
+                self._file.seek(self.bytes)
+
+    @property
+    def is_regular(self) -> bool:
+        """Whether it is a file that can be cut, and no pipe or terminal."""
+        return self._path != STDOUT and stat.S_ISREG(os.fstat(self._file.fileno()).st_mode)
+
+    def flush(self, *, to_disk: bool = False) -> None:
+        """Hand what was written to the operating system, and wait until it is on the disk where that is asked."""
         self._tried(self._file.flush)
+        if to_disk and self.is_regular:
+            self._tried(lambda: os.fsync(self._file.fileno()))
 
     def close(self) -> None:
         """Close the file; stdout stays open."""
@@ -72,6 +94,15 @@ class FileSink:
         self._path = path
         self._channels = channels
         self._output = OutputFile(path)
+        self.packets = 0
+
+    @property
+    def bytes(self) -> int:
+        """How large the file is by now."""
+        return self._output.bytes
+
+    def describe(self, circumstances: Circumstances) -> None:
+        """Tell nothing of it: the format has no place for that."""
 
     def attach(self, attachment: Attachment) -> None:
         """Refuse an attachment, since the format has no place for one."""
@@ -79,8 +110,8 @@ class FileSink:
             f"a {self.format_name} file cannot hold '{attachment.name}', nor any other attachment", where=self._path
         )
 
-    def flush(self) -> None:
-        self._output.flush()
+    def flush(self, *, to_disk: bool = False) -> None:
+        self._output.flush(to_disk=to_disk)
 
     def close(self) -> None:
         self._output.close()

@@ -153,7 +153,8 @@ class PcapSink(FileSink):
             )
         self._begin(link)
         for rows in stretches(batch.captured, len(batch), BATCH_BYTES):
-            self._output.write(self._records(batch[rows]))
+            self._output.write(self._records(part := batch[rows]))
+            self.packets += len(part)
 
     def close(self) -> None:
         try:

@@ -88,6 +88,21 @@ class SourceInfo:
     hears_answers: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class Circumstances:
+    """Under which circumstances packets are recorded: what a recording tells of itself beside them.
+
+    ``drops`` and ``clock_steps`` are those so far, None where nobody knows. ``capture_filter`` is what was asked for,
+    "" where nothing was.
+    """
+
+    host: str = ""
+    interface: str = ""
+    capture_filter: str = ""
+    drops: int | None = None
+    clock_steps: int = 0
+
+
 def any_live(infos: Iterable[SourceInfo]) -> bool:
     """Tell whether one of some sources is live: time goes on there by itself, and may do so for weeks."""
     return any(info.is_live for info in infos)
@@ -158,20 +173,34 @@ class Sink(Protocol):
     Raises UsageError for what it cannot hold, and CaptureError where it cannot be written.
     """
 
+    @property
+    def packets(self) -> int:
+        """How many packets have been written, whole; after a failure these are the ones that are there."""
+        ...
+
+    @property
+    def bytes(self) -> int:
+        """How large the file is by now."""
+        ...
+
     def write(self, batch: PacketBatch) -> None:
-        """Write packets, in their order."""
+        """Write packets, in their order; they may be gathered until ``flush`` or ``close``."""
+        ...
+
+    def describe(self, circumstances: Circumstances) -> None:
+        """Tell under which circumstances it is written, as far as the format can; the last ones hold."""
         ...
 
     def attach(self, attachment: Attachment) -> None:
         """Put a file beside the packets; UsageError where the format holds none (``holds_attachments`` in FORMATS)."""
         ...
 
-    def flush(self) -> None:
-        """Hand all that was written to the operating system."""
+    def flush(self, *, to_disk: bool = False) -> None:
+        """Hand all that was written to the operating system, and wait until it is on the disk where that is asked."""
         ...
 
     def close(self) -> None:
-        """Write what is left, and close."""
+        """Write what is left, and close; also after a failure, so that what is there is a whole file."""
         ...
 
     def __enter__(self) -> Self: ...

@@ -128,13 +128,13 @@ def watch(
     how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if by_clock else None)
     if screen:
         from nvscope.record.file_series import FileRule
-        from nvscope.record.recorder import Recorder
+        from nvscope.record.recorder import Beside, Recorder
         from nvscope.tui.run import run_screen
         from nvscope.view.escape import visible
         from nvscope.view.lines.plant.source_blocks import recorded_in_words
 
         recorder = Recorder(
-            lambda: () if isinstance(captures, Sequence) else captures.channels,
+            Beside(lambda: () if isinstance(captures, Sequence) else captures.channels),
             FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
         )
         if captures is not paths or STDIN in paths:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from dissectors.batch import PacketBatch
+from nvscope.capture.formats import written_as
 from nvscope.capture.open import open_sink
-from nvscope.capture.source import Sink
+from nvscope.capture.source import Attachment, Circumstances, Sink
 from nvscope.engine.told import Told
 from nvscope.errors import NvscopeError, UsageError
 from nvscope.record.file_series import FileRule, FileSeries
+
+FLUSH_NS = 300_000_000
+"""With what a packet waits for in front of the recorder, it is in the file within a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,20 +37,41 @@ class Recording:
     failure: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """What each file of a recording has beside its packets, as far as its format can hold that.
+
+    ``channels`` are the names of the channels by number, ``attachments`` files, ``circumstances`` are asked for at the
+    begin and at the end of each.
+    """
+
+    channels: Callable[[], Sequence[str]] = tuple
+    attachments: Sequence[Attachment] = ()
+    circumstances: Callable[[], Circumstances] = Circumstances
+
+
 class Recorder:
     """An observer that writes to a file, or by a ``rule`` to one after the other; nothing while it is off.
 
-    ``start``, ``stop`` and ``state`` may be called from any thread. What exists is never written to. Where a file
-    cannot be written any more, it ends with the last whole frame, and the recorder is off.
+    ``start``, ``stop`` and ``state`` may be called from any thread. What exists is never written to, unless it
+    ``replaces``. Each packet is the operating system's within ``FLUSH_NS`` of being told, as long as batches are told,
+    be they empty; every ``to_disk_ns`` all are on the disk. Where a file cannot be written any more, it ends with the
+    last whole frame, and the recorder is off.
     """
 
     by_stream: ClassVar[bool] = False
 
-    def __init__(self, channels: Callable[[], Sequence[str]] = tuple, rule: FileRule | None = None) -> None:
-        self._channels = channels
+    def __init__(
+        self, beside: Beside | None = None, rule: FileRule | None = None, *, to_disk_ns: int | None = None,
+        replaces: bool = False,
+    ) -> None:  # fmt: skip
+        self._beside = beside or Beside()
         self._rule = rule or FileRule()
         self._series = FileSeries("", self._rule)
-        self._size_bytes = 0  # of the file in hand
+        self._to_disk_ns = to_disk_ns
+        self._replaces = replaces
+        self._flushed_ns = self._on_disk_ns = 0
+        self._before = 0, 0  # frames and bytes in the files that are complete
         self._lock = threading.Lock()
         self._sink: Sink | None = None
         self._state: Recording | None = None
@@ -61,8 +87,10 @@ class Recorder:
             if self._sink is not None:
                 raise UsageError("something is being recorded already", where=path, next_step="end that first")
             self._series = FileSeries(path, self._rule)
+            self._before = 0, 0
+            self._flushed_ns = self._on_disk_ns = time.monotonic_ns()
             first = self._begin_file()
-            self._state = Recording(first, bytes=self._size_bytes)
+            self._note(path=first, files=1, is_on=True, failure="")
 
     def stop(self) -> Recording | None:
         """End the file, if there is one; return what was recorded last."""
@@ -72,52 +100,63 @@ class Recorder:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        if self._sink is None or not len(told):
+        if self._sink is None:
             return
         with self._lock:
-            if self._sink is None or self._state is None:
+            if self._sink is None:
                 return
             try:
-                self._write(told.packets)
+                if len(told):
+                    self._write(told.packets)
+                self._flush()
+                self._note()
             except (NvscopeError, OSError) as error:
                 self._end(_sentence(error))
 
     def _write(self, packets: PacketBatch) -> None:
         """Write packets, to as many files as the rule asks for."""
         while len(packets):
-            rows = self._series.room_for(packets, self._size_bytes)
+            assert self._sink is not None
+            rows = self._series.room_for(packets, self._sink.bytes)
             if rows:
                 own, packets = packets[:rows], packets[rows:]
-                self._write_to_one(own)
+                self._sink.write(own)
+                self._series.take(own)
             if len(packets):
                 self._next_file()
 
-    def _write_to_one(self, packets: PacketBatch) -> None:
+    def _flush(self) -> None:
         assert self._sink is not None
-        assert self._state is not None
-        self._sink.write(packets)
-        before, self._size_bytes = self._size_bytes, os.path.getsize(self._state.path)
-        self._series.take(packets)
-        self._state = replace(
-            self._state, frames=self._state.frames + len(packets), bytes=self._state.bytes + self._size_bytes - before
-        )  # fmt: skip
+        now_ns = time.monotonic_ns()
+        to_disk = self._to_disk_ns is not None and now_ns - self._on_disk_ns >= self._to_disk_ns
+        if to_disk or now_ns - self._flushed_ns >= FLUSH_NS:
+            self._sink.flush(to_disk=to_disk)
+            self._flushed_ns = now_ns
+            self._on_disk_ns = now_ns if to_disk else self._on_disk_ns
 
     def _next_file(self) -> None:
         assert self._sink is not None
-        assert self._state is not None
-        self._sink.close()
+        self._close(self._sink)
+        self._before = self._before[0] + self._sink.packets, self._before[1] + self._sink.bytes
         path = self._begin_file()
-        self._state = replace(
-            self._state, path=path, bytes=self._state.bytes + self._size_bytes, files=self._series.begun
-        )  # fmt: skip
+        self._note(path=path, files=self._series.begun)
 
     def _begin_file(self) -> str:
         """Begin the next file, and return what it is called."""
         path = self._series.next_path()
-        self._sink = _new_file(path, self._channels())
-        self._size_bytes = os.path.getsize(path)
+        self._sink = _new_file(path, self._beside, replaces=self._replaces)
         self._series.is_there(path)
         return path
+
+    def _close(self, sink: Sink) -> None:
+        sink.describe(self._beside.circumstances())
+        sink.close()
+
+    def _note(self, **changed: Any) -> None:
+        """Note how much was recorded by now, and what else has changed."""
+        assert self._sink is not None
+        frames, size = self._before[0] + self._sink.packets, self._before[1] + self._sink.bytes
+        self._state = replace(self._state or Recording(""), frames=frames, bytes=size, **changed)
 
     @staticmethod
     def save(path: str, batches: Iterable[PacketBatch], channels: Sequence[str]) -> int:
@@ -126,7 +165,7 @@ class Recorder:
         Where it cannot be written to its end, it is removed.
         """
         frames = 0
-        sink = _new_file(path, channels)
+        sink = _new_file(path, Beside(lambda: channels))
         try:
             with sink:
                 for batch in batches:
@@ -139,30 +178,32 @@ class Recorder:
         return frames
 
     def _end(self, failure: str = "") -> None:
-        sink, self._sink = self._sink, None
-        if sink is None or self._state is None:
+        if self._sink is None:
             return
         try:
-            sink.close()
+            self._close(self._sink)
         except (NvscopeError, OSError) as error:
             failure = failure or _sentence(error)
-        if failure:
-            # What was written of a frame that had no room is no frame.
-            with suppress(OSError):
-                os.truncate(self._state.path, self._size_bytes)
-        self._state = replace(self._state, is_on=False, failure=failure)
+        self._note(is_on=False, failure=failure)
+        self._sink = None
 
 
-def _new_file(path: str, channels: Sequence[str]) -> Sink:
-    if os.path.lexists(path):
+def _new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
+    if os.path.lexists(path) and not replaces:
         raise UsageError("exists, and is left as it is", where=path, next_step="name another file")
+    channels = beside.channels()
     try:
         # A list may still grow; without any channel, packets are of none.
-        return open_sink(path, channels if channels or isinstance(channels, list) else None)
+        sink = open_sink(path, channels if channels or isinstance(channels, list) else None)
+        known = written_as(path)
+        for attachment in beside.attachments if known is not None and known.holds_attachments else ():
+            sink.attach(attachment)
+        sink.describe(beside.circumstances())
     except (NvscopeError, OSError):
         with suppress(OSError):
             os.remove(path)  # as where the disk has no room for its head
         raise
+    return sink
 
 
 def _sentence(error: BaseException) -> str:

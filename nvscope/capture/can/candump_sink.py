@@ -5,8 +5,6 @@ Lines of one width are written together: those of the same channel, kind of iden
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from dissectors.batch import I64, U8, U32, Bool, Direction, PacketBatch
@@ -36,17 +34,13 @@ class CandumpSink(FileSink):
 
     format_name = "candump"
 
-    def __init__(self, path: str, channels: Sequence[str] | None = None) -> None:
-        super().__init__(path, channels)
-        self._frames = 0
-
     def write(self, batch: PacketBatch) -> None:
         for start in range(0, len(batch), _ROWS):
             part = batch[start : start + _ROWS]
             frames = dissect_can(part)
             self._check(frames, len(part))
             self._output.write(self._lines(frames))
-            self._frames += len(part)
+            self.packets += len(part)
 
     def _check(self, frames: CanBatch, rows: int) -> None:
         if rows and not len(frames):
@@ -56,7 +50,7 @@ class CandumpSink(FileSink):
         good = np.zeros(rows, np.bool_)
         good[frames.row] = frames.fault == Fault.NONE
         if not good.all():
-            number = self._frames + int(good.argmin()) + 1
+            number = self.packets + int(good.argmin()) + 1
             raise UsageError(
                 f"frame {number} is no whole CAN frame, and a candump log holds no other",
                 next_step="write a .pcapng file",

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.mcap.format_version import FORMAT_VERSION, INTERFACES, RECORDING
+from nvscope.capture.mcap.kept_room import KeptRoom
 from nvscope.capture.mcap.packets import ENCODING, MOST_BYTES, MOST_ROWS, SCHEMA_NAME, TOPIC, cut, message
 from nvscope.capture.mcap.records import AttachedFile
 from nvscope.capture.mcap.writer import Chunk, McapWriter
 from nvscope.capture.output import FileSink
-from nvscope.capture.source import Attachment
+from nvscope.capture.source import Attachment, Circumstances
+from nvscope.errors import CaptureError
 from nvscope.schemas.schema_files import schema_text
 from nvscope.version import __version__
 
@@ -19,8 +21,9 @@ from nvscope.version import __version__
 class McapSink(FileSink):
     """Writes packets of any link types to an MCAP file, many to a message (``nvscope.capture.mcap.packets``).
 
-    ``flush`` writes what has come so far; without it, packets are gathered to chunks of ``MOST_ROWS`` packets or
-    ``MOST_BYTES``. Names of channels are metadata, as often as there are more of them.
+    Packets are gathered to chunks of ``MOST_ROWS`` packets or ``MOST_BYTES``; ``flush`` ends the one in hand. Names of
+    channels are metadata, as often as there are more of them. Where the disk is full, the file ends with the last whole
+    chunk: room for its end is kept back.
     """
 
     format_name = "mcap"
@@ -31,19 +34,20 @@ class McapSink(FileSink):
         self._messages = 0
         self._rows = 0
         self._chunk = Chunk()
+        self._circumstances: Circumstances | None = None
+        self._kept = KeptRoom(path) if self._output.is_regular else None
         self._writer = McapWriter(self._output)
-        self._writer.tell(RECORDING, {"format": str(FORMAT_VERSION), "program": f"nvscope {__version__}"})
+        self._tell_of_itself(Circumstances())
         schema = self._writer.schema(SCHEMA_NAME, "jsonschema", schema_text("packets").encode())
         self._channel = self._writer.channel(TOPIC, ENCODING, schema)
+        self._keep_room()
 
     def write(self, batch: PacketBatch) -> None:
         if not len(batch):
             return
         self._name_channels()
         for part in cut(batch):
-            self._chunk.add(
-                self._channel, self._messages, int(part.ts_ns[-1]), int(part.ts_ns[0]), message(part)
-            )  # fmt: skip
+            self._chunk.add(self._channel, self._messages, int(part.ts_ns[-1]), int(part.ts_ns[0]), message(part))
             self._messages += 1
             self._rows += len(part)
             if self._rows >= MOST_ROWS or self._chunk.bytes >= MOST_BYTES:
@@ -54,19 +58,63 @@ class McapSink(FileSink):
         self._end_chunk()
         name, kind, data = attachment.name, attachment.media_type, attachment.read()
         self._writer.attach(AttachedFile(time.time_ns(), attachment.time_ns or 0, name, kind, data))
+        self._keep_room()
 
-    def flush(self) -> None:
+    def describe(self, circumstances: Circumstances) -> None:
+        """Tell of them at once where they are the first ones, and of the last ones when the file is closed."""
+        if self._circumstances is None:
+            self._end_chunk()
+            self._tell_of_itself(circumstances)
+        self._circumstances = circumstances
+
+    def flush(self, *, to_disk: bool = False) -> None:
         self._end_chunk()
-        super().flush()
+        super().flush(to_disk=to_disk)
 
     def close(self) -> None:
-        self._end_chunk()
-        self._writer.finish()
-        super().close()
+        try:
+            self._end_chunk()
+        finally:
+            try:
+                if self._kept is not None:
+                    self._kept.give_back()
+                if self._circumstances is not None:
+                    self._tell_of_itself(self._circumstances)
+                self._writer.finish()
+            finally:
+                super().close()
 
     def _end_chunk(self) -> None:
-        chunk, self._chunk, self._rows = self._chunk, Chunk(), 0
+        """Write what was gathered; what could not be written is gone."""
+        chunk, rows = self._chunk, self._rows
+        self._chunk, self._rows = Chunk(), 0
         self._writer.write(chunk)
+        self.packets += rows
+        if rows:
+            self._keep_room()
+
+    def _keep_room(self) -> None:
+        if self._kept is None:
+            return
+        try:
+            self._kept.hold(self._writer.end_bytes)
+        except OSError as error:
+            raise CaptureError(
+                f"cannot be written: {error.strerror or error}", where=self._path,
+                next_step="make room on the disk, or record to another one",
+            ) from error  # fmt: skip
+
+    def _tell_of_itself(self, circumstances: Circumstances) -> None:
+        told = {
+            "format": str(FORMAT_VERSION),
+            "program": f"nvscope {__version__}",
+            "host": circumstances.host,
+            "interface": circumstances.interface,
+            "capture_filter": circumstances.capture_filter,
+            "drops": "" if circumstances.drops is None else str(circumstances.drops),
+            "clock_steps": str(circumstances.clock_steps),
+        }
+        self._writer.tell(RECORDING, {key: value for key, value in told.items() if value})
 
     def _name_channels(self) -> None:
         names = list(self._channels or ())

@@ -23,6 +23,7 @@ from nvscope.capture.pcapng.blocks import (
     STATISTICS,
 )
 from nvscope.capture.record_reader import MAX_PACKET_BYTES
+from nvscope.capture.source import Circumstances
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, put_blocks, stretches
 
 # The flags of a packet, and the end of its options.
@@ -59,8 +60,12 @@ class PcapngSink(FileSink):
                 self._output.write(self._interface(known))
         interface = np.array([self._numbers[known] for known in seen.tolist()], np.uint32)[key]
         for rows in stretches(batch.captured, len(batch), BATCH_BYTES):
-            self._output.write(self._blocks(batch[rows], interface[rows]))
+            self._output.write(self._blocks(part := batch[rows], interface[rows]))
+            self.packets += len(part)
         self._last_ns = max(int(batch.ts_ns[-1]), 0)
+
+    def describe(self, circumstances: Circumstances) -> None:
+        self.drops = circumstances.drops or 0
 
     def close(self) -> None:
         if self.drops and self._numbers:
