@@ -115,6 +115,17 @@ class PacketBatch:
             None if self.source is None else self.source[rows], () if rows.indices(len(self))[0] else self.ends,
         )  # fmt: skip
 
+    def take(self, rows: I64) -> PacketBatch:
+        """Return some packets, over the same buffer; nothing is told of time and of ends."""
+        link = self.single_link
+        return PacketBatch(
+            self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows],
+            self.link[rows] if link is None else PacketBatch.link_column(link, len(rows)),
+            None if self.channel is None else self.channel[rows],
+            direction=None if self.direction is None else self.direction[rows],
+            source=None if self.source is None else self.source[rows],
+        )  # fmt: skip
+
     @staticmethod
     def of(packets: Sequence[bytes], link: int, ts_ns: Sequence[int] | I64 = ()) -> PacketBatch:
         """Return a batch of packets that were captured whole, of one link type; without times, all are at 0."""

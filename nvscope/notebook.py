@@ -69,16 +69,23 @@ def open_captures(
     """Return capture files, or all those of a directory, as one timeline that can be asked.
 
     ``definitions`` are files that the PLC project exports, with those of the types they use; they take the place of
-    those that a project file names. ``project`` is that file; True looks for ``nvscope.toml`` upwards from the working
-    directory. ``where`` is a display filter. Names that no file declares are a warning. UsageError where the filter
-    cannot be understood or polars and pyarrow are not installed, UnreadableInput where a file cannot be opened or is
-    no capture.
+    those that a project file names; without either, those that a recording brings are taken. ``project`` is that
+    file; True looks for ``nvscope.toml`` upwards from the working directory. ``where`` is a display filter. Names
+    that no file declares are a warning. UsageError where the filter cannot be understood or polars and pyarrow are
+    not installed, UnreadableInput where a file cannot be opened or is no capture.
     """
     require("data frames need", "polars", "pyarrow")
     paths = _paths("captures", captures)
     files = None if definitions is None else _paths("definitions", definitions)
     found = find_project(Path.cwd()) if project is True else Path(project) if project else None
-    inquiry = Inquiry(paths, read_project(found, files))
+    plant = read_project(found, files)
+    if not plant.files:
+        # A recording can bring its own.
+        from nvscope.analysis.attached_project import attached_project  # noqa: PLC0415
+        from nvscope.capture.attaching import that_may_attach  # noqa: PLC0415
+
+        plant = attached_project(that_may_attach(paths), found).project or plant
+    inquiry = Inquiry(paths, plant)
     if not paths:
         raise UsageError("no capture file is given", next_step="name one, or a directory of them")
     # A pipe can be opened only once: it has to wait until something is asked.

@@ -108,23 +108,16 @@ def check_keys(text: str, place: Place) -> None:
         raise place.error(f"a key has more than {_MOST_PARTS} parts", "Write tables with a name of one part each.")
 
 
-def read_toml(path: str | Path) -> tuple[dict[str, Any], Place]:
-    """Return the tables of a TOML file, and the place that finds the lines of its keys.
+def read_toml(path: str | Path, content: bytes | None = None) -> tuple[dict[str, Any], Place]:
+    """Return the tables of a TOML file, or of a ``content`` that is called so, and the place that finds its keys.
 
     Raises ConfigurationError where the file cannot be read, or, with line and column, is no TOML.
     """
     import tomllib  # noqa: PLC0415  # start-up: most runs read no such file
 
     place = Place(str(path))
-    try:
-        if stat.S_ISFIFO(os.stat(path).st_mode):
-            # One that lies there under the name of a project file would be waited for without an end.
-            raise place.error("cannot be read: it is a pipe", "Check the path of the file.")
-        with Path(path).open("rb") as file:
-            content = file.read(_MAX_FILE_BYTES + 1)
-    except (OSError, ValueError) as error:
-        what = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise place.error(what, "Check the path of the file.") from None
+    if content is None:
+        content = _content_of(path, place)
     if len(content) > _MAX_FILE_BYTES:
         raise place.error(f"the file is larger than {_MAX_FILE_BYTES} bytes")
     try:
@@ -140,6 +133,18 @@ def read_toml(path: str | Path) -> tuple[dict[str, Any], Place]:
         raise place.error("arrays or tables are nested too deeply") from None
     except ValueError as error:
         raise _no_toml(str(path), text, str(error)) from None
+
+
+def _content_of(path: str | Path, place: Place) -> bytes:
+    try:
+        if stat.S_ISFIFO(os.stat(path).st_mode):
+            # One that lies there under the name of a project file would be waited for without an end.
+            raise place.error("cannot be read: it is a pipe", "Check the path of the file.")
+        with Path(path).open("rb") as file:
+            return file.read(_MAX_FILE_BYTES + 1)
+    except (OSError, ValueError) as error:
+        what = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        raise place.error(what, "Check the path of the file.") from None
 
 
 def _no_toml(path: str, text: str, message: str) -> ConfigurationError:

@@ -90,7 +90,7 @@ class WholeFiles:
             file.finish()
         for file in self._files:
             if file.existing is Existing.SAME and not self._force and file.differs():
-                raise _exists(file.path)
+                raise exists_already(file.path)
         for file in self._files:
             file.publish()
 
@@ -109,7 +109,7 @@ class WholeFiles:
         if any(file.place == other.place or (identity and identity == other.identity()) for other in self._files):
             raise UsageError("two outputs have this name", where=file.path, next_step="name another file")
         if existing is Existing.KEPT and not self._force and file.is_replacing():
-            raise _exists(file.path)
+            raise exists_already(file.path)
         # Noted before it is there, so that no interrupt finds a file that nobody knows of.
         self._files.append(file)
         return file
@@ -121,7 +121,8 @@ def is_input(where: str) -> UsageError:
     return UsageError(what, where=where, next_step="name another file; inputs are never written")
 
 
-def _exists(where: str) -> UsageError:
+def exists_already(where: str) -> UsageError:
+    """Return that what has the name of an output is to be kept."""
     return UsageError("exists already", where=where, next_step="--force replaces it; or name another file")
 
 

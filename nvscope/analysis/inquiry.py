@@ -201,10 +201,11 @@ class Inquiry:
         chosen: DisplayFilter | None = None,
         *,
         watch: Watch | None = None,
+        all_frames: bool = False,
     ) -> Iterator[Told]:
         """Tell a source to observers, as ``nvscope.engine.run`` does; ``watch`` takes the place of the inquiry's."""
         with (watch or self.watch)(source) as progress:
-            for told in run(source, self.reading(chosen), observers):
+            for told in run(source, self.reading(chosen, all_frames=all_frames), observers):
                 yield told
                 progress()
 

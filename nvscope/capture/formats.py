@@ -38,7 +38,8 @@ class CaptureFormat:
 
     ``reader`` (``module:class``, made of Content and ReadingSizes) is a ``nvscope.capture.reader.Reader``. ``sink``
     (made of a path and names of channels, or None) is a ``nvscope.capture.source.Sink``, '' where nothing writes the
-    format. It can hold link types side by side (``mixes_links``), names of channels, attachments, or CAN frames only.
+    format. It can hold link types side by side (``mixes_links``), names of channels, attachments, drops, directions of
+    packets, or CAN frames only.
     """
 
     name: str
@@ -51,6 +52,8 @@ class CaptureFormat:
     mixes_links: bool = False
     names_channels: bool = False
     holds_attachments: bool = False
+    holds_drops: bool = False
+    holds_directions: bool = False
 
     def reader_class(self) -> Any:
         """Return the class of its readers; what it is made of, this table does not need to know."""
@@ -115,6 +118,8 @@ FORMATS = (
         magics=(b"\x0a\x0d\x0d\x0a",),
         mixes_links=True,
         names_channels=True,
+        holds_drops=True,
+        holds_directions=True,
     ),
     CaptureFormat(
         name="mcap",
@@ -125,6 +130,8 @@ FORMATS = (
         mixes_links=True,
         names_channels=True,
         holds_attachments=True,
+        holds_drops=True,
+        holds_directions=True,
     ),
     CaptureFormat(
         name="candump",
@@ -134,6 +141,7 @@ FORMATS = (
         is_line=_is_candump,
         only_can=True,
         names_channels=True,
+        holds_directions=True,
     ),
     CaptureFormat(
         name="candump-screen",

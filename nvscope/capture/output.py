@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from types import TracebackType
-from typing import Self
+from typing import Self, overload
 
 from dissectors.batch import U8
 from nvscope.capture.source import Attachment, Circumstances
@@ -79,6 +79,25 @@ class OutputFile:
             where=self._path,
             next_step="check the directory, its permissions and the space left",
         )
+
+
+class ChannelNames(Sequence[str]):
+    """The names of the channels of a source, as far as it knows them when it is asked."""
+
+    def __init__(self, names: Callable[[], Sequence[str]]) -> None:
+        self._names = names
+
+    @overload
+    def __getitem__(self, number: int) -> str: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> Sequence[str]: ...
+
+    def __getitem__(self, number: int | slice) -> str | Sequence[str]:
+        return self._names()[number]
+
+    def __len__(self) -> int:
+        return len(self._names())
 
 
 class FileSink:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dissectors.batch import I64, PacketBatch
+from dissectors.batch import PacketBatch
 
 TIME_LIMIT_NS = (1 << 62) - 1
 """Times of packets are within ± this, so that the difference of any two is an int64; it lies in the year 2116."""
@@ -64,19 +64,4 @@ class TimeSpan:
             return None
         begin, end = int(rows[0]), int(rows[-1]) + 1
         # Only where a clock steps are the packets of a span not side by side.
-        return batch[begin:end] if end - begin == len(rows) else _taken(batch, rows)
-
-
-def _taken(batch: PacketBatch, rows: I64) -> PacketBatch:
-    link = batch.single_link
-    return PacketBatch(
-        batch.data,
-        batch.offset[rows],
-        batch.captured[rows],
-        batch.original[rows],
-        batch.ts_ns[rows],
-        batch.link[rows] if link is None else PacketBatch.link_column(link, len(rows)),
-        None if batch.channel is None else batch.channel[rows],
-        direction=None if batch.direction is None else batch.direction[rows],
-        source=None if batch.source is None else batch.source[rows],
-    )
+        return batch[begin:end] if end - begin == len(rows) else batch.take(rows)

@@ -49,12 +49,13 @@ NoNamesOption = Annotated[
 ]
 
 
-def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
+def project_of(path: str | None, gvl: Sequence[str] | None, captures: Sequence[str] = ()) -> Project:
     """Return what the project file says, or where there is none what the definition files alone do.
 
     ``path`` is that of --project; without it the file is looked for upwards from the working directory. Files of
-    ``gvl`` take the place of the project's definitions; all else that it says stays. Raises ConfigurationError;
-    UsageError where stdout or stderr goes to one of the files.
+    ``gvl`` take the place of the project's definitions; all else that it says stays. Where neither names a definition,
+    those are taken that a recording among the ``captures`` brings with it. Raises ConfigurationError; UsageError where
+    stdout or stderr goes to one of the files.
     """
     from nvscope.definition.project import Project
 
@@ -63,13 +64,28 @@ def project_of(path: str | None, gvl: Sequence[str] | None) -> Project:
         raise UsageError(what, next_step="name the file, or leave --project out: then the next nvscope.toml is taken")
     found = _next_project() if path is None else Path(path)
     if found is None and not gvl:
-        return Project()
+        return _project_of_recordings(captures, None) or Project()
     from nvscope.definition.project_file import read_project
 
     refuse_streams_onto([*([found] if found else []), *(gvl or ())])
     project = read_project(found, gvl or None)
     refuse_streams_onto(project.inputs)
-    return project
+    return project if project.files else _project_of_recordings(captures, found) or project
+
+
+def _project_of_recordings(captures: Sequence[str], project: Path | None) -> Project | None:
+    """Return the project with what the recordings among some captures bring; None where they bring no definition."""
+    from nvscope.capture.attaching import that_may_attach
+
+    if not (recordings := that_may_attach(captures)):
+        return None
+    from nvscope.analysis.attached_project import attached_project
+    from nvscope.view.escape import visible
+
+    found = attached_project(recordings, project)
+    for path in found.others:
+        echo(f"nvscope: {visible(path)} brings other definitions, which are left out.", err=True)
+    return found.project
 
 
 def _next_project() -> Path | None:

@@ -157,7 +157,7 @@ def export(
     format_of(write)
     require("export needs", "polars", "pyarrow")
     between = asked_range(from_time, to_time, utc=utc)
-    plant = with_channels(project_of(project, gvl), channel_map)
+    plant = with_channels(project_of(project, gvl, paths), channel_map)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []

@@ -32,3 +32,17 @@ def limits(option: str, texts: Sequence[str], kinds: Sequence[str]) -> dict[str,
             )
         told[what] = max(int(value * _UNITS[what][0]), 1)
     return told
+
+
+def file_limits(texts: Sequence[str]) -> dict[str, int]:
+    """Return when a recorded file is followed by another one, as ``limits`` does; ``files`` is how many stay.
+
+    UsageError, too, where only how many is said.
+    """
+    told = limits("-b", texts, ("duration", "packets", "filesize", "files"))
+    if told.keys() == {"files"}:
+        raise UsageError(
+            f"-b files:{told['files']} does not say when a file is followed by another one",
+            next_step="add -b filesize:KB, -b packets:N or -b duration:SECONDS",
+        )
+    return told

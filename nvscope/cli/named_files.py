@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from nvscope.capture.compressed import compression_of
 from nvscope.capture.content import STDIN
-from nvscope.capture.formats import TEXT_HEAD_BYTES, format_of
+from nvscope.capture.formats import FORMATS, TEXT_HEAD_BYTES, format_of
 from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
 from nvscope.cli.words import LIVE
@@ -19,7 +19,7 @@ from nvscope.whole_files import identity_of
 
 _MOST_LOOKED_AT = 1_000
 _STDOUT, _STDERR = 1, 2
-_BINARY = {"pcap", "pcapng"}
+_BINARY = {known.name for known in FORMATS if known.magics and not known.only_can}
 
 
 @dataclass(frozen=True, slots=True)

@@ -135,7 +135,7 @@ def packets(
     between = asked_range(from_time, to_time, utc=moment in ("u", "ud"))
     asked = trees or wanted is not None or bool(fields) or records or between is not None
 
-    plant = with_channels(project_of(project, gvl), channel_map)
+    plant = with_channels(project_of(project, gvl, paths), channel_map)
     from nvscope.definition.defined_pdos import pdos_of
 
     pdos = pdos_of(plant.definition)

@@ -16,6 +16,8 @@ VERBS = {
     "packets": "nvscope.cli.packets:packets",
     "export": "nvscope.cli.export:export",
     "watch": "nvscope.cli.watch:watch",
+    "record": "nvscope.cli.record:record",
+    "convert": "nvscope.cli.convert:convert",
     "gvl": "nvscope.cli.gvl:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",

@@ -136,7 +136,7 @@ def report(
         )
 
     asked = asked_range(from_time, to_time, utc=utc)
-    plant = with_channels(project_of(project, gvl), channel_map)
+    plant = with_channels(project_of(project, gvl, paths), channel_map)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     if max_streams is not None:
         plant = replace(plant, limits=replace(plant.limits, max_streams=max_streams))

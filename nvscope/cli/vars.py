@@ -120,7 +120,7 @@ def variables(
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     _check(gvl, history, every, at, infer, write, as_json=as_json)
-    plant = with_channels(project_of(project, gvl), channel_map)
+    plant = with_channels(project_of(project, gvl, paths), channel_map)
     if not infer and not plant.files:
         _check_readable([] if live.follow else paths)
         raise UsageError(

@@ -16,7 +16,7 @@ from nvscope.capture.content import STDIN
 from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
-from nvscope.cli.limits import limits
+from nvscope.cli.limits import file_limits
 from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -103,16 +103,11 @@ def watch(
     paths, gvl = files_named.captures, files_named.definitions
     if plain and as_json:
         raise UsageError("--plain and --json exclude each other", next_step="leave one of them out")
-    rule = limits("-b", switch or (), ("duration", "packets", "filesize", "files"))
-    if rule.keys() == {"files"}:
-        raise UsageError(
-            f"-b files:{rule['files']} does not say when a file is followed by another one",
-            next_step="add -b filesize:KB, -b packets:N or -b duration:SECONDS",
-        )
+    rule = file_limits(switch or ())
     ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
     every_ns = _EVERY_NS if every is None else duration_ns("--every", every)
-    plant = with_channels(project_of(project, gvl), channel_map)
+    plant = with_channels(project_of(project, gvl, paths), channel_map)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.analysis.watching import Watching

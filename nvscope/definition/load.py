@@ -66,7 +66,7 @@ def read_definitions(wanted: Sequence[DefinitionFile], *, encoding: str | None =
     characters = 0
     for file in places.values():
         try:
-            source = read_source(file.path, encoding)
+            source = read_source(file.path, encoding, file.content)
             _check_amount(source, characters + len(source.text))
             read[file.path] = _read(source)
             characters += len(source.text)

@@ -24,7 +24,8 @@ class Project:
 
     ``definition`` are the lists of the definition ``files`` with the settings of the project, and those that only the
     project names (they have no variables). ``nodes`` are keyed by the text of the address as reports write it.
-    ``channels`` are the names of channels by those that captures tell.
+    ``channels`` are the names of channels by those that captures tell. ``recording`` is the path of a recording that
+    brought the definitions, "" where they are files.
     """
 
     path: Path | None = None
@@ -36,11 +37,12 @@ class Project:
     buses: Buses = field(default_factory=Buses)
     keys: Mapping[str, str] = field(default_factory=dict)
     channels: Mapping[str, str] = field(default_factory=dict)
+    recording: str = ""
 
     @property
     def inputs(self) -> list[str]:
-        """The paths of all files that were read for it."""
-        return [*([str(self.path)] if self.path else ()), *self.files]
+        """The paths of all files that were read for it, but for what a recording brought."""
+        return [*([str(self.path)] if self.path else ()), *(() if self.recording else self.files)]
 
     @property
     def node_names(self) -> dict[str, str]:

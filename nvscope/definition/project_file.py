@@ -5,7 +5,7 @@ The dataclasses made of ``key`` are the table of all keys: reading, messages and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -93,14 +93,43 @@ def read_project(path: Path | None, definitions: Sequence[str] | None = None) ->
     if path is not None:
         tables, place = read_toml(path)
         told = read_table(ProjectFile, tables, place)
+    wanted: Sequence[DefinitionFile] = ()
+    if definitions:
+        wanted = wanted_files(definitions)
+    elif path is not None and definitions is None and told.definitions:
+        wanted = _wanted_of_project(told, path, place)
+    return _project(told, path, wanted)
+
+
+def read_attached_project(recording: str, files: Mapping[str, bytes], project: Path | None) -> Project:
+    """Return the project that a recording brings with it, as the content of files by their names.
+
+    A ``project`` file on disk takes the place of the one in the recording; without either, the definitions stand alone.
+    What is neither project file nor definition is passed over. Raises as ``read_project``.
+    """
+    told = ProjectFile()
+    if project is not None:
+        told = read_table(ProjectFile, *read_toml(project))
+    else:
+        own = next((name for name in files if name.rpartition("/")[2] == PROJECT_NAME), None)
+        if own is not None:
+            told = read_table(ProjectFile, *read_toml(f"{recording}/{own}", files[own]))
+    wanted = [
+        DefinitionFile(f"{recording}/{name}", recording, content)
+        for name, content in files.items()
+        if not name.endswith(Path(PROJECT_NAME).suffix)
+    ]
+    return replace(_project(told, project, wanted), recording=recording)
+
+
+def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFile]) -> Project:
     ports = told.ports or (DEFAULT_PORT,)
     files: tuple[str, ...] = ()
     definition = Definition()
-    if definitions or (path is not None and definitions is None and told.definitions):
+    if wanted:
         # Not before it is needed: a project without definitions does without their parsers.
         from nvscope.definition.load import definition_of, read_definitions  # noqa: PLC0415
 
-        wanted = wanted_files(definitions) if definitions else _wanted_of_project(told, path, place)
         read = read_definitions(wanted)
         files, definition = tuple(read.files), definition_of(read, ports[0])
     if told.lists:

@@ -75,16 +75,15 @@ class Source:
         return DefinitionError(what, self.position(offset), next_step)
 
 
-def read_source(path: str, encoding: str | None = None) -> Source:
-    """Return the text of a file.
+def read_source(path: str, encoding: str | None = None, content: bytes | None = None) -> Source:
+    """Return the text of a file, or of a ``content`` that is called so.
 
     Without ``encoding``: by byte order mark, by what an XML prolog says, UTF-8 where the bytes are that, and else the
     Windows code page 1251 or 1252. A Ctrl-Z that ends the text, as MS-DOS wrote it, is left out. Raises
     ConfigurationError where the file cannot be read, NoDefinition where it is too large, no text, or something else.
     """
     try:
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
+        data = content if content is not None else _content_of(path)
     except (OSError, ValueError) as error:
         what = f"cannot be read: {getattr(error, 'strerror', None) or error}"
         check = "Check the path of the definition file."
@@ -99,6 +98,11 @@ def read_source(path: str, encoding: str | None = None) -> Source:
     source = Source(path, _without_end(decode(data, path, encoding)))
     _check_text(source, data)
     return source
+
+
+def _content_of(path: str) -> bytes:
+    with Path(path).open("rb") as file:
+        return file.read(MAX_FILE_BYTES + 1)
 
 
 def _without_end(text: str) -> str:

@@ -34,10 +34,14 @@ _BEGIN = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class DefinitionFile:
-    """A file that may hold definitions; ``given`` is what a person wrote, its own path or what it was found by."""
+    """A file that may hold definitions; ``given`` is what a person wrote, its own path or what it was found by.
+
+    ``content`` is what is in it where it lies in another file, such as a recording; of one on disk it is None.
+    """
 
     path: str
     given: str
+    content: bytes | None = None
 
     @property
     def named(self) -> bool:

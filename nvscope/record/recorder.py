@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 from dissectors.batch import PacketBatch
 from nvscope.capture.formats import written_as
 from nvscope.capture.open import open_sink
+from nvscope.capture.output import ChannelNames
 from nvscope.capture.source import Attachment, Circumstances, Sink
 from nvscope.engine.told import Told
 from nvscope.errors import NvscopeError, UsageError
@@ -191,10 +192,8 @@ class Recorder:
 def _new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
     if os.path.lexists(path) and not replaces:
         raise UsageError("exists, and is left as it is", where=path, next_step="name another file")
-    channels = beside.channels()
     try:
-        # A list may still grow; without any channel, packets are of none.
-        sink = open_sink(path, channels if channels or isinstance(channels, list) else None)
+        sink = open_sink(path, ChannelNames(beside.channels))
         known = written_as(path)
         for attachment in beside.attachments if known is not None and known.holds_attachments else ():
             sink.attach(attachment)

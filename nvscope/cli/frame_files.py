@@ -1,0 +1,71 @@
+"""What ``convert`` and ``packets -w`` have in common: frames go to a file, which is whole or not there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from nvscope.cli.terminal import echo
+from nvscope.errors import NvscopeError, UsageError
+
+if TYPE_CHECKING:
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.source import Attachment, Source
+    from nvscope.view.display_filter import DisplayFilter
+
+
+def write_frames(
+    inquiry: Inquiry, source: Source, path: str, chosen: DisplayFilter | None,
+    attachments: Sequence[Attachment], *, all_frames: bool = False, force: bool = False, quiet: bool = False,
+) -> None:  # fmt: skip
+    """Write the frames of a source that a filter chooses, or all of them, to a file, in the format of its ending.
+
+    What the format cannot hold is told. UsageError where it cannot hold the frames, or the ending is that of no format;
+    then nothing is written.
+    """
+    from nvscope import units
+    from nvscope.capture.formats import written_as
+    from nvscope.capture.open import open_sink
+    from nvscope.capture.output import ChannelNames
+    from nvscope.record.circumstances import circumstances_of
+    from nvscope.record.frame_file import FrameFile, not_held
+    from nvscope.view.escape import visible
+    from nvscope.whole_files import WholeFiles
+
+    files = WholeFiles([*(info.path for info in source.infos), *inquiry.project.inputs], force=force)
+    target = written_as(path)
+    if target is None:
+        open_sink(path)  # says which endings there are
+        return
+    kept = attachments if target.holds_attachments else ()
+    try:
+        unfinished = files.reserve(path).unfinished
+        try:
+            with open_sink(unfinished, ChannelNames(lambda: source.channels)) as sink:
+                for attachment in kept:
+                    sink.attach(attachment)
+                written = FrameFile(sink)
+                for _ in inquiry.run(source, [written], chosen, all_frames=all_frames):
+                    pass
+                sink.describe(circumstances_of(source.infos))
+        except NvscopeError as error:
+            if error.where == unfinished:
+                raise type(error)(error.what, where=path, next_step=error.next_step) from error
+            raise
+        files.publish()
+    except BaseException:
+        files.discard()
+        raise
+    lost = not_held(
+        target, source.infos, source.channels, [one.name for one in attachments], has_directions=written.has_directions
+    )
+    if lost:
+        echo(f"nvscope: a {target.name} file cannot hold {visible('; '.join(lost))}.", err=True)
+    if not quiet:
+        of = f" of {units.count(written.frames)}" if chosen is not None else ""
+        echo(f"nvscope: {units.count(written.written)}{of} frames in {visible(path)}.", err=True)
+
+
+def no_file_named(example: str) -> UsageError:
+    """Return that it is not said where frames are to go."""
+    return UsageError("no file to write is named", next_step=f"add {example}")

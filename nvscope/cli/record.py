@@ -1,0 +1,149 @@
+"""``nvscope record``: packets to files, as long as they come."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws
+from nvscope.cli.limits import file_limits
+from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
+from nvscope.cli.named_files import named_files
+from nvscope.cli.sources import (
+    ChannelMapOption,
+    DecodeOption,
+    ForceOption,
+    ReadOption,
+    SourcesArgument,
+    duration_ns,
+    port_rules,
+    tell_of_losses,
+    with_channels,
+)
+from nvscope.cli.terminal import echo
+from nvscope.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.source import Source
+    from nvscope.record.recorder import Recorder, Recording
+
+_TO_DISK_NS = 5_000_000_000
+
+
+@with_live_options
+def record(
+    live: LiveOptions,
+    sources: SourcesArgument = None,
+    write: Annotated[
+        str | None,
+        typer.Option(
+            "-w",
+            "--write",
+            metavar="FILE",
+            help="The file to write, in the format of its ending: .mcap, .pcapng, .pcap, or .log for CAN.",
+            show_default=False,
+        ),
+    ] = None,
+    read: ReadOption = None,
+    switch: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-b",
+            "--ring-buffer",
+            metavar="WHAT:N",
+            help="One file after the other: each of duration:N seconds, packets:N, or filesize:N kB; of more than "
+            "files:N, the oldest is removed.",
+            show_default=False,
+        ),
+    ] = None,
+    fsync: Annotated[
+        str | None,
+        typer.Option(
+            "--fsync",
+            metavar="DURATION",
+            help="So often, what was recorded is waited for to be on the disk, where it survives a power cut; 5s.",
+            show_default=False,
+        ),
+    ] = None,
+    gvl: GvlOption = None,
+    project: ProjectOption = None,
+    decode: DecodeOption = None,
+    channel_map: ChannelMapOption = None,
+    force: ForceOption = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, and no word at the end.")] = False,
+) -> None:
+    """Record what comes to a file, which every verb reads: each packet is in it within a second.
+
+    An .mcap file holds the definitions and the project file, too, and is read with them. It is ended by Ctrl-C, --for
+    or -a; the file is whole whenever that is, and also where the disk is full or the interface gone, which exits with
+    5. After a power cut, `nvscope report` reads what had come by then. A file that exists stays as it is, unless
+    --force is given.
+    """
+    files_named = named_files(sources, read, gvl, live.interfaces)
+    paths, gvl = files_named.captures, files_named.definitions
+    if not write:
+        raise UsageError("no file to write is named", next_step="add -w FILE.mcap, .pcapng or .pcap")
+    rule = file_limits(switch or ())
+    to_disk_ns = _TO_DISK_NS if fsync is None else duration_ns("--fsync", fsync)
+    ports = port_rules(decode)
+    plant = with_channels(project_of(project, gvl, paths), channel_map)
+
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.record.attachments import attachments_of
+    from nvscope.record.circumstances import circumstances_of
+    from nvscope.record.file_series import FileRule
+    from nvscope.record.recorder import Beside, Recorder
+    from nvscope.whole_files import exists_already, identity_of, is_input
+
+    tell_of_flaws(plant.definition)
+    inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports)
+    source = inquiry.open()
+    inputs = {identity_of(path) for path in (*paths, *plant.inputs)}
+    if (identity := identity_of(write)) is not None and identity in inputs:
+        raise is_input(write)
+    if not force and not rule and os.path.lexists(write):
+        raise exists_already(write)
+    recorder = Recorder(
+        Beside(
+            lambda: source.channels,
+            [*attachments_of(plant.inputs, plant.path), *(source.attachments if plant.recording else ())],
+            lambda: circumstances_of(source.infos, live.bpf),
+        ),
+        FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
+        to_disk_ns=to_disk_ns,
+        replaces=force,
+    )
+    recorder.start(write)
+    state = _recorded(inquiry, source, recorder, quiet=quiet)
+    if not quiet or state.failure:
+        _tell(state)
+    code = max(tell_of_losses(source.infos), ExitCode.CAPTURE if state.failure else ExitCode.GOOD)
+    if code:
+        raise typer.Exit(code)
+
+
+def _recorded(inquiry: Inquiry, source: Source, recorder: Recorder, *, quiet: bool) -> Recording:
+    """Record a source to its end, or until it cannot be written any more; whatever ends it, the file is whole."""
+    try:
+        with LiveRun(source, quiet=quiet) as progress:
+            for _ in inquiry.run(source, [recorder]):
+                progress()
+                state = recorder.state
+                if state is not None and not state.is_on:
+                    source.stop()
+    finally:
+        state = recorder.stop()
+    assert state is not None
+    return state
+
+
+def _tell(state: Recording) -> None:
+    from nvscope.view.escape import visible
+    from nvscope.view.lines.plant.source_blocks import recorded_in_words
+
+    told = recorded_in_words(state.frames, state.files, state.path)
+    failure = f": {visible(state.failure)}; what was recorded is whole" if state.failure else ""
+    echo(f"nvscope: {told}{failure}.", err=True)
