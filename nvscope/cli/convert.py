@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of
+from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_flaws
 from nvscope.cli.frame_files import no_file_named, write_frames
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
@@ -74,12 +74,10 @@ def convert(
     inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=asked)
     with flaws_told_first(plant.definition):
         chosen = None if wanted is None else inquiry.filter(wanted, all_frames=True)
+    tell_of_flaws(plant.definition)
     source = inquiry.open()
     attachments = [*attachments_of(plant.inputs, plant.path), *source.attachments]
-    write_frames(
-        inquiry, source, write, chosen, attachments, all_frames=bool(chosen and chosen.of_any_frame), force=force,
-        quiet=quiet,
-    )  # fmt: skip
+    write_frames(inquiry, source, write, chosen, attachments, force=force, quiet=quiet)
     if asked and not any(info.frames for info in source.infos):
         echo(NOTHING_BETWEEN, err=True)
     if code := tell_of_losses(source.infos):

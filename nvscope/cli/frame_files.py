@@ -38,6 +38,8 @@ def write_frames(
         open_sink(path)  # says which endings there are
         return
     kept = attachments if target.holds_attachments else ()
+    # What is asked of frames is asked of those, too, in which no protocol is found.
+    all_frames |= chosen is not None and (chosen.of_any_frame or bool(chosen.of_others))
     try:
         unfinished = files.reserve(path).unfinished
         try:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
     from nvscope.tracker.can.canopen_since import CanOpenSince
+    from nvscope.view.display_filter import DisplayFilter
     from nvscope.view.fields.field import TelegramField
 
 Format = Literal["text", "fields", "json", "ndjson", "csv"]
@@ -108,6 +109,17 @@ def packets(
         ),
     ] = None,
     moment: Annotated[Moment, typer.Option("-t", "--time", help=_MOMENT_HELP)] = "r",
+    write: Annotated[
+        str | None,
+        typer.Option(
+            "-w",
+            "--write",
+            metavar="FILE",
+            help="Show nothing, and write the frames to a capture: .pcapng, .mcap, .pcap, or .log for CAN. One that "
+            "exists is replaced.",
+            show_default=False,
+        ),
+    ] = None,
     gvl: GvlOption = None,
     project: ProjectOption = None,
     no_names: NoNamesOption = False,
@@ -131,9 +143,11 @@ def packets(
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
+    if write is not None and (shown := _shown(output, trees, dumps, fields, settings, count)):
+        raise UsageError(f"{shown}: of what is shown, and -w shows nothing", next_step="leave one of them out")
     records = output is not None and output != "text"
     between = asked_range(from_time, to_time, utc=moment in ("u", "ud"))
-    asked = trees or wanted is not None or bool(fields) or records or between is not None
+    asked = trees or wanted is not None or bool(fields) or records or between is not None or write is not None
 
     plant = with_channels(project_of(project, gvl, paths), channel_map)
     from nvscope.definition.defined_pdos import pdos_of
@@ -161,6 +175,9 @@ def packets(
         chosen_by = None
         if inquiry and wanted is not None:
             chosen_by = inquiry.filter(wanted, all_frames=True, names=not no_names)
+    if inquiry and write is not None:
+        _write(inquiry, write, chosen_by, all_frames=all_frames, quiet=quiet)
+        return
     all_frames |= any(field.of_others for field in named) or bool(chosen_by and chosen_by.of_others)
     from nvscope.tracker.can.canopen_since import CanOpenSince
 
@@ -229,6 +246,27 @@ def packets(
         tell_of_lists(inquiry)
     if inquiry and seen:
         tell_of_missing(inquiry, seen)
+    if code := tell_of_losses(source.infos):
+        raise typer.Exit(code)
+
+
+def _shown(
+    output: str | None, trees: bool, dumps: bool, fields: Sequence[str] | None, settings: Sequence[str] | None,
+    count: int | None,
+) -> str:  # fmt: skip
+    """Return the options that were given of what is shown, '' for none."""
+    told = {"-T": output, "-V": trees, "-x": dumps, "-e": fields, "-E": settings, "-c": count}
+    return ", ".join(name for name, value in told.items() if value)
+
+
+def _write(inquiry: Inquiry, path: str, chosen: DisplayFilter | None, *, all_frames: bool, quiet: bool) -> None:
+    """Write the chosen frames to a capture; without a filter, all of them."""
+    from nvscope.cli.frame_files import write_frames
+    from nvscope.record.attachments import attachments_of
+
+    source, plant = inquiry.open(), inquiry.project
+    attachments = [*attachments_of(plant.inputs, plant.path), *source.attachments]
+    write_frames(inquiry, source, path, chosen, attachments, all_frames=all_frames, quiet=quiet)
     if code := tell_of_losses(source.infos):
         raise typer.Exit(code)
 

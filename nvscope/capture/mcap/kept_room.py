@@ -7,8 +7,6 @@ import tempfile
 from contextlib import suppress
 from typing import IO
 
-_LEAST_BYTES = 64 << 10
-
 
 class KeptRoom:
     """Room in the directory of a file, in a file without a name: whatever ends the process gives it back.
@@ -27,9 +25,16 @@ class KeptRoom:
         """Keep at least so much. OSError where there is not so much room."""
         if self._file is None or size <= self.bytes:
             return
-        wanted = max(2 * size, _LEAST_BYTES)
-        os.posix_fallocate(self._file.fileno(), 0, wanted)
-        self.bytes = wanted
+        # More than that, so that it is not asked for with each chunk; less where there is no more.
+        for wanted in (2 * size, size + size // 8, size):
+            try:
+                os.posix_fallocate(self._file.fileno(), 0, wanted)
+            except OSError:
+                if wanted == size:
+                    raise
+            else:
+                self.bytes = wanted
+                return
 
     def give_back(self) -> None:
         """Keep nothing any more; also repeatedly."""
