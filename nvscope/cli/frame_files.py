@@ -29,6 +29,7 @@ def write_frames(
     from nvscope.capture.output import ChannelNames
     from nvscope.record.circumstances import circumstances_of
     from nvscope.record.frame_file import FrameFile, not_held
+    from nvscope.record.topics import ListTopics
     from nvscope.view.escape import visible
     from nvscope.whole_files import WholeFiles
 
@@ -40,13 +41,14 @@ def write_frames(
     kept = attachments if target.holds_attachments else ()
     # What is asked of frames is asked of those, too, in which no protocol is found.
     all_frames |= chosen is not None and (chosen.of_any_frame or bool(chosen.of_others))
+    topics = ListTopics(inquiry.layouts) if inquiry.layouts is not None and target.holds_attachments else None
     try:
         unfinished = files.reserve(path).unfinished
         try:
             with open_sink(unfinished, ChannelNames(lambda: source.channels)) as sink:
                 for attachment in kept:
                     sink.attach(attachment)
-                written = FrameFile(sink)
+                written = FrameFile(sink, topics)
                 for _ in inquiry.run(source, [written], chosen, all_frames=all_frames):
                     pass
                 sink.describe(circumstances_of(source.infos))

@@ -68,6 +68,14 @@ def record(
             show_default=False,
         ),
     ] = None,
+    packets_only: Annotated[
+        bool,
+        typer.Option(
+            "--packets-only",
+            help="No topics: without the variables that other tools plot, an .mcap file is smaller. nvscope reads them "
+            "from the packets.",
+        ),
+    ] = False,
     gvl: GvlOption = None,
     project: ProjectOption = None,
     decode: DecodeOption = None,
@@ -106,10 +114,16 @@ def record(
         raise is_input(write)
     if not force and not rule and os.path.lexists(write):
         raise exists_already(write)
+    topics = None
+    if inquiry.layouts is not None and not packets_only:
+        from nvscope.record.topics import ListTopics
+
+        topics = ListTopics(inquiry.layouts)
     recorder = Recorder(
         Beside(
             lambda: source.channels,
             [*attachments_of(plant.inputs, plant.path), *(source.attachments if plant.recording else ())],
+            topics,
             lambda: circumstances_of(source.infos, live.bpf),
         ),
         FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),

@@ -8,20 +8,26 @@ from typing import ClassVar
 import numpy as np
 
 from nvscope.capture.formats import CaptureFormat
+from nvscope.capture.mcap.sink import TopicSink
 from nvscope.capture.source import Sink, SourceInfo
 from nvscope.engine.told import Told
+from nvscope.record.topics import ListTopics
 
 
 class FrameFile:
-    """An observer that writes the frames which the filter of the reading chooses, or all of them, to a sink.
+    """An observer that writes the frames which the filter of the reading chooses, or all of them, to a sink;
+    with ``topics``, what these say to one that takes that.
 
     ``frames`` is how many it was told; ``has_directions`` whether one of those that it wrote has a direction.
     """
 
     by_stream: ClassVar[bool] = False
 
-    def __init__(self, sink: Sink) -> None:
+    def __init__(self, sink: Sink, topics: ListTopics | None = None) -> None:
         self._sink = sink
+        self._topics = topics if isinstance(sink, TopicSink) else None
+        if self._topics is not None and isinstance(sink, TopicSink):
+            self._topics.declare(sink)
         self.frames = 0
         self.written = 0
         self.has_directions = False
@@ -35,6 +41,9 @@ class FrameFile:
         if len(packets):
             self._sink.write(packets)
             self.written += len(packets)
+            if self._topics is not None and isinstance(self._sink, TopicSink):
+                self._topics.observe(told)
+                self._topics.write(self._sink, told.first_frame, told.first_frame + len(told))
             self.has_directions |= packets.direction is not None and bool(packets.direction.any())
 
 

@@ -12,12 +12,14 @@ from typing import Any, ClassVar
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.formats import written_as
+from nvscope.capture.mcap.sink import TopicSink
 from nvscope.capture.open import open_sink
 from nvscope.capture.output import ChannelNames
 from nvscope.capture.source import Attachment, Circumstances, Sink
 from nvscope.engine.told import Told
 from nvscope.errors import NvscopeError, UsageError
 from nvscope.record.file_series import FileRule, FileSeries
+from nvscope.record.topics import ListTopics
 
 FLUSH_NS = 300_000_000
 """With what a packet waits for in front of the recorder, it is in the file within a second."""
@@ -43,11 +45,12 @@ class Beside:
     """What each file of a recording has beside its packets, as far as its format can hold that.
 
     ``channels`` are the names of the channels by number, ``attachments`` files, ``circumstances`` are asked for at the
-    begin and at the end of each.
+    begin and at the end of each, ``topics`` are the variables of lists.
     """
 
     channels: Callable[[], Sequence[str]] = tuple
     attachments: Sequence[Attachment] = ()
+    topics: ListTopics | None = None
     circumstances: Callable[[], Circumstances] = Circumstances
 
 
@@ -108,21 +111,27 @@ class Recorder:
                 return
             try:
                 if len(told):
-                    self._write(told.packets)
+                    self._write(told)
                 self._flush()
                 self._note()
             except (NvscopeError, OSError) as error:
                 self._end(_sentence(error))
 
-    def _write(self, packets: PacketBatch) -> None:
+    def _write(self, told: Told) -> None:
         """Write packets, to as many files as the rule asks for."""
+        packets, frame, topics = told.packets, told.first_frame, self._beside.topics
+        if topics is not None:
+            topics.observe(told)
         while len(packets):
             assert self._sink is not None
             rows = self._series.room_for(packets, self._sink.bytes)
             if rows:
                 own, packets = packets[:rows], packets[rows:]
                 self._sink.write(own)
+                if topics is not None and isinstance(self._sink, TopicSink):
+                    topics.write(self._sink, frame, frame + rows)
                 self._series.take(own)
+                frame += rows
             if len(packets):
                 self._next_file()
 
@@ -198,6 +207,8 @@ def _new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
         for attachment in beside.attachments if known is not None and known.holds_attachments else ():
             sink.attach(attachment)
         sink.describe(beside.circumstances())
+        if beside.topics is not None and isinstance(sink, TopicSink):
+            beside.topics.declare(sink)
     except (NvscopeError, OSError):
         with suppress(OSError):
             os.remove(path)  # as where the disk has no room for its head

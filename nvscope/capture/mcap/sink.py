@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
-from dissectors.batch import PacketBatch
+from dissectors.batch import I64, PacketBatch
 from nvscope.capture.mcap.format_version import FORMAT_VERSION, INTERFACES, RECORDING
 from nvscope.capture.mcap.kept_room import KeptRoom
 from nvscope.capture.mcap.packets import ENCODING, MOST_BYTES, MOST_ROWS, SCHEMA_NAME, TOPIC, cut, message
@@ -16,6 +17,19 @@ from nvscope.capture.source import Attachment, Circumstances
 from nvscope.errors import CaptureError
 from nvscope.schemas.schema_files import schema_text
 from nvscope.version import __version__
+
+
+@runtime_checkable
+class TopicSink(Protocol):
+    """A sink that takes what other tools read, too: JSON messages by topic."""
+
+    def topic(self, topic: str, title: str, schema: bytes) -> None:
+        """Have a topic, with the JSON Schema of its messages, which is called ``title``; once."""
+        ...
+
+    def messages(self, topic: str, numbers: I64, ts_ns: I64, texts: Sequence[bytes]) -> None:
+        """Write messages of a topic: their numbers, their times, and what they say."""
+        ...
 
 
 class McapSink(FileSink):
@@ -34,6 +48,8 @@ class McapSink(FileSink):
         self._messages = 0
         self._rows = 0
         self._chunk = Chunk()
+        self._topics: dict[str, int] = {}
+        self._topic_chunk = Chunk()
         self._circumstances: Circumstances | None = None
         self._kept = KeptRoom(path) if self._output.is_regular else None
         self._writer = McapWriter(self._output)
@@ -84,13 +100,29 @@ class McapSink(FileSink):
             finally:
                 super().close()
 
+    def topic(self, topic: str, title: str, schema: bytes) -> None:
+        """Have a topic, with the JSON Schema of its messages, which is called ``title``; once."""
+        self._topics[topic] = self._writer.channel(topic, "json", self._writer.schema(title, "jsonschema", schema))
+        self._keep_room()
+
+    def messages(self, topic: str, numbers: I64, ts_ns: I64, texts: Sequence[bytes]) -> None:
+        """Write messages of a topic: their numbers, their times, and what they say."""
+        channel, add = self._topics[topic], self._topic_chunk.add
+        for number, time_ns, text in zip(numbers.tolist(), ts_ns.tolist(), texts, strict=True):
+            add(channel, number, time_ns, time_ns, text)
+        if self._topic_chunk.bytes >= MOST_BYTES:
+            self._end_chunk()
+
     def _end_chunk(self) -> None:
-        """Write what was gathered; what could not be written is gone."""
+        """Write what was gathered, packets and topics apart: who reads packets passes over topics."""
         chunk, rows = self._chunk, self._rows
-        self._chunk, self._rows = Chunk(), 0
+        topic_chunk = self._topic_chunk
+        # What cannot be written is gone.
+        self._chunk, self._rows, self._topic_chunk = Chunk(), 0, Chunk()
         self._writer.write(chunk)
         self.packets += rows
-        if rows:
+        self._writer.write(topic_chunk)
+        if len(chunk) or len(topic_chunk):
             self._keep_room()
 
     def _keep_room(self) -> None:

@@ -1,0 +1,84 @@
+"""Topics of a recording: for each list that is defined, its variables as JSON, which other tools plot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from nvscope.capture.mcap.sink import TopicSink
+from nvscope.capture.spans import stretches
+from nvscope.definition.layouts import Layouts
+from nvscope.engine.told import Told
+from nvscope.list_key import ListKey
+from nvscope.record.list_messages import TelegramMessages, list_schema
+from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
+
+MAX_ELEMENTS = 10_000
+"""A list with more elements has no topic: a message of it would be larger than many packets."""
+
+_PIECE_BYTES = 4 << 20
+
+
+def topic_of(key: ListKey) -> str:
+    """Return the name of the topic of a list: ``/nv/udp/1202/7``."""
+    return f"/nv/{key}"
+
+
+class _Topic(NamedTuple):
+    """What a list is called, what its messages look like, and the names of its definitions."""
+
+    name: str
+    title: str
+    schema: bytes
+
+
+class ListTopics:
+    """The messages of the lists of ``layouts``; ``left_out`` are those that are too large."""
+
+    def __init__(self, layouts: Layouts) -> None:
+        keys = [key for key, _ in layouts.lists()]
+        sizes = {key: _elements(layouts, key) for key in keys}
+        self.left_out = [key for key in keys if sizes[key] > MAX_ELEMENTS]
+        keys = [key for key in keys if 0 < sizes[key] <= MAX_ELEMENTS]
+        self._telegrams = DefinedTelegrams(layouts, keys=keys)
+        self._topics = [_topic(layouts, key) for key in keys]
+        self._messages = [TelegramMessages(place) for place in self._telegrams.places]
+        self._rows: DefinedRows | None = None
+
+    def declare(self, sink: TopicSink) -> None:
+        """Have all topics in a file: those without a telegram show what is missing."""
+        for topic in self._topics:
+            sink.topic(topic.name, topic.title, topic.schema)
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, whose messages are asked for next."""
+        self._telegrams.observe(told)
+
+    def write(self, sink: TopicSink, first_frame: int, behind_frame: int) -> None:
+        """Write the messages of the frames of the batch that lie between two numbers."""
+        rows = self._telegrams.rows
+        begin, end = np.searchsorted(rows.frame, [first_frame, behind_frame]).tolist()
+        if begin == end:
+            return
+        rows = rows.take(slice(begin, end))
+        for piece in stretches(rows.size_bytes, len(rows), _PIECE_BYTES):
+            for place, which, texts in self._of(rows.take(piece)):
+                topic = self._topics[self._telegrams.places[place].number].name
+                sink.messages(topic, which.frame, which.ts_ns, texts)
+
+    def _of(self, rows: DefinedRows) -> Iterator[tuple[int, DefinedRows, list[bytes]]]:
+        senders = self._telegrams.senders
+        for place, which in rows.by_place():
+            yield place, rows.take(which), self._messages[place].messages(rows, which, senders)
+
+
+def _elements(layouts: Layouts, key: ListKey) -> int:
+    telegrams = [one for candidate in layouts.candidates_of(key) for one in candidate] or layouts.partly_of(key)
+    return sum(len(one.elements) for one in telegrams)
+
+
+def _topic(layouts: Layouts, key: ListKey) -> _Topic:
+    definitions, has_rest = layouts.definitions_of(key), bool(layouts.partly_of(key))
+    return _Topic(topic_of(key), definitions[0].name, list_schema(definitions, has_rest=has_rest).encode())
