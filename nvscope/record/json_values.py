@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nvscope.definition.variables import Elementary, Enumeration, String, scalar_of
+from nvscope.definition.variables import Elementary, Enumeration, String
 from nvscope.expression.typed_columns import FieldType
 from nvscope.view.escape import json_text
 from nvscope.view.rows.utf8 import Utf8Column
@@ -30,6 +30,8 @@ def value_schema(kind: Elementary) -> dict[str, Any]:
     told: dict[str, Any] = {"type": _json_type(kind)}
     meaning = [kind.name, *([_MEANING[of]] if of in _MEANING else [])]
     told["description"] = ", ".join(meaning)
+    if of is FieldType.REAL:
+        told["description"] += "; null where it is no number"
     if isinstance(kind, Enumeration) and told["type"] == "integer":
         told["oneOf"] = [{"title": name, "const": value} for name, value in kind.values.items()]
     return told
@@ -63,11 +65,8 @@ def _bools(kind: Elementary, column: Any) -> Sequence[Any]:
 
 
 def _reals(kind: Elementary, column: Any) -> Sequence[Any]:
-    scalar = scalar_of(kind)
-    assert scalar is not None
-    # Nine digits tell every REAL from its neighbours.
-    form: Callable[[float], str] = "%.9g".__mod__ if scalar.size_bytes == 4 else repr
-    texts = list(map(form, column.tolist()))
+    # As few digits as tell it from its neighbours: numpy knows those of a REAL, too.
+    texts: list[str] = column.astype("U32").tolist()
     for row in np.flatnonzero(~np.isfinite(column)).tolist():
         texts[row] = "null"
     return texts

@@ -1,10 +1,14 @@
-"""Telegrams of lists as JSON messages: structures are objects, arrays are arrays, whatever telegram they come in."""
+"""Telegrams of lists as JSON messages: structures are objects, arrays are arrays, whatever telegram they come in.
+
+Arrays of several dimensions, and arrays of arrays, are one array, the last index fastest: Foxglove shows no topic at all
+in whose schema an array is in an array, or something has two types.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise, repeat
+from itertools import pairwise, product, repeat
 from typing import Any
 
 from dissectors.batch import I64
@@ -49,10 +53,12 @@ def _schema(kind: Type) -> dict[str, Any]:
     if isinstance(kind, Structure):
         return {"type": "object", "properties": {member.name: _schema(member.type) for member in kind.members}}
     if isinstance(kind, Array):
-        found = _schema(kind.element)
-        for low, high in reversed(kind.bounds):
-            found = {"type": "array", "items": found, "description": f"[{low}..{high}]"}
-        return found
+        dimensions = [kind.bounds]
+        while isinstance(kind.element, Array):
+            kind = kind.element
+            dimensions.append(kind.bounds)
+        bounds = "".join(f"[{', '.join(f'{low}..{high}' for low, high in own)}]" for own in dimensions)
+        return {"type": "array", "items": _schema(kind.element), "description": bounds}
     return value_schema(kind)
 
 
@@ -85,22 +91,26 @@ class TelegramMessages:
             members = [f"{_key(name)}: {form}" for name, form in told if form is not None]
             return f"{{{', '.join(members)}}}" if members else None
         if isinstance(kind, Array):
-            return self._array_form(name, kind, (), number)
+            forms = list(self._entries(name, kind, number))
+            # What comes in other telegrams keeps its place.
+            return (
+                f"[{', '.join(form or absent for form, absent in forms)}]" if any(form for form, _ in forms) else None
+            )
         place = number.get(name)
         if place is None:
             return None
         self._order.append(place)
         return "%s"
 
-    def _array_form(self, name: str, kind: Array, index: tuple[int, ...], number: Mapping[str, int]) -> str | None:
-        if len(index) == len(kind.bounds):
-            return self._form_of(f"{name}[{', '.join(map(str, index))}]", kind.element, number)
-        low, high = kind.bounds[len(index)]
-        forms = [self._array_form(name, kind, (*index, one), number) for one in range(low, high + 1)]
-        if all(form is None for form in forms):
-            return None
-        # What comes in other telegrams keeps its place.
-        return f"[{', '.join('null' if form is None else form for form in forms)}]"
+    def _entries(self, name: str, kind: Array, number: Mapping[str, int]) -> Iterator[tuple[str | None, str]]:
+        """Yield the form of each entry of an array, and what stands for one that is not in the telegram."""
+        for index in product(*(range(low, high + 1) for low, high in kind.bounds)):
+            entry = f"{name}[{', '.join(map(str, index))}]"
+            if isinstance(kind.element, Array):
+                yield from self._entries(entry, kind.element, number)
+            else:
+                absent = "{}" if isinstance(kind.element, Structure) else "null"
+                yield self._form_of(entry, kind.element, number), absent
 
     def messages(self, rows: DefinedRows, which: I64, senders: Sequence[str]) -> list[bytes]:
         """Return a message for each of some telegrams, all of this place."""

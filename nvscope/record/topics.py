@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -64,14 +63,18 @@ class ListTopics:
             return
         rows = rows.take(slice(begin, end))
         for piece in stretches(rows.size_bytes, len(rows), _PIECE_BYTES):
-            for place, which, texts in self._of(rows.take(piece)):
-                topic = self._topics[self._telegrams.places[place].number].name
-                sink.messages(topic, which.frame, which.ts_ns, texts)
+            own = rows.take(piece)
+            sink.messages(*self._of(own), own.frame, own.ts_ns)
 
-    def _of(self, rows: DefinedRows) -> Iterator[tuple[int, DefinedRows, list[bytes]]]:
+    def _of(self, rows: DefinedRows) -> tuple[list[str], list[bytes]]:
+        """Return the topics and the messages of telegrams, in their order."""
         senders = self._telegrams.senders
+        names, texts = [""] * len(rows), [b""] * len(rows)
         for place, which in rows.by_place():
-            yield place, rows.take(which), self._messages[place].messages(rows, which, senders)
+            name = self._topics[self._telegrams.places[place].number].name
+            for row, text in zip(which.tolist(), self._messages[place].messages(rows, which, senders), strict=True):
+                names[row], texts[row] = name, text
+        return names, texts
 
 
 def _elements(layouts: Layouts, key: ListKey) -> int:

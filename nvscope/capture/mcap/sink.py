@@ -27,8 +27,8 @@ class TopicSink(Protocol):
         """Have a topic, with the JSON Schema of its messages, which is called ``title``; once."""
         ...
 
-    def messages(self, topic: str, numbers: I64, ts_ns: I64, texts: Sequence[bytes]) -> None:
-        """Write messages of a topic: their numbers, their times, and what they say."""
+    def messages(self, topics: Sequence[str], texts: Sequence[bytes], numbers: I64, ts_ns: I64) -> None:
+        """Write messages: of which topics they are, what they say, their numbers and their times."""
         ...
 
 
@@ -105,11 +105,11 @@ class McapSink(FileSink):
         self._topics[topic] = self._writer.channel(topic, "json", self._writer.schema(title, "jsonschema", schema))
         self._keep_room()
 
-    def messages(self, topic: str, numbers: I64, ts_ns: I64, texts: Sequence[bytes]) -> None:
-        """Write messages of a topic: their numbers, their times, and what they say."""
-        channel, add = self._topics[topic], self._topic_chunk.add
-        for number, time_ns, text in zip(numbers.tolist(), ts_ns.tolist(), texts, strict=True):
-            add(channel, number, time_ns, time_ns, text)
+    def messages(self, topics: Sequence[str], texts: Sequence[bytes], numbers: I64, ts_ns: I64) -> None:
+        """Write messages: of which topics they are, what they say, their numbers and their times."""
+        channels, add = self._topics, self._topic_chunk.add
+        for topic, text, number, time_ns in zip(topics, texts, numbers.tolist(), ts_ns.tolist(), strict=True):
+            add(channels[topic], number, time_ns, time_ns, text)
         if self._topic_chunk.bytes >= MOST_BYTES:
             self._end_chunk()
 
