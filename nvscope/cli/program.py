@@ -18,6 +18,7 @@ VERBS = {
     "watch": "nvscope.cli.watch:watch",
     "record": "nvscope.cli.record:record",
     "convert": "nvscope.cli.convert:convert",
+    "recover": "nvscope.cli.recover:recover",
     "gvl": "nvscope.cli.gvl:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",

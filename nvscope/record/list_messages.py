@@ -1,7 +1,7 @@
 """Telegrams of lists as JSON messages: structures are objects, arrays are arrays, whatever telegram they come in.
 
-Arrays of several dimensions, and arrays of arrays, are one array, the last index fastest: Foxglove shows no topic at all
-in whose schema an array is in an array, or something has two types.
+Arrays of several dimensions, and arrays of arrays, are one array, the last index fastest: Foxglove shows no topic in
+whose schema an array is in an array, or something has two types.
 """
 
 from __future__ import annotations

@@ -22,7 +22,8 @@ def packets() -> Schema:
     )
     layout = (
         "Binary, little-endian, in this order, without anything between. The packets of a message come within a "
-        "second, and none is later than the last one, whose time is that of the message (log_time)."
+        "second, and none is later than the last one, whose time is that of the message (log_time). The sequence of "
+        "a message is how many packets were recorded before it."
     )
     return headed("packets", about, {"$comment": layout} | schema)
 

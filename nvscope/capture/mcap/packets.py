@@ -5,6 +5,7 @@ columns (uint32); then the columns of ``COLUMNS`` that are there, each with an e
 was captured, one packet behind the other.
 
 The packets of a message come within a second, and none is later than the last one, whose time is that of the message.
+Its sequence is how many packets were recorded before it.
 """
 
 from __future__ import annotations

@@ -66,6 +66,14 @@ class Schema(NamedTuple):
         data = struct.pack("<I", len(self.data)) + self.data
         return record(Op.SCHEMA, struct.pack("<H", self.id) + text(self.name) + text(self.encoding) + data)
 
+    @staticmethod
+    def of(content: bytes) -> Schema:
+        """Read the content of a record; Damaged where it holds none."""
+        fields = _Fields(content)
+        (number,) = fields.take("<H")
+        name, encoding = fields.text(), fields.text()
+        return Schema(number, name, encoding, fields.bytes(fields.take("<I")[0]))
+
 
 class Channel(NamedTuple):
     """Messages of one topic and one schema; ``schema`` 0 for none."""

@@ -45,7 +45,6 @@ class McapSink(FileSink):
     def __init__(self, path: str, channels: Sequence[str] | None = None) -> None:
         super().__init__(path, channels)
         self._named = 0
-        self._messages = 0
         self._rows = 0
         self._chunk = Chunk()
         self._topics: dict[str, int] = {}
@@ -63,8 +62,9 @@ class McapSink(FileSink):
             return
         self._name_channels()
         for part in cut(batch):
-            self._chunk.add(self._channel, self._messages, int(part.ts_ns[-1]), int(part.ts_ns[0]), message(part))
-            self._messages += 1
+            # How many packets were recorded before tells how many are missing where a file is damaged.
+            before = self.packets + self._rows
+            self._chunk.add(self._channel, before, int(part.ts_ns[-1]), int(part.ts_ns[0]), message(part))
             self._rows += len(part)
             if self._rows >= MOST_ROWS or self._chunk.bytes >= MOST_BYTES:
                 self._end_chunk()

@@ -24,7 +24,7 @@ _SPARE_BYTES = 4096
 class Output(Protocol):
     """What bytes are written to."""
 
-    def write(self, data: bytes) -> None: ...
+    def write(self, data: bytes, /) -> object: ...
 
 
 class Chunk:
@@ -102,16 +102,24 @@ class McapWriter:
     def schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema, and return its number."""
         schema = Schema(len(self._schemas) + 1, name, encoding, data)
+        self.keep_schema(schema)
+        return schema.id
+
+    def keep_schema(self, schema: Schema) -> None:
+        """Add a schema under the number that it has; nothing else may have it."""
         self._written(schema.record())
         self._schemas.append(schema)
-        return schema.id
 
     def channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str] | None = None) -> int:
         """Add a channel, and return its number."""
         channel = Channel(len(self._channels) + 1, schema, topic, encoding, metadata or {})
+        self.keep_channel(channel)
+        return channel.id
+
+    def keep_channel(self, channel: Channel) -> None:
+        """Add a channel under the number that it has; nothing else may have it."""
         self._written(channel.record())
         self._channels.append(channel)
-        return channel.id
 
     def attach(self, file: AttachedFile) -> None:
         """Add a file."""

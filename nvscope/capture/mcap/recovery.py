@@ -1,0 +1,144 @@
+"""All that is whole in an MCAP file that was cut off or damaged, as a file of its own."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dissectors.batch import PAD_BYTES, U8
+from nvscope.capture.compressed import Unpackable, unpack_into
+from nvscope.capture.mcap.packets import ENCODING, MOST_BYTES, packets_in
+from nvscope.capture.mcap.records import MAGIC, AttachedFile, Channel, ChunkHead, Damaged, Metadata, Op, Schema
+from nvscope.capture.mcap.unpacking import MESSAGE_HEAD_BYTES
+from nvscope.capture.mcap.walk import Place, places
+from nvscope.capture.mcap.writer import Chunk, McapWriter
+
+_MOST_UNPACKED_BYTES = 256 << 20
+_MOST_WORDS = 1_000
+
+
+@dataclass(slots=True)
+class Recovered:
+    """What was recovered of a file, and what was lost.
+
+    ``packets`` and ``messages`` (those of topics) are in the new file. ``lost_packets`` are those known to be missing
+    between others; how many were in what is cut off at the end, nobody knows. ``gaps_ns`` are the times in which they
+    are missing, as (last packet before, first behind). ``damages`` say where something was wrong. ``is_complete``: the
+    file had its end; if not, ``cut_bytes`` of it were behind the last whole record.
+    """
+
+    packets: int = 0
+    messages: int = 0
+    lost_packets: int = 0
+    gaps_ns: list[tuple[int, int]] = field(default_factory=list)
+    damages: list[str] = field(default_factory=list)
+    is_complete: bool = False
+    cut_bytes: int = 0
+    last_ns: int | None = None
+
+
+class Recovery:
+    """Writes what is whole of ``data``, the bytes of an MCAP file, with a writer, and says what was not."""
+
+    def __init__(self, data: U8, writer: McapWriter) -> None:
+        self._data = data
+        self._writer = writer
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._chunk = Chunk()
+        self._next_packet: int | None = None
+        self.found = Recovered()
+
+    def run(self) -> Recovered:
+        """Write all of it, and return what there was."""
+        at = len(MAGIC)
+        for place in places(self._data, at, len(self._data)):
+            at = place.end
+            if place.kind == Op.DATA_END:
+                self.found.is_complete = True
+            elif not self.found.is_complete:
+                self._take(place)
+        self._write_single()
+        self.found.cut_bytes = 0 if self.found.is_complete else len(self._data) - at
+        self._writer.finish()
+        return self.found
+
+    def _take(self, place: Place) -> None:
+        size = place.end - place.content
+        try:
+            if size > _MOST_UNPACKED_BYTES:
+                raise Damaged(f"a record with more than {_MOST_UNPACKED_BYTES >> 20} MB is left out")
+            if place.kind == Op.CHUNK:
+                self._take_chunk(place)
+            elif place.kind in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE):
+                self._take_record(self._data, place, self._chunk)
+                if self._chunk.bytes >= MOST_BYTES:
+                    self._write_single()
+            elif place.kind == Op.ATTACHMENT:
+                self._writer.attach(AttachedFile.of(self._content(place)))
+            elif place.kind == Op.METADATA:
+                told = Metadata.of(self._content(place))
+                self._writer.tell(told.name, told.values)
+        except (Damaged, Unpackable) as error:
+            if len(self.found.damages) < _MOST_WORDS:
+                self.found.damages.append(f"offset {place.begin}: {error}")
+
+    def _take_chunk(self, place: Place) -> None:
+        head = ChunkHead.of(self._content(place))
+        if head.unpacked_bytes > _MOST_UNPACKED_BYTES:
+            raise Damaged(f"a chunk with more than {_MOST_UNPACKED_BYTES >> 20} MB is left out")
+        begin = place.content + head.at
+        data = np.zeros(head.unpacked_bytes + PAD_BYTES, np.uint8)
+        records = data[: head.unpacked_bytes]
+        unpack_into(records.data, head.compression, self._data[begin : begin + head.packed_bytes].tobytes())
+        if head.crc and zlib.crc32(records.data) != head.crc:
+            raise Damaged("a chunk is not what was written (CRC)")
+        self._write_single()
+        chunk = Chunk()
+        for inner in places(data, 0, head.unpacked_bytes):
+            self._take_record(data, inner, chunk)
+        self._writer.write(chunk)
+
+    def _take_record(self, data: U8, place: Place, chunk: Chunk) -> None:
+        if place.kind == Op.SCHEMA:
+            schema = Schema.of(data[place.content : place.end].tobytes())
+            if self._schemas.setdefault(schema.id, schema) is schema:
+                self._writer.keep_schema(schema)
+        elif place.kind == Op.CHANNEL:
+            channel = Channel.of(data[place.content : place.end].tobytes())
+            if self._channels.setdefault(channel.id, channel) is channel:
+                self._writer.keep_channel(channel)
+        elif place.kind == Op.MESSAGE:
+            if place.end - place.content < MESSAGE_HEAD_BYTES:
+                raise Damaged("a message without its begin")
+            number, sequence, log_ns, publish_ns = struct.unpack_from("<HIQQ", data.data, place.content)
+            begin = place.content + MESSAGE_HEAD_BYTES
+            chunk.add(number, sequence, log_ns, publish_ns, data[begin : place.end].tobytes())
+            channel_of = self._channels.get(number)
+            if channel_of is None or channel_of.encoding != ENCODING:
+                self.found.messages += 1
+            else:
+                self._count(data, begin, place.end, sequence)
+
+    def _count(self, data: U8, begin: int, end: int, sequence: int) -> None:
+        """Count the packets of a message, and those that should have been in front of it."""
+        batch, found = packets_in(data, begin, end), self.found
+        missing = 0 if self._next_packet is None else (sequence - self._next_packet) & 0xFFFFFFFF
+        if missing and len(batch):
+            found.lost_packets += missing
+            if found.last_ns is not None:
+                found.gaps_ns.append((found.last_ns, int(batch.ts_ns[0])))
+        self._next_packet = sequence + len(batch)
+        found.packets += len(batch)
+        found.last_ns = int(batch.ts_ns[-1]) if len(batch) else found.last_ns
+
+    def _write_single(self) -> None:
+        """Write the messages that were in no chunk."""
+        chunk, self._chunk = self._chunk, Chunk()
+        self._writer.write(chunk)
+
+    def _content(self, place: Place) -> bytes:
+        return self._data[place.content : place.end].tobytes()
