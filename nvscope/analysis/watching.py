@@ -162,9 +162,9 @@ def _since(found: Snapshot, base: Counted, inquiry: Inquiry) -> Snapshot:
     )
 
 
-def watching(inquiry: Inquiry, how: Watching = USUAL) -> Session[Scene]:
-    """Return the captures of an inquiry to be read in a thread of its own, and looked at meanwhile."""
-    return session_of(Watched(inquiry, inquiry.open(), how))
+def watching(inquiry: Inquiry, how: Watching = USUAL, source: Source | None = None) -> Session[Scene]:
+    """Return the captures of an inquiry, or the ``source`` that it opened, to be read in a thread of its own."""
+    return session_of(Watched(inquiry, source or inquiry.open(), how))
 
 
 def session_of(watched: Watched) -> Session[Scene]:
@@ -188,9 +188,12 @@ def scene_at(
     return watched.look()
 
 
-def scenes_by_second(inquiry: Inquiry, how: Watching = USUAL) -> Iterator[Scene]:
-    """Yield what was known of captures behind each second of their time, and at their end."""
-    watched = Watched(inquiry, BySecond(inquiry.open()), how, overdue=False)
+def scenes_by_second(inquiry: Inquiry, how: Watching = USUAL, source: Source | None = None) -> Iterator[Scene]:
+    """Yield what was known of captures behind each second of their time, and at their end.
+
+    ``source`` are they where they are open already.
+    """
+    watched = Watched(inquiry, BySecond(source or inquiry.open()), how, overdue=False)
     for told in inquiry.run(watched.source, watched.observers):
         if not len(told) and told.until_ns is not None:
             yield watched.look()

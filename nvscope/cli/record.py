@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from nvscope.record.recorder import Recorder, Recording
 
 _TO_DISK_NS = 5_000_000_000
+_RING_BYTES = 1 << 20  # of the last frames, which nobody looks at
 
 
 @with_live_options
@@ -72,8 +73,8 @@ def record(
         bool,
         typer.Option(
             "--packets-only",
-            help="No topics: without the variables that other tools plot, an .mcap file is smaller. nvscope reads them "
-            "from the packets.",
+            help="No topics: an .mcap file is smaller, and sooner written, without the variables, figures and causes "
+            "that other tools show. nvscope makes them of the packets.",
         ),
     ] = False,
     gvl: GvlOption = None,
@@ -123,15 +124,16 @@ def record(
         Beside(
             lambda: source.channels,
             [*attachments_of(plant.inputs, plant.path), *(source.attachments if plant.recording else ())],
-            topics,
             lambda: circumstances_of(source.infos, live.bpf),
+            topics,
+            diary=not packets_only,
         ),
         FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
         to_disk_ns=to_disk_ns,
         replaces=force,
     )
     recorder.start(write)
-    state = _recorded(inquiry, source, recorder, quiet=quiet)
+    state = (_recorded if packets_only or not recorder.has_topics else _noted)(inquiry, source, recorder, quiet=quiet)
     if not quiet or state.failure:
         _tell(state)
     code = max(tell_of_losses(source.infos), ExitCode.CAPTURE if state.failure else ExitCode.GOOD)
@@ -145,13 +147,35 @@ def _recorded(inquiry: Inquiry, source: Source, recorder: Recorder, *, quiet: bo
         with LiveRun(source, quiet=quiet) as progress:
             for _ in inquiry.run(source, [recorder]):
                 progress()
-                state = recorder.state
-                if state is not None and not state.is_on:
+                if not _goes_on(recorder):
                     source.stop()
     finally:
         state = recorder.stop()
     assert state is not None
     return state
+
+
+def _noted(inquiry: Inquiry, source: Source, recorder: Recorder, *, quiet: bool) -> Recording:
+    """Record as ``_recorded``, and each second what is known then."""
+    from nvscope.analysis.watching import Watching
+    from nvscope.cli.scenes import scenes
+    from nvscope.record.diary import Diary
+
+    diary = Diary()
+    try:
+        for scene in scenes(inquiry, Watching(_RING_BYTES, others=[recorder]), source, quiet=quiet):
+            recorder.note(list(diary.entries(scene)), scene.at_ns)
+            if not _goes_on(recorder):
+                break
+    finally:
+        state = recorder.stop()
+    assert state is not None
+    return state
+
+
+def _goes_on(recorder: Recorder) -> bool:
+    state = recorder.state
+    return state is None or state.is_on
 
 
 def _tell(state: Recording) -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,8 +16,9 @@ from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.limits import file_limits
-from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
+from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.scenes import scenes
 from nvscope.cli.sources import (
     ChannelMapOption,
     DecodeOption,
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from nvscope.analysis.watching import Scene, Watching
 
 _EVERY_NS = 10_000_000_000
-_LOOK_S = 1.0
-_PATIENCE_S = 5.0
 _MEBIBYTE = 1 << 20
 _SIGNALLED = 128
 
@@ -196,7 +194,7 @@ def _printed(
     if as_json:
         as_data()
     news, last = News(), None
-    for last in _scenes(inquiry, how, quiet=quiet):
+    for last in scenes(inquiry, how, quiet=quiet or sys.stdout.isatty()):
         assert last.snapshot.happened
         told = news.of(last.snapshot.happened.causes)
         if text := printer.text(last, told):
@@ -205,26 +203,6 @@ def _printed(
     if text := printer.end(last):
         echo(text, nl=False, color=colour)
     return last
-
-
-def _scenes(inquiry: Inquiry, how: Watching, *, quiet: bool) -> Iterator[Scene]:
-    """Yield what is known behind each second: of files of their own time, else of ours."""
-    from nvscope.analysis.watching import scenes_by_second, watching
-
-    if inquiry.paths and "-" not in inquiry.paths:
-        yield from scenes_by_second(inquiry, how)
-        return
-    session = watching(inquiry, how)
-    with LiveRun(session.source, quiet=quiet or sys.stdout.isatty()) as progress:
-        session.start()
-        due_s = time.monotonic()
-        while True:
-            due_s = max(due_s + _LOOK_S, time.monotonic())
-            ended = session.wait(due_s - time.monotonic())
-            yield session.stop() if ended else session.snapshot(_PATIENCE_S)
-            if ended:
-                return
-            progress()
 
 
 class _Json:

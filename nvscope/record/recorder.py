@@ -10,6 +10,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from dissectors.batch import PacketBatch
 from nvscope.capture.formats import written_as
 from nvscope.capture.mcap.sink import TopicSink
@@ -18,6 +20,7 @@ from nvscope.capture.output import ChannelNames
 from nvscope.capture.source import Attachment, Circumstances, Sink
 from nvscope.engine.told import Told
 from nvscope.errors import NvscopeError, UsageError
+from nvscope.record.diary import Entry, declare
 from nvscope.record.file_series import FileRule, FileSeries
 from nvscope.record.topics import ListTopics
 
@@ -45,13 +48,15 @@ class Beside:
     """What each file of a recording has beside its packets, as far as its format can hold that.
 
     ``channels`` are the names of the channels by number, ``attachments`` files, ``circumstances`` are asked for at the
-    begin and at the end of each, ``topics`` are the variables of lists.
+    begin and at the end of each, ``topics`` are the variables of lists. With a ``diary``, there
+    are the topics of what is noted.
     """
 
     channels: Callable[[], Sequence[str]] = tuple
     attachments: Sequence[Attachment] = ()
-    topics: ListTopics | None = None
     circumstances: Callable[[], Circumstances] = Circumstances
+    topics: ListTopics | None = None
+    diary: bool = False
 
 
 class Recorder:
@@ -76,6 +81,7 @@ class Recorder:
         self._replaces = replaces
         self._flushed_ns = self._on_disk_ns = 0
         self._before = 0, 0  # frames and bytes in the files that are complete
+        self._noted = 0
         self._lock = threading.Lock()
         self._sink: Sink | None = None
         self._state: Recording | None = None
@@ -114,6 +120,24 @@ class Recorder:
                     self._write(told)
                 self._flush()
                 self._note()
+            except (NvscopeError, OSError) as error:
+                self._end(_sentence(error))
+
+    @property
+    def has_topics(self) -> bool:
+        """Whether the file in hand takes topics, too."""
+        return isinstance(self._sink, TopicSink)
+
+    def note(self, entries: Sequence[Entry], at_ns: int | None) -> None:
+        """Write entries of a diary, at a time; for any thread. Nothing where there is no file for them."""
+        with self._lock:
+            if not isinstance(self._sink, TopicSink) or at_ns is None or not entries:
+                return
+            topics, texts = zip(*entries, strict=True)
+            numbers = np.full(len(entries), self._noted)
+            self._noted += 1
+            try:
+                self._sink.messages(topics, texts, numbers, np.full(len(entries), at_ns))
             except (NvscopeError, OSError) as error:
                 self._end(_sentence(error))
 
@@ -209,6 +233,8 @@ def _new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
         sink.describe(beside.circumstances())
         if beside.topics is not None and isinstance(sink, TopicSink):
             beside.topics.declare(sink)
+        if beside.diary and isinstance(sink, TopicSink):
+            declare(sink)
     except (NvscopeError, OSError):
         with suppress(OSError):
             os.remove(path)  # as where the disk has no room for its head

@@ -38,7 +38,8 @@ def topics_of(path: Path) -> dict[str, Topic]:
         summary = reader.get_summary()
         assert summary is not None
         for channel in summary.channels.values():
-            if channel.message_encoding == "json":
+            if channel.topic.startswith("/nv/"):
+                assert channel.message_encoding == "json"
                 schema = summary.schemas[channel.schema_id]
                 assert schema.encoding == "jsonschema"
                 found[channel.topic] = Topic(schema.name, json.loads(schema.data), [], [])
