@@ -19,6 +19,7 @@ VERBS = {
     "record": "nvscope.cli.record:record",
     "convert": "nvscope.cli.convert:convert",
     "recover": "nvscope.cli.recover:recover",
+    "replay": "nvscope.cli.replay:replay",
     "gvl": "nvscope.cli.gvl:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",
