@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -102,7 +102,7 @@ def replay(
 
     inquiry = Inquiry(files.captures, Project(), port_rules(decode), asked=asked)
     pace, source = Pace(rate, skips_gaps=skip_gaps), inquiry.open()
-    stop = _Stop(source)
+    stop = Stop(source)
     with LiveRun(stop, quiet=True), TelegramSender(route, pace, port_rules(decode), lambda: stop.asked) as sender:
         while not stop.asked:
             for batch in source:
@@ -113,7 +113,7 @@ def replay(
             source = inquiry.open()
             stop.source = source
     if not quiet:
-        _tell(pace.timing, sender.targets)
+        tell_of_sent(pace.timing, sender.targets)
     if sender.cut:
         from nvscope.units import count_of
 
@@ -122,20 +122,21 @@ def replay(
         raise typer.Exit(code)
 
 
-class _Stop:
-    """What ends when somebody asks for it: the source, and what is sent of it."""
+class Stop:
+    """What ends when somebody asks for it: what is sent, and the source of that, if it has one."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source | None = None) -> None:
         self.source = source
         self.asked = False
 
     @property
     def infos(self) -> Sequence[SourceInfo]:
-        return self.source.infos
+        return () if self.source is None else self.source.infos
 
     def stop(self) -> None:
         self.asked = True
-        self.source.stop()
+        if self.source is not None:
+            self.source.stop()
 
 
 def route_of(to: str, mapped: Sequence[str], ports: Sequence[str], *, allow_network: bool) -> Route:
@@ -168,7 +169,8 @@ def route_of(to: str, mapped: Sequence[str], ports: Sequence[str], *, allow_netw
     return Route(address, every, addresses, numbers, allow_network)
 
 
-def _tell(timing: Timing, targets: dict[tuple[str, int], int]) -> None:
+def tell_of_sent(timing: Timing, targets: Mapping[tuple[str, int], int]) -> None:
+    """Say what was sent, and how late."""
     from nvscope.units import count_of, duration
 
     where = ", ".join(f"{address}:{port}" for address, port in list(targets)[:5])

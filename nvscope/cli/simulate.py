@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nvscope.capture.formats import suffixes_that
+from nvscope.cli.replay import MapOption, NetworkOption, PortOption, Stop, route_of, tell_of_sent
 from nvscope.cli.sources import ForceOption
 from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
 from nvscope.errors import CaptureError, NvscopeError, UsageError
 
 if TYPE_CHECKING:
+    from nvscope.plc.telegram_sender import Route
     from nvscope.simulate.scenario import Scenario
 
 
@@ -25,6 +27,18 @@ def simulate(
         str | None,
         typer.Option("-w", "--write", metavar="FILE", help=f"The {suffixes_that(lambda _: True)} file to write."),
     ] = None,
+    to: Annotated[
+        str | None,
+        typer.Option(
+            "--to",
+            metavar="udp://ADDRESS[:PORT]",
+            help="Send the telegrams there, as they come, and write nothing; as of `nvscope replay`.",
+            show_default=False,
+        ),
+    ] = None,
+    mapped: MapOption = None,
+    port: PortOption = None,
+    allow_network: NetworkOption = False,
     truth: Annotated[
         str | None,
         typer.Option(
@@ -44,13 +58,19 @@ def simulate(
 ) -> None:
     """Write the traffic of a scenario to a capture file, and beside it what was put into it.
 
-    Nothing is sent. The same scenario gives the same bytes; files that exist and hold others are replaced with --force
-    only.
+    The same scenario gives the same bytes; files that exist and hold others are replaced with --force only. Nothing is
+    sent, but with --to: then a plant on a desk sends what the scenario says, at its pace, to this machine alone unless
+    --allow-network is given.
     """
     from nvscope.simulate.scenario_file import document, load_scenario
 
     if keys:
         echo(document())
+        return
+    if scenario is not None and to:
+        if write or truth or gvl:
+            raise UsageError("--to sends, and writes nothing", next_step="leave -w, --truth and --gvl out")
+        _send(load_scenario(scenario), route_of(to, mapped or (), port or (), allow_network=allow_network))
         return
     if scenario is None or write is None:
         raise UsageError(
@@ -103,6 +123,24 @@ def simulate(
     if told_to is not None:
         frames = told["capture"]["frames"]
         echo(f"{visible(write)}: {frames} frames; the truth about them: {visible(told_to)}", err=True)
+
+
+def _send(plan: Scenario, route: Route) -> None:
+    """Send the telegrams of a scenario, each when it is due."""
+    from nvscope.cli.live import LiveRun
+    from nvscope.plc.pace import Pace
+    from nvscope.plc.telegram_sender import TelegramSender
+    from nvscope.simulate.simulator import traffic
+
+    if plan.channels:
+        raise UsageError("the scenario has frames of CAN, which are not sent", next_step="write them with -w FILE.log")
+    pace, stop = Pace(), Stop()
+    with LiveRun(stop, quiet=True), TelegramSender(route, pace, None, lambda: stop.asked) as sender:
+        for batch in traffic(plan):
+            sender.send(batch)
+            if stop.asked:
+                break
+    tell_of_sent(pace.timing, sender.targets)
 
 
 @contextmanager

@@ -55,6 +55,12 @@ def simulate(
     return truth
 
 
+def traffic(scenario: Scenario, batch_frames: int = BATCH_FRAMES) -> Iterator[PacketBatch]:
+    """Yield the frames of a scenario in the order of time; ConfigurationError as ``simulate``, when it is called."""
+    facts = make_scenario_facts(scenario)
+    return all_packets(scenario, facts.table, facts.can_table, batch_frames)
+
+
 def open_capture(scenario: Scenario, path: str, name: str) -> Sink:
     """Return a sink for the traffic of a scenario at ``path``; messages call it ``name``.
 

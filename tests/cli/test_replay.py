@@ -185,3 +185,21 @@ def test_it_goes_on_until_it_is_ended(tmp_path: Path) -> None:
     assert sending.returncode == 0, told
     assert heard.payloads == (payloads_of(path) * len(heard.got))[: len(heard.got)]
     assert len(heard.got) >= 50
+
+
+def test_a_simulated_plant_sends_what_it_would_write(tmp_path: Path) -> None:
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(
+        'title = "two"\nduration = "1s"\nseed = 1\n[[node]]\nname = "a"\naddress = "10.0.0.1"\n[[list]]\nname = "l"\n'
+        'index = 3\nsender = "a"\nbytes = [8]\ninterval = "50ms"\n'
+    )
+    assert run_text("simulate", scenario, "-w", tmp_path / "x.pcap").returncode == 0
+    with listener() as heard:
+        done = run_text("simulate", scenario, "--to", f"udp://127.0.0.1:{heard.port}")
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    assert heard.payloads == payloads_of(tmp_path / "x.pcap")
+    assert "20 telegrams sent to" in done.stderr
+    done = run_text("simulate", scenario, "--to", "udp://192.0.2.1")
+    assert (done.returncode, "is not this machine" in done.stderr) == (2, True)
+    done = run_text("simulate", scenario, "--to", "udp://127.0.0.1", "-w", tmp_path / "y.pcap")
+    assert (done.returncode, "writes nothing" in done.stderr, (tmp_path / "y.pcap").exists()) == (2, True, False)
