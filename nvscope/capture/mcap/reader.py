@@ -50,7 +50,8 @@ class McapReader(WindowReader):
         self._unpacker = Unpacker()
         self._ahead: Ahead[PacketBatch | None] = Ahead(in_thread=(content.size_bytes or 0) >= _AHEAD_BYTES)
         self._most_waiting_bytes = min(sizes.batch_packets * _PACKET_BYTES, _MOST_WAITING_BYTES)
-        self.attachments: Sequence[Attachment] = self._begun(content.window().view(0))
+        # What is still written has to be waited for, and tells of itself when it comes.
+        self.attachments: Sequence[Attachment] = () if content.pauses else self._begun(content.window().view(0))
 
     @property
     def topics(self) -> list[str]:
@@ -163,6 +164,7 @@ class McapReader(WindowReader):
             self._known[channel.id] = channel
         elif place.kind == Op.METADATA:
             metadata = Metadata.of(_content(view, place))
+            self._check_version(_content(view, place))
             if metadata.name == INTERFACES:
                 yield from self._unpack()
                 _take_names(self.channels, metadata)

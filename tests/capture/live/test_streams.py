@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -24,6 +25,8 @@ from nvscope.capture.live.stream_clock import SLACK_NS, StreamClock
 from nvscope.capture.live.stream_inlet import StreamInlet
 from nvscope.capture.live.stream_source import StreamSource
 from nvscope.capture.live.wait import Wait
+from nvscope.capture.open import open_sink
+from nvscope.capture.output import ChannelNames
 from nvscope.capture.reader import Progress
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import UnreadableInput, UsageError
@@ -46,11 +49,26 @@ def _in_blocks(content: bytes) -> bytes:
     return b"".join([*parts, stream.flush()])
 
 
+def _recorded(path: Path) -> bytes:
+    """Return a recording of a capture, with a chunk for every seven packets."""
+    source = CaptureFile(str(path))
+    with tempfile.TemporaryDirectory() as folder:
+        recording = Path(folder) / "x.mcap"
+        with open_sink(str(recording), ChannelNames(lambda: source.channels)) as sink:
+            for batch in source:
+                for begin in range(0, len(batch), 7):
+                    sink.write(batch[begin : begin + 7])
+                    sink.flush()
+        return recording.read_bytes()
+
+
 _CONTENTS = {
     path: (_CAPTURES / path).read_bytes()
     for path in ("telegrams.pcap", "interfaces.pcapng", "truncated.pcap", "plant.pcapng.gz", "can/press.log")
 }
 _CONTENTS["truncated.pcap.zst"] = _in_blocks(_CONTENTS["truncated.pcap"])
+_CONTENTS["plant.mcap"] = _recorded(_CAPTURES / "plant.pcapng.gz")
+_CONTENTS["interfaces.mcap"] = _recorded(_CAPTURES / "interfaces.pcapng")
 _CONTENTS["cut.log"] = _CONTENTS["can/press.log"][:-7]
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes that can be waited for")
